@@ -25,12 +25,15 @@ from semmap_log.io.url_path import UrlPath
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.log_objects import KeptManifest, read_manifest
 from semmap_log.store.manifest import MANIFEST_NAME, Manifest, ShippedSegment
+from semmap_log.store.reading.manifest_entry import manifest_entry
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of, head_before
 from semmap_log.store.reading.segment_scan import Segment
 
 _HASH_DIGITS = 16
 """Of a segment's SHA-256 in its object's name."""
+_PART_BYTES = 2**23
+"""So much of what lies there is compared at once."""
 _MOST_RIVALS = 20
 """Manifests of others that came in between, before this one gives up."""
 
@@ -185,15 +188,22 @@ class _Shipping:
         if self.store.create(name, data):
             self.sent += 1
             self.sent_bytes += len(data)
-        elif self.store.status(name).size != len(data):
+        elif not self._holds(name, segment.size, sha256):
             raise LogError(
-                f"{self.store.url / name}: an object of another size lies there; a store that cuts "
-                "what it is given cannot hold a log. Remove it, and ship again."
+                f"{self.store.url / name}: an object with other bytes lies there; it is no copy of "
+                f"{segment.path.name}, as its name says. Remove it, and ship again."
             )
-        return ShippedSegment(
-            name, segment.size, sha256, segment.full_header, segment.head_end, end_of(segment),
-            segment.head, dict(segment.counts or {}), segment.recorded, segment.span,
-        )  # fmt: skip
+        return manifest_entry(segment, name, sha256)
+
+    def _holds(self, name: str, size: int, sha256: str) -> bool:
+        """Tell whether the object that lies there has these bytes: read, not believed."""
+        status = self.store.status(name)
+        if status.size != size:
+            return False
+        digest = hashlib.sha256()
+        for start in range(0, size, _PART_BYTES):
+            digest.update(self.store.part(status, start, min(start + _PART_BYTES, size)))
+        return digest.hexdigest() == sha256
 
     def _put(self, manifest: Manifest, before: KeptManifest | None) -> bool:
         data = manifest.text().encode()
@@ -203,21 +213,28 @@ class _Shipping:
 
 
 def check_conditions(store: ObjectStore) -> None:
-    """Check that a store refuses to create what is there: some ignore the condition in silence.
+    """Check that a store keeps its conditions, which some ignore in silence.
+
+    It must refuse to create what is there, and to replace what has become another.
 
     Raises:
         LogError: It overwrites it.
         LogAccessError: It does not let us write.
     """
     name = f".probe-{secrets.token_hex(8)}"
-    store.create(name, b"1")
+    ignored = ""
     try:
-        honours = not store.create(name, b"2")
+        if not store.create(name, b"1"):
+            ignored = "refuses to create what is not there"
+        elif store.create(name, b"2"):
+            ignored = "ignores the condition `If-None-Match: *`"
+        elif store.replace(name, b"3", '"0123456789abcdef0123456789abcdef"'):
+            ignored = "ignores the condition `If-Match`"
     finally:
-        with suppress(LogAccessError):  # a robot needs no right to remove: a byte stays
-            store.remove(name)
-    if not honours:
+        with suppress(LogAccessError, FileNotFoundError):
+            store.remove(name)  # a robot needs no right to remove: a byte stays
+    if ignored:
         raise LogError(
-            f"{store.url}: this store ignores the condition `If-None-Match: *`: two robots could "
-            f"write over each other there. nothing was shipped."
+            f"{store.url}: this store {ignored}: two robots could write over each other there. "
+            "Nothing was shipped."
         )

@@ -12,7 +12,7 @@ from functools import lru_cache
 from semmap_log.errors import LogAccessError
 from semmap_log.io.byte_source import Identity
 from semmap_log.io.object_cache import ObjectCache
-from semmap_log.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.io.object_store import ObjectStatus, ObjectStore, check_not_forked
 
 BLOCK_BYTES = 2**16
 """The least that is fetched."""
@@ -93,11 +93,11 @@ class ObjectSource:
         self._store = store
         self._status = status
         self._sha256 = sha256
-        self._content = sha256 or (f"{store.url / status.name} {status}" if status.e_tag else "")
+        self._content = sha256 or (f"{store.place} {status}" if status.e_tag else "")
         """What is kept on a disk is known by this; of an object without either nothing is."""
         self._cache = cache if self._content else None
         self.size = status.size
-        self.identity: Identity = (str(store.url), status.name, status.e_tag, status.size)
+        self.identity: Identity = (store.place, status.name, status.e_tag, status.size)
         self._coming: dict[int, Future[None]] = {}
 
     def read(self, start: int, end: int) -> memoryview:
@@ -135,6 +135,7 @@ class ObjectSource:
         missing = [block for block in needed if block not in found]
         if not missing:
             return found
+        check_not_forked(self._store.url)
         runs = list(_runs([b for b in self._with_neighbours(missing) if b not in found]))
         waiting = {id(one): one for block in missing if (one := self._coming.get(block))}
         if waiting:
@@ -162,6 +163,7 @@ class ObjectSource:
         return block not in self._coming and _kept.get(self.identity, block) is None
 
     def _begin(self, run: list[int]) -> None:
+        check_not_forked(self._store.url)
         future: Future[None] = _pool().submit(lambda: (self._fetch(run), None)[1])
         for block in run:
             self._coming[block] = future

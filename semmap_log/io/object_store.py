@@ -8,6 +8,7 @@ nothing of it is ever in a URL, a message, or a log.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import timedelta
@@ -22,6 +23,8 @@ PATIENCE_S = 60.0
 """A request is tried again for so long: the network, 429, 5xx, answers that are cut."""
 REQUEST_S = 30.0
 MOST_TRIES = 8
+_LIST_TRIES = 2
+"""For a web server's list, which many do not know, and say so as if they were ill (501)."""
 _CUT_TRIES = 3
 """For an answer that ends before its end."""
 
@@ -51,6 +54,8 @@ class ObjectStore:
             LogAccessError: The URL, or the environment, is none that the store takes.
         """
         self.url = url
+        self.place = f"{url} {_endpoint(url)}"
+        """What tells it from another store of the same URL."""
         try:
             import obstore
             from obstore.store import from_url
@@ -58,9 +63,9 @@ class ObjectStore:
             raise MissingExtraError("obstore", "fleet") from error
         self._obstore: Any = obstore
         request_s = min(REQUEST_S, patience_s)
-        self._store: Any = self._asked(
-            "",
-            lambda: from_url(
+
+        def opened(most_tries: int) -> Any:
+            return from_url(
                 str(url),
                 client_options={
                     "timeout": timedelta(seconds=request_s),
@@ -68,10 +73,14 @@ class ObjectStore:
                     "allow_http": _may_be_plain(url),
                 },
                 retry_config={
-                    "max_retries": MOST_TRIES,
+                    "max_retries": most_tries,
                     "retry_timeout": timedelta(seconds=patience_s),
                 },
-            ),
+            )
+
+        self._store: Any = self._asked("", lambda: opened(MOST_TRIES))
+        self._lister: Any = (
+            self._asked("", lambda: opened(_LIST_TRIES)) if self.is_web_server else self._store
         )
 
     def __reduce__(self) -> tuple[type[ObjectStore], tuple[UrlPath]]:
@@ -89,11 +98,18 @@ class ObjectStore:
         Raises:
             LogAccessError: The store does not let us.
         """
+        server = self.url.parts[1]
+        if self.is_web_server and server in _list_nothing:
+            return []
         try:
-            found = self._asked("", lambda: self._obstore.list_with_delimiter(self._store))
-        except LogAccessError:
-            if self.is_web_server:
+            found = self._asked("", lambda: self._obstore.list_with_delimiter(self._lister))
+        except LogAccessError as error:
+            status = _status_in(str(error))
+            if self.is_web_server and _is_no_list(status):
+                _list_nothing.add(server)
                 return []
+            if status == 404:
+                raise LogAccessError(f"{self.url}: there is no such bucket.") from None
             raise
         listed = [_status(each, each["path"].rsplit("/", 1)[-1]) for each in found["objects"]]
         return sorted(listed, key=lambda status: status.name)
@@ -197,7 +213,13 @@ class ObjectStore:
                 return False
             return True
 
-        return self._asked(name, put)
+        try:
+            return self._asked(name, put)
+        except FileNotFoundError:
+            raise LogAccessError(
+                f"{self.url / name}: the store cannot be asked: there is no such bucket; make it "
+                "first."
+            ) from None
 
     def _asked(self, name: str, request: Callable[[], T]) -> T:
         """Return what a request returns; its errors are ours.
@@ -207,6 +229,7 @@ class ObjectStore:
             ObjectChangedError: It is another than it was.
             LogAccessError: Anything else.
         """
+        check_not_forked(self.url)
         where = self.url / name if name else self.url
         exceptions = self._obstore.exceptions
         try:
@@ -227,8 +250,47 @@ class ObjectStore:
         return f"{self.url / name}: another object has its name now; open the log anew."
 
 
+_list_nothing: set[str] = set()
+"""Web servers that have said that they list nothing: asked once."""
+_asked_in: list[int] = []
+"""The process that has asked a store first."""
+
+
+def check_not_forked(url: UrlPath) -> None:
+    """Check that this process may ask a store: threads that ask do not come along by a fork.
+
+    Raises:
+        LogAccessError: The process that it was forked from has asked one before.
+    """
+    if not _asked_in:
+        _asked_in.append(os.getpid())
+    elif _asked_in[0] != os.getpid():
+        raise LogAccessError(
+            f"{url}: this process was forked from one that had asked a store, and would wait for "
+            "ever; begin it another way: multiprocessing.get_context('spawn') or 'forkserver'."
+        )
+
+
+def _status_in(text: str) -> int | None:
+    found = re.search(r"status code: (\d{3})", text)
+    return int(found[1]) if found else None
+
+
+def _is_no_list(status: int | None) -> bool:
+    """Tell whether a web server's answer means that it lists nothing; a 403 comes again later."""
+    return status == 501 or (status is not None and 400 <= status < 500 and status != 429)
+
+
 def _status(meta: Any, name: str) -> ObjectStatus:
     return ObjectStatus(name, int(meta["size"]), meta["e_tag"] or "")
+
+
+def _endpoint(url: UrlPath) -> str:
+    """Return where the environment says that the stores of a scheme are, without a password."""
+    begins = {"s3": "AWS_ENDPOINT", "az": "AZURE_STORAGE", "gs": "GOOGLE_BASE"}.get(url.scheme)
+    named = sorted(name for name in os.environ if begins and name.startswith(begins))
+    places = [os.environ[name] for name in named if "KEY" not in name and "TOKEN" not in name]
+    return re.sub(r"://[^/\s]*@", "://", " ".join(places))
 
 
 def _may_be_plain(url: UrlPath) -> bool:
@@ -239,8 +301,22 @@ def _may_be_plain(url: UrlPath) -> bool:
 
 
 def _said(error: BaseException) -> str:
-    """Return the first line of what a store said, without what a signed URL carries."""
+    """Return the first line of what a store said, without keys and what a signed URL carries."""
     first = str(error).strip().split("\n", 1)[0]
     first = first.split(": <?xml", 1)[0]
     words = [word.split("?", 1)[0] if "://" in word else word for word in first.split()]
-    return " ".join(words).rstrip(".:")
+    said = re.sub(r"://[^/\s]*@", "://", " ".join(words))
+    for secret in _secrets():
+        said = said.replace(secret, "…")
+    return said.rstrip(".:")
+
+
+def _secrets() -> list[str]:
+    """Return what the environment has of keys, the longest first."""
+    words = ("SECRET", "TOKEN", "KEY", "PASSWORD", "CREDENTIAL")
+    found = {
+        value
+        for name, value in os.environ.items()
+        if name.startswith(("AWS_", "AZURE_", "GOOGLE_")) and any(word in name for word in words)
+    }
+    return sorted((one for one in found if len(one) > 7), key=len, reverse=True)

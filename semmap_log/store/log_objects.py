@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-from semmap_log.errors import LogAccessError
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.store.bag_metadata import listed_names
 from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
@@ -24,8 +24,24 @@ def log_objects(store: ObjectStore) -> list[ObjectStatus]:
     listed = store.list()
     if listed or not store.is_web_server:
         return listed
+    return _asked_for(store, (*listed_names(metadata_text(store)), CLOSED_MARK_NAME))
+
+
+def objects_named(store: ObjectStore, names: Sequence[str]) -> list[ObjectStatus]:
+    """Return those of some objects that are there, by name.
+
+    Raises:
+        LogAccessError: The store does not let us.
+    """
+    if store.is_web_server:
+        return _asked_for(store, names)
+    wanted = set(names)
+    return [status for status in store.list() if status.name in wanted]
+
+
+def _asked_for(store: ObjectStore, names: Sequence[str]) -> list[ObjectStatus]:
     found = []
-    for name in (*listed_names(metadata_text(store)), CLOSED_MARK_NAME):
+    for name in names:
         with suppress(FileNotFoundError):
             found.append(store.status(name))
     return sorted(found, key=lambda status: status.name)
@@ -61,8 +77,12 @@ def read_manifest(store: ObjectStore, before: KeptManifest | None = None) -> Kep
 
 
 def metadata_text(store: ObjectStore) -> str:
-    """Return the text of metadata.yaml; nothing where it cannot be had: it is a cache."""
-    with suppress(FileNotFoundError, LogAccessError):
+    """Return the text of metadata.yaml; nothing where there is none.
+
+    Raises:
+        LogAccessError: The store does not let us.
+    """
+    with suppress(FileNotFoundError):
         got = store.whole(BAG_METADATA_NAME)
         return "" if got is None else got[0].decode("utf-8", "replace")
     return ""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -19,11 +20,13 @@ from typing import Any
 from semmap_log.errors import CorruptLogError, NewerLogError
 from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.commit_records import HASH_BYTES, NO_HASH
-from semmap_log.store.form import DIGEST_KEY
+from semmap_log.store.form import DIGEST_KEY, count_events
 from semmap_log.store.header import LogInfo, SegmentHeader
 
 MANIFEST_NAME = "manifest.json"
 _FORMAT = 1
+_NAME = re.compile(r"[0-9A-Za-z_-][0-9A-Za-z._-]*\.mcap")
+_SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +105,7 @@ def manifest_in(data: bytes, where: PurePath) -> Manifest:
             raise ValueError("its digest does not fit it")  # noqa: TRY301
         info = LogInfo(*(entries[name] for name in ("log_id", "timezone", "building", "robot")))
         segments = tuple(_segment_of(each, info) for each in entries["segments"])
-        manifest = Manifest(int(entries["version"]), info, segments)
+        manifest = Manifest(_number(entries, "version"), info, segments)
         _check_chain(manifest)
     except NewerLogError:
         raise
@@ -122,6 +125,8 @@ def _check_chain(manifest: Manifest) -> None:
         raise ValueError("it does not begin with segment 0")
     if first.header.hash_so_far != NO_HASH:
         raise ValueError("its first segment follows another")
+    if len({segment.name for segment in manifest.segments}) < len(manifest.segments):
+        raise ValueError("two segments have one name")
     for before, segment in pairwise(manifest.segments):
         header = segment.header
         told = (before.header.last_number + 1, before.next_event, before.head)
@@ -155,30 +160,62 @@ def _segment_of(entries: dict[str, Any], info: LogInfo) -> ShippedSegment:
     if {len(head), len(so_far)} != {HASH_BYTES}:
         raise ValueError("a hash is cut")
     name = str(entries["name"])
-    if "/" in name or not name.endswith(".mcap"):
+    if not _NAME.fullmatch(name):
         raise ValueError(f"{name!r} is no name of a segment")
+    sha256 = str(entries["sha256"])
+    if not _SHA256.fullmatch(sha256):
+        raise ValueError(f"{sha256!r} is no SHA-256")
     header = SegmentHeader(
         info,
-        int(entries["segment"]),
-        int(entries["first_event"]),
+        _number(entries, "segment"),
+        _number(entries, "first_event"),
         so_far,
-        int(entries["last_segment"]),
-        int(entries["format_minor"]),
+        _number(entries, "last_segment"),
+        _number(entries, "format_minor"),
         tuple((str(key), str(value)) for key, value in entries["others"]),
     )
     (least, greatest), (earliest, latest) = entries["recorded_ns"], entries["happened_ns"]
-    return ShippedSegment(
+    told = ShippedSegment(
         name,
-        int(entries["bytes"]),
-        str(entries["sha256"]),
+        _number(entries, "bytes"),
+        sha256,
         header,
-        int(entries["head_end"]),
-        int(entries["next_event"]),
+        _number(entries, "head_end"),
+        _number(entries, "next_event"),
         head,
         {int(channel): int(count) for channel, count in entries["counts"].items()},
         (int(least), int(greatest)),
         (int(earliest), int(latest)),
     )
+    _check_possible(told)
+    return told
+
+
+def _number(entries: dict[str, Any], name: str) -> int:
+    found = entries[name]
+    if type(found) is not int or not 0 <= found < 2**63:
+        raise ValueError(f"{name}: expected a whole number from 0 on, got {found!r:.40}")
+    return found
+
+
+def _check_possible(told: ShippedSegment) -> None:
+    """Check that what is told of a segment can be.
+
+    Raises:
+        ValueError: It cannot.
+    """
+    header = told.header
+    is_possible = {
+        "last_segment": header.number <= header.last_number,
+        "bytes": told.head_end <= told.size,
+        "counts": min(told.counts.values(), default=0) >= 0,
+        "next_event": header.first_event + count_events(told.counts) == told.next_event,
+        "recorded_ns": 0 <= told.recorded[0] <= told.recorded[1] < 2**64,
+        "happened_ns": told.happened[0] <= told.happened[1],
+    }
+    for name, holds in is_possible.items():
+        if not holds:
+            raise ValueError(f"segment {header.number}: {name} cannot be what it tells")
 
 
 def _digest(entries: dict[str, Any]) -> str:

@@ -26,6 +26,7 @@ from mcap.records import (
 from semmap_log.messages import layout
 from semmap_log.store import records as mcap
 from semmap_log.store.bag_metadata import ClosedSegment
+from semmap_log.store.chunks import NO_SPAN
 from semmap_log.store.command_index import attachment, command_rows
 from semmap_log.store.form import (
     COMMIT_CHANNEL,
@@ -35,6 +36,7 @@ from semmap_log.store.form import (
     floor_map_topic,
 )
 from semmap_log.store.header import LogInfo, SegmentHeader, head_in_index, read_index
+from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.segment import Head, attachment_index, channel_record
 from semmap_log.store.verification.file_bytes import FileBytes
 from semmap_log.store.verification.file_heads import FOOTER_BYTES, first_bytes
@@ -118,6 +120,24 @@ class Contents:
         header = self.header
         assert header is not None, "a segment that is closed, and whole, has one"
         return ClosedSegment.of(PurePath(name), self.statistics(2), header)
+
+    def manifest_entry(self, name: str, size: int) -> ShippedSegment:
+        """Return what a manifest must tell of it; the SHA-256 is left out.
+
+        Args:
+            name: Of its object.
+            size: Bytes of the file.
+        """
+        header, said = self.header, self.statistics(2)
+        assert header is not None, "a segment that is closed, and whole, has one"
+        spans = [(least, greatest) for count, least, greatest in self.spans if count]
+        happened = (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else NO_SPAN
+        recorded = said.message_start_time, said.message_end_time
+        next_event = header.first_event + count_events(self.counts)
+        return ShippedSegment(
+            name, size, "", header, self.header_end, next_event, self.closing_head(),
+            dict(self.counts), recorded, happened,
+        )  # fmt: skip
 
 
 def closing_flaws(file: FileBytes, at: int, contents: Contents) -> list[Flaw]:

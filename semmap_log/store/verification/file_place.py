@@ -14,6 +14,7 @@ from semmap_log.io.file_calls import open_plainly, read_into, read_page_into
 from semmap_log.store.closed_mark import ClosedMark, read_mark
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import BAG_METADATA_NAME
+from semmap_log.store.manifest import ShippedSegment
 
 
 class OpenedFile(Protocol):
@@ -66,6 +67,13 @@ class FilePlace(Protocol):
 
     def flaws(self) -> Sequence[tuple[PurePath, str]]:
         """Return which of the files are not what was put there, and why, before they are read."""
+
+    def differences(self, found: Sequence[ShippedSegment]) -> Sequence[tuple[PurePath, str]]:
+        """Return in what the files that were read differ from what was put there.
+
+        Args:
+            found: What the closed segments say themselves; their SHA-256 is left out.
+        """
 
     def mark(self) -> ClosedMark | None:
         """Return what closed.json says; None: there is none.
@@ -125,6 +133,10 @@ class DiskPlace:
 
     def flaws(self) -> Sequence[tuple[PurePath, str]]:
         """Return none: a disk does not say what was put there."""
+        return ()
+
+    def differences(self, _found: Sequence[ShippedSegment]) -> Sequence[tuple[PurePath, str]]:
+        """Return none, as `flaws`."""
         return ()
 
     def mark(self) -> ClosedMark | None:

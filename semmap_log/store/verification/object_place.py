@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+import hashlib
+from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import PurePath
 
 from semmap_log.errors import LogAccessError, LogError, ObjectChangedError
@@ -11,9 +13,13 @@ from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.io.url_path import UrlPath
 from semmap_log.store.closed_mark import MOST_BYTES, ClosedMark, mark_in
 from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
-from semmap_log.store.log_objects import KeptManifest, log_objects, read_manifest
-from semmap_log.store.manifest import MANIFEST_NAME
-from semmap_log.store.verification.file_bytes import Vanished
+from semmap_log.store.log_objects import KeptManifest, log_objects, objects_named, read_manifest
+from semmap_log.store.manifest import MANIFEST_NAME, ShippedSegment
+from semmap_log.store.manifest_differences import differences
+from semmap_log.store.verification.file_bytes import WINDOW_BYTES, Vanished
+
+WHOLE_BYTES = 2**23
+"""An object of so many bytes comes by one request: some servers know no ranges."""
 
 
 class ObjectFile:
@@ -26,6 +32,10 @@ class ObjectFile:
         self._status = status
         self.size = status.size
         self.identity: Hashable = (status.name, status.e_tag)
+        self._whole: bytes | None = None
+        self._digest = hashlib.sha256()
+        self._hashed = 0
+        """So many of its first bytes are in the digest."""
 
     def read_into(self, target: memoryview, at: int) -> int:
         """Fetch what is asked for; as `OpenedFile.read_into`.
@@ -38,13 +48,41 @@ class ObjectFile:
         if at >= end:
             return 0
         try:
-            data = self._store.part(self._status, at, end)
+            data = self._part(at, end)
         except (FileNotFoundError, ObjectChangedError):
             raise Vanished from None
         except LogAccessError as error:
             raise LogError(str(error)) from None
         target[: len(data)] = data
+        if at <= self._hashed < end:
+            self._digest.update(data[self._hashed - at :])
+            self._hashed = end
         return len(data)
+
+    def _part(self, start: int, end: int) -> bytes:
+        if self.size > WHOLE_BYTES:
+            return self._store.part(self._status, start, end)
+        if self._whole is None:
+            self._whole = self._store.part(self._status, 0, self.size)
+        return self._whole[start:end]
+
+    @property
+    def is_hashed(self) -> bool:
+        """Whether all of it was read."""
+        return self._hashed == self.size
+
+    def sha256(self) -> str:
+        """Return that of all its bytes, those that were not asked for included.
+
+        Raises:
+            Vanished: As `read_into`.
+            LogError: As `read_into`.
+        """
+        while self._hashed < self.size:
+            self.read_into(
+                memoryview(bytearray(min(WINDOW_BYTES, self.size - self._hashed))), self._hashed
+            )
+        return self._digest.hexdigest()
 
 
 class ObjectPlace:
@@ -54,6 +92,8 @@ class ObjectPlace:
         self._store = store
         self._listed: dict[str, ObjectStatus] = {}
         self._manifest: KeptManifest | None = None
+        self._hashes: dict[str, str] = {}
+        """SHA-256 of the objects of which all was read."""
 
     @property
     def path(self) -> UrlPath:
@@ -66,11 +106,13 @@ class ObjectPlace:
 
     def files(self) -> list[PurePath]:
         """Return all that lies there now; where a manifest is, what that names of it."""
-        self._listed = {status.name: status for status in log_objects(self._store)}
         self._manifest = read_manifest(self._store, self._manifest)
-        if self._manifest is not None:
-            named = {one.name for one in self._manifest.manifest.segments}
-            self._listed = {name: one for name, one in self._listed.items() if name in named}
+        if self._manifest is None:
+            listed = log_objects(self._store)
+        else:
+            named = [one.name for one in self._manifest.manifest.segments]
+            listed = objects_named(self._store, named)
+        self._listed = {status.name: status for status in listed}
         return [self.path / name for name in self._listed]
 
     def flaws(self) -> list[tuple[PurePath, str]]:
@@ -85,11 +127,28 @@ class ObjectPlace:
                 found.append((self.path / one.name, text))
         return found
 
+    def differences(self, found: Sequence[ShippedSegment]) -> list[tuple[PurePath, str]]:
+        """Return in what the segments differ from what the manifest tells: in every field."""
+        manifest = None if self._manifest is None else self._manifest.manifest
+        told = {} if manifest is None else {one.name: one for one in manifest.segments}
+        return [
+            (self.path / one.name, f"{MANIFEST_NAME}: {text}")
+            for one in found
+            if one.name in told
+            for text in differences(told[one.name], replace(one, sha256=self._sha256(one.name)))
+        ]
+
+    def _sha256(self, name: str) -> str:
+        return self._hashes.get(name) or ObjectFile(self._store, self._listed[name]).sha256()
+
     @contextmanager
     def opened(self, file: PurePath) -> Iterator[ObjectFile]:
         """Open an object as it was listed; as `FilePlace.opened`."""
         status = self._listed.get(file.name) or self._store.status(file.name)
-        yield ObjectFile(self._store, status)
+        opened = ObjectFile(self._store, status)
+        yield opened
+        if opened.is_hashed:
+            self._hashes[file.name] = opened.sha256()
 
     def mark(self) -> ClosedMark | None:
         """Return what closed.json says; as `FilePlace.mark`."""

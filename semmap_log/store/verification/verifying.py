@@ -19,6 +19,7 @@ from semmap_log.store.clock_check import ClockCheck
 from semmap_log.store.commit_records import NO_HASH
 from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION
 from semmap_log.store.header import SegmentHeader
+from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.newer import NOTHING_NEWER, is_later_kind
 from semmap_log.store.newer import name_of as name_of_kind
 from semmap_log.store.verification.closing import (
@@ -141,6 +142,7 @@ class Verifier:
         self._merged: dict[int, tuple[PurePath, bytes]] = {}
         """Last event of a leftover -> its file, and the hash of that event's commit."""
         self._closed: list[ClosedSegment] = []
+        self._entries: list[ShippedSegment] = []
         self._current = PurePath()
         self.headers: list[SegmentHeader] = []
         """Of the segments so far, with what later versions have put there."""
@@ -304,6 +306,7 @@ class Verifier:
         elif data[at : at + 1] == bytes([Opcode.METADATA]):
             self._report_all(closing_flaws(data, at, contents))
             self._closed.append(contents.closed_segment(file.path.name))
+            self._entries.append(contents.manifest_entry(file.path.name, len(data)))
         else:
             self.chain.wrong("chunk", file.path, at, walk.problem)
             self._report_all(summary_flaws(data))
@@ -377,6 +380,10 @@ class Verifier:
                 last = None if mark is None else mark.next_event - 1
                 lost = (self.chain.next_event, last) if finding.kind == "missing" else None
                 self.findings.append(replace(finding, events=lost))
+        damaged = {f.path for f in self.findings if f.severity is Severity.DAMAGE}
+        for path, text in self._place.differences(self._entries):
+            if path not in damaged:
+                self._report(Finding("manifest", Severity.DAMAGE, path, None, None, text))
         for path, _ in self._merged.values():
             text = "its number is that of a merged segment, but its commits are not in that one"
             self.findings.append(Finding("duplicated", Severity.DAMAGE, path, None, None, text))

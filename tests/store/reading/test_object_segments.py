@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import shutil
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +19,7 @@ from semmap_log.replay.care import verify
 from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader
 from tests.bucket import NAME, put_folder, served_bucket
+from tests.web_server import web_server
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"
 
@@ -124,21 +121,6 @@ def test_a_log_on_a_plain_web_server_answers_by_what_its_metadata_names() -> Non
     with web_server(RECORDINGS / "office") as url:
         same_answers(url, RECORDINGS / "office")
         assert 0 == verify(UrlPath(url)).exit_code
-
-
-@contextmanager
-def web_server(folder: Path) -> Iterator[str]:
-    class Quiet(SimpleHTTPRequestHandler):
-        def __init__(self, *arguments: Any) -> None:
-            super().__init__(*arguments, directory=str(folder))
-
-        def log_message(self, *_: object) -> None:
-            pass
-
-    with ThreadingHTTPServer(("127.0.0.1", 0), Quiet) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_port}"
-        server.shutdown()
 
 
 def test_nothing_there_is_no_log(bucket: str) -> None:
