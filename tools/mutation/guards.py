@@ -37,6 +37,7 @@ from mutation.scan_guards import SCANS
 from mutation.seen_guards import SEEN
 from mutation.serving_guards import SERVING
 from mutation.sighting_guards import SIGHTINGS
+from mutation.store_guards import STORES
 
 SYNCS = (
     guard("sync of a commit", "SegmentWriter.sync",
@@ -391,6 +392,6 @@ GUARDS: tuple[Mutant, ...] = (
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
-    *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *PROPOSALS, *PLANNING, *ROOMS,
+    *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *STORES, *PROPOSALS, *PLANNING, *ROOMS,
     *EXPERIMENT, *EXPERIMENT_TABLES,
 )  # fmt: skip

@@ -1,0 +1,81 @@
+"""Logs in a store: what is believed of it, and what is compared."""
+
+from __future__ import annotations
+
+from mutation.mutant import Mutant, guard
+
+STORES: tuple[Mutant, ...] = (
+    guard(
+        "stores: bytes that lie there are compared",
+        "_Shipping._holds",
+        "digest.hexdigest() == sha256",
+        "True",
+        "test_seam",
+    ),
+    guard(
+        "stores: one that ignores If-Match is refused",
+        "check_conditions",
+        """store.replace(name, b"3", '"0123456789abcdef0123456789abcdef"')""",
+        "False",
+        "test_seam",
+    ),
+    guard(
+        "stores: one that ignores If-None-Match is refused",
+        "check_conditions",
+        'store.create(name, b"2")',
+        "False",
+        "test_shipping",
+    ),
+    guard(
+        "stores: a forked process is told",
+        "check_not_forked",
+        "_asked_in[0] != os.getpid()",
+        "False",
+        "test_seam",
+    ),
+    guard(
+        "stores: no password in a message",
+        "object_store._said",
+        're.sub(r"://[^/\\s]*@", "://", " ".join(words))',
+        '" ".join(words)',
+        "test_seam",
+    ),
+    guard(
+        "stores: a manifest's numbers are numbers",
+        "manifest._number",
+        "type(found) is not int or not 0 <= found < 2**63",
+        "False",
+        "test_seam",
+    ),
+    guard(
+        "stores: a manifest tells what can be", "_check_possible", "not holds", "False", "test_seam"
+    ),
+    guard(
+        "stores: a name twice",
+        "_check_chain",
+        "len({segment.name for segment in manifest.segments}) < len(manifest.segments)",
+        "False",
+        "test_seam",
+    ),
+    guard(
+        "stores: verify compares each field",
+        "manifest_differences._differences",
+        "said != is_so",
+        "False",
+        "test_seam",
+    ),
+    guard(
+        "stores: verify compares the SHA-256",
+        "ObjectPlace.differences",
+        "replace(one, sha256=self._sha256(one.name))",
+        "replace(one, sha256=told[one.name].sha256)",
+        "test_seam",
+    ),
+    guard(
+        "stores: the next segments are on their way",
+        "SegmentsAhead.at",
+        "self._ask(segment)",
+        "pass",
+        "test_segments_ahead",
+    ),
+)
