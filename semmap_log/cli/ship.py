@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog, a_url, print_json, progress
 from semmap_log.common.texts import counted
 
+if TYPE_CHECKING:
+    from semmap_log.fleet.ship_check import ShippingCheck
+
 StoreUrl = Annotated[
     str,
     typer.Argument(metavar="URL", help="Where it is to lie: s3://, gs:// or az://…/NAME."),
 ]
+CheckOnly = Annotated[
+    bool,
+    typer.Option("--check", help="Send nothing; tell what would be sent, and what is gone there."),
+]
 
 
-def run(log: WritableLog, url: StoreUrl, *, as_json: AsJson = False) -> None:
+def run(
+    log: WritableLog, url: StoreUrl, *, check: CheckOnly = False, as_json: AsJson = False
+) -> None:
     """Send a log's closed segments to a store; what is there already is not sent again.
 
     Each segment goes there once, under a name that tells what is in it, then a manifest that
@@ -26,14 +36,20 @@ def run(log: WritableLog, url: StoreUrl, *, as_json: AsJson = False) -> None:
     Who may write comes from the store's own environment or files, for S3 AWS_ACCESS_KEY_ID,
     AWS_SECRET_ACCESS_KEY, AWS_REGION, AWS_ENDPOINT_URL.
 
+    With --check, 0 says that every closed segment lies there, 1 that some are to be sent, or that
+    a shipping is refused, 4 that something which was shipped is gone or damaged. Only where some
+    are to be sent, the store is probed by a byte, as a shipping does.
+
     \b
     Examples:
       semmap-log ship office s3://hospital/logs/office
-      semmap-log replay s3://hospital/logs/office --at 10:30
+      semmap-log ship office s3://hospital/logs/office --check || echo "not all is shipped"
       semmap-log verify s3://hospital/logs/office
     """
     from semmap_log.fleet.shipping import ship
 
+    if check:
+        _check(log, url, as_json=as_json)
     with progress("Shipping") as told:
         done = ship(log, a_url(url), told)
     if as_json:
@@ -60,6 +76,67 @@ def run(log: WritableLog, url: StoreUrl, *, as_json: AsJson = False) -> None:
         f"{done.url}: {sent}; {done.found} there before. It reaches event "
         f"{done.manifest.mark.next_event - 1}, head {done.manifest.mark.head}"
     )
-    if done.waits_events:
-        events = counted(done.waits_events, "event")
+    _tell_waiting(done.waits_events)
+
+
+def _check(log: Path, url: str, *, as_json: bool) -> NoReturn:
+    from semmap_log.fleet.ship_check import check_shipping
+
+    found = check_shipping(log, a_url(url))
+    if as_json:
+        print_json(_check_to_json(found))
+    else:
+        _print_check(found)
+    raise typer.Exit(found.exit_code)
+
+
+def _check_to_json(found: ShippingCheck) -> dict[str, Any]:
+    there, superseded = found.manifest, found.superseded
+    return {
+        "url": str(found.url),
+        "version": None if there is None else there.version,
+        "segments": 0 if there is None else len(there.segments),
+        "next_event": None if there is None else there.mark.next_event,
+        "head": None if there is None else there.mark.head,
+        "to_send": found.to_send.number,
+        "to_send_bytes": found.to_send.bytes,
+        "is_manifest_old": found.is_list_old,
+        "waiting_events": found.waits_events,
+        "honours_conditions": True if found.is_probed else None,
+        "superseded": None if superseded is None else superseded.number,
+        "superseded_bytes": None if superseded is None else superseded.bytes,
+        "problems": list(found.problems),
+        "exit_code": found.exit_code,
+    }
+
+
+def _print_check(found: ShippingCheck) -> None:
+    there, to_send, superseded = found.manifest, found.to_send, found.superseded
+    if to_send.number:
+        what = f"{counted(to_send.number, 'segment')} to send, {to_send.bytes:,} bytes"
+    else:
+        what = "only its manifest to write" if found.is_list_old else "nothing to send"
+    if there is None:
+        lies = "No log lies there yet."
+    else:
+        lies = (
+            f"This log lies there in {counted(len(there.segments), 'segment')}, up to event "
+            f"{there.mark.next_event - 1}, head {there.mark.head}"
+        )
+    typer.echo(f"{found.url}: {what}. {lies}")
+    for problem in found.problems:
+        typer.echo(f"damage: {problem}")
+    if found.is_probed:
+        typer.echo("The store honours conditional writes: a byte was put there to see it.")
+    if superseded is None:
+        typer.echo("It cannot be listed, so whether all objects are there was not looked at.")
+    elif superseded.number:
+        objects = counted(superseded.number, "object")
+        typer.echo(f"{objects} there that the manifest does not name, {superseded.bytes:,} bytes.")
+    _tell_waiting(found.waits_events)
+
+
+def _tell_waiting(count: int) -> None:
+    if count:
+        events = counted(count, "event")
         typer.echo(f"{events} in the segment that is being written: sent once it is closed.")

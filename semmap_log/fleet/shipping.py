@@ -70,19 +70,12 @@ def ship(log: Path, place: UrlPath | ObjectStore, progress: Progress | None = No
         MissingExtraError: A package for stores is not installed.
     """
     reader = LogReader(LogFolder(log))
-    closed = [segment for segment in reader.segments if segment.closed]
-    if not closed:
-        raise LogError(
-            f"{log}: nothing to ship: its only segment is being written. It is closed when its "
-            "writer ends."
-        )
     store = place if isinstance(place, ObjectStore) else ObjectStore(place)
-    shipping = _Shipping(store, closed, progress)
+    shipping = _Shipping(store, reader.segments, progress)
     for _ in range(_MOST_RIVALS):
         done = shipping.try_once()
         if done is not None:
-            live = reader.segments[-1]
-            done.waits_events = 0 if live.closed else end_of(live) - live.header.first_event
+            done.waits_events = waiting_events(reader.segments, done.manifest)
             return done
     raise LogError(
         f"{store.url}: its manifest changes faster than this log can be sent; see who ships there."
@@ -94,7 +87,8 @@ class _Shipping:
     """One log on its way."""
 
     store: ObjectStore
-    closed: Sequence[Segment]
+    segments: Sequence[Segment]
+    """All of it; the last may be live."""
     progress: Progress | None
     sent: int = 0
     sent_bytes: int = 0
@@ -106,8 +100,15 @@ class _Shipping:
         """Send what is missing; None: somebody else's manifest came in between."""
         kept = read_manifest(self.store)
         if kept is not None:
-            self._check_same_way(kept.manifest)
-            self._find(kept.manifest)
+            check_same_way(self.store.url, self.segments, kept.manifest)
+            if is_ahead(kept.manifest, self.closed):
+                return self._done(kept.manifest, len(self.closed), is_new=False)
+            self.there |= shipped_before(self.closed, kept.manifest)
+        elif not self.closed:
+            raise LogError(
+                f"{self.segments[0].path.parent}: nothing to ship: its only segment is being "
+                "written. It is closed when its writer ends."
+            )
         entries = tuple(self._entry(segment) for segment in self.closed)
         found = len(entries) - self.sent
         before = None if kept is None else kept.manifest
@@ -120,45 +121,10 @@ class _Shipping:
     def _done(self, manifest: Manifest, found: int, *, is_new: bool) -> Shipped:
         return Shipped(self.store.url, manifest, self.sent, self.sent_bytes, found, is_new)
 
-    def _check_same_way(self, there: Manifest) -> None:
-        """Check that what lies there is this log, at an earlier time.
-
-        Raises:
-            LogError: It is another log, or has other commits.
-        """
-        ours = self.closed[0].header.info.log_id
-        if there.info.log_id != ours:
-            raise LogError(
-                f"{self.store.url}: another log lies there (id {there.info.log_id}, this one's is "
-                f"{ours}); ship this one elsewhere."
-            )
-        last = there.segments[-1]
-        if head_before(self.closed, last.next_event) == last.head:
-            return
-        end = end_of(self.closed[-1])
-        if end < last.next_event:
-            problem = (
-                f"its segments reach event {last.next_event - 1}, the closed ones here event "
-                f"{end - 1}: this copy is older, or was put back"
-            )
-        else:
-            problem = (
-                f"its commit before event {last.next_event} is another: the log was continued on "
-                "two machines"
-            )
-        fetch = command_line("fetch", self.store.url, "DIR")
-        raise LogError(
-            f"{self.store.url}: refused, and nothing there is changed: {problem}. To look at it: "
-            f"{fetch}; to keep both: ship this one elsewhere."
-        )
-
-    def _find(self, there: Manifest) -> None:
-        """Take note of the segments that were shipped before, so that nobody reads them again."""
-        shipped = {(one.header.number, one.header.last_number): one for one in there.segments}
-        for segment in self.closed:
-            one = shipped.get((segment.header.number, segment.header.last_number))
-            if one is not None and (one.size, one.head) == (segment.size, segment.head):
-                self.there[segment.path.name] = one
+    @property
+    def closed(self) -> list[Segment]:
+        """Those that can be sent."""
+        return closed_ones(self.segments)
 
     def _entry(self, segment: Segment) -> ShippedSegment:
         """Return a segment's entry, once it lies there."""
@@ -181,7 +147,7 @@ class _Shipping:
             self.is_probed = True
         data = b"".join(blocks(segment.source, 0, segment.size))
         sha256 = hashlib.sha256(data).hexdigest()
-        name = f"{segment.header.number:06d}-{sha256[:_HASH_DIGITS]}.mcap"
+        name = object_name(segment.header.number, sha256)
         if self.store.create(name, data):
             self.sent += 1
             self.sent_bytes += len(data)
@@ -200,6 +166,83 @@ class _Shipping:
         if before is None:
             return self.store.create(MANIFEST_NAME, data)
         return self.store.replace(MANIFEST_NAME, data, before.e_tag)
+
+
+def closed_ones(segments: Sequence[Segment]) -> list[Segment]:
+    """Return those of a log's segments that can be sent."""
+    return [segment for segment in segments if segment.closed]
+
+
+def object_name(number: int, sha256: str) -> str:
+    """Return what a segment is called in a store.
+
+    Args:
+        number: Its own.
+        sha256: Of its bytes, in hexadecimal digits.
+    """
+    return f"{number:06d}-{sha256[:_HASH_DIGITS]}.mcap"
+
+
+def is_ahead(there: Manifest, closed: Sequence[Segment]) -> bool:
+    """Tell whether more lies there than is closed here: what was closed last is being continued."""
+    return not closed or end_of(closed[-1]) < there.mark.next_event
+
+
+def waiting_events(segments: Sequence[Segment], there: Manifest) -> int:
+    """Return how many events of the live segment wait until it is closed; 0: none is live."""
+    live = segments[-1]
+    first = max(live.header.first_event, there.mark.next_event)
+    return 0 if live.closed else end_of(live) - first
+
+
+def check_same_way(url: UrlPath, segments: Sequence[Segment], there: Manifest) -> None:
+    """Check that what lies in a store is this log, at an earlier time.
+
+    Args:
+        url: Where, for messages.
+        segments: All of this log, a live one included: a writer that begins anew continues a small
+            closed segment, and what was shipped of it is in the live one then.
+        there: What lies there.
+
+    Raises:
+        LogError: It is another log, or has other commits.
+    """
+    ours = segments[0].header.info.log_id
+    if there.info.log_id != ours:
+        raise LogError(
+            f"{url}: another log lies there (id {there.info.log_id}, this one's is "
+            f"{ours}); ship this one elsewhere."
+        )
+    last = there.segments[-1]
+    if head_before(segments, last.next_event) == last.head:
+        return
+    end = end_of(segments[-1])
+    if end < last.next_event:
+        problem = (
+            f"its segments reach event {last.next_event - 1}, those here event "
+            f"{end - 1}: this copy is older, or was put back"
+        )
+    else:
+        problem = (
+            f"its commit before event {last.next_event} is another: the log was continued on "
+            "two machines"
+        )
+    fetch = command_line("fetch", url, "DIR")
+    raise LogError(
+        f"{url}: refused, and nothing there is changed: {problem}. To look at it: "
+        f"{fetch}; to keep both: ship this one elsewhere."
+    )
+
+
+def shipped_before(closed: Sequence[Segment], there: Manifest) -> dict[str, ShippedSegment]:
+    """Return the segments that were shipped, by what they are called on this disk: none is read."""
+    shipped = {(one.header.number, one.header.last_number): one for one in there.segments}
+    found = {}
+    for segment in closed:
+        one = shipped.get((segment.header.number, segment.header.last_number))
+        if one is not None and (one.size, one.head) == (segment.size, segment.head):
+            found[segment.path.name] = one
+    return found
 
 
 def check_conditions(store: ObjectStore) -> None:

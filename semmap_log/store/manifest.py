@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -80,6 +81,14 @@ class Manifest:
             "segments": [_entries_of(segment) for segment in self.segments],
         }
         return json.dumps({**entries, DIGEST_KEY: _digest(entries)}) + "\n"
+
+
+def is_object_name(name: str) -> bool:
+    """Tell whether that is what a shipping calls a segment: its number, and digits of its hash."""
+    return _OBJECT_NAME.fullmatch(name) is not None
+
+
+_OBJECT_NAME = re.compile(r"\d{6,}-[0-9a-f]{16}\.mcap")
 
 
 def manifest_in(data: bytes, where: PurePath) -> Manifest:
