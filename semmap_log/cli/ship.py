@@ -7,11 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from semmap_log.cli.common import AsJson, WritableLog, a_url, print_json, progress
+from semmap_log.cli.common import AsJson, WritableLog, a_url, print_json, progress, refuse_nan
 from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
+    from semmap_log.fleet.removing import Removed
     from semmap_log.fleet.ship_check import ShippingCheck
+    from semmap_log.fleet.shipping import Shipped
+
+DAY_NS = 86_400 * 10**9
+MOST_DAYS = 36_500.0
 
 StoreUrl = Annotated[
     str,
@@ -21,10 +26,24 @@ CheckOnly = Annotated[
     bool,
     typer.Option("--check", help="Send nothing; tell what would be sent, and what is gone there."),
 ]
+RemoveAfter = Annotated[
+    float | None,
+    typer.Option(
+        "--remove-superseded-after",
+        metavar="DAYS",
+        min=0.0,
+        help="Then remove there what was replaced by another segment so long ago, such as 7.",
+    ),
+]
 
 
 def run(
-    log: WritableLog, url: StoreUrl, *, check: CheckOnly = False, as_json: AsJson = False
+    log: WritableLog,
+    url: StoreUrl,
+    *,
+    check: CheckOnly = False,
+    remove_superseded_after: RemoveAfter = None,
+    as_json: AsJson = False,
 ) -> None:
     """Send a log's closed segments to a store; what is there already is not sent again.
 
@@ -40,18 +59,26 @@ def run(
     a shipping is refused, 4 that something which was shipped is gone or damaged. Only where some
     are to be sent, the store is probed by a byte, as a shipping does.
 
+    A segment that was continued or compacted is replaced; its old object stays, for who is reading
+    it, until --remove-superseded-after DAYS removes it. This alone needs the right to remove.
+
     \b
     Examples:
       semmap-log ship office s3://hospital/logs/office
+      semmap-log ship office s3://hospital/logs/office --remove-superseded-after 7
       semmap-log ship office s3://hospital/logs/office --check || echo "not all is shipped"
       semmap-log verify s3://hospital/logs/office
     """
     from semmap_log.fleet.shipping import ship
 
+    refuse_nan(remove_superseded_after=remove_superseded_after)
     if check:
         _check(log, url, as_json=as_json)
     with progress("Shipping") as told:
         done = ship(log, a_url(url), told)
+    removed = None
+    if remove_superseded_after is not None:
+        removed = _remove_superseded(done, remove_superseded_after)
     if as_json:
         print_json(
             {
@@ -65,6 +92,8 @@ def run(
                 "next_event": done.manifest.mark.next_event,
                 "head": done.manifest.mark.head,
                 "waiting_events": done.waits_events,
+                "removed": None if removed is None else removed.objects,
+                "removed_bytes": None if removed is None else removed.bytes,
             }
         )
         return
@@ -77,6 +106,17 @@ def run(
         f"{done.manifest.mark.next_event - 1}, head {done.manifest.mark.head}"
     )
     _tell_waiting(done.waits_events)
+    if removed is not None and removed.objects:
+        objects = counted(removed.objects, "superseded object")
+        typer.echo(f"{objects} removed there, {removed.bytes:,} bytes.")
+
+
+def _remove_superseded(done: Shipped, days: float) -> Removed:
+    from semmap_log.fleet.removing import remove_superseded
+    from semmap_log.io.object_store import ObjectStore
+
+    older_ns = int(min(days, MOST_DAYS) * DAY_NS)
+    return remove_superseded(ObjectStore(done.url), done.manifest.info.log_id, older_ns)
 
 
 def _check(log: Path, url: str, *, as_json: bool) -> NoReturn:

@@ -13,7 +13,6 @@ from semmap_log.fleet.shipping import (
     check_same_way,
     closed_ones,
     is_ahead,
-    object_name,
     shipped_before,
     waiting_events,
 )
@@ -22,7 +21,8 @@ from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.url_path import UrlPath
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.log_objects import read_manifest
-from semmap_log.store.manifest import Manifest, ShippedSegment, is_object_name
+from semmap_log.store.manifest import Manifest, ShippedSegment
+from semmap_log.store.object_names import is_object_name, object_name
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment
@@ -95,7 +95,7 @@ def check_shipping(log: Path, place: UrlPath | ObjectStore) -> ShippingCheck:
         check_same_way(store.url, segments, there)
     missing = _missing(closed, there)
     found = _listed(store)
-    sent = {} if found is None else _sent_unnamed(missing, found)
+    sent = {} if found is None else _sent_unnamed(missing, found, there)
     to_send = [one.size for one in missing if one.path.name not in sent]
     if to_send:
         check_conditions(store)
@@ -144,14 +144,16 @@ def _listed(store: ObjectStore) -> dict[str, int] | None:
         return None
 
 
-def _sent_unnamed(missing: Sequence[Segment], found: dict[str, int]) -> dict[str, str]:
+def _sent_unnamed(
+    missing: Sequence[Segment], found: dict[str, int], there: Manifest | None
+) -> dict[str, str]:
     """Return which segments lie there though no manifest names them: a shipping was cut short."""
-    named = {}
+    generation, named = 0 if there is None else there.generation, {}
     for segment in missing:
         digest = hashlib.sha256()
         for block in blocks(segment.source, 0, segment.size):
             digest.update(block)
-        name = object_name(segment.header.number, digest.hexdigest())
+        name = object_name(segment.header.number, digest.hexdigest(), generation)
         if found.get(name) == segment.size:
             named[segment.path.name] = name
     return named

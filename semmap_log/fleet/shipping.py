@@ -13,7 +13,7 @@ import hashlib
 import secrets
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from semmap_log.common.texts import command_line
@@ -24,15 +24,18 @@ from semmap_log.io.progress import Progress
 from semmap_log.io.url_path import UrlPath
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.log_objects import KeptManifest, read_manifest
-from semmap_log.store.manifest import MANIFEST_NAME, Manifest, ShippedSegment
+from semmap_log.store.manifest import MANIFEST_NAME, Manifest, ShippedSegment, Superseded
+from semmap_log.store.object_names import object_name
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of, head_before
 from semmap_log.store.reading.segment_scan import Segment
 
-_HASH_DIGITS = 16
-"""Of a segment's SHA-256 in its object's name."""
 _MOST_RIVALS = 20
 """Manifests of others that came in between, before this one gives up."""
+
+
+MOST_SUPERSEDED = 2000
+"""So many are listed, each in 60 bytes of a manifest that every reader fetches; older ones stay."""
 
 
 @dataclass(slots=True)
@@ -95,6 +98,8 @@ class _Shipping:
     is_probed: bool = False
     there: dict[str, ShippedSegment] = field(default_factory=dict)
     """Segments that are known to lie in the store, by what they are called on this disk."""
+    generation: int = 0
+    """Of the manifest that was read last."""
 
     def try_once(self) -> Shipped | None:
         """Send what is missing; None: somebody else's manifest came in between."""
@@ -103,6 +108,7 @@ class _Shipping:
             check_same_way(self.store.url, self.segments, kept.manifest)
             if is_ahead(kept.manifest, self.closed):
                 return self._done(kept.manifest, len(self.closed), is_new=False)
+            self._take_generation(kept.manifest.generation)
             self.there |= shipped_before(self.closed, kept.manifest)
         elif not self.closed:
             raise LogError(
@@ -110,12 +116,13 @@ class _Shipping:
                 "written. It is closed when its writer ends."
             )
         entries = tuple(self._entry(segment) for segment in self.closed)
-        found = len(entries) - self.sent
+        found = max(0, len(entries) - self.sent)
         before = None if kept is None else kept.manifest
         if before is not None and before.segments == entries:
             return self._done(before, found, is_new=False)
         version = 1 if before is None else before.version + 1
-        manifest = Manifest(version, self.closed[0].header.info, entries)
+        info, superseded = self.closed[0].header.info, superseded_by(entries, kept)
+        manifest = Manifest(version, info, entries, superseded, self.generation)
         return self._done(manifest, found, is_new=True) if self._put(manifest, kept) else None
 
     def _done(self, manifest: Manifest, found: int, *, is_new: bool) -> Shipped:
@@ -125,6 +132,12 @@ class _Shipping:
     def closed(self) -> list[Segment]:
         """Those that can be sent."""
         return closed_ones(self.segments)
+
+    def _take_generation(self, generation: int) -> None:
+        """Forget what lies there, if somebody removes objects: they may be among those found."""
+        if generation != self.generation:
+            self.generation = generation
+            self.there.clear()
 
     def _entry(self, segment: Segment) -> ShippedSegment:
         """Return a segment's entry, once it lies there."""
@@ -147,7 +160,7 @@ class _Shipping:
             self.is_probed = True
         data = b"".join(blocks(segment.source, 0, segment.size))
         sha256 = hashlib.sha256(data).hexdigest()
-        name = object_name(segment.header.number, sha256)
+        name = object_name(segment.header.number, sha256, self.generation)
         if self.store.create(name, data):
             self.sent += 1
             self.sent_bytes += len(data)
@@ -173,14 +186,29 @@ def closed_ones(segments: Sequence[Segment]) -> list[Segment]:
     return [segment for segment in segments if segment.closed]
 
 
-def object_name(number: int, sha256: str) -> str:
-    """Return what a segment is called in a store.
+def superseded_by(
+    entries: Sequence[ShippedSegment], kept: KeptManifest | None
+) -> tuple[Superseded, ...]:
+    """Return the objects that were named once, and are not by a new manifest.
 
     Args:
-        number: Its own.
-        sha256: Of its bytes, in hexadecimal digits.
+        entries: What the new one names.
+        kept: The one before.
     """
-    return f"{number:06d}-{sha256[:_HASH_DIGITS]}.mcap"
+    if kept is None:
+        return ()
+    named = {one.name for one in entries}
+    dropped = tuple(Superseded(one.name, one.size, None) for one in kept.manifest.segments)
+    found = tuple(one for one in (*since_when(kept), *dropped) if one.name not in named)
+    return found[-MOST_SUPERSEDED:]
+
+
+def since_when(kept: KeptManifest) -> tuple[Superseded, ...]:
+    """Return what a manifest does not name any more, each with the time since when."""
+    return tuple(
+        replace(one, since_ns=kept.modified_ns) if one.since_ns is None else one
+        for one in kept.manifest.superseded
+    )
 
 
 def is_ahead(there: Manifest, closed: Sequence[Segment]) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Any, TypeVar
 
@@ -34,6 +34,8 @@ class ObjectStatus:
     size: int
     e_tag: str
     """Another for other bytes."""
+    modified_ns: int = field(default=0, compare=False)
+    """When it was put, by the store's clock, nanoseconds UTC; 0: it was not asked."""
 
 
 class ObjectStore:
@@ -228,7 +230,8 @@ class ObjectStore:
 
 
 def _status(meta: Any, name: str) -> ObjectStatus:
-    return ObjectStatus(name, int(meta["size"]), meta["e_tag"] or "")
+    modified_ns = int(meta["last_modified"].timestamp()) * 10**9  # stores tell it in seconds
+    return ObjectStatus(name, int(meta["size"]), meta["e_tag"] or "", modified_ns)
 
 
 def _may_be_plain(url: UrlPath) -> bool:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -52,6 +51,17 @@ class ShippedSegment:
 
 
 @dataclass(frozen=True, slots=True)
+class Superseded:
+    """An object that a manifest named once: another segment holds its commits now."""
+
+    name: str
+    size: int
+    since_ns: int | None
+    """When a manifest came that did not name it, by the store's clock, nanoseconds UTC; None: it is
+    the first such one, and the store tells when it came."""
+
+
+@dataclass(frozen=True, slots=True)
 class Manifest:
     """What lies in a store of one log."""
 
@@ -60,6 +70,11 @@ class Manifest:
     info: LogInfo
     segments: tuple[ShippedSegment, ...]
     """In order, at least one."""
+    superseded: tuple[Superseded, ...] = ()
+    """What it does not name any more, and what still lies there, as far as is known."""
+    generation: int = 0
+    """How many times superseded objects were removed. Of a later generation an object has another
+    name: so nothing is ever sent under the name of one that somebody is about to remove."""
 
     @property
     def mark(self) -> ClosedMark:
@@ -79,16 +94,10 @@ class Manifest:
             "building": self.info.building,
             "robot": self.info.robot,
             "segments": [_entries_of(segment) for segment in self.segments],
+            "superseded": [[one.name, one.size, one.since_ns] for one in self.superseded],
+            "generation": self.generation,
         }
         return json.dumps({**entries, DIGEST_KEY: _digest(entries)}) + "\n"
-
-
-def is_object_name(name: str) -> bool:
-    """Tell whether that is what a shipping calls a segment: its number, and digits of its hash."""
-    return _OBJECT_NAME.fullmatch(name) is not None
-
-
-_OBJECT_NAME = re.compile(r"\d{6,}-[0-9a-f]{16}\.mcap")
 
 
 def manifest_in(data: bytes, where: PurePath) -> Manifest:
@@ -111,7 +120,9 @@ def manifest_in(data: bytes, where: PurePath) -> Manifest:
             raise ValueError("its digest does not fit it")  # noqa: TRY301
         info = LogInfo(*(entries[name] for name in ("log_id", "timezone", "building", "robot")))
         segments = tuple(_segment_of(each, info) for each in entries["segments"])
-        manifest = Manifest(int(entries["version"]), info, segments)
+        superseded = tuple(_superseded_of(*each) for each in entries.get("superseded", ()))
+        generation = int(entries.get("generation", 0))
+        manifest = Manifest(int(entries["version"]), info, segments, superseded, generation)
         _check_chain(manifest)
     except NewerLogError:
         raise
@@ -157,6 +168,10 @@ def _entries_of(segment: ShippedSegment) -> dict[str, Any]:
         "recorded_ns": list(segment.recorded),
         "happened_ns": list(segment.happened),
     }
+
+
+def _superseded_of(name: str, size: int, since_ns: int | None) -> Superseded:
+    return Superseded(str(name), int(size), None if since_ns is None else int(since_ns))
 
 
 def _segment_of(entries: dict[str, Any], info: LogInfo) -> ShippedSegment:
