@@ -18,7 +18,6 @@ from pathlib import Path
 
 from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, LogError
-from semmap_log.io.byte_source import blocks
 from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.progress import Progress
 from semmap_log.io.url_path import UrlPath
@@ -158,7 +157,7 @@ class _Shipping:
         if not self.is_probed:
             check_conditions(self.store)
             self.is_probed = True
-        data = b"".join(blocks(segment.source, 0, segment.size))
+        data = segment.source.read(0, segment.size)  # once: a condition needs it in one request
         sha256 = hashlib.sha256(data).hexdigest()
         name = object_name(segment.header.number, sha256, self.generation)
         if self.store.create(name, data):

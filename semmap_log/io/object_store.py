@@ -11,10 +11,13 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import timedelta
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from semmap_log.errors import LogAccessError, MissingExtraError, ObjectChangedError
 from semmap_log.io.url_path import UrlPath
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer
 
 T = TypeVar("T")
 
@@ -160,7 +163,7 @@ class ObjectStore:
             f"{len(data)}; try again, or another way to the store."
         )
 
-    def create(self, name: str, data: bytes | os.PathLike[str]) -> bool:
+    def create(self, name: str, data: Buffer | os.PathLike[str]) -> bool:
         """Put an object where none is, and tell whether that was done; False: there is one.
 
         Raises:
@@ -189,7 +192,7 @@ class ObjectStore:
         """
         self._asked(name, lambda: self._obstore.delete(self._store, name))
 
-    def _put(self, name: str, data: bytes | os.PathLike[str], mode: object) -> bool:
+    def _put(self, name: str, data: Buffer | os.PathLike[str], mode: object) -> bool:
         exceptions = self._obstore.exceptions
 
         def put() -> bool:

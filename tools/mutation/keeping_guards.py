@@ -30,4 +30,8 @@ KEEPING = (
           "_store_time_ns(store) - older_ns", "time.time_ns() - older_ns", "test_removing"),
     guard("who may not remove changes nothing", "_store_time_ns",
           "store.remove(name)", "pass", "test_removing"),
+    guard("a segment is held once while it is sent", "_Shipping._send",
+          "segment.source.read(0, segment.size)",
+          'b"".join([segment.source.read(at, at + 2**20) for at in range(0, segment.size, 2**20)])',
+          "test_shipping"),
 )  # fmt: skip
