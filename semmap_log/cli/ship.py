@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -11,6 +12,7 @@ from semmap_log.cli.common import AsJson, WritableLog, a_url, print_json, progre
 from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
+    from semmap_log.fleet.keeping import RemovedHere
     from semmap_log.fleet.removing import Removed
     from semmap_log.fleet.ship_check import ShippingCheck
     from semmap_log.fleet.shipping import Shipped
@@ -37,11 +39,23 @@ RemoveAfter = Annotated[
 ]
 
 
+KeepDays = Annotated[
+    float | None,
+    typer.Option(
+        "--keep-days",
+        metavar="DAYS",
+        min=0.0,
+        help="Then remove here what was shipped, read back, and is so old, such as 30.",
+    ),
+]
+
+
 def run(
     log: WritableLog,
     url: StoreUrl,
     *,
     check: CheckOnly = False,
+    keep_days: KeepDays = None,
     remove_superseded_after: RemoveAfter = None,
     as_json: AsJson = False,
 ) -> None:
@@ -59,6 +73,11 @@ def run(
     a shipping is refused, 4 that something which was shipped is gone or damaged. Only where some
     are to be sent, the store is probed by a byte, as a shipping does.
 
+    With --keep-days DAYS closed segments go from this disk, the first ones first, if all in them
+    is older, once every byte was read back from the store. The last closed one stays, and the
+    log goes on; what a question then needs of the others is read with --with URL, or is an error
+    that names the URL. Nobody may be writing.
+
     A segment that was continued or compacted is replaced; its old object stays, for who is reading
     it, until --remove-superseded-after DAYS removes it. This alone needs the right to remove.
 
@@ -66,16 +85,17 @@ def run(
     Examples:
       semmap-log ship office s3://hospital/logs/office
       semmap-log ship office s3://hospital/logs/office --remove-superseded-after 7
-      semmap-log ship office s3://hospital/logs/office --check || echo "not all is shipped"
+      semmap-log ship office s3://hospital/logs/office --check
       semmap-log verify s3://hospital/logs/office
     """
     from semmap_log.fleet.shipping import ship
 
-    refuse_nan(remove_superseded_after=remove_superseded_after)
+    refuse_nan(keep_days=keep_days, remove_superseded_after=remove_superseded_after)
     if check:
         _check(log, url, as_json=as_json)
     with progress("Shipping") as told:
         done = ship(log, a_url(url), told)
+    kept_here = None if keep_days is None else _remove_here(log, done, keep_days)
     removed = None
     if remove_superseded_after is not None:
         removed = _remove_superseded(done, remove_superseded_after)
@@ -92,6 +112,8 @@ def run(
                 "next_event": done.manifest.mark.next_event,
                 "head": done.manifest.mark.head,
                 "waiting_events": done.waits_events,
+                "removed_here": None if kept_here is None else kept_here.segments,
+                "removed_here_bytes": None if kept_here is None else kept_here.bytes,
                 "removed": None if removed is None else removed.objects,
                 "removed_bytes": None if removed is None else removed.bytes,
             }
@@ -106,9 +128,23 @@ def run(
         f"{done.manifest.mark.next_event - 1}, head {done.manifest.mark.head}"
     )
     _tell_waiting(done.waits_events)
+    if kept_here is not None and kept_here.segments:
+        segments = counted(kept_here.segments, "segment")
+        typer.echo(
+            f"{segments} removed here, {kept_here.bytes:,} bytes: ask with --with {done.url}"
+        )
     if removed is not None and removed.objects:
         objects = counted(removed.objects, "superseded object")
         typer.echo(f"{objects} removed there, {removed.bytes:,} bytes.")
+
+
+def _remove_here(log: Path, done: Shipped, days: float) -> RemovedHere:
+    from semmap_log.fleet.keeping import remove_shipped
+    from semmap_log.io.object_store import ObjectStore
+
+    before_ns = time.time_ns() - int(min(days, MOST_DAYS) * DAY_NS)
+    with progress("Reading back") as told:
+        return remove_shipped(log, ObjectStore(done.url), before_ns, told)
 
 
 def _remove_superseded(done: Shipped, days: float) -> Removed:

@@ -99,6 +99,9 @@ class ObjectPlace:
         data = self._whole(CLOSED_MARK_NAME)
         return None if data is None else mark_in(data[:MOST_BYTES], self.path)
 
+    def removed(self) -> None:
+        """Return none: nothing is removed from a store by a list of ours."""
+
     def bag_metadata(self) -> str | None:
         """Return the text of metadata.yaml; a manifest stands in its place, where there is one."""
         if self._manifest is not None:

@@ -131,6 +131,9 @@ class FarPlace:
         """
         return ()
 
+    def removed(self) -> None:
+        pass
+
     def bag_metadata(self) -> str:
         file = self._folder / BAG_METADATA_NAME
         return file.read_text() if file.exists() else ""
