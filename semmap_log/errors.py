@@ -16,6 +16,7 @@
     │   ├── LogExistsError          there is something already where a log should be made
     │   ├── LogLockedError          another process is writing
     │   ├── LogAccessError          the file system says no
+    │   ├── ElsewhereError          its bytes were removed from this disk: they lie at a URL
     │   ├── LogPoisonedError        a write failed: the outcome of its events is unknown
     │   ├── NewerLogError           a later version of this program has written what is asked for
     │   └── CorruptLogError         damage, with file and offset
@@ -134,6 +135,10 @@ class LogAccessError(LogError, OSError):
 
 class ObjectChangedError(LogAccessError):
     """An object in a store is another than it was when it was first looked at."""
+
+
+class ElsewhereError(LogError):
+    """What is asked for was shipped, and removed from this disk; the message says where it lies."""
 
 
 class LogPoisonedError(LogError):

@@ -164,7 +164,7 @@ HELP_MADE_LATE["record"] = _kinds_of_lines
 
 for _group, _verbs in VERBS.items():
     for _name, _run, _does in _verbs:
-        _cached = _run if _run is verify.run else with_cache(_run)  # verify believes no cache
+        _cached = with_cache(_run, caches=_run is not verify.run)  # verify believes no cache
         app.command(_name, cls=Verb, short_help=_does, rich_help_panel=_group)(_cached)
 app.add_typer(
     call.app,

@@ -1,4 +1,4 @@
-"""`--cache` of the verbs that read a log at a URL."""
+"""`--cache` and `--with` of the verbs that read a log at a URL."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AnyLogPath, LogPath
+from semmap_log.cli.common import AnyLogPath, LogPath, a_url
 
 CacheFolder = Annotated[
     Path | None,
@@ -24,23 +24,40 @@ CacheFolder = Annotated[
 ]
 
 
-def with_cache(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a verb `--cache` if it takes a URL of a log; else return it as it is."""
+RestAt = Annotated[
+    str | None,
+    typer.Option(
+        "--with",
+        metavar="URL",
+        help="Read there what `ship --keep-days` removed here; also by SEMMAP_LOG_WITH.",
+    ),
+]
+
+
+def with_cache(command: Callable[..., None], *, caches: bool = True) -> Callable[..., None]:
+    """Give a verb `--cache` and `--with` if it takes a URL of a log; else return it as it is.
+
+    Args:
+        command: The verb.
+        caches: Whether it gets `--cache`, too.
+    """
     own = inspect.signature(command, eval_str=True).parameters.values()
     if not any(p.annotation in (LogPath, AnyLogPath) for p in own):
         return command
 
     @wraps(command)
-    def verb(*, cache: Path | None, **values: Any) -> None:
-        with _cached_in(cache):
+    def verb(*, rest_at: str | None, cache: Path | None = None, **values: Any) -> None:
+        folder = None if cache is None else str(cache.absolute())
+        url = None if rest_at is None else str(a_url(rest_at))
+        with _named("SEMMAP_LOG_CACHE", folder), _named("SEMMAP_LOG_WITH", url):
             command(**values)
 
     parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own]
-    parameters.append(
-        inspect.Parameter(
-            "cache", inspect.Parameter.KEYWORD_ONLY, annotation=CacheFolder, default=None
-        )
-    )
+    parameters += [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=kind, default=None)
+        for name, kind in (("cache", CacheFolder), ("rest_at", RestAt))
+        if caches or name != "cache"
+    ]
     verb.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     verb.__annotations__ = {p.name: p.annotation for p in parameters}
     del verb.__wrapped__  # or its own signature would be read
@@ -48,19 +65,17 @@ def with_cache(command: Callable[..., None]) -> Callable[..., None]:
 
 
 @contextmanager
-def _cached_in(folder: Path | None) -> Iterator[None]:
-    """Name a folder in the environment, for this process and those that it starts."""
-    if folder is None:
+def _named(variable: str, value: str | None) -> Iterator[None]:
+    """Name something in the environment, for this process and those that it starts."""
+    if value is None:
         yield
         return
-    from semmap_log.io.object_cache import VARIABLE
-
-    before = os.environ.get(VARIABLE)
-    os.environ[VARIABLE] = str(folder.absolute())
+    before = os.environ.get(variable)
+    os.environ[variable] = value
     try:
         yield
     finally:
         if before is None:
-            del os.environ[VARIABLE]
+            del os.environ[variable]
         else:
-            os.environ[VARIABLE] = before
+            os.environ[variable] = before

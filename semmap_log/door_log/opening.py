@@ -11,6 +11,7 @@ from semmap_log.domain.keywords import knows_keywords, share_keywords
 from semmap_log.domain.moments import zone
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.errors import NotALogError
 from semmap_log.io.clock import Clock, SystemClock
 from semmap_log.io.object_cache import ObjectCache
 from semmap_log.io.url_path import local_path, place_of
@@ -107,7 +108,9 @@ def append(path: str | Path, **writing: Unpack[WritingOptions]) -> DoorLogWriter
 
 
 @knows_keywords
-def read(path: str | PurePath, *, cache: str | Path | None = None) -> DoorLog:
+def read(
+    path: str | PurePath, *, cache: str | Path | None = None, with_url: str | None = None
+) -> DoorLog:
     """Open a log for reading.
 
     Args:
@@ -115,14 +118,21 @@ def read(path: str | PurePath, *, cache: str | Path | None = None) -> DoorLog:
             `gs://…`, `az://…`, `https://…`), where it is read as it lies.
         cache: A folder in which what is fetched of a URL is kept, for whoever asks again; default:
             the one that SEMMAP_LOG_CACHE names, else nothing is.
+        with_url: Of a folder from which shipped segments were removed: where these are read;
+            default: the URL that SEMMAP_LOG_WITH names; else what needs them is an error that says
+            where they lie.
 
     Raises:
         NotALogError: There is none at that path.
         LogAccessError: The store, or the cache, cannot be used.
     """
-    if cache is None:
+    if cache is None and with_url is None:
         return DoorLog(path)
-    return DoorLog(LogReader(store_at(place_of(path), cache=ObjectCache(Path(cache)))))
+    kept = None if cache is None else ObjectCache(Path(cache))
+    rest_at = None if with_url is None else place_of(with_url)
+    if isinstance(rest_at, Path):
+        raise NotALogError(f"{with_url}: expected a URL of a store, such as s3://bucket/logs/tug1.")
+    return DoorLog(LogReader(store_at(place_of(path), cache=kept, rest_at=rest_at)))
 
 
 def _environment(writing: WritingOptions) -> Environment:

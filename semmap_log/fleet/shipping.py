@@ -13,29 +13,31 @@ import hashlib
 import secrets
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, LogError
-from semmap_log.io.byte_source import blocks
 from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.progress import Progress
 from semmap_log.io.url_path import UrlPath
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.log_objects import KeptManifest, read_manifest
-from semmap_log.store.manifest import MANIFEST_NAME, Manifest, ShippedSegment
+from semmap_log.store.manifest import MANIFEST_NAME, Manifest, ShippedSegment, Superseded
+from semmap_log.store.object_names import object_name
 from semmap_log.store.reading.manifest_entry import manifest_entry
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of, head_before
 from semmap_log.store.reading.segment_scan import Segment
 
-_HASH_DIGITS = 16
-"""Of a segment's SHA-256 in its object's name."""
 _PART_BYTES = 2**23
 """So much of what lies there is compared at once."""
 _MOST_RIVALS = 20
 """Manifests of others that came in between, before this one gives up."""
+
+
+MOST_SUPERSEDED = 2000
+"""So many are listed, each in 60 bytes of a manifest that every reader fetches; older ones stay."""
 
 
 @dataclass(slots=True)
@@ -73,19 +75,12 @@ def ship(log: Path, place: UrlPath | ObjectStore, progress: Progress | None = No
         MissingExtraError: A package for stores is not installed.
     """
     reader = LogReader(LogFolder(log))
-    closed = [segment for segment in reader.segments if segment.closed]
-    if not closed:
-        raise LogError(
-            f"{log}: nothing to ship: its only segment is being written. It is closed when its "
-            "writer ends."
-        )
     store = place if isinstance(place, ObjectStore) else ObjectStore(place)
-    shipping = _Shipping(store, closed, progress)
+    shipping = _Shipping(store, reader.segments, progress)
     for _ in range(_MOST_RIVALS):
         done = shipping.try_once()
         if done is not None:
-            live = reader.segments[-1]
-            done.waits_events = 0 if live.closed else end_of(live) - live.header.first_event
+            done.waits_events = waiting_events(reader.segments, done.manifest)
             return done
     raise LogError(
         f"{store.url}: its manifest changes faster than this log can be sent; see who ships there."
@@ -97,71 +92,54 @@ class _Shipping:
     """One log on its way."""
 
     store: ObjectStore
-    closed: Sequence[Segment]
+    segments: Sequence[Segment]
+    """All of it; the last may be live."""
     progress: Progress | None
     sent: int = 0
     sent_bytes: int = 0
     is_probed: bool = False
     there: dict[str, ShippedSegment] = field(default_factory=dict)
     """Segments that are known to lie in the store, by what they are called on this disk."""
+    generation: int = 0
+    """Of the manifest that was read last."""
 
     def try_once(self) -> Shipped | None:
         """Send what is missing; None: somebody else's manifest came in between."""
         kept = read_manifest(self.store)
         if kept is not None:
-            self._check_same_way(kept.manifest)
-            self._find(kept.manifest)
+            check_same_way(self.store.url, self.segments, kept.manifest)
+            if is_ahead(kept.manifest, self.closed):
+                return self._done(kept.manifest, len(self.closed), is_new=False)
+            self._take_generation(kept.manifest.generation)
+            self.there |= shipped_before(self.closed, kept.manifest)
+        elif not self.closed:
+            raise LogError(
+                f"{self.segments[0].path.parent}: nothing to ship: its only segment is being "
+                "written. It is closed when its writer ends."
+            )
         entries = tuple(self._entry(segment) for segment in self.closed)
-        found = len(entries) - self.sent
+        found = max(0, len(entries) - self.sent)
         before = None if kept is None else kept.manifest
         if before is not None and before.segments == entries:
             return self._done(before, found, is_new=False)
         version = 1 if before is None else before.version + 1
-        manifest = Manifest(version, self.closed[0].header.info, entries)
+        info, superseded = self.closed[0].header.info, superseded_by(entries, kept)
+        manifest = Manifest(version, info, entries, superseded, self.generation)
         return self._done(manifest, found, is_new=True) if self._put(manifest, kept) else None
 
     def _done(self, manifest: Manifest, found: int, *, is_new: bool) -> Shipped:
         return Shipped(self.store.url, manifest, self.sent, self.sent_bytes, found, is_new)
 
-    def _check_same_way(self, there: Manifest) -> None:
-        """Check that what lies there is this log, at an earlier time.
+    @property
+    def closed(self) -> list[Segment]:
+        """Those that can be sent."""
+        return closed_ones(self.segments)
 
-        Raises:
-            LogError: It is another log, or has other commits.
-        """
-        ours = self.closed[0].header.info.log_id
-        if there.info.log_id != ours:
-            raise LogError(
-                f"{self.store.url}: another log lies there (id {there.info.log_id}, this one's is "
-                f"{ours}); ship this one elsewhere."
-            )
-        last = there.segments[-1]
-        if head_before(self.closed, last.next_event) == last.head:
-            return
-        end = end_of(self.closed[-1])
-        if end < last.next_event:
-            problem = (
-                f"its segments reach event {last.next_event - 1}, the closed ones here event "
-                f"{end - 1}: this copy is older, or was put back"
-            )
-        else:
-            problem = (
-                f"its commit before event {last.next_event} is another: the log was continued on "
-                "two machines"
-            )
-        fetch = command_line("fetch", self.store.url, "DIR")
-        raise LogError(
-            f"{self.store.url}: refused, and nothing there is changed: {problem}. To look at it: "
-            f"{fetch}; to keep both: ship this one elsewhere."
-        )
-
-    def _find(self, there: Manifest) -> None:
-        """Take note of the segments that were shipped before, so that nobody reads them again."""
-        shipped = {(one.header.number, one.header.last_number): one for one in there.segments}
-        for segment in self.closed:
-            one = shipped.get((segment.header.number, segment.header.last_number))
-            if one is not None and (one.size, one.head) == (segment.size, segment.head):
-                self.there[segment.path.name] = one
+    def _take_generation(self, generation: int) -> None:
+        """Forget what lies there, if somebody removes objects: they may be among those found."""
+        if generation != self.generation:
+            self.generation = generation
+            self.there.clear()
 
     def _entry(self, segment: Segment) -> ShippedSegment:
         """Return a segment's entry, once it lies there."""
@@ -182,9 +160,9 @@ class _Shipping:
         if not self.is_probed:
             check_conditions(self.store)
             self.is_probed = True
-        data = b"".join(blocks(segment.source, 0, segment.size))
+        data = segment.source.read(0, segment.size)  # once: a condition needs it in one request
         sha256 = hashlib.sha256(data).hexdigest()
-        name = f"{segment.header.number:06d}-{sha256[:_HASH_DIGITS]}.mcap"
+        name = object_name(segment.header.number, sha256, self.generation)
         if self.store.create(name, data):
             self.sent += 1
             self.sent_bytes += len(data)
@@ -210,6 +188,98 @@ class _Shipping:
         if before is None:
             return self.store.create(MANIFEST_NAME, data)
         return self.store.replace(MANIFEST_NAME, data, before.e_tag)
+
+
+def closed_ones(segments: Sequence[Segment]) -> list[Segment]:
+    """Return those of a log's segments that can be sent."""
+    return [segment for segment in segments if segment.closed]
+
+
+def superseded_by(
+    entries: Sequence[ShippedSegment], kept: KeptManifest | None
+) -> tuple[Superseded, ...]:
+    """Return the objects that were named once, and are not by a new manifest.
+
+    Args:
+        entries: What the new one names.
+        kept: The one before.
+    """
+    if kept is None:
+        return ()
+    named = {one.name for one in entries}
+    dropped = tuple(Superseded(one.name, one.size, None) for one in kept.manifest.segments)
+    found = tuple(one for one in (*since_when(kept), *dropped) if one.name not in named)
+    return found[-MOST_SUPERSEDED:]
+
+
+def since_when(kept: KeptManifest) -> tuple[Superseded, ...]:
+    """Return what a manifest does not name any more, each with the time since when."""
+    return tuple(
+        replace(one, since_ns=kept.modified_ns) if one.since_ns is None else one
+        for one in kept.manifest.superseded
+    )
+
+
+def is_ahead(there: Manifest, closed: Sequence[Segment]) -> bool:
+    """Tell whether more lies there than is closed here: what was closed last is being continued."""
+    return not closed or end_of(closed[-1]) < there.mark.next_event
+
+
+def waiting_events(segments: Sequence[Segment], there: Manifest) -> int:
+    """Return how many events of the live segment wait until it is closed; 0: none is live."""
+    live = segments[-1]
+    first = max(live.header.first_event, there.mark.next_event)
+    return 0 if live.closed else end_of(live) - first
+
+
+def check_same_way(url: UrlPath, segments: Sequence[Segment], there: Manifest) -> None:
+    """Check that what lies in a store is this log, at an earlier time.
+
+    Args:
+        url: Where, for messages.
+        segments: All of this log, a live one included: a writer that begins anew continues a small
+            closed segment, and what was shipped of it is in the live one then.
+        there: What lies there.
+
+    Raises:
+        LogError: It is another log, or has other commits.
+    """
+    ours = segments[0].header.info.log_id
+    if there.info.log_id != ours:
+        raise LogError(
+            f"{url}: another log lies there (id {there.info.log_id}, this one's is "
+            f"{ours}); ship this one elsewhere."
+        )
+    last = there.segments[-1]
+    if head_before(segments, last.next_event) == last.head:
+        return
+    end = end_of(segments[-1])
+    if end < last.next_event:
+        problem = (
+            f"its segments reach event {last.next_event - 1}, those here event "
+            f"{end - 1}: this copy is older, or was put back"
+        )
+    else:
+        problem = (
+            f"its commit before event {last.next_event} is another: the log was continued on "
+            "two machines"
+        )
+    fetch = command_line("fetch", url, "DIR")
+    raise LogError(
+        f"{url}: refused, and nothing there is changed: {problem}. To look at it: "
+        f"{fetch}; to keep both: ship this one elsewhere."
+    )
+
+
+def shipped_before(closed: Sequence[Segment], there: Manifest) -> dict[str, ShippedSegment]:
+    """Return the segments that were shipped, by what they are called on this disk: none is read."""
+    shipped = {(one.header.number, one.header.last_number): one for one in there.segments}
+    found = {}
+    for segment in closed:
+        one = shipped.get((segment.header.number, segment.header.last_number))
+        if one is not None and (one.size, one.head) == (segment.size, segment.head):
+            found[segment.path.name] = one
+    return found
 
 
 def check_conditions(store: ObjectStore) -> None:

@@ -10,12 +10,15 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import timedelta
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from semmap_log.errors import LogAccessError, MissingExtraError, ObjectChangedError
 from semmap_log.io.url_path import UrlPath
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer
 
 T = TypeVar("T")
 
@@ -37,6 +40,8 @@ class ObjectStatus:
     size: int
     e_tag: str
     """Another for other bytes."""
+    modified_ns: int = field(default=0, compare=False)
+    """When it was put, by the store's clock, nanoseconds UTC; 0: it was not asked."""
 
 
 class ObjectStore:
@@ -174,7 +179,7 @@ class ObjectStore:
             f"{len(data)}; try again, or another way to the store."
         )
 
-    def create(self, name: str, data: bytes | os.PathLike[str]) -> bool:
+    def create(self, name: str, data: Buffer | os.PathLike[str]) -> bool:
         """Put an object where none is, and tell whether that was done; False: there is one.
 
         Raises:
@@ -203,7 +208,7 @@ class ObjectStore:
         """
         self._asked(name, lambda: self._obstore.delete(self._store, name))
 
-    def _put(self, name: str, data: bytes | os.PathLike[str], mode: object) -> bool:
+    def _put(self, name: str, data: Buffer | os.PathLike[str], mode: object) -> bool:
         exceptions = self._obstore.exceptions
 
         def put() -> bool:
@@ -282,7 +287,8 @@ def _is_no_list(status: int | None) -> bool:
 
 
 def _status(meta: Any, name: str) -> ObjectStatus:
-    return ObjectStatus(name, int(meta["size"]), meta["e_tag"] or "")
+    modified_ns = int(meta["last_modified"].timestamp()) * 10**9  # stores tell it in seconds
+    return ObjectStatus(name, int(meta["size"]), meta["e_tag"] or "", modified_ns)
 
 
 def _endpoint(url: UrlPath) -> str:

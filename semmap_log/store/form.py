@@ -78,6 +78,10 @@ LOCK_NAME = ".lock"
 BAG_METADATA_NAME = "metadata.yaml"
 CLOSED_MARK_NAME = "closed.json"
 """How far the log reached when its last segment was closed: `closed_mark`."""
+REMOVED_NAME = "shipped.json"
+"""Which segments were removed from the disk once they were shipped: `removed_part`."""
+KEPT_SUFFIX = ".kept"
+"""Of the file that keeps what questions about all of a log need of a removed segment."""
 TORN_SUFFIX = ".torn"
 RECOVERING_NAME = ".recovering"
 """In a log that `recover` has made anew, until the damaged one is put away."""
@@ -190,7 +194,8 @@ def count_events(counts: Mapping[int, int]) -> int:
 
 def is_temporary(name: str) -> bool:
     """Tell whether that is the name of a file that a writer makes, before it gets its own."""
-    ours = ".mcap" in name or BAG_METADATA_NAME in name or CLOSED_MARK_NAME in name
+    others = (BAG_METADATA_NAME, CLOSED_MARK_NAME, REMOVED_NAME, KEPT_SUFFIX)
+    ours = ".mcap" in name or any(one in name for one in others)
     return name.startswith(".") and name.endswith(TEMPORARY_SUFFIX) and ours
 
 

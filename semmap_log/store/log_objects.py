@@ -53,6 +53,8 @@ class KeptManifest:
 
     manifest: Manifest
     e_tag: str
+    modified_ns: int
+    """When it was put, by the store's clock, nanoseconds UTC."""
 
 
 def read_manifest(store: ObjectStore, before: KeptManifest | None = None) -> KeptManifest | None:
@@ -73,7 +75,8 @@ def read_manifest(store: ObjectStore, before: KeptManifest | None = None) -> Kep
     if got is None:
         return before
     data, status = got
-    return KeptManifest(manifest_in(data, store.url / MANIFEST_NAME), status.e_tag)
+    manifest = manifest_in(data, store.url / MANIFEST_NAME)
+    return KeptManifest(manifest, status.e_tag, status.modified_ns)
 
 
 def metadata_text(store: ObjectStore) -> str:

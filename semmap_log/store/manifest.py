@@ -54,6 +54,17 @@ class ShippedSegment:
 
 
 @dataclass(frozen=True, slots=True)
+class Superseded:
+    """An object that a manifest named once: another segment holds its commits now."""
+
+    name: str
+    size: int
+    since_ns: int | None
+    """When a manifest came that did not name it, by the store's clock, nanoseconds UTC; None: it is
+    the first such one, and the store tells when it came."""
+
+
+@dataclass(frozen=True, slots=True)
 class Manifest:
     """What lies in a store of one log."""
 
@@ -62,6 +73,11 @@ class Manifest:
     info: LogInfo
     segments: tuple[ShippedSegment, ...]
     """In order, at least one."""
+    superseded: tuple[Superseded, ...] = ()
+    """What it does not name any more, and what still lies there, as far as is known."""
+    generation: int = 0
+    """How many times superseded objects were removed. Of a later generation an object has another
+    name: so nothing is ever sent under the name of one that somebody is about to remove."""
 
     @property
     def mark(self) -> ClosedMark:
@@ -81,6 +97,8 @@ class Manifest:
             "building": self.info.building,
             "robot": self.info.robot,
             "segments": [_entries_of(segment) for segment in self.segments],
+            "superseded": [[one.name, one.size, one.since_ns] for one in self.superseded],
+            "generation": self.generation,
         }
         return json.dumps({**entries, DIGEST_KEY: _digest(entries)}) + "\n"
 
@@ -105,7 +123,11 @@ def manifest_in(data: bytes, where: PurePath) -> Manifest:
             raise ValueError("its digest does not fit it")  # noqa: TRY301
         info = LogInfo(*(entries[name] for name in ("log_id", "timezone", "building", "robot")))
         segments = tuple(_segment_of(each, info) for each in entries["segments"])
-        manifest = Manifest(_number(entries, "version"), info, segments)
+        superseded = tuple(_superseded_of(*each) for each in entries.get("superseded", ()))
+        version, generation = (
+            _number({"generation": 0, **entries}, name) for name in ("version", "generation")
+        )
+        manifest = Manifest(version, info, segments, superseded, generation)
         _check_chain(manifest)
     except NewerLogError:
         raise
@@ -153,6 +175,10 @@ def _entries_of(segment: ShippedSegment) -> dict[str, Any]:
         "recorded_ns": list(segment.recorded),
         "happened_ns": list(segment.happened),
     }
+
+
+def _superseded_of(name: str, size: int, since_ns: int | None) -> Superseded:
+    return Superseded(str(name), int(size), None if since_ns is None else int(since_ns))
 
 
 def _segment_of(entries: dict[str, Any], info: LogInfo) -> ShippedSegment:

@@ -17,7 +17,7 @@ NOT_IN_THIS_PART = (
 
 def how_to_begin(log: DoorLog) -> str | None:
     """Return what to type to fill an empty log; None: it has events."""
-    if next(log.commits(), None) is not None:
+    if log.last_event() >= 0:
         return None
     line = partial(_line, log)
     return (

@@ -216,6 +216,30 @@ def test_a_live_segment_waits(bucket: str, tmp_path: Path) -> None:
         assert sl.read(bucket).replay().doors.keys() == {1}
 
 
+class NotedStore(ObjectStore):
+    """Takes note of what a segment is handed over as."""
+
+    kinds: set[type] = set()  # noqa: RUF012
+
+    def create(self, name, data):  # type: ignore[no-untyped-def]
+        if name.endswith(".mcap"):
+            self.kinds = self.kinds | {type(data)}
+        return super().create(name, data)
+
+
+def test_a_segment_is_handed_over_as_it_was_read(bucket: str, tmp_path: Path) -> None:
+    """
+    A store that honours conditions takes an object in one request: it is in memory once, uncopied.
+    """
+    log = a_log(tmp_path / "log", 1)
+    store = NotedStore(UrlPath(bucket))
+
+    ship(log, store)
+
+    assert store.kinds == {memoryview}
+    assert events_of(log) == events_of(bucket)
+
+
 class ForgetfulStore(ObjectStore):
     """Overwrites what is there, whatever the condition says: as rclone's S3 server does."""
 

@@ -66,9 +66,9 @@ STORES: tuple[Mutant, ...] = (
     ),
     guard(
         "stores: verify compares the SHA-256",
-        "ObjectPlace.differences",
-        "replace(one, sha256=self._sha256(one.name))",
-        "replace(one, sha256=told[one.name].sha256)",
+        "ObjectPlace._with_sha256",
+        "replace(one, sha256=self._files.sha256(self._listed[one.name]))",
+        "replace(one, sha256=self._manifest.manifest.segments[0].sha256)",
         "test_seam",
     ),
     guard(

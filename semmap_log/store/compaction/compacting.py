@@ -20,6 +20,7 @@ from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_folder import check_is_log
 from semmap_log.store.reading.segment_reading import statistics_of
 from semmap_log.store.reading.segment_scan import Segment, open_segment
+from semmap_log.store.removed_part import read_removed_part
 from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.zipped import refuse_zip
 
@@ -108,7 +109,12 @@ def _told(progress: Progress, total: int) -> Pause:
 
 
 def _closed(folder: LogFolder) -> list[Segment]:
-    return [segment for segment in LogReader(folder).segments if segment.closed]
+    """Return the closed segments that lie here, and that no removal is about to remove."""
+    part = read_removed_part(folder)
+    removed = set() if part is None else {file for file, _ in part.files}
+    return [
+        one for one in LogReader(folder).segments if one.closed and one.path.name not in removed
+    ]
 
 
 def _list_closed(folder: LogFolder) -> list[Segment]:

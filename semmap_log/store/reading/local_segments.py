@@ -6,19 +6,48 @@ from pathlib import Path
 
 from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, NotALogError
+from semmap_log.io.byte_source import ByteSource
+from semmap_log.io.object_source import ObjectSource
+from semmap_log.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.io.url_path import UrlPath
 from semmap_log.store.bag_metadata import listed_names
 from semmap_log.store.closed_mark import ClosedMark, read_mark
 from semmap_log.store.folder import LogFolder, Version
-from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME, has_name_of_file
-from semmap_log.store.reading.mapped_file import MappedFile, map_file
+from semmap_log.store.form import (
+    BAG_METADATA_NAME,
+    CLOSED_MARK_NAME,
+    REMOVED_NAME,
+    has_name_of_file,
+)
+from semmap_log.store.manifest import ShippedSegment
+from semmap_log.store.reading.mapped_file import map_file
+from semmap_log.store.reading.removed_source import RemovedSource
 from semmap_log.store.reading.segment_store import Listing
+from semmap_log.store.removed_part import (
+    RemovedPart,
+    RemovedSegment,
+    read_removed_part,
+    rest_of_environment,
+)
 
 
 class LocalSegments:
     """A `SegmentStore`: files of a folder, mapped."""
 
-    def __init__(self, folder: LogFolder) -> None:
+    def __init__(self, folder: LogFolder, *, rest_at: UrlPath | None = None) -> None:
+        """Take the folder; nothing is asked yet.
+
+        Args:
+            folder: The log's.
+            rest_at: Where segments are read that were removed from the disk; default: as the
+                environment says; else they are not read.
+        """
         self.folder = folder
+        self._rest_at = rest_at or rest_of_environment()
+        self._removed: tuple[Version | None, RemovedPart | None] = None, None
+        """What shipped.json said, and what tells that it is still the same file."""
+        self._elsewhere: dict[str, RemovedSegment] = {}
+        """Those whose files are not there, as listed last."""
         self._mark: tuple[Version | None, ClosedMark | None] = None, None
         """What closed.json said, and what tells that it is still the same file."""
 
@@ -33,18 +62,52 @@ class LocalSegments:
         return self.folder.given
 
     def segments(self) -> Listing:
-        """Return name and inode of each; as `SegmentStore.segments`."""
-        return list_segments(self.folder)
+        """Return name and inode of each; of a removed one its hash; as `SegmentStore.segments`."""
+        part = self._removed_part()  # first: what is removed meanwhile is listed again
+        listed = list_segments(self.folder)
+        here = {name for name, _ in listed}
+        removed = () if part is None else part.segments
+        self._elsewhere = {one.file: one for one in removed if one.file not in here}
+        return sorted(
+            [*listed, *((one.file, one.shipped.sha256) for one in self._elsewhere.values())],
+            key=lambda named: named[0],
+        )
 
-    def open(self, name: str) -> MappedFile:
-        """Return a file, mapped; as `SegmentStore.open`."""
+    def open(self, name: str) -> ByteSource:
+        """Return a file, mapped, or what stands for a removed one; as `SegmentStore.open`."""
+        removed = self._elsewhere.get(name)
+        if removed is not None:
+            return self._removed_source(removed)
         return map_file(self.folder / name, self.folder)
 
-    def told(self, _name: str) -> None:
-        """Return nothing: a file is opened, and says it itself."""
+    def told(self, name: str) -> ShippedSegment | None:
+        """Return what is known of a removed segment; a file is opened, and says it itself."""
+        removed = self._elsewhere.get(name)
+        return None if removed is None else removed.shipped
+
+    def _removed_source(self, removed: RemovedSegment) -> ByteSource:
+        if self._rest_at is None:
+            part = self._removed[1]
+            assert part is not None
+            return RemovedSource(self.folder, removed, part.url)
+        shipped = removed.shipped
+        status = ObjectStatus(shipped.name, shipped.size, "")
+        return ObjectSource(ObjectStore(self._rest_at), status, sha256=shipped.sha256)
+
+    def _removed_part(self) -> RemovedPart | None:
+        try:
+            version = self.folder.version(REMOVED_NAME)
+        except OSError:
+            return None
+        if version != self._removed[0]:
+            self._removed = version, read_removed_part(self.folder)
+        return self._removed[1]
 
     def size_of(self, name: str) -> int:
         """Return a file's size, or that of what it links to; as `SegmentStore.size_of`."""
+        removed = self._elsewhere.get(name)
+        if removed is not None:
+            return removed.shipped.size
         return self.folder.status(name, follows=True).st_size
 
     def mark(self) -> ClosedMark | None:

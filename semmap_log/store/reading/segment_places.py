@@ -14,12 +14,16 @@ from semmap_log.store.reading.segment_store import SegmentStore
 
 
 def store_at(
-    place: LogFolder | PurePath | SegmentStore, *, cache: ObjectCache | None = None
+    place: LogFolder | PurePath | SegmentStore,
+    *,
+    cache: ObjectCache | None = None,
+    rest_at: UrlPath | None = None,
 ) -> SegmentStore:
     """Return where the segments of a log are read.
 
     Args:
         place: A folder, a zip, a URL, or what is one already.
+        rest_at: Where segments are read that were removed from a folder.
         cache: Keeps on a disk what is fetched of a URL; default: as the environment says.
 
     Raises:
@@ -34,4 +38,4 @@ def store_at(
     found = place_of(place)
     if isinstance(found, UrlPath):
         return ObjectSegments(ObjectStore(found), cache=cache)
-    return LocalSegments(LogFolder(found))
+    return LocalSegments(LogFolder(found), rest_at=rest_at)

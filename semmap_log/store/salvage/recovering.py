@@ -8,7 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semmap_log.common.texts import counted
-from semmap_log.errors import CorruptLogError, LogAccessError, LogError, LogExistsError
+from semmap_log.errors import (
+    CorruptLogError,
+    LogAccessError,
+    LogError,
+    LogExistsError,
+)
 from semmap_log.io.clock import Clock, SystemClock
 from semmap_log.io.disk import sync_folder
 from semmap_log.store.commit_records import NO_HASH

@@ -6,12 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from semmap_log.common.texts import command_line, counted
 from semmap_log.domain.events import KINDS, DoorAdded, DoorEvent
-from semmap_log.errors import LogError, NewerLogError
+from semmap_log.errors import ElsewhereError, LogError, NewerLogError
 from semmap_log.messages import OBJECT_KINDS, decode, fixed_layout
+from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import kind_of_channel
 from semmap_log.store.header import LogInfo, SegmentHeader, with_all_of
 from semmap_log.store.records import MESSAGE
+from semmap_log.store.removed_part import read_removed_part
 from semmap_log.store.salvage.rewriting import Rewriter
 from semmap_log.store.verification import Progress, Severity, Verification, Verifier, WholeCommit
 from semmap_log.store.verification.file_bytes import Vanished
@@ -91,10 +94,13 @@ def plan_recovery(
         progress: As for `verify`.
 
     Raises:
+        ElsewhereError: A part of it lies in a store only.
         NewerLogError: It is damaged, and holds what only a later version can take over.
         LogError: It cannot be read, or is no log.
     """
     refuse_zip(path)
+    if path.is_dir():
+        _check_is_all_here(path)
     taken = _Taken()
     verifier = Verifier(path, new_check, progress=progress, on_commit=taken.add, keep_parts=True)
     try:
@@ -185,3 +191,19 @@ def _door_id(kind: int, data: bytes) -> int:
     if kind in OBJECT_KINDS:
         return int(decode(kind, data, None).door_id)  # type: ignore[attr-defined]
     return int(fixed_layout(kind).unpack(data)["door_id"])
+
+
+def _check_is_all_here(log: Path) -> None:
+    """Refuse a log of which a part lies in a store only: what is made anew would begin elsewhere.
+
+    Raises:
+        ElsewhereError: It does.
+    """
+    part = read_removed_part(LogFolder(log))
+    if part is not None:
+        fetch = command_line("fetch", part.url, "DIR")
+        raise ElsewhereError(
+            f"{log}: {counted(len(part.files), 'segment')} of it lie at {part.url} only; bring "
+            f"the log back ({fetch}), copy the later .mcap files of this folder beside them, and "
+            "recover that."
+        )

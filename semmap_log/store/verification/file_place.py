@@ -15,6 +15,7 @@ from semmap_log.store.closed_mark import ClosedMark, read_mark
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import BAG_METADATA_NAME
 from semmap_log.store.manifest import ShippedSegment
+from semmap_log.store.removed_part import RemovedPart, read_removed_part
 
 
 class OpenedFile(Protocol):
@@ -82,6 +83,13 @@ class FilePlace(Protocol):
             CorruptLogError: It is not what was written.
         """
 
+    def removed(self) -> RemovedPart | None:
+        """Return which segments were removed from this place once they were shipped; None: none.
+
+        Raises:
+            CorruptLogError: What says so is not what was written.
+        """
+
     def bag_metadata(self) -> str | None:
         """Return the text of metadata.yaml; nothing where there is none; None: none belongs there.
 
@@ -142,6 +150,10 @@ class DiskPlace:
     def mark(self) -> ClosedMark | None:
         """Return what closed.json says; as `FilePlace.mark`."""
         return read_mark(LogFolder(self.path))
+
+    def removed(self) -> RemovedPart | None:
+        """Return what shipped.json says; as `FilePlace.removed`."""
+        return read_removed_part(LogFolder(self.path))
 
     def bag_metadata(self) -> str:
         """Return the text of metadata.yaml; as `FilePlace.bag_metadata`."""

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import PurePath
 
-from semmap_log.common.texts import command_line
+from semmap_log.common.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogAccessError
 from semmap_log.io.disk import TEMPORARY_SUFFIX
 from semmap_log.store.bag_metadata import ClosedSegment, bag_metadata_text, listed_names
@@ -15,9 +15,11 @@ from semmap_log.store.form import (
     BAG_METADATA_NAME,
     CLOSED_MARK_NAME,
     RECOVERING_NAME,
+    REMOVED_NAME,
     TORN_SUFFIX,
     number_in,
 )
+from semmap_log.store.removed_part import RemovedPart
 from semmap_log.store.verification.file_heads import SegmentFile, look_at
 from semmap_log.store.verification.file_place import FilePlace
 from semmap_log.store.verification.findings import Finding, Severity
@@ -35,6 +37,8 @@ class FolderFiles:
     missing: dict[int, int] = field(default_factory=dict)
     """Number of a segment behind a gap -> the first number that is missing before it."""
     findings: list[Finding] = field(default_factory=list)
+    removed: RemovedPart | None = None
+    """Its beginning, if it lies in a store only."""
     mark: ClosedMark | None = None
     """How far it reached, as was known before the files were listed."""
     listed: frozenset[str] = frozenset()
@@ -95,7 +99,41 @@ def arrange(place: FilePlace) -> FolderFiles:
         return found
     found.findings += _notes(names)
     _sort_out(found, ours)
+    _take_removed(found)
     return found
+
+
+def _take_removed(found: FolderFiles) -> None:
+    """Tell what was removed on purpose from what is missing: the rest must begin where it ends."""
+    try:
+        part = found.place.removed()
+    except CorruptLogError as error:
+        found.findings.append(_damage("removed", error.path, error.problem))
+        return
+    first = found.segments[0]
+    if part is None or first.header is None or first.number == 0:
+        return
+    told = next(
+        (s.shipped for s in part.segments if s.shipped.header.last_number == first.number - 1), None
+    )
+    if told is None or set(found.missing) - {first.number}:
+        return
+    ours = (first.header.info, first.header.first_event, first.header.hash_so_far)
+    if ours != (told.header.info, told.next_event, told.head):
+        text = f"it does not begin where what {REMOVED_NAME} tells of ends: one is of another copy"
+        found.findings.append(_damage("removed", first.path, text))
+        return
+    del found.missing[first.number]
+    found.removed = part
+    many = sum(one.shipped.header.last_number < first.number for one in part.segments)
+    text = (
+        f"{counted(many, 'segment')}, to event {told.next_event - 1}, were removed here once they "
+        f"were shipped; they were not verified now: {command_line('verify', part.url)}"
+    )
+    path = found.folder / REMOVED_NAME
+    found.findings.append(
+        Finding("removed", Severity.NOTE, path, None, (0, told.next_event - 1), text)
+    )
 
 
 def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None) -> list[Finding]:

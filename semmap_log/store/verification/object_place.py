@@ -85,6 +85,31 @@ class ObjectFile:
         return self._digest.hexdigest()
 
 
+class ObjectFiles:
+    """The objects below a URL, opened; of those of which all was read the SHA-256 is known."""
+
+    def __init__(self, store: ObjectStore) -> None:
+        self._store = store
+        self._hashes: dict[ObjectStatus, str] = {}
+
+    @contextmanager
+    def opened(self, status: ObjectStatus) -> Iterator[ObjectFile]:
+        """Open an object as it was listed."""
+        file = ObjectFile(self._store, status)
+        yield file
+        if file.is_hashed:
+            self._hashes[status] = file.sha256()
+
+    def sha256(self, status: ObjectStatus) -> str:
+        """Return that of all bytes of an object.
+
+        Raises:
+            Vanished: It is gone, or another has its name.
+            LogError: The store does not give it.
+        """
+        return self._hashes.get(status) or ObjectFile(self._store, status).sha256()
+
+
 class ObjectPlace:
     """A `FilePlace`: the objects below a URL."""
 
@@ -92,8 +117,7 @@ class ObjectPlace:
         self._store = store
         self._listed: dict[str, ObjectStatus] = {}
         self._manifest: KeptManifest | None = None
-        self._hashes: dict[str, str] = {}
-        """SHA-256 of the objects of which all was read."""
+        self._files = ObjectFiles(store)
 
     @property
     def path(self) -> UrlPath:
@@ -135,20 +159,18 @@ class ObjectPlace:
             (self.path / one.name, f"{MANIFEST_NAME}: {text}")
             for one in found
             if one.name in told
-            for text in differences(told[one.name], replace(one, sha256=self._sha256(one.name)))
+            for text in differences(told[one.name], self._with_sha256(one))
         ]
 
-    def _sha256(self, name: str) -> str:
-        return self._hashes.get(name) or ObjectFile(self._store, self._listed[name]).sha256()
+    def _with_sha256(self, one: ShippedSegment) -> ShippedSegment:
+        return replace(one, sha256=self._files.sha256(self._listed[one.name]))
 
     @contextmanager
     def opened(self, file: PurePath) -> Iterator[ObjectFile]:
         """Open an object as it was listed; as `FilePlace.opened`."""
         status = self._listed.get(file.name) or self._store.status(file.name)
-        opened = ObjectFile(self._store, status)
-        yield opened
-        if opened.is_hashed:
-            self._hashes[file.name] = opened.sha256()
+        with self._files.opened(status) as opened:
+            yield opened
 
     def mark(self) -> ClosedMark | None:
         """Return what closed.json says; as `FilePlace.mark`."""
@@ -157,6 +179,9 @@ class ObjectPlace:
             return self._manifest.manifest.mark
         data = self._whole(CLOSED_MARK_NAME)
         return None if data is None else mark_in(data[:MOST_BYTES], self.path)
+
+    def removed(self) -> None:
+        """Return none: nothing is removed from a store by a list of ours."""
 
     def bag_metadata(self) -> str | None:
         """Return the text of metadata.yaml; a manifest stands in its place, where there is one."""

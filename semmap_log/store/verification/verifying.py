@@ -22,6 +22,7 @@ from semmap_log.store.header import SegmentHeader
 from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.newer import NOTHING_NEWER, is_later_kind
 from semmap_log.store.newer import name_of as name_of_kind
+from semmap_log.store.removed_part import rest_of_environment
 from semmap_log.store.verification.closing import (
     Contents,
     closing_flaws,
@@ -29,6 +30,7 @@ from semmap_log.store.verification.closing import (
     is_whole_closing,
     summary_flaws,
 )
+from semmap_log.store.verification.disk_and_store import DiskAndStorePlace
 from semmap_log.store.verification.file_bytes import Vanished
 from semmap_log.store.verification.file_heads import SegmentFile, bytes_of, first_bytes, name_of
 from semmap_log.store.verification.file_place import DiskPlace, FilePlace
@@ -89,6 +91,9 @@ def verify(
         except (NotALogError, CorruptLogError) as error:
             return Verification(path, (_of_zip(path, error),))
         return verify(files.path, new_check, head, progress).moved(files.path, path)
+    rest_at = rest_of_environment()
+    if isinstance(path, Path) and path.is_dir() and rest_at is not None:
+        path = DiskAndStorePlace(path, ObjectStore(rest_at))
     for _ in range(_ATTEMPTS):
         with suppress(Vanished):
             return Verifier(path, new_check, head, progress).run()
@@ -175,7 +180,8 @@ class Verifier:
 
     def _begin(self, first: SegmentFile) -> None:
         """Begin at event 0; a single file of a log's middle, where its header says."""
-        if self.path == first.path and first.header is not None:
+        is_middle = self.path == first.path or self.arrangement.removed is not None
+        if is_middle and first.header is not None:
             self.chain.start_at(first.header)
         if self.chain.next_event == 0:
             self._keyframes.begin()

@@ -231,6 +231,8 @@ class SegmentChain:
         with self._listing:
             older, self._older = self._older, ()
             for segment in older:
+                if segment.told is not None:
+                    continue  # removed from the disk: other tools must not look for it
                 with suppress(CorruptLogError):  # who reads it is told
                     self._closed[segment.path.name] = statistics_of(segment)
             for one in closed:
@@ -243,7 +245,7 @@ def _left_to_compact(closed: Sequence[Segment]) -> list[Segment]:
     found = []
     with suppress(CorruptLogError):  # who reads it is told
         for segment in reversed(closed[-MOST_LEFT:]):
-            if not needs_compaction(segment):
+            if segment.told is not None or not needs_compaction(segment):
                 break
             found.append(segment)
     return found

@@ -47,6 +47,8 @@ class StoredCommands:
         """Commits that begin before this event are among them."""
         self._last: Segment | None = None
         """The one that was read last: commands that are sent again come in order, as a rule."""
+        self._elsewhere = {s.path.name: s for s in segments if s.told is not None}
+        """Those that were removed from the disk: what is not kept of them says where it lies."""
         self._take([(s.path.name, s.header.first_event, rows_of(s)) for s in segments if s.closed])
 
     def __len__(self) -> int:
@@ -89,6 +91,8 @@ class StoredCommands:
 
     def _segment(self, event: int) -> Segment:
         name = self._names[bisect_right(self._firsts, event) - 1]
+        if name in self._elsewhere:
+            return self._elsewhere[name]
         if self._last is None or self._last.path.name != name:
             self._last = open_segment(self._folder / name, folder=self._folder)
         return self._last

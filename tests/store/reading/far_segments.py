@@ -134,6 +134,9 @@ class FarPlace:
     def differences(self, _found: object) -> tuple[()]:
         return ()
 
+    def removed(self) -> None:
+        pass
+
     def bag_metadata(self) -> str:
         file = self._folder / BAG_METADATA_NAME
         return file.read_text() if file.exists() else ""

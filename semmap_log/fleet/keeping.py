@@ -1,0 +1,189 @@
+"""Old segments removed from a robot's disk, once they were shipped and read back.
+
+At every instant the folder holds the log: what is kept of a segment is written and synced, then
+the list of removed segments, then the files go. Stopped anywhere, what is there is read, and the
+next removal goes on. Nobody may write meanwhile: a writer looks after its files.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
+
+from semmap_log.errors import CorruptLogError, LogAccessError, LogError
+from semmap_log.fleet.shipping import check_same_way, shipped_before
+from semmap_log.io.byte_source import BLOCK_BYTES, blocks
+from semmap_log.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.io.progress import Progress
+from semmap_log.store.bag_metadata import write_bag_metadata
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.lock import WriterLock
+from semmap_log.store.log_objects import read_manifest
+from semmap_log.store.manifest import Manifest, ShippedSegment
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.removed_source import kept_bytes
+from semmap_log.store.reading.segment_reading import statistics_of
+from semmap_log.store.reading.segment_scan import Segment
+from semmap_log.store.removed_part import (
+    RemovedPart,
+    kept_name,
+    read_removed_part,
+    write_removed_part,
+)
+
+_READ_BYTES = 8 * BLOCK_BYTES
+
+
+@dataclass(frozen=True, slots=True)
+class RemovedHere:
+    """What was removed from a disk."""
+
+    segments: int
+    bytes: int
+    """What it had more than what is kept of it."""
+
+
+def remove_shipped(
+    log: Path, store: ObjectStore, before_ns: int, progress: Progress | None = None
+) -> RemovedHere:
+    """Remove the first segments of a log, if they were shipped and nothing in them is younger.
+
+    The last closed segment and the live one stay. Each object is read back whole, and compared
+    with the file, before anything is removed.
+
+    Args:
+        log: The log's folder.
+        store: Where it was shipped to.
+        before_ns: Only segments go in which all was recorded before this, nanoseconds UTC.
+        progress: Told how many bytes were read back.
+
+    Raises:
+        LogLockedError: Somebody is writing.
+        LogError: What lies there is not this log, or other segments lie at another URL.
+        CorruptLogError: An object is not what was shipped; nothing is removed then.
+        LogAccessError: The store, or the disk, does not let us.
+    """
+    folder = LogFolder.held(log)
+    part = read_removed_part(folder)
+    if part is not None and part.url != store.url:
+        raise LogError(
+            f"{log}: its removed segments lie at {part.url}; expected that, got {store.url}."
+        )
+    old = _old(folder, store, before_ns)
+    _read_back(store, old, progress)
+    lock = WriterLock(folder)
+    try:
+        _check_unchanged(folder, old)
+        return _remove(folder, store, part, old)
+    except LogAccessError:
+        raise
+    except OSError as error:
+        problem = f"{log}: could not be removed: {error.strerror or error}. The log is whole."
+        raise LogAccessError(problem) from error
+    finally:
+        lock.release()
+
+
+def _old(
+    folder: LogFolder, store: ObjectStore, before_ns: int
+) -> list[tuple[Segment, ShippedSegment]]:
+    """Return the segments to remove, each as it was shipped.
+
+    Raises:
+        LogError: No log, or another one, was shipped there.
+    """
+    segments = LogReader(folder).segments
+    kept = read_manifest(store)
+    if kept is None:
+        raise LogError(f"{store.url}: no log lies there; nothing was removed.")
+    check_same_way(store.url, segments, kept.manifest)
+    closed = [segment for segment in segments if segment.closed][:-1]
+    shipped = shipped_before(closed, kept.manifest)
+    first = takewhile(lambda s: s.recorded[1] < before_ns and s.path.name in shipped, closed)
+    return [(s, shipped[s.path.name]) for s in first if s.told is None]
+
+
+def _read_back(
+    store: ObjectStore,
+    old: Sequence[tuple[Segment, ShippedSegment]],
+    progress: Progress | None,
+) -> None:
+    """Compare every byte that lies in a store with the disk's.
+
+    Raises:
+        CorruptLogError: Some differ, or an object is gone.
+    """
+    done, total = 0, sum(segment.size for segment, _ in old)
+    for segment, shipped in old:
+        there, here = hashlib.sha256(), hashlib.sha256()
+        status = ObjectStatus(shipped.name, shipped.size, "")
+        for start in range(0, segment.size, _READ_BYTES):
+            try:
+                data = store.part(status, start, min(start + _READ_BYTES, segment.size))
+            except FileNotFoundError:
+                where = store.url / shipped.name
+                raise CorruptLogError(where, None, "the manifest names it; it is gone") from None
+            there.update(data)
+            done += len(data)
+            if progress is not None:
+                progress(done, total)
+        for block in blocks(segment.source, 0, segment.size):
+            here.update(block)
+        if {there.hexdigest(), here.hexdigest()} != {shipped.sha256}:
+            where = store.url / shipped.name
+            raise CorruptLogError(
+                where, None, f"it is not what {segment.path} is; nothing was removed"
+            )
+
+
+def _check_unchanged(folder: LogFolder, old: Sequence[tuple[Segment, ShippedSegment]]) -> None:
+    """Check, under the lock, that the files are those that were compared.
+
+    Raises:
+        LogError: One was compacted, or removed, meanwhile.
+    """
+    for segment, _ in old:
+        if not folder.has(segment.path.name) or (
+            folder.identity(segment.path.name) != segment.source.identity
+        ):
+            raise LogError(f"{segment.path}: changed meanwhile; nothing was removed; try again.")
+
+
+def _remove(
+    folder: LogFolder,
+    store: ObjectStore,
+    part: RemovedPart | None,
+    old: Sequence[tuple[Segment, ShippedSegment]],
+) -> RemovedHere:
+    """Write what is kept, then the list, then remove the files.
+
+    Raises:
+        OSError: As the system says; the folder holds the log.
+    """
+    folder.remove_leftovers()
+    if not old:
+        return RemovedHere(0, 0)
+    files = (
+        {} if part is None else {one.file: (one.kept_sha256, one.shipped) for one in part.segments}
+    )
+    kept = 0
+    for segment, shipped in old:
+        data = kept_bytes(segment, shipped)
+        folder.write_whole(kept_name(segment.path.name), [data])
+        files[segment.path.name] = hashlib.sha256(data).hexdigest(), shipped
+        kept += len(data)
+    in_order = sorted(files.items(), key=lambda item: item[1][1].header.number)
+    shipped_ones = tuple(shipped for _, (_, shipped) in in_order)
+    manifest = Manifest(1, shipped_ones[0].header.info, shipped_ones)
+    pairs = tuple((file, digest) for file, (digest, _) in in_order)
+    write_removed_part(folder, RemovedPart(store.url, manifest, pairs))
+    gone = {segment.path.name for segment, _ in old}
+    stay = [s for s in LogReader(folder).segments if s.closed and s.told is None]
+    write_bag_metadata(folder, [statistics_of(s) for s in stay if s.path.name not in gone])
+    for segment, _ in old:
+        folder.remove(segment.path.name)
+    folder.sync()
+    return RemovedHere(len(old), sum(segment.size for segment, _ in old) - kept)

@@ -1,0 +1,124 @@
+"""shipped.json: which segments of a log lie in a store only, since they were removed from the disk.
+
+It is written, and synced, before the first of them goes. A segment whose file is there is read
+from it, whatever this list says: so a removal may be cut short anywhere, and a segment that was
+copied back counts. What a question about all of a log needs of a removed segment (its index, the
+commands in it, what was taken back) is kept in a small file beside it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from semmap_log.errors import CorruptLogError, LogError
+from semmap_log.io.url_path import UrlPath, place_of
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.form import DIGEST_KEY, KEPT_SUFFIX, REMOVED_NAME
+from semmap_log.store.manifest import Manifest, ShippedSegment, manifest_in
+
+WITH_VARIABLE = "SEMMAP_LOG_WITH"
+"""Names the URL at which segments are read that were removed from the disk."""
+_FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class RemovedSegment:
+    """A segment whose file was removed."""
+
+    file: str
+    """Its name on this disk."""
+    shipped: ShippedSegment
+    kept_sha256: str
+    """Of the file that keeps a part of it, in hexadecimal digits."""
+
+    @property
+    def kept_name(self) -> str:
+        """Name of that file."""
+        return kept_name(self.file)
+
+
+@dataclass(frozen=True, slots=True)
+class RemovedPart:
+    """The beginning of a log, which lies in a store."""
+
+    url: UrlPath
+    manifest: Manifest
+    """Of these segments alone."""
+    files: tuple[tuple[str, str], ...]
+    """Of each its name on this disk, and the SHA-256 of what is kept of it."""
+
+    @property
+    def segments(self) -> tuple[RemovedSegment, ...]:
+        """Its segments, in order."""
+        return tuple(
+            RemovedSegment(file, shipped, kept)
+            for (file, kept), shipped in zip(self.files, self.manifest.segments, strict=True)
+        )
+
+    def text(self) -> str:
+        """Return the file's text."""
+        entries = {
+            "format": _FORMAT,
+            "url": str(self.url),
+            "files": [list(pair) for pair in self.files],
+            "manifest": json.loads(self.manifest.text()),
+        }
+        return json.dumps({**entries, DIGEST_KEY: _digest(entries)}) + "\n"
+
+
+def kept_name(file: str) -> str:
+    """Return the name of the file that keeps a part of a removed segment."""
+    return file.removesuffix(".mcap") + KEPT_SUFFIX
+
+
+def read_removed_part(folder: LogFolder) -> RemovedPart | None:
+    """Return which segments of a log were removed; None: none was.
+
+    Raises:
+        CorruptLogError: What says so is not what was written.
+    """
+    try:
+        data = folder.read_bytes(REMOVED_NAME)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        problem = f"it cannot be read: {error.strerror or error}"
+        raise CorruptLogError(folder / REMOVED_NAME, None, problem) from error
+    try:
+        entries = json.loads(data)
+        if entries.pop(DIGEST_KEY) != _digest(entries) or entries["format"] != _FORMAT:
+            raise ValueError("its digest does not fit it")  # noqa: TRY301
+        url = place_of(entries["url"])
+        text = json.dumps(entries["manifest"]).encode()
+        manifest = manifest_in(text, folder / REMOVED_NAME)
+        files = tuple((str(file), str(kept)) for file, kept in entries["files"])
+        if not isinstance(url, UrlPath) or len(files) != len(manifest.segments):
+            raise ValueError("it names no URL, or not all files")  # noqa: TRY301
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError, LogError) as error:
+        problem = f"it is not what was written ({error})"
+        raise CorruptLogError(folder / REMOVED_NAME, None, problem) from None
+    return RemovedPart(url, manifest, files)
+
+
+def write_removed_part(folder: LogFolder, part: RemovedPart) -> None:
+    """Put the list in place of the one before; it survives a power cut.
+
+    Raises:
+        OSError: As the system says.
+    """
+    folder.write_whole(REMOVED_NAME, [part.text().encode()])
+
+
+def rest_of_environment() -> UrlPath | None:
+    """Return where the environment says that removed segments are read."""
+    named = os.environ.get(WITH_VARIABLE)
+    place = place_of(named) if named else None
+    return place if isinstance(place, UrlPath) else None
+
+
+def _digest(entries: Mapping[str, object]) -> str:
+    return hashlib.sha256(json.dumps(entries, sort_keys=True).encode()).hexdigest()
