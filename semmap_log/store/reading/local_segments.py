@@ -6,6 +6,7 @@ from pathlib import Path
 
 from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, NotALogError
+from semmap_log.io.made_logs import is_called_as_made
 from semmap_log.store.bag_metadata import listed_names
 from semmap_log.store.closed_mark import ClosedMark, read_mark
 from semmap_log.store.folder import LogFolder, Version
@@ -91,6 +92,9 @@ def list_segments(folder: LogFolder) -> Listing:
 
 
 def _no_such_log(path: Path) -> str:
+    if is_called_as_made(path):
+        line = command_line("join", path, "LOG", "LOG")
+        return f"{path}: no such file. To join logs in it: {line}"
     if has_name_of_file(path):
         return f"{path}: no such file; a log is a folder, or, to read, a zip of one."
     return f"{path}: no such log. To make one: {command_line('init', path)}"
