@@ -19,6 +19,7 @@ from pathlib import Path
 from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, LogError
 from semmap_log.io.byte_source import blocks
+from semmap_log.io.made_logs import refuse_made
 from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.progress import Progress
 from semmap_log.io.url_path import UrlPath
@@ -69,6 +70,7 @@ def ship(log: Path, place: UrlPath | ObjectStore, progress: Progress | None = No
         CorruptLogError: The log, or what lies there, is damaged.
         MissingExtraError: A package for stores is not installed.
     """
+    refuse_made(log)
     reader = LogReader(LogFolder(log))
     closed = [segment for segment in reader.segments if segment.closed]
     if not closed:

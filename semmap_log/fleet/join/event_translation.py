@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.doors import NAN
+from semmap_log.domain.doors import NAN, DoorId
 from semmap_log.domain.events import (
     DOOR_KINDS,
     KINDS,
@@ -108,7 +108,7 @@ class EventTranslation:
 
     def _one_by_one(self, batch: EventBatch, happened: list[int], first: int) -> list[Event]:
         made: list[Event] = []
-        added: dict[int, int] = {}
+        added: dict[DoorId, int] = {}
         for recorded, happened_ns in zip(batch, happened, strict=True):
             event = replace(recorded.event, happened_ns=happened_ns)
             becomes = list(self._becomes(event, recorded.number))
@@ -121,7 +121,7 @@ class EventTranslation:
                 added[becomes[0].door_id] = happened_ns
         return made if self._plan.is_alone else made + list(self._names(made, added))
 
-    def _names(self, made: Iterable[Event], added: dict[int, int]) -> Iterator[Event]:
+    def _names(self, made: Iterable[Event], added: dict[DoorId, int]) -> Iterator[Event]:
         """Yield the names of doors that came, and are not named by the same commit."""
         named = {e.door_id for e in made if isinstance(e, DoorAnnotated) and e.key == _NAME}
         for door_id, happened_ns in added.items():
@@ -131,14 +131,14 @@ class EventTranslation:
                     door_id=door_id,
                     key=_NAME,
                     value=name,
-                    happened_ns=happened_ns,  # type: ignore[arg-type]
+                    happened_ns=happened_ns,
                 )
 
     def _becomes(self, event: Event, number: int) -> Iterable[Event]:
         """Return what an event is in the view: nothing, itself, or a few."""
         if isinstance(event, DoorEvent):
             place = int(np.searchsorted(self._own, event.door_id))
-            event = replace(event, door_id=int(self._building[place]))
+            event = replace(event, door_id=DoorId(int(self._building[place])))
             return self._of_door(event, number)
         if isinstance(event, Retracted):
             return self._retracted(event)

@@ -85,6 +85,18 @@ def _check_frames(logs: Sequence[JoinedLog]) -> None:
         raise LogError("two logs of a join have one name; name them apart in the definition.")
 
 
+def flat_definition(path: Path) -> JoinDefinition:
+    """Return what a file says, with the logs of the joins among its logs in their place.
+
+    Raises:
+        LogError: It is no definition, names no log, or is a part of itself.
+    """
+    whole = _flat(read_definition(path), (path,))
+    if not whole.logs:
+        raise NotALogError(f"{path}: a join wants at least one log.")
+    return whole
+
+
 def _flat(definition: JoinDefinition, inside: tuple[PurePath, ...]) -> JoinDefinition:
     """Return a definition without joins among its logs."""
     logs: list[JoinedPlace] = []
