@@ -114,7 +114,7 @@ def _write(joined: JoinedLogs, plan: DoorPlan, new: Path) -> None:
 
 def _propose(joined: JoinedLogs, plan: DoorPlan, out: Path | None, *, as_json: bool) -> None:
     from semmap_log.fleet.join.door_conflicts import propose_doors
-    from semmap_log.fleet.join.door_rows import write_door_rows
+    from semmap_log.fleet.join.door_matches import write_door_rows
     from semmap_log.views.join_table import door_proposals_table
 
     found = propose_doors(joined, plan)

@@ -13,7 +13,7 @@ from semmap_log.domain.doors import NAN, Door, DoorId, DoorState
 from semmap_log.domain.events import DoorAdded, DoorRemoved
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import FormatError, SemmapError
-from semmap_log.fleet.join.door_rows import DoorRow
+from semmap_log.fleet.join.door_matches import DoorRow
 from semmap_log.fleet.join.joined_logs import JoinedLog, JoinedLogs, log_called
 from semmap_log.fleet.join.level_plan import LevelPlan, level_plan
 from semmap_log.folds.door_map import DoorMapState
@@ -80,7 +80,7 @@ def plan_doors(joined: JoinedLogs) -> DoorPlan:
         FormatError: The table names a log or a door that is not there, or a door twice.
     """
     is_alone = len(joined.logs) == 1 and not joined.definition.doors
-    states = {log.name: DoorLog(log.reader).state_in() for log in joined.logs}
+    states = {log.name: DoorLog(log.opened).state_in() for log in joined.logs}
     levels = level_plan(joined, states)
     known = {log.name: _doors_of(log.name, states[log.name]) for log in joined.logs}
     told = _told(joined, known)
@@ -123,7 +123,7 @@ def _told(
     for row in joined.definition.doors:
         try:
             log = log_called(row.log, joined.logs)
-            door_id = int(DoorLog(log.reader).resolve_ever(row.door))
+            door_id = int(DoorLog(log.opened).resolve_ever(row.door))
         except FormatError:
             raise
         except SemmapError as error:
@@ -219,12 +219,12 @@ class _Coming:
 
 def _comings(log: JoinedLog) -> Iterator[_Coming]:
     """Yield what brings doors, or takes them away, and was not taken back."""
-    hidden = log.reader.retractions()
-    for batch in log.reader.batches(Window(kinds=bits_of_kinds([DoorAdded, DoorRemoved]))):
+    hidden = log.opened.retractions()
+    for batch in log.opened.batches(Window(kinds=bits_of_kinds([DoorAdded, DoorRemoved]))):
         seen = hidden.visible(batch)
         rows = zip(seen, seen.folds_ns.tolist(), seen.door_ids().tolist(), strict=True)
         for recorded, folds_ns, door_id in rows:
-            commit = log.reader.commit_at(recorded.number)
+            commit = log.opened.commit_at(recorded.number)
             stamp = (folds_ns, commit.recorded_ns, log.log_id, recorded.number)
             yield _Coming(door_id, stamp, isinstance(recorded.event, DoorAdded))
 

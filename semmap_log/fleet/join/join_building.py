@@ -76,7 +76,7 @@ def build_join(
         NewerLogError: A log holds what only a later version understands.
     """
     for log in joined.logs:
-        log.reader.check_known()
+        log.opened.check_known()
     entropy = SeededBytes(seed)
     policy = DurabilityPolicy(Durability.NONE)
     environment = Environment(policy, KeptClock(1), entropy, compacts=False)
@@ -91,7 +91,7 @@ def build_join(
 
 
 def _info(joined: JoinedLogs, entropy: SeededBytes) -> LogInfo:
-    reference = joined.reference.reader.info
+    reference = joined.reference.opened.info
     robots = BETWEEN_ROBOTS.join(sorted(log.name for log in joined.logs))
     return LogInfo(entropy(ID_BYTES).hex(), reference.timezone, reference.building, robots)
 
@@ -164,7 +164,7 @@ def _commits(log: JoinedLog) -> Iterator[Found]:
         LogError: A recorded time does not grow.
     """
     last_ns = -1
-    for followed in commits_after(log.reader, -1):
+    for followed in commits_after(log.opened, -1):
         commit = followed.commit
         if commit.recorded_ns <= last_ns:
             raise LogError(f"{log.place}: event {commit.first_event} was recorded out of order.")

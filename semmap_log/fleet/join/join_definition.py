@@ -10,7 +10,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from semmap_log.errors import LogError, NotALogError
-from semmap_log.fleet.join.door_rows import DoorRow
+from semmap_log.fleet.join.door_matches import DoorRow
 from semmap_log.fleet.join.map_frame import MapTransform
 from semmap_log.io.disk import replace_file
 from semmap_log.io.url_path import UrlPath, place_of

@@ -27,7 +27,7 @@ class JoinedLog:
     """A log of a join, as it was when it was opened: up to its last commit."""
 
     name: str
-    reader: LogReader
+    opened: LogReader
     place: PurePath
     frame: MapTransform | None
     """To the building's frame; None: not known, so that its geometry does not count."""
@@ -38,7 +38,7 @@ class JoinedLog:
     @property
     def log_id(self) -> str:
         """The id of the log."""
-        return self.reader.info.log_id
+        return self.opened.info.log_id
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ def open_joined(definition: JoinDefinition) -> JoinedLogs:
     named = _named(opened)
     reference = _reference(named, whole.reference)
     logs = tuple(
-        JoinedLog(o.name, o.reader, o.place, o.frame or MapTransform(), *_end(o))
+        JoinedLog(o.name, o.opened, o.place, o.frame or MapTransform(), *_end(o))
         if o is reference
         else o
         for o in named
@@ -147,7 +147,7 @@ def _without_copies(opened: Iterable[JoinedLog]) -> list[JoinedLog]:
         longer = kept.setdefault(log.log_id, log)
         if longer is log:
             continue
-        there = longer.reader.find_commit(log.last_event) if log.last_event >= 0 else None
+        there = longer.opened.find_commit(log.last_event) if log.last_event >= 0 else None
         if log.last_event >= 0 and (there is None or there.hash != log.head):
             raise LogError(
                 f"{log.place} and {longer.place}: forks of one log (id {log.log_id}): they have "
@@ -158,7 +158,7 @@ def _without_copies(opened: Iterable[JoinedLog]) -> list[JoinedLog]:
             raise LogError(f"{log.place}: a copy of {longer.place}, in another frame.")
         if longer.frame is None and log.frame is not None:
             kept[log.log_id] = JoinedLog(
-                longer.name, longer.reader, longer.place, log.frame, *_end(longer)
+                longer.name, longer.opened, longer.place, log.frame, *_end(longer)
             )
     return list(kept.values())
 
@@ -174,13 +174,13 @@ def _named(logs: Sequence[JoinedLog]) -> list[JoinedLog]:
             for name, one in zip(names, wanted, strict=True)
         ]
     return [
-        JoinedLog(name or log.log_id, log.reader, log.place, log.frame, *_end(log))
+        JoinedLog(name or log.log_id, log.opened, log.place, log.frame, *_end(log))
         for name, log in zip(names, logs, strict=True)
     ]
 
 
 def _robot(log: JoinedLog) -> str:
-    return log.reader.info.robot
+    return log.opened.info.robot
 
 
 def _folder(log: JoinedLog) -> str:
@@ -208,5 +208,5 @@ def log_called(name: str, logs: Sequence[JoinedLog]) -> JoinedLog:
     for log in logs:
         if name in (log.name, str(log.place), log.log_id):
             return log
-    known = ", ".join(log.name for log in logs)
+    known = ", ".join(sorted(log.name for log in logs))
     raise LogError(f"no log {name!r} is joined; there are: {known}.")

@@ -47,7 +47,7 @@ def level_plan(joined: JoinedLogs, states: Mapping[str, DoorMapState]) -> LevelP
             if number in known and known[number].name:
                 told_by.setdefault(level, log.name)
         if log.frame is not None:
-            for number in _drawn(log.reader):
+            for number in _drawn(log.opened):
                 drawn_by.setdefault(numbers.get((log.name, number), number), log.name)
     return LevelPlan(numbers, told_by, drawn_by)
 
