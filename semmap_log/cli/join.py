@@ -152,7 +152,7 @@ def _tell(joined: JoinedLogs, plan: DoorPlan, *, as_json: bool) -> None:
         print_json(to_json(joined, plan))
         return
     out = console()
-    out.print(joined_logs_table(joined))
+    out.print(joined_logs_table(joined, Path.cwd()))
     out.print()
     out.print(joined_doors_table(plan.doors))
     if conflicts:

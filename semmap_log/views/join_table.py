@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path, PurePath
 
 from semmap_log.fleet.join.door_conflicts import DoorConflict, DoorProposal
 from semmap_log.fleet.join.door_plan import BuildingDoor
@@ -10,8 +11,13 @@ from semmap_log.fleet.join.joined_logs import JoinedLogs
 from semmap_log.views.column_table import ColumnTable, TableColumn
 
 
-def joined_logs_table(joined: JoinedLogs) -> ColumnTable:
-    """Return a row for each log: what it is called, and whether its geometry counts."""
+def joined_logs_table(joined: JoinedLogs, here: Path) -> ColumnTable:
+    """Return a row for each log: what it is called, and whether its geometry counts.
+
+    Args:
+        joined: The logs.
+        here: What lies below this folder is named from there.
+    """
     table = ColumnTable(
         [
             TableColumn("log", "log", least=8),
@@ -25,8 +31,12 @@ def joined_logs_table(joined: JoinedLogs) -> ColumnTable:
             f"{number:g}" for number in log.frame.as_list()
         )  # fmt: skip
         told = "reference" if log is joined.reference else frame
-        table.add(log.name, str(log.last_event + 1), told, str(log.place))
+        table.add(log.name, str(log.last_event + 1), told, str(_from(log.place, here)))
     return table
+
+
+def _from(place: PurePath, here: Path) -> PurePath:
+    return place.relative_to(here) if place.is_relative_to(here) else place
 
 
 def joined_doors_table(doors: Iterable[BuildingDoor]) -> ColumnTable:

@@ -17,6 +17,7 @@ from mutation.experiment_table_guards import EXPERIMENT_TABLES
 from mutation.folder_guards import FOLDERS
 from mutation.foreign_guards import FOREIGN
 from mutation.habit_guards import HABITS
+from mutation.join_guards import JOINS
 from mutation.kernel_guards import KERNELS
 from mutation.laser_input_guards import LASER_INPUT
 from mutation.level_guards import LEVELS
@@ -391,6 +392,6 @@ GUARDS: tuple[Mutant, ...] = (
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
-    *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *PROPOSALS, *PLANNING, *ROOMS,
+    *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *PROPOSALS, *PLANNING, *ROOMS, *JOINS,
     *EXPERIMENT, *EXPERIMENT_TABLES,
 )  # fmt: skip

@@ -138,12 +138,15 @@ class _Building:
 
     def _note(self, log: JoinedLog, commit: Commit) -> Note:
         note = commit.note
-        source = f"{log.name}{BEHIND_ROBOT}{note.source}" if note.source else log.name
+        actor, source = (
+            f"{log.name}{BEHIND_ROBOT}{text}" if text else log.name
+            for text in (note.actor, note.source)
+        )
         reason = note.reason
         if self._names_origin:
             origin = f"log {log.log_id} event {commit.first_event} head {commit.hash.hex()}"
             reason = f"{reason}; {origin}" if reason else origin
-        return replace(note, source=source, reason=reason, salt=b"")
+        return replace(note, actor=actor, source=source, reason=reason, salt=b"")
 
     def _command(self, log: JoinedLog, commit: Commit) -> bytes:
         command_id = commit.command_id

@@ -45,6 +45,7 @@ def test_doors_of_one_name_are_one_and_the_rest_say_whose_they_are(tmp_path: Pat
     assert not doors["tug2/depot"].is_placed
     assert ("tug1", "tug2") == robots_of(log.info)
     assert {"tug1", "tug2", "tug2/camera"} == {entry.source for entry in log.history()}
+    assert {"tug1", "tug2"} == {entry.actor for entry in log.history()}
     assert ["tug1", "tug2", "tug2/camera"] == sorted(
         {entry.source for entry in log.history("front")}
     )
@@ -364,3 +365,17 @@ def test_events_as_columns_are_those_one_by_one(tmp_path: Path) -> None:
 
     seen = [e for e in joined.history("front") if isinstance(e.event, DoorObserved)]
     assert times.tolist() == [e.happened_ns for e in seen[-500:]]
+
+
+def test_a_name_that_one_log_has_twice_joins_nothing(tmp_path: Path) -> None:
+    """
+    Nobody knows which of the two is meant.
+    """
+    tug1, tug2 = two_robots(tmp_path)
+    with sl.append(tug2, clock=SetClock(START_NS + 40 * SECOND_NS)) as log:
+        log.add_door(x=3.0, y=3.0, theta=0.0, width=1.0, name="front")
+
+    names = [door.label for door in sl.join([tug1, tug2]).replay().doors.values()]
+
+    assert 2 == names.count("tug2/front")
+    assert 1 == names.count("tug1/front")
