@@ -180,7 +180,7 @@ def to_json(joined: JoinedLogs, plan: DoorPlan) -> dict[str, Any]:
                 "head": log.head.hex(),
                 "frame": None if log.frame is None else log.frame.as_list(),
             }
-            for log in joined.logs
+            for log in sorted(joined.logs, key=lambda log: log.name)
         ],
         "doors": [
             {

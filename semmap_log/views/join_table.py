@@ -26,7 +26,7 @@ def joined_logs_table(joined: JoinedLogs, here: Path) -> ColumnTable:
             TableColumn("place", "at", least=12),
         ]
     )
-    for log in joined.logs:
+    for log in sorted(joined.logs, key=lambda log: log.name):
         frame = "none: no geometry" if log.frame is None else ",".join(
             f"{number:g}" for number in log.frame.as_list()
         )  # fmt: skip

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from semmap_log.fleet.join.door_plan import BuildingDoor, DoorPlan, LogDoor
 from semmap_log.fleet.join.door_matches import DoorRow
+from semmap_log.fleet.join.door_plan import BuildingDoor, DoorPlan, LogDoor
 from semmap_log.fleet.join.joined_logs import JoinedLogs
 
 TOLERANCE_M = 0.3

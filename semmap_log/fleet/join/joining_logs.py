@@ -22,8 +22,8 @@ from pathlib import Path, PurePath
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import LogAccessError, LogError
-from semmap_log.fleet.join.door_plan import plan_doors
 from semmap_log.fleet.join.door_matches import DoorRow, read_door_rows
+from semmap_log.fleet.join.door_plan import plan_doors
 from semmap_log.fleet.join.join_building import build_join
 from semmap_log.fleet.join.join_definition import JoinDefinition, JoinedPlace, read_definition
 from semmap_log.fleet.join.joined_logs import JoinedLogs, log_called, open_joined

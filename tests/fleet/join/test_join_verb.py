@@ -117,7 +117,7 @@ def test_proposals_are_printed_and_never_applied(
         log.add_door(x=5.95, y=2.1, theta=3.14159265, width=0.9, name="lager")
     line = ["join", "x.join.json", "tug1", "tug2", "--frame", "tug2=0,0,0"]
 
-    code, out, err = run(capsys, *line, "--propose", "--write-doors", "m.csv")
+    code, out, _ = run(capsys, *line, "--propose", "--write-doors", "m.csv")
 
     assert 0 == code
     assert "tug1 store\ttug2 lager\t0.11" in out

@@ -13,7 +13,16 @@ import pytest
 import semmap_log as sl
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.cli import main
-from semmap_log.domain.events import DoorObserved, FloorMap, LevelAdded, PatrolStarted, RobotPose
+from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import (
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    FloorMap,
+    LevelAdded,
+    PatrolStarted,
+    RobotPose,
+)
 from semmap_log.door_log.robot_names import robots_of, robots_of_poses
 from semmap_log.errors import CorruptLogError, FormatError, LogAccessError, LogError, NewerLogError
 from semmap_log.fleet.join import joining_logs
@@ -373,7 +382,13 @@ def test_a_name_that_one_log_has_twice_joins_nothing(tmp_path: Path) -> None:
     """
     tug1, tug2 = two_robots(tmp_path)
     with sl.append(tug2, clock=SetClock(START_NS + 40 * SECOND_NS)) as log:
-        log.add_door(x=3.0, y=3.0, theta=0.0, width=1.0, name="front")
+        again = DoorId(9)
+        log.append(
+            [
+                DoorAdded(door_id=again, level=0),
+                DoorAnnotated(door_id=again, key="name", value="front"),
+            ]
+        )
 
     names = [door.label for door in sl.join([tug1, tug2]).replay().doors.values()]
 
