@@ -394,3 +394,22 @@ def test_a_name_that_one_log_has_twice_joins_nothing(tmp_path: Path) -> None:
 
     assert 2 == names.count("tug2/front")
     assert 1 == names.count("tug1/front")
+
+
+@pytest.mark.parametrize("is_removed", [False, True])
+def test_another_s_later_adding_wipes_no_state_and_brings_a_door_back(
+    is_removed: bool, tmp_path: Path
+) -> None:
+    """
+    Who adds a door that was there all the time knows nothing of its state.
+    """
+    tug1, _ = two_robots(tmp_path)
+    if is_removed:
+        with sl.append(tug1, clock=SetClock(START_NS + 15 * SECOND_NS)) as log:
+            log.remove_door("front")
+    with a_robot(tmp_path / "tug3", clock=SetClock(START_NS + 20 * SECOND_NS)) as log:
+        log.add_door(x=0.0, y=0.0, theta=0.0, width=1.0, name="front")
+
+    front = doors_of(sl.join([tug1, tmp_path / "tug3"]))["front"]
+
+    assert ("OPEN", 1.0) == (front.state.name, front.x)
