@@ -139,7 +139,7 @@ def answer(log: sl.DoorLog, at: int | None, known: int | None) -> dict[str, Any]
     }
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(fleets, st.integers(0, 40), st.integers(12, 40))
 def test_each_field_is_the_last_writer_s(fleet: list[Any], at: int, known: int) -> None:
     """
@@ -157,7 +157,7 @@ def test_each_field_is_the_last_writer_s(fleet: list[Any], at: int, known: int) 
         assert register(told, at_ns, known_ns) == answer(log, at_ns, known_ns)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(fleets, st.randoms(use_true_random=False))
 def test_order_copies_and_brackets_mean_nothing(fleet: list[Any], random: Any) -> None:
     """
@@ -174,7 +174,7 @@ def test_order_copies_and_brackets_mean_nothing(fleet: list[Any], random: Any) -
         assert expected == events_of(sl.join([*shuffled, *plain.values()]))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(robots)
 def test_one_log_alone_is_itself(robot: Any) -> None:
     """
