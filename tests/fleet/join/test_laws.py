@@ -53,6 +53,7 @@ def robot_logs(folder: Path, fleet: list[Any]) -> dict[str, Told]:
         clock = SetClock(START_NS + begin * STEP_NS)
         with a_robot(folder / name, clock=clock) as log:
             told = found[name] = Told(log.info.log_id, moves_by)
+            clock.now_ns += STEP_NS  # the log itself was made a moment before
             live, added_ns, sights = {}, {}, []
             for i, door in enumerate(sorted(doors)):
                 live[door] = log.add_door(x=float(i), y=0.0, theta=0.0, width=1.0, name=door)
