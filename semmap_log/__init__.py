@@ -13,9 +13,12 @@ Names are loaded when they are first used, so that importing the package costs n
 
 from __future__ import annotations
 
+from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from semmap_log.common.lazily import lazy_names
+from semmap_log.io.made_logs import register_maker
 
 if TYPE_CHECKING:
     from semmap_log.batches.event_batch import EventBatch
@@ -26,7 +29,9 @@ if TYPE_CHECKING:
     from semmap_log.door_log.door_log_writer import DoorLogWriter
     from semmap_log.door_log.opening import append, create, read
     from semmap_log.errors import SemmapError
+    from semmap_log.fleet.join.joining_logs import join
     from semmap_log.folds.projection import Projection
+    from semmap_log.io.made_logs import MadeLog
 
 __all__ = [
     "Appended",
@@ -42,6 +47,7 @@ __all__ = [
     "SemmapError",
     "append",
     "create",
+    "join",
     "read",
 ]
 
@@ -54,10 +60,19 @@ _HOMES = {
     "door_log.door_log_writer": ("DoorLogWriter",),
     "door_log.opening": ("append", "create", "read"),
     "errors": ("SemmapError",),
+    "fleet.join.joining_logs": ("join",),
     "folds.projection": ("Projection",),
 }
 
 __getattr__ = lazy_names(__name__, _HOMES)
+
+
+def _joined(path: Path) -> MadeLog:
+    made: MadeLog = import_module("semmap_log.fleet.join.joining_logs").view_of_file(path)
+    return made
+
+
+register_maker(".join.json", _joined)
 
 
 def __dir__() -> list[str]:

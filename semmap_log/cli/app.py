@@ -26,6 +26,7 @@ from semmap_log.cli import (
     import_,
     info,
     init,
+    join,
     observe,
     oprs_package,
     patrol,
@@ -149,6 +150,7 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
         ("compact", compact.run, "Make a log smaller."),
         ("ship", ship.run, "Send a log to a store."),
         ("fetch", fetch.run, "Bring a log back from a store."),
+        ("join", join.run, "Join robots' logs of one building."),
     ),
 }
 """Group -> its verbs, as --help shows them: name, what runs it, and what it does in a line."""

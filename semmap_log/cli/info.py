@@ -40,6 +40,7 @@ def run(
     from semmap_log.door_log.day import day_of_doors
     from semmap_log.door_log.summary import open_any, summarize
     from semmap_log.formats.json.door_json import day_to_json
+    from semmap_log.io.made_logs import is_called_as_made
     from semmap_log.io.url_path import place_of
     from semmap_log.views.day_chart import day_chart
     from semmap_log.views.health import head_hint
@@ -61,7 +62,8 @@ def run(
         out.print()
     elif day is not None:
         say(f"--day {day}: no door was in the map on that day, or the file is not a whole log.")
-    out.print(head_hint(place_of(log)))
+    if not is_called_as_made(log):  # a join has a view for each state of its logs
+        out.print(head_hint(place_of(log)))
 
 
 def _to_json(summary: Any) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, LogError
+from semmap_log.io.made_logs import refuse_made
 from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.progress import Progress
 from semmap_log.io.url_path import UrlPath
@@ -74,6 +75,7 @@ def ship(log: Path, place: UrlPath | ObjectStore, progress: Progress | None = No
         CorruptLogError: The log, or what lies there, is damaged.
         MissingExtraError: A package for stores is not installed.
     """
+    refuse_made(log)
     reader = LogReader(LogFolder(log))
     store = place if isinstance(place, ObjectStore) else ObjectStore(place)
     shipping = _Shipping(store, reader.segments, progress)

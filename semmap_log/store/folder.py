@@ -25,8 +25,9 @@ from typing import TYPE_CHECKING, BinaryIO
 from semmap_log.errors import LogAccessError
 from semmap_log.io.disk import TEMPORARY_SUFFIX
 from semmap_log.io.file_calls import FOLDER, NO_LINK, PLAIN, check_can_write
+from semmap_log.io.made_logs import MadeLog, made_log
 from semmap_log.store.form import LOCK_NAME, is_temporary
-from semmap_log.store.zipped import is_zip, refuse_zip, unpacked
+from semmap_log.store.zipped import UnpackedLog, is_zip, refuse_zip, unpacked
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
@@ -50,19 +51,28 @@ def version_of(status: os.stat_result) -> Version:
 class LogFolder:
     """A folder in which a log lies, or will."""
 
-    def __init__(self, path: Path, fd: int | None = None, name: str = "") -> None:
-        """Name a folder, or a zip file with a log in it; `held` opens a folder, too.
+    def __init__(
+        self, path: Path, fd: int | None = None, name: str = "", *, made: MadeLog | None = None
+    ) -> None:
+        """Name a folder, a zip file, or what a log is made of; `held` opens a folder, too.
+
+        Args:
+            path: The path.
+            fd: Of the folder, where it is open.
+            name: Its own name.
+            made: Where its files are, of a log that was made of others.
 
         Raises:
-            LogError: There is not one log in the zip file, or it cannot be unpacked.
+            LogError: There is not one log in the zip file, or it cannot be unpacked; or a log
+                cannot be made of others.
         """
         self.path = path
         """As it was given: for messages."""
         self.given = Path(os.path.abspath(path))
         """Where it was when it was opened, whatever becomes of the working directory."""
-        self._unpacked = unpacked(path) if fd is None and is_zip(path) else None
-        self.absolute = self.given if self._unpacked is None else self._unpacked.path
-        """Where its files are: elsewhere, if they came in a zip file."""
+        self._elsewhere = made if made is not None or fd is not None else _elsewhere(path)
+        self.absolute = self.given if self._elsewhere is None else self._elsewhere.path
+        """Where its files are: elsewhere, if they came in a zip file, or were made."""
         self._fd = fd
         self.name = name or path.name
         """The folder's own name when it was opened."""
@@ -74,7 +84,7 @@ class LogFolder:
         """Return a folder that is kept open as long as anybody has it.
 
         Raises:
-            LogAccessError: It is a zip file, or this system lacks what writing needs.
+            LogAccessError: It is no folder, or this system lacks what writing needs.
             OSError: As the system says.
         """
         refuse_zip(path)
@@ -309,6 +319,11 @@ class LogFolder:
     def _no_file(self, name: str) -> LogAccessError:
         problem = f"{self.path / name}: expected a regular file; a log has no others"
         return LogAccessError(f"{problem}. Move it elsewhere.")
+
+
+def _elsewhere(path: Path) -> MadeLog | UnpackedLog | None:
+    """Return where the files are that belong to a path which is no folder."""
+    return made_log(path) or (unpacked(path) if is_zip(path) else None)
 
 
 def _synced(fd: int) -> None:

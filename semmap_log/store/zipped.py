@@ -26,6 +26,7 @@ from typing import BinaryIO
 
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.io.file_calls import open_plainly
+from semmap_log.io.made_logs import refuse_made
 from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME, KEPT_SUFFIX, REMOVED_NAME
 
 FREE_BYTES = 128 * 2**20
@@ -92,11 +93,12 @@ def unpacked(path: Path) -> UnpackedLog:
 
 
 def refuse_zip(path: Path) -> None:
-    """Keep whoever wants to write from a zipped log.
+    """Keep whoever wants to write from a zipped log, and from one that is made of others.
 
     Raises:
         LogAccessError: It is one.
     """
+    refuse_made(path)
     if is_zip(path):
         raise LogAccessError(
             f"{path}: a log in a zip file can only be read. To write to it, unpack it first, "

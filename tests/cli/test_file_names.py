@@ -14,8 +14,8 @@ from semmap_log.errors import LogError
 
 READS_A_ZIP = {
     "best-time", "calibrate", "costmap", "diff", "evaluate", "export", "go", "history", "info",
-    "patrol-plan", "play", "probabilities", "replay", "report", "rooms", "scan-report", "show",
-    "tail", "timeline", "verify", "view",
+    "join", "patrol-plan", "play", "probabilities", "replay", "report", "rooms", "scan-report",
+    "show", "tail", "timeline", "verify", "view",
 }  # fmt: skip
 """`serve` reads one with --read-only; it says nothing of it."""
 

@@ -55,9 +55,11 @@ OF_NO_LOG = {"demo", "init", "ros-package", "prolog-module", "oprs-package", "as
 NEED_MORE = {"serve", "play", "scan-report"}
 """ROS, or scans; they open the log as `append` and `read` do."""
 CARE = {"recover", "compact"}
+"""`test_care`."""
 STORES = {"ship", "fetch"}
 """`tests/fleet`: a store knows no kinds of events."""
-"""`test_care`."""
+JOINS = {"join"}
+"""`tests/fleet/join`: what is unknown in one of the logs."""
 
 
 def test_every_verb_is_asked() -> None:
@@ -67,7 +69,7 @@ def test_every_verb_is_asked() -> None:
     command = get_command(app)
     verbs = {name for name, one in command.commands.items() if not one.hidden}  # type: ignore[attr-defined]
 
-    assert verbs == {*LIST, *ANSWER, *WRITE, *OF_NO_LOG, *NEED_MORE, *CARE, *STORES}
+    assert verbs == {*LIST, *ANSWER, *WRITE, *OF_NO_LOG, *NEED_MORE, *CARE, *STORES, *JOINS}
 
 
 @pytest.mark.parametrize("made", ["locked live", "locked closed", "replaced live", "unsaid live"])

@@ -17,6 +17,7 @@ from mutation.experiment_table_guards import EXPERIMENT_TABLES
 from mutation.folder_guards import FOLDERS
 from mutation.foreign_guards import FOREIGN
 from mutation.habit_guards import HABITS
+from mutation.join_guards import JOINS
 from mutation.keeping_guards import KEEPING
 from mutation.kernel_guards import KERNELS
 from mutation.laser_input_guards import LASER_INPUT
@@ -394,5 +395,5 @@ GUARDS: tuple[Mutant, ...] = (
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
     *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *STORES, *PROPOSALS, *PLANNING, *ROOMS,
-    *EXPERIMENT, *EXPERIMENT_TABLES, *KEEPING,
+    *EXPERIMENT, *EXPERIMENT_TABLES, *KEEPING, *JOINS,
 )  # fmt: skip

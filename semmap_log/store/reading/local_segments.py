@@ -7,6 +7,7 @@ from pathlib import Path
 from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, NotALogError
 from semmap_log.io.byte_source import ByteSource
+from semmap_log.io.made_logs import is_called_as_made
 from semmap_log.io.object_source import ObjectSource
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.io.url_path import UrlPath
@@ -154,6 +155,9 @@ def list_segments(folder: LogFolder) -> Listing:
 
 
 def _no_such_log(path: Path) -> str:
+    if is_called_as_made(path):
+        line = command_line("join", path, "LOG", "LOG")
+        return f"{path}: no such file. To join logs in it: {line}"
     if has_name_of_file(path):
         return f"{path}: no such file; a log is a folder, or, to read, a zip of one."
     return f"{path}: no such log. To make one: {command_line('init', path)}"

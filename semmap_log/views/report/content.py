@@ -13,6 +13,7 @@ from semmap_log.beliefs.door_beliefs import LATER, belief, default_estimator
 from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
 from semmap_log.domain.doors import DoorId, DoorMap, DoorState
 from semmap_log.domain.moments import format_local, zone
+from semmap_log.door_log.robot_names import robots_of
 from semmap_log.door_log.summary import LogSummary
 from semmap_log.folds.levels import levels_of
 from semmap_log.folds.patrol_rounds import ROUND_KINDS, rounds
@@ -135,6 +136,8 @@ def report_data(
             for page_door, coded in zip(told, states, strict=True)
         ],
         "track": track.runs,
+        "trackRobots": track.robots,
+        "robots": list(robots_of(log.info)),
         "trackWithin": round(track.within_m, 2),
         "rounds": rounds_of(log, span),
         "changes": changes_of(log, found.told, told, span),

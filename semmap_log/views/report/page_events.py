@@ -1,6 +1,6 @@
 """One pass over a log's events: what the page needs of them, in a few columns.
 
-Of each report of a state 22 bytes are kept, of each pose 18; the rest is rare.
+Of each report of a state 22 bytes are kept, of each pose 20; the rest is rare.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import KINDS, DoorPassed, PatrolFinished, PatrolStarted, RobotPose
+from semmap_log.door_log.robot_names import robots_of, robots_of_poses
 from semmap_log.folds.door_changes import CHANGE, EVERYTHING, STATE, STATE_CHANGE, parts_of
 from semmap_log.views.excerpt.door_rows import sorted_by_stamp
 from semmap_log.views.excerpt.span import Excerpt
 
-POSE = np.dtype([("folds_ns", "i8"), ("level", "u2"), ("x", "f4"), ("y", "f4")])
+POSE = np.dtype([("folds_ns", "i8"), ("level", "u2"), ("x", "f4"), ("y", "f4"), ("robot", "u2")])
 STAMP = np.dtype([("folds_ns", "i8"), ("number", "i8")])
 
 MOST_CHANGES = 200
@@ -53,7 +54,7 @@ class PageEvents:
 
 def gather(excerpt: Excerpt, progress: Callable[[int, int], None] | None = None) -> PageEvents:
     """Read the events of an excerpt."""
-    reading = _Reading()
+    reading = _Reading(robots_of(excerpt.log.info))
     for batch in excerpt.happened(progress):
         reading.take(batch)
     return reading.page_events()
@@ -61,6 +62,7 @@ def gather(excerpt: Excerpt, progress: Callable[[int, int], None] | None = None)
 
 @dataclass(slots=True)
 class _Reading:
+    robots: tuple[str, ...]
     states: list[Rows] = field(default_factory=lambda: [np.empty(0, STATE_CHANGE)])
     rest: list[Rows] = field(default_factory=lambda: [np.empty(0, CHANGE)])
     poses: list[Rows] = field(default_factory=lambda: [np.empty(0, POSE)])
@@ -78,7 +80,7 @@ class _Reading:
         self.states += parts_of(batch, STATE_CHANGE, setting=STATE)
         self.rest += parts_of(batch, CHANGE, setting=EVERYTHING & ~STATE)
         if RobotPose in batch:
-            self.poses.append(_poses(batch))
+            self.poses.append(_poses(batch, self.robots))
         self._tell(batch)
 
     def page_events(self) -> PageEvents:
@@ -103,9 +105,10 @@ class _Reading:
         self.told = sorted_by_stamp(np.concatenate([self.told, stamps]))[-MOST_CHANGES:]
 
 
-def _poses(batch: EventBatch) -> Rows:
+def _poses(batch: EventBatch, robots: tuple[str, ...]) -> Rows:
     poses = np.empty(len(batch.where(RobotPose)), POSE)
     poses["folds_ns"] = batch.folds_ns[batch.where(RobotPose)]
+    poses["robot"] = robots_of_poses(batch, robots)
     with np.errstate(over="ignore"):  # what float32 cannot hold is nowhere near a building
         for name in ("level", "x", "y"):
             poses[name] = batch[RobotPose][name]

@@ -1,4 +1,4 @@
-"""The robot's track, with as few points as it takes: a point every 25 cm is more than eyes see.
+"""Each robot's track, with as few points as it takes: a point every 25 cm is more than eyes see.
 
 Between two points the robot went straight, at one speed; behind the last of a run it stands.
 """
@@ -32,6 +32,8 @@ class DrawnTrack:
     runs: list[list[int]]
     """[level, then for each point tenths of seconds, x and y in decimetres]; each point but the
     first as the difference from the one before."""
+    robots: list[int]
+    """Of each run, the place of its robot among those that the log tells of."""
     within_m: float
     """So far at most a pose lies off it."""
 
@@ -39,19 +41,23 @@ class DrawnTrack:
 def track_of(poses: Rows, span: Span) -> DrawnTrack:
     """Return the track of poses that are in the order of their times."""
     if not len(poses):
-        return DrawnTrack([], TOLERANCE_M + ROUNDING_M)
+        return DrawnTrack([], [], TOLERANCE_M + ROUNDING_M)
     runs = _runs(poses)
     tolerance_m = TOLERANCE_M
     while True:
         kept = [run[telling(run, tolerance_m)] for run in runs]
         if sum(map(len, kept)) <= max(MOST_POINTS, 2 * len(runs)):
-            return DrawnTrack([_coded(run, span) for run in kept], tolerance_m + ROUNDING_M)
+            coded = [_coded(run, span) for run in kept]
+            of = [int(run["robot"][0]) for run in kept]
+            return DrawnTrack(coded, of, tolerance_m + ROUNDING_M)
         tolerance_m *= 2
 
 
 def _runs(poses: Rows) -> list[Rows]:
-    """Cut where the level changes, or where nothing was told for long."""
-    jumps = np.diff(poses["level"].astype(np.int32)) != 0
+    """Cut where the level changes, or where nothing was told for long; robot after robot."""
+    poses = poses[np.argsort(poses["robot"], kind="stable")]
+    jumps = np.diff(poses["robot"].astype(np.int32)) != 0
+    jumps |= np.diff(poses["level"].astype(np.int32)) != 0
     jumps |= np.diff(poses["folds_ns"]) > GAP_MS * 10**6
     return np.split(poses, np.flatnonzero(jumps) + 1)
 

@@ -19,7 +19,7 @@ from semmap_log.views.rerun.belief_curves import MOST_CURVES, MOST_WEEKS, Belief
 from semmap_log.views.rerun.costmap_pictures import COSTMAP, has_costmap
 from semmap_log.views.rerun.nothing import NOTHING
 from semmap_log.views.rerun.rerun_sdk import rr, rrb
-from semmap_log.views.rerun.robot_track import track_path
+from semmap_log.views.rerun.robot_track import track_paths
 from semmap_log.views.rerun.round_lanes import ROUNDS, Lane
 from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, entity
 from semmap_log.views.rerun.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLevel
@@ -128,7 +128,7 @@ def _plans(
     busiest = max(levels, key=lambda each: each.doors)
     wanted = next((each for each in levels if each.level == level), busiest)
     front = levels.index(wanted if wanted.doors or not busiest.doors else busiest)
-    plans = [_plan(each, palette) for each in levels]
+    plans = [_plan(each, scene, palette) for each in levels]
     if costmap:
         plans += [_costmap(each, palette) for each in levels if has_costmap(scene, each)]
     if sightings is not None:
@@ -136,8 +136,9 @@ def _plans(
     return rrb.Tabs(*plans, active_tab=front)
 
 
-def _plan(level: SceneLevel, palette: Palette) -> View:
-    overrides = {entity(track_path(level)): [_recent_track()]} if level.has_robot else {}
+def _plan(level: SceneLevel, scene: Scene, palette: Palette) -> View:
+    paths = track_paths(level, scene) if level.has_robot else []
+    overrides = {entity(path): [_recent_track()] for path in paths}
     name = "Floor plan" if level.path == (ROOT,) else level.name
     contents = [f"+ {entity(level.path)}/**"]
     contents += [f"- {entity((*level.path, part))}/**" for part in (COSTMAP, SIGHTINGS)]

@@ -17,6 +17,7 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.domain.events import DoorAnnotated, RobotPose
 from semmap_log.domain.meaning import FIELDS, Changed, Presence
+from semmap_log.door_log.robot_names import robots_of
 from semmap_log.folds.door_changes import THERE, Changes, Stamp, door_changes, of_presence
 from semmap_log.folds.levels import levels_of
 from semmap_log.replay.replay import Scope
@@ -86,6 +87,7 @@ class RecordingContents:
             levels=levels,
             home_of_0=home,
             robot_level=home if robot_level == 0 else robot_level,
+            robots=robots_of(self._excerpt.log.info),
             events=pass_.events,
             commits=np.concatenate([np.empty(0, np.int64), *pass_.commits]),
             begin=pass_.begin,

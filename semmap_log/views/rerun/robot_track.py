@@ -1,5 +1,7 @@
 """The robot into a rerun recording: an arrow where it is, and its track behind it.
 
+Each robot has a track of its own, if the log is of several.
+
 In a long recording poses that hardly differ from the ones before are left out: see `thinning`.
 Along `recorded` poses that were taken back stay where they are.
 """
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import RobotPose
+from semmap_log.door_log.robot_names import robots_of_poses
 from semmap_log.views.palette import Palette, packed
 from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.rows import MOST_ROWS, RowWriter
@@ -38,10 +41,42 @@ Poses = NDArray[np.void]
 
 
 class RobotWriter:
-    """Lets poses wait until they make a good chunk, then writes them."""
+    """Writes the poses of each robot on its own: between two robots nobody drove."""
 
     def __init__(self, writer: RowWriter, scene: Scene, palette: Palette) -> None:
+        self._robots = scene.robots
+        self._tracks = [_RobotTrack(writer, scene, palette, name) for name in _named(scene)]
+
+    @property
+    def left_out(self) -> int:
+        """Poses so far that are not drawn: others stand in their place."""
+        return sum(track.left_out for track in self._tracks)
+
+    def take(self, batch: EventBatch) -> None:
+        """Take the poses of the next batch, in order of their numbers."""
+        if RobotPose not in batch:
+            return
+        poses, of = _poses_of(batch), robots_of_poses(batch, self._robots)
+        for place, track in enumerate(self._tracks):
+            track.take(poses[of == place])
+
+    def finish(self) -> None:
+        """Write what still waits."""
+        for track in self._tracks:
+            track.finish()
+
+
+def _named(scene: Scene) -> Sequence[str]:
+    """Return what the robots are called where there are several; one alone needs no name."""
+    return scene.robots if len(scene.robots) > 1 else ("",)
+
+
+class _RobotTrack:
+    """Lets the poses of one robot wait until they make a good chunk, then writes them."""
+
+    def __init__(self, writer: RowWriter, scene: Scene, palette: Palette, name: str) -> None:
         self._writer = writer
+        self._name = name
         self._home_of_0 = scene.home_of_0 or 0
         self._levels = [level for level in scene.levels.values() if level.has_robot]
         self._waiting: list[Poses] = []
@@ -55,13 +90,12 @@ class RobotWriter:
         for level in self._levels:
             self._write_style(level, palette)
 
-    def take(self, batch: EventBatch) -> None:
-        """Take the poses of the next batch, in order of their numbers."""
-        if RobotPose in batch:
-            poses = _poses_of(batch)
+    def take(self, poses: Poses) -> None:
+        """Take its next poses, in order of their numbers."""
+        if len(poses):
             poses["level"][poses["level"] == 0] = self._home_of_0
             self._waiting.append(poses)
-            self._rows_waiting += len(self._waiting[-1])
+            self._rows_waiting += len(poses)
         if self._rows_waiting >= MOST_ROWS:
             self.finish()
 
@@ -90,13 +124,13 @@ class RobotWriter:
 
     def _write_style(self, level: SceneLevel, palette: Palette) -> None:
         self._writer.static(
-            _pose_path(level),
+            _pose_path(level, self._name),
             rr.Arrows2D.from_fields(
                 colors=packed(palette.robot), radii=rr.Radius.ui_points(3.0), draw_order=8.0
             ),
         )
         self._writer.static(
-            track_path(level),
+            _track_path(level, self._name),
             rr.LineStrips2D.from_fields(
                 colors=packed(palette.robot, 0x70), radii=rr.Radius.ui_points(1.0), draw_order=5.0
             ),
@@ -109,19 +143,27 @@ class RobotWriter:
         def arrows(part: Poses) -> Sequence[Any]:
             return _arrows(part, part["level"] == level.level, arrow_m)
 
-        self._writer.events(_pose_path(level), poses[here | came_from_here], arrows)
+        self._writer.events(_pose_path(level, self._name), poses[here | came_from_here], arrows)
         apart_ns = poses["folds_ns"] - poses["from_ns"]
         drove = here & came_from_here & (apart_ns >= 0) & (apart_ns <= GAP_NS)
-        self._writer.events(track_path(level), poses[drove], _segments)
+        self._writer.events(_track_path(level, self._name), poses[drove], _segments)
 
 
-def track_path(level: SceneLevel) -> EntityPath:
-    """Return the entity of the robot's track on a level."""
-    return (*level.path, "robot", "track")
+def track_paths(level: SceneLevel, scene: Scene) -> list[EntityPath]:
+    """Return the entities of the robots' tracks on a level."""
+    return [_track_path(level, name) for name in _named(scene)]
 
 
-def _pose_path(level: SceneLevel) -> EntityPath:
-    return (*level.path, "robot", "pose")
+def _track_path(level: SceneLevel, name: str) -> EntityPath:
+    return (*_robot_path(level, name), "track")
+
+
+def _pose_path(level: SceneLevel, name: str) -> EntityPath:
+    return (*_robot_path(level, name), "pose")
+
+
+def _robot_path(level: SceneLevel, name: str) -> EntityPath:
+    return (*level.path, "robot", name) if name else (*level.path, "robot")
 
 
 def _poses_of(batch: EventBatch) -> Poses:

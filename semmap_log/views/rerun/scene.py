@@ -75,6 +75,8 @@ class Scene:
     """Where poses of level 0 are drawn: see `excerpt.levels`."""
     robot_level: int | None
     """Where the robot is at the end; None: it never told, or nobody knows on which level."""
+    robots: tuple[str, ...]
+    """Those that the log tells of."""
     events: int
     """That stand on any of its timelines."""
     commits: NDArray[np.int64]

@@ -25,7 +25,7 @@ def walk(seed: int, steps: int) -> np.ndarray:
     x = y = heading = 0.0
     ns = BEGIN_MS * MS_NS
     for i in range(steps):
-        poses[i] = (ns, 1, x, y)
+        poses[i] = (ns, 1, x, y, 0)
         heading += rng.gauss(0, 0.3)
         x, y = x + 0.5 * math.cos(heading), y + 0.5 * math.sin(heading)
         ns += rng.randrange(500, 3000) * MS_NS
@@ -95,3 +95,19 @@ def test_no_poses_no_track() -> None:
     A log without a robot has none.
     """
     assert [] == track_of(np.zeros(0, POSE), SPAN).runs
+
+
+def test_two_robots_have_a_track_each() -> None:
+    """
+    Their poses come by turns; nobody drove from one robot to the other.
+    """
+    poses = np.zeros(40, POSE)
+    poses["folds_ns"] = (BEGIN_MS + 1000 * np.arange(40)) * MS_NS
+    poses["robot"] = np.arange(40) % 2
+    poses["x"] = np.where(poses["robot"] == 1, 90.0, 0.0)
+
+    track = track_of(poses, SPAN)
+
+    assert [0, 1] == track.robots
+    assert [0, 900] == [run[2] for run in track.runs]
+    assert all({0} == set(run[5::3]) for run in track.runs)

@@ -43,14 +43,17 @@ function showCounts(bar, counts, t) {
 
 function whereaboutsText(t) {
   const said = [];
-  const robot = robotAt(t), round = roundAt(t);
+  const round = roundAt(t);
   if (round) said.push(`Under way: ${roundText(round)}.`);
-  if (robot) {
-    const level = panels.length > 1 ? `${levelNames.get(robot.level) || "level not told"}, ` : "";
-    const old = t - robot.told > 10 * MINUTE ? `, standing since ${shortTime(robot.told)}` : "";
-    said.push(`Robot: ${level}${metres(robot.x)},\u00a0${metres(robot.y)}\u00a0m${old}.`);
-  } else if (runs.length) {
-    said.push("Nobody knows where the robot is.");
+  for (const one of robots) {
+    const robot = robotAt(one, t), called = robots.length > 1 ? one.name : "Robot";
+    if (robot) {
+      const level = panels.length > 1 ? `${levelNames.get(robot.level) || "level not told"}, ` : "";
+      const old = t - robot.told > 10 * MINUTE ? `, standing since ${shortTime(robot.told)}` : "";
+      said.push(`${called}: ${level}${metres(robot.x)},\u00a0${metres(robot.y)}\u00a0m${old}.`);
+    } else if (one.runs.length) {
+      said.push(`Nobody knows where ${robots.length > 1 ? called : "the robot"} is.`);
+    }
   }
   return said.join(" ");
 }

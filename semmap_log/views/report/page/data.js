@@ -76,10 +76,15 @@ const runs = data.track.map(([level, ...deltas]) => {
   }
   return run;
 });
-const runsBegin = Float64Array.from(runs, (run) => run.t[0]);
 
-/** Where the robot is; null: nobody knows, or nobody has known for a day. */
-function robotAt(t) {
+/** The robots, each with its runs in order: the log may be of several. */
+const robots = data.robots.map((name, place) => {
+  const own = runs.filter((_, i) => data.trackRobots[i] === place);
+  return { name, runs: own, runsBegin: Float64Array.from(own, (run) => run.t[0]) };
+});
+
+/** Where a robot is; null: nobody knows, or nobody has known for a day. */
+function robotAt({ runs, runsBegin }, t) {
   const run = runs[lastUpTo(runsBegin, t)];
   if (!run) return null;
   const i = lastUpTo(run.t, t), told = run.t[i];
@@ -93,9 +98,9 @@ function robotAt(t) {
   };
 }
 
-/** The robot's way on a level from one moment to another: lines, each a list of [x, y]. */
-function wayOf(level, from, to) {
-  const lines = [];
+/** A robot's way on a level from one moment to another: lines, each a list of [x, y]. */
+function wayOf(robot, level, from, to) {
+  const { runs, runsBegin } = robot, lines = [];
   for (let r = Math.max(lastUpTo(runsBegin, from), 0); r < runs.length && runs[r].t[0] <= to; r++) {
     const run = runs[r];
     if (run.level !== level) continue;
@@ -104,7 +109,7 @@ function wayOf(level, from, to) {
       line.push([run.x[i], run.y[i]]);
     }
     if (run.t[run.t.length - 1] < from) continue;
-    const now = robotAt(to);
+    const now = robotAt(robot, to);
     if (now && now.level === level && lastUpTo(runsBegin, to) === r) line.push([now.x, now.y]);
     if (line.length > 1) lines.push(line);
   }

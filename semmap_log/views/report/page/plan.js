@@ -25,11 +25,11 @@ class LevelPanel {
     });
     this.roomNames = drawn("g", { class: "room-names", "aria-hidden": "true" });
     this.track = drawn("path", { class: "track" });
-    this.robot = drawn("circle", { class: "robot", r: 6 });
+    this.robots = robots.map(() => drawn("circle", { class: "robot", r: 6 }));
     this.labels = drawn("g", { class: "labels", "aria-hidden": "true" });
     this.metres = drawn("g", { class: "metres", "aria-hidden": "true" });
     this.svg = drawn("svg", { class: "map", role: "group", "aria-label": `Plan of ${level.name}` },
-      this.tints, this.picture, this.roomNames, this.track, ...this.marks.map((mark) => mark.group), this.robot, this.labels, this.metres);
+      this.tints, this.picture, this.roomNames, this.track, ...this.marks.map((mark) => mark.group), ...this.robots, this.labels, this.metres);
     this.unplaced = el("div", { class: "unplaced" });
     this.unlabelled = el("p", { class: "aside unlabelled" });
     this.element = el("div", { class: "level", role: "tabpanel", id: `level-${this.level}`, "aria-label": level.name },
@@ -201,15 +201,16 @@ class LevelPanel {
   }
 
   showRobot(t) {
-    const robot = robotAt(t);
-    const here = robot !== null && robot.level === this.level;
-    this.robot.classList.toggle("gone", !here);
-    if (here) {
+    robots.forEach((one, i) => {
+      const robot = robotAt(one, t), mark = this.robots[i];
+      const here = robot !== null && robot.level === this.level;
+      mark.classList.toggle("gone", !here);
+      if (!here) return;
       const [x, y] = this.pixel(robot.x, robot.y);
-      this.robot.setAttribute("cx", x);
-      this.robot.setAttribute("cy", y);
-    }
-    const lines = wayOf(this.level, t - TRACK_MS, t).map((line) =>
+      mark.setAttribute("cx", x);
+      mark.setAttribute("cy", y);
+    });
+    const lines = robots.flatMap((one) => wayOf(one, this.level, t - TRACK_MS, t)).map((line) =>
       "M" + line.map(([x, y]) => this.pixel(x, y).map((n) => n.toFixed(1)).join(" ")).join("L"));
     this.track.setAttribute("d", lines.join(""));
   }
@@ -323,8 +324,8 @@ function setUpPlan() {
 
 /** The level where the robot is, if it has doors, or the one with most. */
 function mostOfInterest() {
-  const robot = robotAt(clock.t);
-  const withRobot = panels.find((panel) => robot && panel.level === robot.level);
+  const levels = robots.map((one) => robotAt(one, clock.t)?.level);
+  const withRobot = panels.find((panel) => levels.includes(panel.level));
   const withMost = panels.reduce((best, panel) => (panel.marks.length > best.marks.length ? panel : best));
   return withRobot && (withRobot.marks.length || !withMost.marks.length) ? withRobot : withMost;
 }
