@@ -51,13 +51,6 @@ STORES: tuple[Mutant, ...] = (
         "stores: a manifest tells what can be", "_check_possible", "not holds", "False", "test_seam"
     ),
     guard(
-        "stores: a name twice",
-        "_check_chain",
-        "len({segment.name for segment in manifest.segments}) < len(manifest.segments)",
-        "False",
-        "test_seam",
-    ),
-    guard(
         "stores: verify compares each field",
         "manifest_differences._differences",
         "said != is_so",
