@@ -10,6 +10,7 @@ from rich.text import Text
 
 from semmap_log.common.texts import command_line, counted
 from semmap_log.domain.moments import format_local
+from semmap_log.io.url_path import UrlPath
 from semmap_log.store.verification.findings import Finding, Severity, Verification
 
 if TYPE_CHECKING:
@@ -111,6 +112,12 @@ def _finding(finding: Finding) -> list[RenderableType]:
 
 
 def _what_to_do(found: Verification) -> str:
+    if found.exit_code == 4 and isinstance(found.path, UrlPath):
+        return (
+            "To do: remove the objects named above and manifest.json there, and ship the log\n"
+            "again from its robot's disk or a backup; what is good there is not sent again:\n"
+            f"  {command_line('ship', 'LOG', found.path)}"
+        )
     if found.exit_code == 4:
         return (
             "To do: take the folder from a backup if there is one. What can be saved shows:\n"

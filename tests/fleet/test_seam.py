@@ -282,3 +282,28 @@ def test_no_key_and_no_password_is_in_a_message(
     assert code
     for secret in ("pa55word", "SENTINELKEY", "SENTINELSECRET", "SENTINELTOKEN"):
         assert secret not in said
+
+
+def test_what_verify_says_to_do_about_damage_mends_it(
+    bucket: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    Remove what it names, and the manifest; ship again: only what was removed is sent.
+    """
+    done = ship(WEEK, UrlPath(bucket))
+    store = ObjectStore(UrlPath(bucket))
+    name = done.manifest.segments[2].name
+    store.remove(name)
+    store.create(name, bytes(done.manifest.segments[2].size))
+    assert 4 == exit_of("verify", bucket)
+    said = capsys.readouterr().out
+    assert name in said
+    assert "manifest.json there" in said
+    assert f"ship LOG {bucket}" in said
+
+    store.remove(name)
+    store.remove("manifest.json")
+    again = ship(WEEK, UrlPath(bucket))
+
+    assert 1 == again.sent
+    assert 0 == verify(UrlPath(bucket)).exit_code
