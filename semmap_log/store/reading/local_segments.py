@@ -66,9 +66,11 @@ class LocalSegments:
         """Return name and inode of each; of a removed one its hash; as `SegmentStore.segments`."""
         part = self._removed_part()  # first: what is removed meanwhile is listed again
         listed = list_segments(self.folder)
+        if part is None:
+            self._elsewhere = {}
+            return listed
         here = {name for name, _ in listed}
-        removed = () if part is None else part.segments
-        self._elsewhere = {one.file: one for one in removed if one.file not in here}
+        self._elsewhere = {one.file: one for one in part.segments if one.file not in here}
         return sorted(
             [*listed, *((one.file, one.shipped.sha256) for one in self._elsewhere.values())],
             key=lambda named: named[0],
