@@ -9,7 +9,7 @@ from types import FrameType
 from typing import Any
 
 MOST_CALLS_A_LOOK = 115
-"""At a log in which nothing happens: what is asked of its folder, of two small files, and of its last one."""
+"""At a log in which nothing happens: asked of its folder, two small files, and its last one."""
 
 
 def calls_of(work: Callable[[], object]) -> Counter[str]:
