@@ -49,6 +49,8 @@ class LocalSegments:
         """What shipped.json said, and what tells that it is still the same file."""
         self._elsewhere: dict[str, RemovedSegment] = {}
         """Those whose files are not there, as listed last."""
+        self._listed: Listing = []
+        """The files that were there at the last look: while they are, none was removed."""
         self._mark: tuple[Version | None, ClosedMark | None] = None, None
         """What closed.json said, and what tells that it is still the same file."""
 
@@ -64,8 +66,11 @@ class LocalSegments:
 
     def segments(self) -> Listing:
         """Return name and inode of each; of a removed one its hash; as `SegmentStore.segments`."""
-        part = self._removed_part()  # first: what is removed meanwhile is listed again
         listed = list_segments(self.folder)
+        if listed == self._listed and not self._elsewhere:
+            return listed
+        part = self._removed_part()  # then: it is written before the first file goes
+        self._listed = listed
         if part is None:
             self._elsewhere = {}
             return listed
