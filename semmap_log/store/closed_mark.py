@@ -10,7 +10,6 @@ read as it is.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from dataclasses import asdict, dataclass
 from pathlib import PurePath
@@ -19,7 +18,8 @@ from semmap_log.common.texts import command_line
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.commit_records import HASH_BYTES
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import CLOSED_MARK_NAME, DIGEST_KEY
+from semmap_log.store.form import CLOSED_MARK_NAME
+from semmap_log.store.sealed_json import sealed, unsealed
 
 MOST_BYTES = 4096
 """A mark has some 250."""
@@ -39,8 +39,7 @@ class ClosedMark:
 
     def text(self) -> str:
         """Return the file's text."""
-        entries = asdict(self)
-        return json.dumps({**entries, DIGEST_KEY: _digest(entries)}) + "\n"
+        return sealed(asdict(self))
 
 
 def write_mark(folder: LogFolder, mark: ClosedMark) -> None:
@@ -78,10 +77,8 @@ def mark_in(data: bytes, log: PurePath) -> ClosedMark:
         CorruptLogError: They are not what was written.
     """
     try:
-        entries = json.loads(data)
-        digest = entries.pop(DIGEST_KEY)
-        mark = ClosedMark(**entries)
-        fits = digest == _digest(entries) and len(bytes.fromhex(mark.head)) == HASH_BYTES
+        mark = ClosedMark(**unsealed(json.loads(data)))
+        fits = len(bytes.fromhex(mark.head)) == HASH_BYTES
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         fits = False
     if not fits:
@@ -93,7 +90,3 @@ def _damaged(log: PurePath, problem: str) -> CorruptLogError:
     unknown = "whether the log is as long as it was cannot be told"
     problem = f"{problem}: {unknown}. To take it as it is: {command_line('recover', log)}"
     return CorruptLogError(log / CLOSED_MARK_NAME, None, problem)
-
-
-def _digest(entries: dict[str, object]) -> str:
-    return hashlib.sha256(json.dumps(entries, sort_keys=True).encode()).hexdigest()

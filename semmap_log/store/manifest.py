@@ -8,7 +8,6 @@ compared then.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 from collections.abc import Mapping
@@ -20,8 +19,9 @@ from typing import Any
 from semmap_log.errors import CorruptLogError, NewerLogError
 from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.commit_records import HASH_BYTES, NO_HASH
-from semmap_log.store.form import DIGEST_KEY, count_events
+from semmap_log.store.form import count_events
 from semmap_log.store.header import LogInfo, SegmentHeader
+from semmap_log.store.sealed_json import sealed, unsealed
 
 MANIFEST_NAME = "manifest.json"
 _FORMAT = 1
@@ -100,7 +100,7 @@ class Manifest:
             "superseded": [[one.name, one.size, one.since_ns] for one in self.superseded],
             "generation": self.generation,
         }
-        return json.dumps({**entries, DIGEST_KEY: _digest(entries)}) + "\n"
+        return sealed(entries)
 
 
 def manifest_in(data: bytes, where: PurePath) -> Manifest:
@@ -119,8 +119,7 @@ def manifest_in(data: bytes, where: PurePath) -> Manifest:
         if entries["format"] != _FORMAT:
             told = f"{where}: format {entries['format']!r}: this program reads {_FORMAT}"
             raise NewerLogError(f"{told}; install a newer semmap-log.")  # noqa: TRY301
-        if entries.pop(DIGEST_KEY) != _digest(entries):
-            raise ValueError("its digest does not fit it")  # noqa: TRY301
+        entries = unsealed(entries)
         info = LogInfo(*(entries[name] for name in ("log_id", "timezone", "building", "robot")))
         segments = tuple(_segment_of(each, info) for each in entries["segments"])
         superseded = tuple(_superseded_of(*each) for each in entries.get("superseded", ()))
@@ -242,7 +241,3 @@ def _check_possible(told: ShippedSegment) -> None:
     for name, holds in is_possible.items():
         if not holds:
             raise ValueError(f"segment {header.number}: {name} cannot be what it tells")
-
-
-def _digest(entries: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(entries, sort_keys=True).encode()).hexdigest()

@@ -8,17 +8,16 @@ commands in it, what was taken back) is kept in a small file beside it.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.io.url_path import UrlPath, place_of
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import DIGEST_KEY, KEPT_SUFFIX, REMOVED_NAME
+from semmap_log.store.form import KEPT_SUFFIX, REMOVED_NAME
 from semmap_log.store.manifest import Manifest, ShippedSegment, manifest_in
+from semmap_log.store.sealed_json import sealed, unsealed
 
 WITH_VARIABLE = "SEMMAP_LOG_WITH"
 """Names the URL at which segments are read that were removed from the disk."""
@@ -67,7 +66,7 @@ class RemovedPart:
             "files": [list(pair) for pair in self.files],
             "manifest": json.loads(self.manifest.text()),
         }
-        return json.dumps({**entries, DIGEST_KEY: _digest(entries)}) + "\n"
+        return sealed(entries)
 
 
 def kept_name(file: str) -> str:
@@ -89,9 +88,9 @@ def read_removed_part(folder: LogFolder) -> RemovedPart | None:
         problem = f"it cannot be read: {error.strerror or error}"
         raise CorruptLogError(folder / REMOVED_NAME, None, problem) from error
     try:
-        entries = json.loads(data)
-        if entries.pop(DIGEST_KEY) != _digest(entries) or entries["format"] != _FORMAT:
-            raise ValueError("its digest does not fit it")  # noqa: TRY301
+        entries = unsealed(json.loads(data))
+        if entries["format"] != _FORMAT:
+            raise ValueError(f"format {entries['format']!r}, expected {_FORMAT}")  # noqa: TRY301
         url = place_of(entries["url"])
         text = json.dumps(entries["manifest"]).encode()
         manifest = manifest_in(text, folder / REMOVED_NAME)
@@ -118,7 +117,3 @@ def rest_of_environment() -> UrlPath | None:
     named = os.environ.get(WITH_VARIABLE)
     place = place_of(named) if named else None
     return place if isinstance(place, UrlPath) else None
-
-
-def _digest(entries: Mapping[str, object]) -> str:
-    return hashlib.sha256(json.dumps(entries, sort_keys=True).encode()).hexdigest()
