@@ -63,10 +63,12 @@ def lying_store(folder: Path, lie: Lie) -> Iterator[dict[str, str]]:
 
     with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield {
-            "AWS_ENDPOINT_URL": f"http://127.0.0.1:{server.server_port}",
-            "AWS_ACCESS_KEY_ID": "a" * 8,
-            "AWS_SECRET_ACCESS_KEY": "b" * 8,
-            "AWS_REGION": "us-east-1",
-        }
-        server.shutdown()
+        try:
+            yield {
+                "AWS_ENDPOINT_URL": f"http://127.0.0.1:{server.server_port}",
+                "AWS_ACCESS_KEY_ID": "a" * 8,
+                "AWS_SECRET_ACCESS_KEY": "b" * 8,
+                "AWS_REGION": "us-east-1",
+            }
+        finally:
+            server.shutdown()  # else its thread looks at a closed socket, without rest
