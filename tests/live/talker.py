@@ -1,6 +1,6 @@
 """A robot for the recorder's tests: publishes what it is told, over the port of nodes.
 
-    python talker.py VERSION < lines
+    python talker.py VERSION [NAME] < lines
 
 Each line of input is a JSON list: a topic, a type, whether it is latched, the message in
 hexadecimal digits. It answers `sent N` once somebody subscribes to that topic and it is out, and
@@ -16,7 +16,7 @@ import time
 from semmap_log.formats.bags.bag_protocol import BagTopic
 from semmap_log.live.joining import open_node
 
-node = open_node(int(sys.argv[1]), "talker")
+node = open_node(int(sys.argv[1]), (sys.argv[2:] or ["talker"])[0])
 lines: queue.SimpleQueue[str] = queue.SimpleQueue()
 ended = threading.Event()
 

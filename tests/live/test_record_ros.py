@@ -53,8 +53,8 @@ class Talker:
 
 
 @contextmanager
-def _talking(ros: RosWorld) -> Iterator[Talker]:
-    with ros.python(TALKER, ros.version) as running:
+def _talking(ros: RosWorld, name: str = "talker") -> Iterator[Talker]:
+    with ros.python(TALKER, ros.version, name) as running:
         yield Talker(running)
 
 
@@ -234,7 +234,7 @@ def test_a_master_that_is_started_anew_ends_no_recording(ros1: RosWorld, office:
         _wait_for_events(office, 4)
         ros1.start_master()
         recorder.wait_for("ROS answers again")
-        with _talking(ros1) as other:
+        with _talking(ros1, "other") as other:  # of one name, a master ends the one that came first
             other.say("/contact", robot.said("Bool", True))
             _wait_for_events(office, 7)
         assert 0 == recorder.stop()
