@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from semmap_log.common.lazily import lazy_names
 from semmap_log.io.made_logs import register_maker
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from semmap_log.door_log.door_log_writer import DoorLogWriter
     from semmap_log.door_log.opening import append, create, read
     from semmap_log.errors import SemmapError
+    from semmap_log.fleet.jobs.fleet_run import fleet
     from semmap_log.fleet.join.joining_logs import join
     from semmap_log.folds.projection import Projection
     from semmap_log.io.made_logs import MadeLog
@@ -47,6 +48,7 @@ __all__ = [
     "SemmapError",
     "append",
     "create",
+    "fleet",
     "join",
     "read",
 ]
@@ -64,7 +66,13 @@ _HOMES = {
     "folds.projection": ("Projection",),
 }
 
-__getattr__ = lazy_names(__name__, _HOMES)
+_load = lazy_names(__name__, _HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    if name == "fleet":  # a package, which can be called
+        return import_module("semmap_log.fleet")
+    return _load(name)
 
 
 def _joined(path: Path) -> MadeLog:

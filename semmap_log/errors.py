@@ -30,6 +30,7 @@
     ├── AddressError                an address that cannot be taken, or where nobody is  (OSError)
     ├── ExpressionError             an s-expression that cannot be read or sent    (ValueError)
     ├── PasserError                 OPRS's message passer is not there, or refuses       (OSError)
+    ├── EngineError                 an engine for many logs is not there, or has gone
     ├── RosError                    ROS is not there, or what was asked of it is not
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
@@ -260,6 +261,10 @@ class ExpressionError(SemmapError, ValueError):
 
 class PasserError(SemmapError, OSError):
     """OPRS's message passer is not there, has gone, or refuses what was asked of it."""
+
+
+class EngineError(SemmapError):
+    """What is to ask many logs is not there, has gone, or cannot be asked so."""
 
 
 class RosError(SemmapError):

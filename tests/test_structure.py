@@ -31,7 +31,8 @@ ORDER = [
     {"probabilities"},
     {"replay"},
     {"door_log"},
-    {"costmaps", "beliefs", "scans", "rooms", "fleet"},
+    {"costmaps", "beliefs", "scans", "rooms"},
+    {"fleet"},
     {"planning"},
     {"formats"},
     {"views", "ros_mapping"},
@@ -66,6 +67,8 @@ EDGES: dict[str, set[str]] = {
     "actionlib": {"live", "ros"},
     "genpy": {"live"},
     "rclpy": {"live", "ros"},
+    "distributed": {"fleet"},
+    "ray": {"fleet"},
 }
 """Third party -> the only rooms that import it: pictures are read in one and drawn in another, and
 `formats` has other programs' bags."""

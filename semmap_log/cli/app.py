@@ -21,6 +21,7 @@ from semmap_log.cli import (
     evaluate,
     export,
     fetch,
+    fleet,
     go,
     history,
     import_,
@@ -148,9 +149,12 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
         ("verify", verify.run, "Check that a log is as it was written."),
         ("recover", recover.run, "Save what is whole of a damaged log."),
         ("compact", compact.run, "Make a log smaller."),
+    ),
+    "Many robots": (
         ("ship", ship.run, "Send a log to a store."),
         ("fetch", fetch.run, "Bring a log back from a store."),
         ("join", join.run, "Join robots' logs of one building."),
+        ("fleet", fleet.run, "Ask many logs one question."),
     ),
 }
 """Group -> its verbs, as --help shows them: name, what runs it, and what it does in a line."""

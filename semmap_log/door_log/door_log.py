@@ -162,13 +162,22 @@ class DoorLog:
             progress=progress,
         )
 
-    def fold_part(self, projection: Projection[S], first: int, last: int) -> S:
+    def fold_part(
+        self, projection: Projection[S], first: int, last: int, *, known_event: int | None = None
+    ) -> S:
         """Return the state that a part of the log makes: events `first` to `last`, inclusive.
 
-        Retractions count as they are known now. Where the projection can `merge`, the states of
-        parts, made by as many processes, make that of the whole log.
+        Where the projection can `merge`, the states of parts, made by as many processes, make that
+        of the whole log.
+
+        Args:
+            projection: The fold.
+            first: Number of the first event that counts.
+            last: Of the last one.
+            known_event: Retractions count up to this event, wherever they are; None: as they are
+                known now. Processes that open a log one after the other want the same number.
         """
-        return fold_part(self._reader, projection, first, last)
+        return fold_part(self._reader, projection, first, last, known_event=known_event)
 
     def fold_live(
         self,
@@ -367,6 +376,25 @@ class DoorLog:
     def find_commit(self, number: int) -> Commit | None:
         """Return the commit that holds an event, with its note; None: there is no such event."""
         return self._reader.find_commit(number)
+
+    def last_commit(self) -> Commit | None:
+        """Return the log's last commit: its hash is the head; None: there is none."""
+        return self._reader.last_commit()
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether its last segment is complete: nobody is writing to it."""
+        return self._reader.segments[-1].closed
+
+    def happened_span(self) -> tuple[int, int] | None:
+        """Return when its events happened, at the earliest and at the latest; None: it has none."""
+        spans = [segment.span for segment in self._reader.segments if segment.span[1] >= 0]
+        return (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else None
+
+    @property
+    def size(self) -> int:
+        """Bytes of its segments."""
+        return sum(segment.size for segment in self._reader.segments)
 
     def commits_after(self, event: int, *, with_newer: bool = False) -> Iterator[FollowedCommit]:
         """Yield the commits that the log has behind an event, each with its events.

@@ -1,1 +1,20 @@
-"""Logs in a store: sent there, and brought back."""
+"""Many logs, where they lie: sent to a store, brought back, joined, and asked at once.
+
+`semmap_log.fleet(...)` is `jobs.fleet_run.fleet`: the package can be called.
+"""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+from typing import Any
+
+
+class _CallablePackage(ModuleType):
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        from semmap_log.fleet.jobs.fleet_run import fleet
+
+        return fleet(*args, **kwargs)
+
+
+sys.modules[__name__].__class__ = _CallablePackage

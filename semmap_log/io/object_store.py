@@ -103,21 +103,34 @@ class ObjectStore:
         Raises:
             LogAccessError: The store does not let us.
         """
+        objects = self._listed()["objects"]
+        listed = [_status(each, each["path"].rsplit("/", 1)[-1]) for each in objects]
+        return sorted(listed, key=lambda status: status.name)
+
+    def folders(self) -> tuple[str, ...]:
+        """Return the names of what has objects below it, right below the URL, in order.
+
+        Raises:
+            LogAccessError: The store does not let us.
+        """
+        prefixes = self._listed()["common_prefixes"]
+        return tuple(sorted(str(each).rstrip("/").rsplit("/", 1)[-1] for each in prefixes))
+
+    def _listed(self) -> Any:
         server = self.url.parts[1]
+        nothing: dict[str, Any] = {"objects": [], "common_prefixes": []}
         if self.is_web_server and server in _list_nothing:
-            return []
+            return nothing
         try:
-            found = self._asked("", lambda: self._obstore.list_with_delimiter(self._lister))
+            return self._asked("", lambda: self._obstore.list_with_delimiter(self._lister))
         except LogAccessError as error:
             status = _status_in(str(error))
             if self.is_web_server and _is_no_list(status):
                 _list_nothing.add(server)
-                return []
+                return nothing
             if status == 404:
                 raise LogAccessError(f"{self.url}: there is no such bucket.") from None
             raise
-        listed = [_status(each, each["path"].rsplit("/", 1)[-1]) for each in found["objects"]]
-        return sorted(listed, key=lambda status: status.name)
 
     def status(self, name: str) -> ObjectStatus:
         """Return what the store says of an object.

@@ -59,13 +59,20 @@ def fold(
     return running.state
 
 
-def fold_part(reader: LogReader, projection: Projection[S], first: int, last: int) -> S:
+def fold_part(
+    reader: LogReader,
+    projection: Projection[S],
+    first: int,
+    last: int,
+    *,
+    known_event: int | None = None,
+) -> S:
     """Return the state that the events `first` to `last`, inclusive, make of `initial()`.
 
-    Retractions count as they are known now, wherever in the log they are: so the states of parts
-    that follow each other, merged, are that of the whole log.
+    Retractions count wherever in the log they are, up to the event `known_event` (None: as they are
+    known now): so the states of parts that follow each other, merged, are that of the whole log.
     """
-    hidden = reader.retractions()
+    hidden = reader.retractions(limit=known_event)
     state = projection.initial()
     for batch in reader.batches(Window(first_event=first, before_event=last + 1)):
         visible = hidden.visible(batch)

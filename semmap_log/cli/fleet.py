@@ -1,0 +1,292 @@
+"""`fleet`: one question to many logs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from semmap_log.cli.common import AsJson, At, KnownAt, a_file, console, print_json, progress, say
+
+if TYPE_CHECKING:
+    from semmap_log.fleet.jobs.fleet_run import FleetAnswer
+    from semmap_log.fleet.jobs.job import Job
+    from semmap_log.io.progress import Progress
+
+ANY_BAD = 4
+"""Exit code where a log gave no answer."""
+MOST_ROWS = 40
+"""Of an answer, unless it goes to a file or a program."""
+
+
+class FleetJob(str, Enum):
+    """The jobs, as typer wants its choices."""
+
+    map = "map"
+    openings = "openings"
+    probabilities = "probabilities"
+    verify = "verify"
+    info = "info"
+    export = "export"
+    fold = "fold"
+
+
+class EngineName(str, Enum):
+    """The keys of `fleet.jobs.engine.ENGINES`, as typer wants its choices."""
+
+    dask = "dask"
+    ray = "ray"
+    serial = "serial"
+
+
+def run(
+    job: Annotated[FleetJob, typer.Argument(metavar="JOB", help="What is asked: see below.")],
+    logs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="LOGS...",
+            help="Logs, folders or prefixes of logs, patterns with *, or @FILE with one a line.",
+        ),
+    ],
+    *,
+    at: At = None,
+    known_at: KnownAt = None,
+    horizon: Annotated[
+        str, typer.Option("--horizon", metavar="2h", help="probabilities: how long after it.")
+    ] = "",
+    estimator: Annotated[
+        str | None,
+        typer.Option("--estimator", metavar="NAME", help="probabilities: as that verb has it."),
+    ] = None,
+    fold: Annotated[
+        str, typer.Option("--fold", metavar="MODULE:CLASS", help="fold: a projection of yours.")
+    ] = "",
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Write the rows as .parquet or .csv; export: a folder.",
+            callback=a_file,
+        ),
+    ] = None,
+    engine: Annotated[
+        EngineName, typer.Option("--engine", help="dask, ray, or serial: in this process.")
+    ] = EngineName.dask,
+    scheduler: Annotated[
+        str,
+        typer.Option(
+            "--scheduler", metavar="ADDRESS", help="A cluster that runs; else this machine."
+        ),
+    ] = "",
+    workers: Annotated[
+        int | None, typer.Option("--workers", metavar="N", min=1, help="Of this machine.")
+    ] = None,
+    memory: Annotated[
+        str, typer.Option("--memory", metavar="SIZE", help="Of each of them at most.")
+    ] = "1GiB",
+    results: Annotated[
+        Path | None,
+        typer.Option("--results", metavar="DIR", help="Keep answers there; default: a cache."),
+    ] = None,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Ask every log, whatever was answered before.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Ask many logs one question, on all cores, or on a cluster that is there.
+
+    \b
+    Jobs:
+      map            all doors of all logs at a moment (--at, --known-at)
+      openings       how often each door was opened, by hour (UTC)
+      probabilities  how likely each door is open (--at, --known-at, --horizon,
+                     --estimator)
+      info           what each log holds
+      verify         whether each log is as it was written: reads every byte
+      export         every event as Parquet files, a folder a month (--out)
+      fold           what a projection of yours makes of each log (--fold)
+
+    Each log's answer is kept until the log has grown: what was stopped goes on, and what is asked
+    again is asked of new logs only. A log that is damaged, gone, refused, or that kills its workers
+    is a row of its own; the others' answers stand.
+
+    Exit code: 0 all logs answered, 1 the run failed, 2 usage, 4 some logs did not.
+
+    \b
+    Examples:
+      semmap-log fleet map s3://hospital/logs --at 2026-03-02T10:30
+      semmap-log fleet openings 's3://hospital/logs/tug*' --out openings.parquet
+      semmap-log fleet verify logs/tug1 logs/tug2 --json
+      semmap-log fleet export @logs.txt --out lake
+      semmap-log fleet fold logs --fold mine:Openings --scheduler tcp://10.0.0.5:8786
+    """
+    from semmap_log.fleet.jobs.engine import EngineChoice
+    from semmap_log.fleet.jobs.fleet_run import Fleet
+    from semmap_log.fleet.jobs.kept_answers import default_folder
+    from semmap_log.fleet.jobs.log_places import log_places
+
+    told = {"--at": at, "--known-at": known_at, "--horizon": horizon, "--estimator": estimator,
+            "--fold": fold}  # fmt: skip
+    asked = _job(job, told, out)
+    _check_out(job, out)
+    places = log_places(logs)
+    choice = EngineChoice(engine.value, scheduler, workers, memory)
+    many = Fleet(places, choice, results or default_folder(), fresh=fresh)
+    found = _asked(many, asked)
+    if out is not None and job is not FleetJob.export:
+        _write(found, out)
+    if as_json:
+        print_json(to_json(found))
+    else:
+        _tell(found, out)
+    if found.bad:
+        raise typer.Exit(ANY_BAD)
+
+
+_TAKES = {
+    FleetJob.map: ("--at", "--known-at"),
+    FleetJob.probabilities: ("--at", "--known-at", "--horizon", "--estimator"),
+    FleetJob.fold: ("--fold",),
+}
+"""Job -> the options of the question that mean something to it."""
+
+
+def _job(job: FleetJob, told: Mapping[str, str | None], out: Path | None) -> Job:
+    """Return the job of a command line."""
+    from semmap_log.domain.moments import parse_duration
+    from semmap_log.fleet.jobs.care_jobs import InfoJob, VerifyJob
+    from semmap_log.fleet.jobs.door_jobs import DoorMapJob, OpeningsJob, ProbabilitiesJob
+    from semmap_log.fleet.jobs.fold_job import FoldJob, projection_of
+    from semmap_log.fleet.jobs.month_export import MonthExport
+
+    for name, value in told.items():
+        if value and name not in _TAKES.get(job, ()):
+            raise typer.BadParameter(f"means nothing to {job.value}", param_hint=name)
+    at, known_at, horizon = told["--at"], told["--known-at"], told["--horizon"]
+    match job:
+        case FleetJob.map:
+            return DoorMapJob(at, known_at)
+        case FleetJob.openings:
+            return OpeningsJob()
+        case FleetJob.probabilities:
+            ahead_ns = parse_duration(horizon) if horizon else 0
+            return ProbabilitiesJob(at, known_at, ahead_ns, told["--estimator"])
+        case FleetJob.verify:
+            return VerifyJob()
+        case FleetJob.info:
+            return InfoJob()
+        case FleetJob.export:
+            if out is None:
+                raise typer.BadParameter("expected a folder or a URL", param_hint="--out")
+            return MonthExport(str(out))
+        case FleetJob.fold:
+            if not told["--fold"]:
+                raise typer.BadParameter("expected MODULE:CLASS", param_hint="--fold")
+            return FoldJob(projection_of(told["--fold"]))
+
+
+def _check_out(job: FleetJob, out: Path | None) -> None:
+    if out is None or job is FleetJob.export:
+        return
+    if out.suffix not in (".parquet", ".csv"):
+        raise typer.BadParameter(
+            f"expected a name that ends in .parquet or .csv, got {out}", param_hint="--out"
+        )
+
+
+def _asked(many: Any, job: Job) -> FleetAnswer:
+    from semmap_log.common.texts import counted
+    from semmap_log.fleet.jobs.fold_job import FoldJob
+
+    done = 0
+    try:
+        with progress("Asking", "logs") as told:
+
+            def show(now: Any) -> None:
+                nonlocal done
+                done = now.done
+                if told is not None:
+                    _show(told, now)
+
+            found: FleetAnswer = (
+                many.fold(job.projection, progress=show)
+                if isinstance(job, FoldJob)
+                else many.ask(job, progress=show)
+            )
+    except KeyboardInterrupt:
+        say(f"stopped: {counted(done, 'log')} of {len(many.places):,} had answered. What is kept "
+            "is not asked again: run it once more, and it goes on.")  # fmt: skip
+        raise
+    return found
+
+
+def _show(told: Progress, now: Any) -> None:
+    told(now.done, now.logs)
+
+
+def _write(found: FleetAnswer, out: Path) -> None:
+    from semmap_log.arrow.parquet import write_parquet
+    from semmap_log.arrow.plain_rows import write_csv
+    from semmap_log.io.disk import output_errors, whole_file
+
+    with output_errors(out), whole_file(out) as temporary:
+        if out.suffix == ".csv":
+            write_csv(temporary, found.table)
+        else:
+            write_parquet(temporary, [found.table], found.table.schema, {})
+    say(f"{out}: {found.table.num_rows:,} rows")
+
+
+def _tell(found: FleetAnswer, out: Path | None) -> None:
+    from semmap_log.views.fleet_tables import arrow_rows_table, bad_logs_table, outcomes_in_words
+
+    if out is None:
+        console().print(arrow_rows_table(found.table.slice(0, MOST_ROWS)))
+        if (more := found.table.num_rows - MOST_ROWS) > 0:
+            say(f"{more:,} more rows: --out FILE.parquet, or --json, has all")
+    if found.bad:
+        console().print(bad_logs_table(found.bad))
+    say(outcomes_in_words(found.logs))
+
+
+def to_json(found: FleetAnswer) -> dict[str, Any]:
+    """Return a fleet's answer as `--json` prints it; times are nanoseconds UTC."""
+    from semmap_log.arrow.plain_rows import plain_rows
+    from semmap_log.fleet.jobs.fleet_run import FoldAnswer
+
+    states = found.states if isinstance(found, FoldAnswer) else None
+    return {
+        "logs": [
+            {
+                "log": log.place,
+                "outcome": log.outcome.value,
+                "log_id": log.log_id,
+                "head": log.head,
+                "events": log.events,
+                "bytes": log.bytes,
+                "file": log.file,
+                "byte": log.byte,
+                "text": log.text,
+                "is_kept": log.is_kept,
+            }
+            for log in found.logs
+        ],
+        "rows": list(plain_rows(found.table))
+        if states is None
+        else [{"log": log, "state": _json_of(state)} for log, state in states.items()],
+    }
+
+
+def _json_of(state: Any) -> Any:
+    """Return a projection's state as JSON knows it; what it does not know, as Python writes it."""
+    if isinstance(state, dict):
+        return {str(key): _json_of(value) for key, value in state.items()}
+    if isinstance(state, list | tuple | set | frozenset):
+        return [_json_of(value) for value in state]
+    if hasattr(state, "tolist"):
+        return _json_of(state.tolist())
+    return state if isinstance(state, str | int | float | bool | None) else repr(state)

@@ -1,0 +1,103 @@
+"""Dask distributed: a cluster that runs, or processes of this machine."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
+from importlib import import_module
+from typing import Any
+from uuid import uuid4
+
+from semmap_log.errors import EngineError, MissingExtraError
+from semmap_log.fleet.jobs.engine import DEATHS, WorkerDied
+
+ANSWERS_WITHIN_S = 20
+
+
+class DaskEngine:
+    """A client of a scheduler."""
+
+    def __init__(self, scheduler: str, workers: int, memory: str) -> None:
+        """Join a cluster, or start one; as `EngineChoice.open`."""
+        try:
+            import dask
+
+            distributed: Any = import_module("distributed")
+        except ImportError as error:
+            raise MissingExtraError("distributed", "fleet") from error
+        self._distributed = distributed
+        self._cluster: Any = None
+        dask.config.set(
+            {
+                "distributed.scheduler.allowed-failures": DEATHS,
+                "distributed.comm.timeouts.connect": f"{ANSWERS_WITHIN_S}s",
+            }
+        )
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # outcomes tell what it tells
+        try:
+            if not scheduler:
+                self._cluster = distributed.LocalCluster(
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    memory_limit=memory,
+                    dashboard_address=None,
+                    silence_logs=logging.CRITICAL,
+                )
+            self._client: Any = distributed.Client(
+                self._cluster or scheduler, timeout=ANSWERS_WITHIN_S, set_as_default=False
+            )
+        except (OSError, ValueError, TimeoutError, asyncio.TimeoutError) as error:
+            self._end_cluster()
+            where = scheduler or "this machine"
+            raise EngineError(
+                f"no Dask scheduler at {where}: {error or 'it does not answer'}. `dask scheduler` "
+                "prints its address, such as tcp://10.0.0.5:8786."
+            ) from None
+
+    def run(
+        self, function: Callable[[Any, Any], Any], shared: Any, questions: Sequence[Any]
+    ) -> Iterator[tuple[int, Any]]:
+        """Yield answers as they come; as `Engine.run`."""
+        name = f"semmap-{uuid4().hex}"
+        numbers = {
+            self._client.submit(
+                function, shared, question, key=f"{name}-{number}", pure=False
+            ): number
+            for number, question in enumerate(questions)
+        }
+        done = self._distributed.as_completed(numbers, loop=self._client.loop)
+        for future in done:
+            yield numbers[future], self._result(future)
+            future.release()
+
+    def _result(self, future: Any) -> Any:
+        """Return a future's result.
+
+        Raises:
+            EngineError: There is none, and it is not the question's fault.
+        """
+        try:
+            return future.result()
+        except self._distributed.scheduler.KilledWorker:
+            return WorkerDied()
+        except (CancelledError, asyncio.CancelledError, OSError) as error:
+            raise EngineError(
+                f"the Dask scheduler has gone ({type(error).__name__}). What was answered is kept; "
+                "run it again, and it goes on."
+            ) from None
+        except Exception as error:
+            raise EngineError(
+                f"a worker could not run the question: {type(error).__name__}: {error}. Workers "
+                "need the same semmap-log, and the module of a --fold."
+            ) from error
+
+    def close(self) -> None:
+        """Leave the cluster; end the one that was started."""
+        self._client.close()
+        self._end_cluster()
+
+    def _end_cluster(self) -> None:
+        if self._cluster is not None:
+            self._cluster.close()

@@ -1,0 +1,258 @@
+"""Many logs, asked at once.
+
+import semmap_log as sl
+
+found = sl.fleet(["s3://hospital/logs"]).map(at="2026-03-02T10:30")
+found.table         # a pyarrow.Table: a row a door, with the log that it is of
+found.logs          # what became of each log
+found.bad           # those without an answer
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePath
+from typing import Any
+
+from semmap_log.arrow.arrow_sdk import pa
+from semmap_log.domain.keywords import knows_keywords
+from semmap_log.errors import MomentError
+from semmap_log.fleet.jobs.care_jobs import InfoJob, VerifyJob
+from semmap_log.fleet.jobs.door_jobs import DoorMapJob, OpeningsJob, ProbabilitiesJob
+from semmap_log.fleet.jobs.engine import WORKER_MEMORY, Engine, EngineChoice, WorkerDied
+from semmap_log.fleet.jobs.fold_job import FoldJob
+from semmap_log.fleet.jobs.job import Job, schema_of_job
+from semmap_log.fleet.jobs.kept_answers import KeptAnswers, default_folder
+from semmap_log.fleet.jobs.log_answer import LogAnswer, LogQuestion, answer, joined_answer
+from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
+from semmap_log.fleet.jobs.log_places import log_places
+from semmap_log.folds.projection import Projection
+
+
+@dataclass(frozen=True, slots=True)
+class FleetProgress:
+    """How far a run is."""
+
+    done: int
+    """Logs, good or bad."""
+    logs: int
+    events: int
+    """Of the logs that answered in this run."""
+    bytes: int
+    """Of their segments, read or not."""
+
+
+@dataclass(frozen=True, slots=True)
+class FleetAnswer:
+    """What many logs answered."""
+
+    logs: tuple[AskedLog, ...]
+    """What became of each, in the order in which they were asked."""
+    table: pa.Table
+    """The answers of those that gave one, in the same order; `log` is the place of each row's."""
+
+    @property
+    def bad(self) -> tuple[AskedLog, ...]:
+        """The logs that gave no answer, or whose bytes are not as they were written."""
+        return tuple(log for log in self.logs if not log.outcome.is_good)
+
+
+@dataclass(frozen=True, slots=True)
+class FoldAnswer(FleetAnswer):
+    """What a projection makes of many logs."""
+
+    states: dict[str, Any]
+    """Log -> its state."""
+
+
+Tell = Callable[[FleetProgress], None]
+
+
+class Fleet:
+    """Many logs, and what asks them."""
+
+    def __init__(
+        self, places: Sequence[str], choice: EngineChoice, results: Path | None, *, fresh: bool
+    ) -> None:
+        self.places = tuple(places)
+        """Their paths and URLs."""
+        self._choice = choice
+        self._results = results
+        self._fresh = fresh
+
+    def map(
+        self, at: str | int | None = None, known_at: str | int | None = None, *,
+        progress: Tell | None = None,
+    ) -> FleetAnswer:  # fmt: skip
+        """Return all doors of all logs at a moment, in each building's own time.
+
+        Args:
+            at: What was true then, with all that is known today; None: at each log's end.
+            known_at: Only what had been recorded by then, whole commits.
+            progress: Told how far the run is.
+
+        Raises:
+            MomentError: A time cannot be read.
+            EngineError: The engine is not there, or has gone; what was answered is kept.
+        """
+        return self.ask(DoorMapJob(at, known_at), progress=progress)
+
+    def openings(self, *, progress: Tell | None = None) -> FleetAnswer:
+        """Return how often each door was opened, by hour (UTC); see `OpeningsJob`."""
+        return self.ask(OpeningsJob(), progress=progress)
+
+    def probabilities(
+        self, at: str | int | None = None, known_at: str | int | None = None, *,
+        horizon_ns: int = 0, estimator: str | None = None, progress: Tell | None = None,
+    ) -> FleetAnswer:  # fmt: skip
+        """Return how likely each door is open: as `beliefs.door_beliefs.probabilities` of one."""
+        job = ProbabilitiesJob(at, known_at, horizon_ns, estimator)
+        return self.ask(job, progress=progress)
+
+    def verify(self, *, progress: Tell | None = None) -> FleetAnswer:
+        """Read every byte of each log, and return a row for each: as `verify` of one."""
+        return self.ask(VerifyJob(), progress=progress)
+
+    def info(self, *, progress: Tell | None = None) -> FleetAnswer:
+        """Return what each log holds, a row each."""
+        return self.ask(InfoJob(), progress=progress)
+
+    def fold(self, projection: Projection[Any], *, progress: Tell | None = None) -> FoldAnswer:
+        """Return the state that a projection makes of each log.
+
+        Args:
+            projection: Of a module that the workers have, too. Where it has `merge`, long logs
+                are folded in parts. Its `name` and `version` decide whether an answer of an
+                earlier run is still one.
+            progress: Told how far the run is.
+        """
+        job = FoldJob(projection)
+        found = self.ask(job, progress=progress)
+        rows = zip(*(found.table[name].to_pylist() for name in ("log", "state")), strict=True)
+        states = {place: job.load(state) for place, state in rows}
+        return FoldAnswer(found.logs, found.table, states)
+
+    def ask(self, job: Job, *, progress: Tell | None = None) -> FleetAnswer:
+        """Return the answers to a question: see `job`."""
+        kept = None if self._results is None else KeptAnswers(self._results, job)
+        answers: dict[str, LogAnswer] = {}
+        done = FleetProgress(0, len(self.places), 0, 0)
+        engine = self._choice.open()
+        try:
+            questions = [
+                LogQuestion(place, "" if kept is None or self._fresh else kept.head(place))
+                for place in self.places
+            ]
+            for found in _all_answers(engine, job, questions):
+                asked = found.asked
+                if found.is_question_wrong:
+                    raise MomentError(asked.text)
+                if asked.is_kept and kept is not None:
+                    found = kept.get(asked.place) or found  # noqa: PLW2901
+                elif kept is not None and found.table is not None:
+                    kept.keep(found)
+                answers[asked.place] = found
+                is_new = not asked.is_kept
+                done = FleetProgress(
+                    len(answers), done.logs,
+                    done.events + asked.events * is_new, done.bytes + asked.bytes * is_new,
+                )  # fmt: skip
+                if progress is not None:
+                    progress(done)
+        finally:
+            engine.close()
+        if kept is not None:
+            kept.finish()
+        return _joined(job, [answers[place] for place in self.places])
+
+
+def _all_answers(engine: Engine, job: Job, questions: list[LogQuestion]) -> Iterator[LogAnswer]:
+    """Yield the answer of each log, those of long ones last."""
+    long: list[tuple[LogQuestion, LogAnswer]] = []
+    for number, found in engine.run(answer, job, questions):
+        question = questions[number]
+        if isinstance(found, WorkerDied):
+            yield _died(question)
+        elif found.parts:
+            long.append((question, found))
+        else:
+            yield found
+    yield from _answers_of_parts(engine, job, long)
+
+
+def _answers_of_parts(
+    engine: Engine, job: Job, long: Sequence[tuple[LogQuestion, LogAnswer]]
+) -> Iterator[LogAnswer]:
+    whole = [
+        replace(question, parts=found.parts, last_event=found.last_event)
+        for question, found in long
+    ]
+    parts = [replace(each, part=n) for each in whole for n in range(each.parts)]
+    got: dict[str, dict[int, Any]] = {each.place: {} for each in whole}
+    bad: dict[str, LogAnswer] = {}
+    for number, found in engine.run(answer, job, parts):
+        part = parts[number]
+        if isinstance(found, WorkerDied):
+            found = _died(part)  # noqa: PLW2901
+        if found.asked.outcome.is_good:
+            got[part.place][part.part] = found.part
+        else:
+            bad.setdefault(part.place, found)
+        is_whole = len(got[part.place]) == part.parts
+        if is_whole:
+            in_order = got.pop(part.place)
+            whole_question = replace(part, part=0, parts=0)
+            yield joined_answer(job, whole_question, [in_order[n] for n in range(part.parts)])
+    yield from bad.values()
+
+
+def _died(question: LogQuestion) -> LogAnswer:
+    text = (
+        "each worker that was given it was ended, by its memory or by a crash; ask it alone: "
+        "--engine serial"
+    )
+    return LogAnswer(AskedLog(question.place, LogOutcome.worker_died, text=text))
+
+
+def _joined(job: Job, answers: Sequence[LogAnswer]) -> FleetAnswer:
+    schema = schema_of_job(job)
+    tables = [each.table for each in answers if each.table is not None]
+    table = pa.concat_tables([schema.empty_table(), *tables])
+    return FleetAnswer(tuple(each.asked for each in answers), table)
+
+
+@knows_keywords
+def fleet(
+    urls: str | PurePath | Iterable[str | PurePath],
+    *,
+    engine: str = "dask",
+    scheduler: str = "",
+    workers: int | None = None,
+    memory: str = WORKER_MEMORY,
+    results: str | Path | None = None,
+    fresh: bool = False,
+) -> Fleet:
+    """Return many logs, to ask them at once.
+
+    Workers are processes that import the program: a script calls this below
+    `if __name__ == "__main__":`.
+
+    Args:
+        urls: Logs, folders or prefixes with logs right below them, patterns with `*`, or `@FILE`
+            with one such a line.
+        engine: `dask`, `ray`, or `serial`: one log after the other, in this process.
+        scheduler: Address of a cluster that runs; empty: workers of this machine.
+        workers: Of this machine; None: one a core.
+        memory: Of each of them at most.
+        results: A folder where answers are kept; None: among the user's caches.
+        fresh: Ask each log, whatever is kept.
+
+    Raises:
+        NotALogError: No log is meant.
+        MissingExtraError: A package is not installed.
+    """
+    places = log_places([urls] if isinstance(urls, str | PurePath) else urls)
+    folder = default_folder() if results is None else Path(results)
+    choice = EngineChoice(engine, scheduler, workers, memory)
+    return Fleet(places, choice, folder, fresh=fresh)

@@ -1,0 +1,95 @@
+"""What a job is: one question, answered by one log with a table; equal columns for all logs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+from semmap_log.arrow.arrow_sdk import pa
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.fleet.jobs.log_outcome import LogOutcome
+
+LOG_FIELDS = (
+    pa.field("log", pa.string(), nullable=False),
+    pa.field("log_id", pa.string(), nullable=False),
+    pa.field("robot", pa.string(), nullable=False),
+    pa.field("building", pa.string(), nullable=False),
+)
+"""The first columns of every table: which log a row is of."""
+
+TIME = pa.timestamp("ns", "UTC")
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What a log answered."""
+
+    rows: dict[str, list[Any]]
+    """Column -> values, without those of `LOG_FIELDS`."""
+    outcome: LogOutcome = LogOutcome.ok
+    """Of a job that looks for damage."""
+    file: str = ""
+    byte: int | None = None
+    text: str = ""
+
+
+class Job(Protocol):
+    """A question. It goes to workers as a pickle."""
+
+    name: ClassVar[str]
+    """As the command line says it."""
+    fields: ClassVar[tuple[pa.Field, ...]]
+    """The columns of its tables, behind `LOG_FIELDS`."""
+    is_kept: ClassVar[bool]
+    """Whether its answer holds as long as the log has the same head. False: it looks at the
+    bytes themselves, or makes something else than an answer."""
+
+    def parameters(self) -> str:
+        """Return all that decides on the answer, beside the log."""
+
+    def ask(self, log: DoorLog, place: str) -> Told:
+        """Return a log's answer.
+
+        Args:
+            log: It, opened.
+            place: Its path or URL.
+        """
+
+
+@runtime_checkable
+class PartedJob(Protocol):
+    """A job that may be done in parts of a log, by as many workers as there are."""
+
+    def parts(self, events: int) -> int:
+        """Return in how many parts a log of so many events is asked; 1: whole."""
+
+    def ask_part(self, log: DoorLog, part: int, parts: int, last_event: int) -> Any:
+        """Return the answer of one part.
+
+        Args:
+            log: The log.
+            part: 0 to `parts` - 1.
+            parts: How many there are.
+            last_event: Nothing behind it counts, so that all parts are of one moment.
+        """
+
+    def joined(self, answers: Sequence[Any]) -> Told:
+        """Return the answer of the whole log, of those of its parts in order."""
+
+
+def schema_of_job(job: Job) -> pa.Schema:
+    """Return the schema of a job's tables."""
+    return pa.schema([*LOG_FIELDS, *job.fields])
+
+
+def table_of_log(job: Job, log: DoorLog, place: str, told: Told) -> pa.Table:
+    """Return a log's answer as a table of the job's schema."""
+    schema = schema_of_job(job)
+    rows = len(next(iter(told.rows.values()), []))
+    info = log.info
+    said = {"log": place, "log_id": info.log_id, "robot": info.robot, "building": info.building}
+    columns = {name: [text] * rows for name, text in said.items()} | told.rows
+    return pa.Table.from_arrays(
+        [pa.array(columns[field.name], field.type) for field in schema], schema=schema
+    )

@@ -1,0 +1,111 @@
+"""Answers of earlier runs, so that a run that was cut goes on, and one that is repeated is short.
+
+    <folder>/<job>-<parameters>/<place>-<log id>-<head>.answer
+
+One file an answer: the SHA-256 of what follows, a line of JSON, a table in Arrow's stream format.
+One that is cut, or another than it was, is no answer.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from contextlib import suppress
+from dataclasses import asdict, replace
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+
+from semmap_log.arrow.arrow_sdk import pa
+from semmap_log.errors import OutputError
+from semmap_log.fleet.jobs.job import Job
+from semmap_log.fleet.jobs.log_answer import LogAnswer
+from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
+
+FORMAT = 1
+SUFFIX = ".answer"
+_DIGITS = 16
+_SHA256_BYTES = 32
+
+
+class KeptAnswers:
+    """The answers to one question."""
+
+    def __init__(self, folder: Path, job: Job) -> None:
+        """Look what is there.
+
+        Raises:
+            OutputError: The folder cannot be made.
+        """
+        asked = f"{FORMAT} {job.name} {job.parameters()} {[str(f) for f in job.fields]}"
+        self.folder = folder / f"{job.name}-{_digits(asked)}"
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"{folder}: answers cannot be kept there: {error.strerror}; name another folder "
+                "with --results."
+            ) from None
+        self._is_kept = job.is_kept
+        self._files = {path.name.split("-", 1)[0]: path for path in self.folder.glob(f"*{SUFFIX}")}
+
+    def head(self, place: str) -> str:
+        """Return the head of a log whose answer is there, whole; empty: there is none."""
+        kept = self.get(place)
+        return "" if kept is None else kept.asked.head
+
+    def get(self, place: str) -> LogAnswer | None:
+        """Return the answer of a log; None: there is none that is whole."""
+        path = self._files.get(_digits(place))
+        if path is None:
+            return None
+        try:
+            data = path.read_bytes()
+            digest, body = data[:_SHA256_BYTES], data[_SHA256_BYTES:]
+            if hashlib.sha256(body).digest() != digest:
+                return None
+            line, _, table = body.partition(b"\n")
+            told = json.loads(line)
+            if told["place"] != place:
+                return None
+            asked = AskedLog(**{**told, "outcome": LogOutcome(told["outcome"])})
+            return LogAnswer(replace(asked, is_kept=True), pa.ipc.open_stream(table).read_all())
+        except (OSError, ValueError, TypeError, KeyError, pa.ArrowException):
+            return None
+
+    def keep(self, answer: LogAnswer) -> None:
+        """Keep an answer in the place of the log's last one; where that fails, do without."""
+        assert answer.table is not None
+        asked = answer.asked
+        out = pa.BufferOutputStream()
+        with pa.ipc.new_stream(out, answer.table.schema) as writer:
+            writer.write_table(answer.table)
+        body = json.dumps(asdict(asked)).encode() + b"\n" + out.getvalue().to_pybytes()
+        of = _digits(asked.place)
+        path = self.folder / f"{of}-{asked.log_id[:_DIGITS]}-{asked.head[:_DIGITS]}{SUFFIX}"
+        before = self._files.get(of)
+        with suppress(OSError):
+            with NamedTemporaryFile(dir=self.folder, suffix=".new", delete=False) as file:
+                file.write(hashlib.sha256(body).digest() + body)
+            os.replace(file.name, path)  # noqa: PTH105
+            self._files[of] = path
+            if before not in (None, path):
+                before.unlink(missing_ok=True)
+
+    def finish(self) -> None:
+        """Say that a run has come to its end: what holds for one run only is not kept."""
+        if not self._is_kept:
+            for path in self._files.values():
+                with suppress(OSError):
+                    path.unlink(missing_ok=True)
+            self._files.clear()
+
+
+def default_folder() -> Path:
+    """Return where answers are kept unless another place is named."""
+    cache = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    return Path(cache).expanduser() / "semmap-log" / "fleet"
+
+
+def _digits(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]

@@ -1,0 +1,135 @@
+"""One log asked by one job: what a worker does. What goes wrong with a log is an answer, too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from semmap_log.arrow.arrow_sdk import pa
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.errors import (
+    CorruptLogError,
+    LogAccessError,
+    MomentError,
+    NewerLogError,
+    NotALogError,
+    SemmapError,
+)
+from semmap_log.fleet.jobs.job import Job, PartedJob, table_of_log
+from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
+from semmap_log.io.url_path import place_of
+
+
+@dataclass(frozen=True, slots=True)
+class LogQuestion:
+    """What a worker gets."""
+
+    place: str
+    known_head: str = ""
+    """Of the log, when it answered before: with the same one it need not answer again."""
+    part: int = 0
+    parts: int = 0
+    """0: the whole log, or it is told that it is asked in parts."""
+    last_event: int = -1
+    """Of a part: nothing behind it counts."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogAnswer:
+    """What a worker gives back."""
+
+    asked: AskedLog
+    table: pa.Table | None = None
+    """None: there is none."""
+    parts: int = 0
+    """More than 0: the log is long, and wants to be asked in so many parts."""
+    last_event: int = -1
+    part: Any = None
+    """The answer of a part."""
+    is_question_wrong: bool = False
+    """No log can answer it."""
+
+
+def answer(job: Job, question: LogQuestion) -> LogAnswer:
+    """Return a log's answer, or what became of it; raises nothing that one log alone can cause."""
+    asked = AskedLog(question.place, LogOutcome.ok)
+    try:
+        log = DoorLog(place_of(question.place))
+        asked = _described(asked, log)
+        return _answered(job, question, log, asked)
+    except MomentError as error:
+        return LogAnswer(
+            replace(asked, outcome=LogOutcome.failed, text=str(error)), is_question_wrong=True
+        )
+    except Exception as error:  # noqa: BLE001  a projection of a user's may raise anything
+        return LogAnswer(_without(asked, error))
+
+
+def joined_answer(job: Job, question: LogQuestion, parts: list[Any]) -> LogAnswer:
+    """Return the answer of a log whose parts have answered."""
+    asked = AskedLog(question.place, LogOutcome.ok)
+    try:
+        assert isinstance(job, PartedJob)
+        log = DoorLog(place_of(question.place))
+        commit = log.find_commit(question.last_event)
+        head = b"" if commit is None else commit.hash
+        asked = replace(_described(asked, log), events=question.last_event + 1, head=head.hex())
+        return LogAnswer(asked, table_of_log(job, log, question.place, job.joined(parts)))
+    except Exception as error:  # noqa: BLE001  as above
+        return LogAnswer(_without(asked, error))
+
+
+def _answered(job: Job, question: LogQuestion, log: DoorLog, asked: AskedLog) -> LogAnswer:
+    if question.parts:
+        assert isinstance(job, PartedJob)
+        part = job.ask_part(log, question.part, question.parts, question.last_event)
+        return LogAnswer(asked, part=part)
+    if asked.head and asked.head == question.known_head:
+        return LogAnswer(replace(asked, is_kept=True))
+    if isinstance(job, PartedJob) and (parts := job.parts(asked.events)) > 1:
+        return LogAnswer(asked, parts=parts, last_event=asked.events - 1)
+    told = job.ask(log, question.place)
+    table = table_of_log(job, log, question.place, told)
+    if told.outcome is not LogOutcome.ok:
+        asked = replace(asked, outcome=told.outcome, file=told.file, byte=told.byte, text=told.text)
+    return LogAnswer(asked, table)
+
+
+def _described(asked: AskedLog, log: DoorLog) -> AskedLog:
+    """Return what is known of a log that was opened."""
+    last = log.last_commit()
+    return replace(
+        asked,
+        outcome=LogOutcome.ok if log.is_closed else LogOutcome.live,
+        log_id=log.info.log_id,
+        head="" if last is None else last.hash.hex(),
+        events=0 if last is None else last.last_event + 1,
+        bytes=log.size,
+    )
+
+
+_OUTCOMES: tuple[tuple[type[Exception], LogOutcome], ...] = (
+    (CorruptLogError, LogOutcome.damaged),
+    (NewerLogError, LogOutcome.newer),
+    (NotALogError, LogOutcome.gone),
+    (LogAccessError, LogOutcome.refused),
+)
+_MISSING: tuple[Callable[[BaseException], BaseException | None], ...] = (
+    lambda error: error.__cause__,
+    lambda error: error.__context__,
+)
+
+
+def _without(asked: AskedLog, error: Exception) -> AskedLog:
+    """Return what became of a log that gave no answer."""
+    found = next((kind for cls, kind in _OUTCOMES if isinstance(error, cls)), LogOutcome.failed)
+    if found is LogOutcome.refused and any(
+        isinstance(why(error), FileNotFoundError) for why in _MISSING
+    ):
+        found = LogOutcome.gone
+    text = str(error) if isinstance(error, SemmapError) else f"{type(error).__name__}: {error}"
+    file, byte = "", None
+    if isinstance(error, CorruptLogError):
+        file, byte = error.path.name, error.offset
+    return replace(asked, outcome=found, text=text, file=file, byte=byte)
