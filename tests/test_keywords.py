@@ -35,6 +35,7 @@ from semmap_log.errors import (
 )
 from semmap_log.exporting.log_files import export
 from semmap_log.exporting.stream import StreamOptions
+from semmap_log.fleet.jobs.fleet_run import fleet
 from semmap_log.importing.importing import ImportOptions, import_file
 from semmap_log.live.player import PlayOptions
 from semmap_log.live.serving.server import ServeOptions
@@ -50,6 +51,7 @@ OPTIONS = (CostmapOptions, ImportOptions, PlayOptions, ServeOptions, StreamOptio
 FUNCTIONS = (
     sl.create, sl.append, sl.read, import_file, export, probabilities, apply_probabilities,
     best_time, typical_weeks, evaluate, calibrate, learn, costmap_at, patrol_plan, begun_round,
+    fleet,
 )  # fmt: skip
 
 
@@ -123,6 +125,7 @@ TAKE_ANY = {
     "semmap_log.views.plots.matplotlib_sdk.new_figure": "matplotlib's own, which refuses others",
     "semmap_log.formats.ros.ros_messages.new": "a message's fields, which its class knows",
     "semmap_log.messages.typestore.serialize": "a message's fields, which its class knows",
+    "semmap_log.fleet.__call__": "hands all on to `fleet_run.fleet`, which is looked at above",
 }
 """Functions outside the command line that take any keyword, and why nothing is swallowed."""
 

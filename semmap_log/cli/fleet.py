@@ -35,7 +35,7 @@ class FleetJob(str, Enum):
 
 
 class EngineName(str, Enum):
-    """The keys of `fleet.jobs.engine.ENGINES`, as typer wants its choices."""
+    """The keys of `fleet.jobs.engine_choice.ENGINES`, as typer wants its choices."""
 
     dask = "dask"
     ray = "ray"
@@ -43,7 +43,7 @@ class EngineName(str, Enum):
 
 
 def run(
-    job: Annotated[FleetJob, typer.Argument(metavar="JOB", help="What is asked: see below.")],
+    job: Annotated[FleetJob, typer.Argument(metavar="JOB", help="What is asked: see above.")],
     logs: Annotated[
         list[str],
         typer.Argument(
@@ -124,7 +124,7 @@ def run(
       semmap-log fleet export @logs.txt --out lake
       semmap-log fleet fold logs --fold mine:Openings --scheduler tcp://10.0.0.5:8786
     """
-    from semmap_log.fleet.jobs.engine import EngineChoice
+    from semmap_log.fleet.jobs.engine_choice import EngineChoice
     from semmap_log.fleet.jobs.fleet_run import Fleet
     from semmap_log.fleet.jobs.kept_answers import default_folder
     from semmap_log.fleet.jobs.log_places import log_places

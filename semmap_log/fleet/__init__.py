@@ -6,15 +6,14 @@
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 from types import ModuleType
 from typing import Any
 
 
 class _CallablePackage(ModuleType):
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        from semmap_log.fleet.jobs.fleet_run import fleet
-
-        return fleet(*args, **kwargs)
+        return import_module("semmap_log.fleet.jobs.fleet_run").fleet(*args, **kwargs)
 
 
 sys.modules[__name__].__class__ = _CallablePackage

@@ -56,7 +56,7 @@ NEED_MORE = {"serve", "play", "scan-report"}
 """ROS, or scans; they open the log as `append` and `read` do."""
 CARE = {"recover", "compact"}
 """`test_care`."""
-STORES = {"ship", "fetch"}
+STORES = {"ship", "fetch", "fleet"}
 """`tests/fleet`: a store knows no kinds of events."""
 JOINS = {"join"}
 """`tests/fleet/join`: what is unknown in one of the logs."""

@@ -20,7 +20,8 @@ from semmap_log.domain.keywords import knows_keywords
 from semmap_log.errors import MomentError
 from semmap_log.fleet.jobs.care_jobs import InfoJob, VerifyJob
 from semmap_log.fleet.jobs.door_jobs import DoorMapJob, OpeningsJob, ProbabilitiesJob
-from semmap_log.fleet.jobs.engine import WORKER_MEMORY, Engine, EngineChoice, WorkerDied
+from semmap_log.fleet.jobs.engine import Engine, WorkerDied
+from semmap_log.fleet.jobs.engine_choice import WORKER_MEMORY, EngineChoice
 from semmap_log.fleet.jobs.fold_job import FoldJob
 from semmap_log.fleet.jobs.job import Job, schema_of_job
 from semmap_log.fleet.jobs.kept_answers import KeptAnswers, default_folder
