@@ -223,12 +223,15 @@ def print_json_list(values: Iterator[dict[str, Any]]) -> None:
 
 
 @contextmanager
-def progress(doing: str, unit: str = "bytes") -> Iterator[Progress | None]:
+def progress(
+    doing: str, unit: str = "bytes", *, also: Callable[[], str] = str
+) -> Iterator[Progress | None]:
     """Hand out a callback (done, in all) that draws a bar on stderr once the work takes a second.
 
     Args:
         doing: What is going on, such as `Reading`.
         unit: Of the numbers; `bytes` are shown as MB, `ns` as how much of the log's time.
+        also: Asked at each call for what else to show.
     """
     if not sys.stderr.isatty():
         yield None
@@ -244,7 +247,9 @@ def progress(doing: str, unit: str = "bytes") -> Iterator[Progress | None]:
             bar.start()
             task = bar.add_task(doing, total=total)
         if bar is not None:
-            bar.update(task, completed=done, total=total)
+            told = also()
+            said = f"{doing}: {told}" if told else doing
+            bar.update(task, completed=done, total=total, description=said)
 
     try:
         yield show

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from enum import Enum
 from pathlib import Path
@@ -9,12 +10,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, At, KnownAt, a_file, console, print_json, progress, say
+from semmap_log.cli.common import (
+    AsJson,
+    At,
+    KnownAt,
+    a_file,
+    console,
+    print_json,
+    progress,
+    say,
+    size_of,
+)
 
 if TYPE_CHECKING:
-    from semmap_log.fleet.jobs.fleet_run import FleetAnswer
+    from semmap_log.fleet.jobs.fleet_run import Fleet, FleetAnswer
     from semmap_log.fleet.jobs.job import Job
-    from semmap_log.io.progress import Progress
 
 ANY_BAD = 4
 """Exit code where a log gave no answer."""
@@ -198,19 +208,25 @@ def _check_out(job: FleetJob, out: Path | None) -> None:
         )
 
 
-def _asked(many: Any, job: Job) -> FleetAnswer:
+def _asked(many: Fleet, job: Job) -> FleetAnswer:
     from semmap_log.common.texts import counted
+    from semmap_log.fleet.jobs.fleet_run import FleetProgress
     from semmap_log.fleet.jobs.fold_job import FoldJob
 
-    done = 0
-    try:
-        with progress("Asking", "logs") as told:
+    started, now = time.monotonic(), FleetProgress(0, len(many.places), 0, 0)
 
-            def show(now: Any) -> None:
-                nonlocal done
-                done = now.done
+    def rates() -> str:
+        each_s = now.events / max(time.monotonic() - started, 1e-3)
+        return f"{now.events:,} events, {each_s:,.0f}/s, {size_of(now.bytes)}"
+
+    try:
+        with progress("Asking", "logs", also=rates) as told:
+
+            def show(here: FleetProgress) -> None:
+                nonlocal now
+                now = here
                 if told is not None:
-                    _show(told, now)
+                    told(here.done, here.logs)
 
             found: FleetAnswer = (
                 many.fold(job.projection, progress=show)
@@ -218,14 +234,10 @@ def _asked(many: Any, job: Job) -> FleetAnswer:
                 else many.ask(job, progress=show)
             )
     except KeyboardInterrupt:
-        say(f"stopped: {counted(done, 'log')} of {len(many.places):,} had answered. What is kept "
-            "is not asked again: run it once more, and it goes on.")  # fmt: skip
+        had = f"{counted(now.done, 'log')} of {len(many.places):,} had answered"
+        say(f"stopped: {had}. What is kept is not asked again: run it once more, and it goes on.")
         raise
     return found
-
-
-def _show(told: Progress, now: Any) -> None:
-    told(now.done, now.logs)
 
 
 def _write(found: FleetAnswer, out: Path) -> None:

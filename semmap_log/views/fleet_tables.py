@@ -75,7 +75,7 @@ def _text(value: Any, is_time: bool) -> str:  # noqa: FBT001
         return ""
     if is_time:
         second = datetime.fromtimestamp(value // 10**9, timezone.utc)
-        return second.strftime("%Y-%m-%d %H:%M:%S")
+        return second.strftime("%Y-%m-%d %H:%M:%SZ")
     if isinstance(value, float):
         return f"{value:.3g}"
     if isinstance(value, bytes):

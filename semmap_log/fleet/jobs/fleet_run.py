@@ -11,9 +11,10 @@ found.bad           # those without an answer
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.domain.keywords import knows_keywords
@@ -29,6 +30,9 @@ from semmap_log.fleet.jobs.log_answer import LogAnswer, LogQuestion, answer, joi
 from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
 from semmap_log.fleet.jobs.log_places import log_places
 from semmap_log.folds.projection import Projection
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +75,10 @@ Tell = Callable[[FleetProgress], None]
 
 
 class Fleet:
-    """Many logs, and what asks them."""
+    """Many logs, and what asks them.
+
+    Each question starts the engine and ends it; inside `with` one engine serves them all.
+    """
 
     def __init__(
         self, places: Sequence[str], choice: EngineChoice, results: Path | None, *, fresh: bool
@@ -81,6 +88,27 @@ class Fleet:
         self._choice = choice
         self._results = results
         self._fresh = fresh
+        self._engine: Engine | None = None
+
+    def __enter__(self) -> Self:
+        """Start the engine, or join its cluster, for all that is asked inside."""
+        self._engine = self._choice.open()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End what was started."""
+        if self._engine is not None:
+            self._engine.close()
+            self._engine = None
+
+    @contextmanager
+    def _open_engine(self) -> Iterator[Engine]:
+        if self._engine is not None:
+            yield self._engine
+            return
+        with self as opened:
+            assert opened._engine is not None
+            yield opened._engine
 
     def map(
         self, at: str | int | None = None, known_at: str | int | None = None, *,
@@ -137,20 +165,20 @@ class Fleet:
     def ask(self, job: Job, *, progress: Tell | None = None) -> FleetAnswer:
         """Return the answers to a question: see `job`."""
         kept = None if self._results is None else KeptAnswers(self._results, job)
+        had = {} if kept is None or self._fresh else kept.of(self.places)
         answers: dict[str, LogAnswer] = {}
         done = FleetProgress(0, len(self.places), 0, 0)
-        engine = self._choice.open()
-        try:
+        with self._open_engine() as engine:
             questions = [
-                LogQuestion(place, "" if kept is None or self._fresh else kept.head(place))
+                LogQuestion(place, had[place].asked.head if place in had else "")
                 for place in self.places
             ]
             for found in _all_answers(engine, job, questions):
                 asked = found.asked
                 if found.is_question_wrong:
                     raise MomentError(asked.text)
-                if asked.is_kept and kept is not None:
-                    found = kept.get(asked.place) or found  # noqa: PLW2901
+                if asked.is_kept:
+                    found = had[asked.place]  # noqa: PLW2901
                 elif kept is not None and found.table is not None:
                     kept.keep(found)
                 answers[asked.place] = found
@@ -161,8 +189,6 @@ class Fleet:
                 )  # fmt: skip
                 if progress is not None:
                     progress(done)
-        finally:
-            engine.close()
         if kept is not None:
             kept.finish()
         return _joined(job, [answers[place] for place in self.places])

@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -49,10 +50,10 @@ class KeptAnswers:
         self._is_kept = job.is_kept
         self._files = {path.name.split("-", 1)[0]: path for path in self.folder.glob(f"*{SUFFIX}")}
 
-    def head(self, place: str) -> str:
-        """Return the head of a log whose answer is there, whole; empty: there is none."""
-        kept = self.get(place)
-        return "" if kept is None else kept.asked.head
+    def of(self, places: Iterable[str]) -> dict[str, LogAnswer]:
+        """Return the answers of these logs, as far as they are there, whole."""
+        found = ((place, self.get(place)) for place in places)
+        return {place: kept for place, kept in found if kept is not None}
 
     def get(self, place: str) -> LogAnswer | None:
         """Return the answer of a log; None: there is none that is whole."""

@@ -367,10 +367,11 @@ def test_logs_in_a_bucket(made_fleet: Path, bucket: str) -> None:
         put_folder(made_fleet / f"tug{number}", f"{bucket}/clinic/tug{number}")
     local = sl.fleet(made_fleet, engine="serial").openings().table
 
-    fleet = sl.fleet(f"{bucket}/clinic", workers=2)
+    with sl.fleet(f"{bucket}/clinic", workers=2) as fleet:  # one engine for both questions
+        assert 24 == fleet.map(at=START_NS + 1).table.num_rows
+        found = fleet.openings()
 
     assert [f"{bucket}/clinic/tug{n}" for n in range(8)] == list(fleet.places)
-    found = fleet.openings()
     assert not found.bad
     assert local.drop_columns("log") == found.table.drop_columns("log")
     assert fleet.places[2:4] == sl.fleet(f"{bucket}/cl*/tug[23]").places
