@@ -196,42 +196,49 @@ class Fleet:
 
 def _all_answers(engine: Engine, job: Job, questions: list[LogQuestion]) -> Iterator[LogAnswer]:
     """Yield the answer of each log, those of long ones last."""
-    long: list[tuple[LogQuestion, LogAnswer]] = []
-    for number, found in engine.run(answer, job, questions):
-        question = questions[number]
-        if isinstance(found, WorkerDied):
-            yield _died(question)
-        elif found.parts:
-            long.append((question, found))
+    long: list[LogQuestion] = []
+    for question, found in _asked_all(engine, job, questions):
+        if found.parts:
+            long.append(replace(question, parts=found.parts, last_event=found.last_event))
         else:
             yield found
     yield from _answers_of_parts(engine, job, long)
 
 
-def _answers_of_parts(
-    engine: Engine, job: Job, long: Sequence[tuple[LogQuestion, LogAnswer]]
-) -> Iterator[LogAnswer]:
-    whole = [
-        replace(question, parts=found.parts, last_event=found.last_event)
-        for question, found in long
-    ]
-    parts = [replace(each, part=n) for each in whole for n in range(each.parts)]
-    got: dict[str, dict[int, Any]] = {each.place: {} for each in whole}
+def _answers_of_parts(engine: Engine, job: Job, long: Sequence[LogQuestion]) -> Iterator[LogAnswer]:
+    """Yield the answers of logs that are asked in parts."""
+    parts = [replace(whole, part=n) for whole in long for n in range(whole.parts)]
+    got: dict[str, dict[int, Any]] = {whole.place: {} for whole in long}
     bad: dict[str, LogAnswer] = {}
-    for number, found in engine.run(answer, job, parts):
-        part = parts[number]
-        if isinstance(found, WorkerDied):
-            found = _died(part)  # noqa: PLW2901
-        if found.asked.outcome.is_good:
-            got[part.place][part.part] = found.part
-        else:
+    for part, found in _asked_all(engine, job, parts):
+        if not found.asked.outcome.is_good:
             bad.setdefault(part.place, found)
-        is_whole = len(got[part.place]) == part.parts
-        if is_whole:
+            continue
+        got[part.place][part.part] = found.part
+        if len(got[part.place]) == part.parts:
             in_order = got.pop(part.place)
-            whole_question = replace(part, part=0, parts=0)
-            yield joined_answer(job, whole_question, [in_order[n] for n in range(part.parts)])
+            whole = replace(part, part=0, parts=0)
+            yield joined_answer(job, whole, [in_order[n] for n in range(part.parts)])
     yield from bad.values()
+
+
+def _asked_all(
+    engine: Engine, job: Job, questions: Sequence[LogQuestion]
+) -> Iterator[tuple[LogQuestion, LogAnswer]]:
+    """Yield what workers answer.
+
+    A question that was with a worker whenever one died is asked once more, alone: only so it is
+    known whether it was that one.
+    """
+    suspects = []
+    for number, found in engine.run(answer, job, questions):
+        if isinstance(found, WorkerDied):
+            suspects.append(questions[number])
+        else:
+            yield questions[number], found
+    for suspect in suspects:
+        for _, found in engine.run(answer, job, [suspect]):
+            yield suspect, _died(suspect) if isinstance(found, WorkerDied) else found
 
 
 def _died(question: LogQuestion) -> LogAnswer:

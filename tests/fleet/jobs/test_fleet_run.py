@@ -368,7 +368,7 @@ def test_logs_in_a_bucket(made_fleet: Path, bucket: str) -> None:
     local = sl.fleet(made_fleet, engine="serial").openings().table
 
     with sl.fleet(f"{bucket}/clinic", workers=2) as fleet:  # one engine for both questions
-        assert 24 == fleet.map(at=START_NS + 1).table.num_rows
+        assert 24 == fleet.map(at=START_NS + 10**9).table.num_rows
         found = fleet.openings()
 
     assert [f"{bucket}/clinic/tug{n}" for n in range(8)] == list(fleet.places)
