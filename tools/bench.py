@@ -25,6 +25,7 @@ from benchmark.appending import append_cases
 from benchmark.belief_cases import belief_cases
 from benchmark.case import Case
 from benchmark.costmap_cases import costmap_cases
+from benchmark.fleet_cases import fleet_cases
 from benchmark.folding import SMALL, fold_cases, now_cases
 from benchmark.importing import import_cases
 from benchmark.logs import Workshop
@@ -45,7 +46,7 @@ SIZED = {
     "day": day_cases, "open": open_cases, "import": import_cases, "store": store_cases,
 }  # fmt: skip
 """Group -> its cases, for each size."""
-GROUPS = ("append", *SIZED, "costmap", "beliefs", "view", "start")
+GROUPS = ("append", *SIZED, "fleet", "costmap", "beliefs", "view", "start")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -109,6 +110,8 @@ def _cases(args: argparse.Namespace, shop: Workshop) -> Iterator[Case]:
         shop.clear()
     if "open" in args.only:
         yield crash_case(shop, args.rounds, tries_out=max(args.events) < SMALL)
+    if "fleet" in args.only:
+        yield from fleet_cases(shop, args.rounds, tries_out=max(args.events) < SMALL)
     if "costmap" in args.only:
         yield from costmap_cases(shop, args.rounds, tries_out=max(args.events) < SMALL)
     if "beliefs" in args.only:

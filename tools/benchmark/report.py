@@ -36,6 +36,8 @@ All read from the page cache, but for Moment, cold: opened anew, its pages dropp
 came from the disk, of the whole; the kernel reads more than it is asked for (read-ahead).
 In a store: moto's server beside us, which is Python: read bytes and requests, not times. Just \
 opened: manifest and all, nothing kept from before.
+A fleet: 5,000 sightings a log; Dask's workers run already, a process a core. One by one: in one \
+process, whose reader uses all cores, too.
 One day: a 365th of the log's time. append: commits are given as event objects, as bytes, as rows.
 Costmap: a made-up building with up to 500 doors, cells of 0.05 m, inflation of 0.55 m, from \
 nothing to the master. plain Python: the thesis's and noetic's loops over cells, on a corner of \

@@ -26,7 +26,13 @@ from semmap_log.fleet.jobs.engine_choice import WORKER_MEMORY, EngineChoice
 from semmap_log.fleet.jobs.fold_job import FoldJob
 from semmap_log.fleet.jobs.job import Job, schema_of_job
 from semmap_log.fleet.jobs.kept_answers import KeptAnswers, default_folder
-from semmap_log.fleet.jobs.log_answer import LogAnswer, LogQuestion, answer, joined_answer
+from semmap_log.fleet.jobs.log_answer import (
+    LogAnswer,
+    LogQuestion,
+    answer,
+    answer_all,
+    joined_answer,
+)
 from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
 from semmap_log.fleet.jobs.log_places import log_places
 from semmap_log.folds.projection import Projection
@@ -72,6 +78,9 @@ class FoldAnswer(FleetAnswer):
 
 
 Tell = Callable[[FleetProgress], None]
+
+BATCHES, MOST_IN_A_BATCH = 50, 16
+"""Many small logs are asked a few at a time: an engine takes milliseconds to hand one out."""
 
 
 class Fleet:
@@ -227,15 +236,17 @@ def _asked_all(
 ) -> Iterator[tuple[LogQuestion, LogAnswer]]:
     """Yield what workers answer.
 
-    A question that was with a worker whenever one died is asked once more, alone: only so it is
-    known whether it was that one.
+    What was with a worker whenever one died is asked once more, each alone: only so it is known
+    which it was.
     """
-    suspects = []
-    for number, found in engine.run(answer, job, questions):
+    size = min(max(len(questions) // BATCHES, 1), MOST_IN_A_BATCH)
+    batches = [questions[at : at + size] for at in range(0, len(questions), size)]
+    suspects: list[LogQuestion] = []
+    for number, found in engine.run(answer_all, job, batches):
         if isinstance(found, WorkerDied):
-            suspects.append(questions[number])
+            suspects += batches[number]
         else:
-            yield questions[number], found
+            yield from zip(batches[number], found, strict=True)
     for suspect in suspects:
         for _, found in engine.run(answer, job, [suspect]):
             yield suspect, _died(suspect) if isinstance(found, WorkerDied) else found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -64,6 +64,11 @@ def answer(job: Job, question: LogQuestion) -> LogAnswer:
         )
     except Exception as error:  # noqa: BLE001  a projection of a user's may raise anything
         return LogAnswer(_without(asked, error))
+
+
+def answer_all(job: Job, questions: Sequence[LogQuestion]) -> list[LogAnswer]:
+    """Return the answers of several logs, in order."""
+    return [answer(job, question) for question in questions]
 
 
 def joined_answer(job: Job, question: LogQuestion, parts: list[Any]) -> LogAnswer:
