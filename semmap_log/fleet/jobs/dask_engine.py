@@ -14,6 +14,7 @@ from semmap_log.errors import EngineError, MissingExtraError
 from semmap_log.fleet.jobs.engine import DEATHS, WorkerDied
 
 ANSWERS_WITHIN_S = 20
+_EXPECTED = "expected an address such as tcp://10.0.0.5:8786, which `dask scheduler` prints."
 
 
 class DaskEngine:
@@ -36,6 +37,8 @@ class DaskEngine:
             }
         )
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # outcomes tell what it tells
+        if scheduler and ":" not in scheduler:
+            raise EngineError(f"no Dask scheduler at {scheduler}: {_EXPECTED}")
         try:
             if not scheduler:
                 self._cluster = distributed.LocalCluster(
@@ -43,6 +46,7 @@ class DaskEngine:
                     threads_per_worker=1,
                     memory_limit=memory,
                     dashboard_address="127.0.0.1:0",
+                    preload=["semmap_log.fleet.jobs.dask_worker"],
                     silence_logs=logging.CRITICAL,
                 )
             self._client: Any = distributed.Client(
@@ -52,8 +56,7 @@ class DaskEngine:
             self._end_cluster()
             where = scheduler or "this machine"
             raise EngineError(
-                f"no Dask scheduler at {where}: {error or 'it does not answer'}. `dask scheduler` "
-                "prints its address, such as tcp://10.0.0.5:8786."
+                f"no Dask scheduler at {where}: {error or 'it does not answer'}; {_EXPECTED}"
             ) from None
 
     def run(

@@ -187,8 +187,8 @@ class Fleet:
                 if found.is_question_wrong:
                     raise MomentError(asked.text)
                 if asked.is_kept:
-                    found = had[asked.place]  # noqa: PLW2901
-                elif kept is not None and found.table is not None:
+                    found = LogAnswer(asked, had[asked.place].table)  # noqa: PLW2901
+                elif kept is not None and asked.outcome.is_good:
                     kept.keep(found)
                 answers[asked.place] = found
                 is_new = not asked.is_kept

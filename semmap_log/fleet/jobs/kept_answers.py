@@ -14,6 +14,7 @@ import os
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import asdict, replace
+from importlib.metadata import version
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 
@@ -38,7 +39,8 @@ class KeptAnswers:
         Raises:
             OutputError: The folder cannot be made.
         """
-        asked = f"{FORMAT} {job.name} {job.parameters()} {[str(f) for f in job.fields]}"
+        ours = f"{FORMAT} {version('semmap-log')} {[str(field) for field in job.fields]}"
+        asked = f"{ours} {job.name} {job.parameters()}"
         self.folder = folder / f"{job.name}-{_digits(asked)}"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
