@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,8 +23,9 @@ from semmap_log.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.fleet.jobs.fleet_run import Fleet, FleetAnswer
-    from semmap_log.fleet.jobs.job import Job
+    from semmap_log.fleet.jobs.fleet_run import Fleet, FleetAnswer, Tell
+
+    Question = Callable[[Fleet, Tell], FleetAnswer]
 
 ANY_BAD = 4
 """Exit code where a log gave no answer."""
@@ -83,6 +84,13 @@ def run(
             callback=a_file,
         ),
     ] = None,
+    delta: Annotated[
+        bool, typer.Option("--delta", help="export: as a table of Delta Lake, in one commit.")
+    ] = False,
+    iceberg: Annotated[
+        str,
+        typer.Option("--iceberg", metavar="CATALOG.NAMESPACE.TABLE", help="export: the same."),
+    ] = "",
     engine: Annotated[
         EngineName, typer.Option("--engine", help="dask, ray, or serial: in this process.")
     ] = EngineName.dask,
@@ -131,7 +139,7 @@ def run(
       semmap-log fleet map s3://hospital/logs --at 2026-03-02T10:30
       semmap-log fleet openings 's3://hospital/logs/tug*' --out openings.parquet
       semmap-log fleet verify logs/tug1 logs/tug2 --json
-      semmap-log fleet export @logs.txt --out lake
+      semmap-log fleet export @logs.txt --out lake --delta
       semmap-log fleet fold logs --fold mine:Openings --scheduler tcp://10.0.0.5:8786
     """
     from semmap_log.fleet.jobs.engine_choice import EngineChoice
@@ -140,13 +148,13 @@ def run(
     from semmap_log.fleet.jobs.log_places import log_places
 
     told = {"--at": at, "--known-at": known_at, "--horizon": horizon, "--estimator": estimator,
-            "--fold": fold}  # fmt: skip
-    asked = _job(job, told, out)
+            "--fold": fold, "--delta": delta, "--iceberg": iceberg}  # fmt: skip
+    question = _question(job, told, out)
     _check_out(job, out)
     places = log_places(logs)
     choice = EngineChoice(engine.value, scheduler, workers, memory)
     many = Fleet(places, choice, results or default_folder(), fresh=fresh)
-    found = _asked(many, asked)
+    found = _asked(many, question)
     if out is not None and job is not FleetJob.export:
         _write(found, out)
     if as_json:
@@ -161,17 +169,15 @@ _TAKES = {
     FleetJob.map: ("--at", "--known-at"),
     FleetJob.probabilities: ("--at", "--known-at", "--horizon", "--estimator"),
     FleetJob.fold: ("--fold",),
+    FleetJob.export: ("--delta", "--iceberg"),
 }
 """Job -> the options of the question that mean something to it."""
 
 
-def _job(job: FleetJob, told: Mapping[str, str | None], out: Path | None) -> Job:
-    """Return the job of a command line."""
+def _question(job: FleetJob, told: Mapping[str, Any], out: Path | None) -> Question:
+    """Return what a command line asks of the logs."""
     from semmap_log.domain.moments import parse_duration
-    from semmap_log.fleet.jobs.care_jobs import InfoJob, VerifyJob
-    from semmap_log.fleet.jobs.door_jobs import DoorMapJob, OpeningsJob, ProbabilitiesJob
-    from semmap_log.fleet.jobs.fold_job import FoldJob, projection_of
-    from semmap_log.fleet.jobs.month_export import MonthExport
+    from semmap_log.fleet.jobs.fold_job import projection_of
 
     for name, value in told.items():
         if value and name not in _TAKES.get(job, ()):
@@ -179,24 +185,25 @@ def _job(job: FleetJob, told: Mapping[str, str | None], out: Path | None) -> Job
     at, known_at, horizon = told["--at"], told["--known-at"], told["--horizon"]
     match job:
         case FleetJob.map:
-            return DoorMapJob(at, known_at)
-        case FleetJob.openings:
-            return OpeningsJob()
+            return lambda many, show: many.map(at, known_at, progress=show)
         case FleetJob.probabilities:
             ahead_ns = parse_duration(horizon) if horizon else 0
-            return ProbabilitiesJob(at, known_at, ahead_ns, told["--estimator"])
-        case FleetJob.verify:
-            return VerifyJob()
-        case FleetJob.info:
-            return InfoJob()
+            return lambda many, show: many.probabilities(
+                at, known_at, horizon_ns=ahead_ns, estimator=told["--estimator"], progress=show
+            )
         case FleetJob.export:
             if out is None:
                 raise typer.BadParameter("expected a folder or a URL", param_hint="--out")
-            return MonthExport(str(out))
+            return lambda many, show: many.export(
+                out, delta=told["--delta"], iceberg=told["--iceberg"], progress=show
+            )
         case FleetJob.fold:
             if not told["--fold"]:
                 raise typer.BadParameter("expected MODULE:CLASS", param_hint="--fold")
-            return FoldJob(projection_of(told["--fold"]))
+            projection = projection_of(told["--fold"])
+            return lambda many, show: many.fold(projection, progress=show)
+        case _:
+            return lambda many, show: getattr(many, job.value)(progress=show)
 
 
 def _check_out(job: FleetJob, out: Path | None) -> None:
@@ -208,10 +215,9 @@ def _check_out(job: FleetJob, out: Path | None) -> None:
         )
 
 
-def _asked(many: Fleet, job: Job) -> FleetAnswer:
+def _asked(many: Fleet, question: Question) -> FleetAnswer:
     from semmap_log.common.texts import counted
     from semmap_log.fleet.jobs.fleet_run import FleetProgress
-    from semmap_log.fleet.jobs.fold_job import FoldJob
 
     started, now = time.monotonic(), FleetProgress(0, len(many.places), 0, 0)
 
@@ -228,11 +234,7 @@ def _asked(many: Fleet, job: Job) -> FleetAnswer:
                 if told is not None:
                     told(here.done, here.logs)
 
-            found: FleetAnswer = (
-                many.fold(job.projection, progress=show)
-                if isinstance(job, FoldJob)
-                else many.ask(job, progress=show)
-            )
+            found = question(many, show)
     except KeyboardInterrupt:
         had = f"{counted(now.done, 'log')} of {len(many.places):,} had answered"
         say(f"stopped: {had}. What is kept is not asked again: run it once more, and it goes on.")
@@ -254,12 +256,15 @@ def _write(found: FleetAnswer, out: Path) -> None:
 
 
 def _tell(found: FleetAnswer, out: Path | None) -> None:
+    from semmap_log.common.texts import counted
     from semmap_log.views.fleet_tables import arrow_rows_table, bad_logs_table, outcomes_in_words
 
     if out is None:
         console().print(arrow_rows_table(found.table.slice(0, MOST_ROWS)))
         if (more := found.table.num_rows - MOST_ROWS) > 0:
             say(f"{more:,} more rows: --out FILE.parquet, or --json, has all")
+    elif "file" in found.table.column_names:
+        say(f"{out}: {counted(found.table.num_rows, 'file')}")
     if found.bad:
         console().print(bad_logs_table(found.bad))
     say(outcomes_in_words(found.logs))

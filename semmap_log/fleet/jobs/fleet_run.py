@@ -26,6 +26,7 @@ from semmap_log.fleet.jobs.engine_choice import WORKER_MEMORY, EngineChoice
 from semmap_log.fleet.jobs.fold_job import FoldJob
 from semmap_log.fleet.jobs.job import Job, schema_of_job
 from semmap_log.fleet.jobs.kept_answers import KeptAnswers, default_folder
+from semmap_log.fleet.jobs.lake_tables import LakeFile, commit_delta, commit_iceberg
 from semmap_log.fleet.jobs.log_answer import (
     LogAnswer,
     LogQuestion,
@@ -35,6 +36,7 @@ from semmap_log.fleet.jobs.log_answer import (
 )
 from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
 from semmap_log.fleet.jobs.log_places import log_places
+from semmap_log.fleet.jobs.month_export import MonthExport
 from semmap_log.folds.projection import Projection
 
 if TYPE_CHECKING:
@@ -155,6 +157,32 @@ class Fleet:
     def info(self, *, progress: Tell | None = None) -> FleetAnswer:
         """Return what each log holds, a row each."""
         return self.ask(InfoJob(), progress=progress)
+
+    def export(
+        self, out: str | Path, *, delta: bool = False, iceberg: str = "",
+        progress: Tell | None = None,
+    ) -> FleetAnswer:  # fmt: skip
+        """Write every event of each log as Parquet files, a folder a month; see `month_export`.
+
+        Args:
+            out: A folder that each worker sees, or a URL.
+            delta: Commit what is there at the end as a table of Delta's, at `out`.
+            iceberg: The same as a table of Iceberg's: `catalog.namespace.table`; empty: as none.
+            progress: Told how far the run is.
+        """
+        job = MonthExport(str(out), keeps_old=delta or bool(iceberg))
+        found = self.ask(job, progress=progress)
+        names = ("log_id", "month", "file", "events", "bytes")
+        rows = zip(*(found.table[name].to_pylist() for name in names), strict=True)
+        files = [
+            LakeFile(log_id, month, f"month={month}/{file}", events, size)
+            for log_id, month, file, events, size in rows
+        ]
+        if delta:
+            commit_delta(str(out), files)
+        if iceberg:
+            commit_iceberg(iceberg, str(out), files)
+        return found
 
     def fold(self, projection: Projection[Any], *, progress: Tell | None = None) -> FoldAnswer:
         """Return the state that a projection makes of each log.

@@ -28,18 +28,36 @@ from semmap_log.io.url_path import UrlPath, place_of
 from semmap_log.store.reading.window import Window
 
 HEAD_DIGITS = 12
-AS_NUMBERS = {"happened": "happened_ns", "recorded": "recorded_ns"}
+
+
+MONTH = pa.field("month", pa.string())
+"""What the folders say."""
 
 
 def _lake_schema() -> pa.Schema:
+    """Return the columns in types that every lake has: times and unsigned numbers are not."""
     fields = [
-        pa.field(AS_NUMBERS[each.name], pa.int64(), nullable=False, metadata=each.metadata)
-        if each.name in AS_NUMBERS
-        else each
+        pa.field(
+            f"{each.name}_ns" if pa.types.is_timestamp(each.type) else each.name,
+            _lake_type(each.type),
+            nullable=each.nullable,
+            metadata=each.metadata,
+        )
         for each in HISTORY_SCHEMA
     ]
-    log_id = pa.field("log_id", pa.string(), nullable=False)
-    return pa.schema([log_id, *fields], metadata=HISTORY_SCHEMA.metadata)
+    return pa.schema([pa.field("log_id", pa.string(), nullable=False), *fields])
+
+
+def _lake_type(kind: pa.DataType) -> pa.DataType:
+    if pa.types.is_timestamp(kind):
+        return pa.int64()
+    if pa.types.is_dictionary(kind):
+        return kind.value_type
+    if pa.types.is_list(kind):
+        return pa.list_(_lake_type(kind.value_type))
+    if pa.types.is_integer(kind):
+        return pa.int64() if kind.bit_width > 16 else pa.int32()
+    return kind
 
 
 LAKE_SCHEMA = _lake_schema()
@@ -51,6 +69,8 @@ class MonthExport:
 
     out: str
     """A folder that each worker sees, or a URL."""
+    keeps_old: bool = False
+    """Leave what a log had there of an earlier head: a table names it still."""
 
     name: ClassVar[str] = "export"
     is_kept: ClassVar[bool] = False
@@ -78,7 +98,8 @@ class MonthExport:
             for column, value in zip(rows, (month, name, events, size), strict=True):
                 if events:
                     rows[column].append(value)
-            lake.remove_others(log.info.log_id, name if events else "")
+            if not self.keeps_old:
+                lake.remove_others(log.info.log_id, name if events else "")
         return Told(rows)
 
 
@@ -157,12 +178,11 @@ class _LakeFolder:
 
 
 def _as_lake(table: pa.Table, log_id: str) -> pa.Table:
-    columns = [
-        column.cast(pa.int64()) if name in AS_NUMBERS else column
-        for name, column in zip(table.column_names, table.columns, strict=True)
-    ]
-    ids = pa.array([log_id] * table.num_rows, pa.string())
-    return pa.Table.from_arrays([ids, *columns], schema=LAKE_SCHEMA)
+    columns = [pa.array([log_id] * table.num_rows, pa.string()), *table.columns]
+    return pa.Table.from_arrays(
+        [column.cast(field.type) for column, field in zip(columns, LAKE_SCHEMA, strict=True)],
+        schema=LAKE_SCHEMA,
+    )
 
 
 def _months_of(log: DoorLog) -> Iterator[str]:
