@@ -14,6 +14,7 @@ from mutation.command_guards import COMMAND_INDEXES
 from mutation.costmap_guards import COSTMAPS
 from mutation.experiment_guards import EXPERIMENT
 from mutation.experiment_table_guards import EXPERIMENT_TABLES
+from mutation.fleet_guards import FLEETS
 from mutation.folder_guards import FOLDERS
 from mutation.foreign_guards import FOREIGN
 from mutation.habit_guards import HABITS
@@ -395,5 +396,5 @@ GUARDS: tuple[Mutant, ...] = (
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
     *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *STORES, *PROPOSALS, *PLANNING, *ROOMS,
-    *EXPERIMENT, *EXPERIMENT_TABLES, *KEEPING, *JOINS,
+    *EXPERIMENT, *EXPERIMENT_TABLES, *KEEPING, *JOINS, *FLEETS,
 )  # fmt: skip

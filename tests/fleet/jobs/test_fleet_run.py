@@ -123,6 +123,29 @@ def test_parts_of_a_long_log_make_the_answer_of_the_whole(
     assert seen == folded.states[one]
 
 
+def test_parts_are_of_the_moment_at_which_the_log_was_looked_at(
+    made_fleet: Path, tmp_path: Path
+) -> None:
+    """
+    It goes on while its parts are asked, and takes back what counted then.
+    """
+    log = tmp_path / "log"
+    shutil.copytree(made_fleet / "tug0", log)
+    last = sl.read(log).last_event()
+    jobs = (door_jobs.OpeningsJob(), fold_job.FoldJob(Sightings()))
+    expected = [job.ask(sl.read(log), "") for job in jobs]
+    with sl.append(log) as writer:
+        for number in range(12, 20):
+            writer.retract(number)
+        for state in ("open", "closed", "open"):
+            writer.observe("d0", state)
+
+    grown = sl.read(log)
+    for job, told in zip(jobs, expected, strict=True):
+        assert told.rows != job.ask(grown, "").rows
+        assert told.rows == job.joined([job.ask_part(grown, n, 3, last) for n in range(3)]).rows
+
+
 def test_one_of_each_kind_of_bad_log_among_forty(made_fleet: Path, tmp_path: Path) -> None:
     """
     Damaged, with file and byte; with a gap; live; one that goes; all others right.

@@ -48,6 +48,7 @@ os._exit(0)  # its threads end badly with the interpreter
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ["disk", "bucket"])
 def test_delta_has_each_event_once_also_after_a_log_has_grown(
     two: Fleet, tmp_path: Path, bucket: str, where: str
@@ -88,6 +89,7 @@ def _python(*words: str) -> str:
     return run.stdout
 
 
+@pytest.mark.slow
 def test_iceberg_has_each_event_once_also_after_a_log_has_grown(
     two: Fleet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
