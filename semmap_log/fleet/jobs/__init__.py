@@ -8,3 +8,10 @@ log_outcome     what became of a log
 engine          where functions run; dask_engine, ray_engine: two of them
 kept_answers    what is not asked again by the next run
 """
+
+from importlib.util import find_spec
+
+from semmap_log.errors import MissingExtraError
+
+if find_spec("pyarrow") is None:
+    raise MissingExtraError("pyarrow", "fleet")

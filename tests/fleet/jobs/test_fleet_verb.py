@@ -136,3 +136,19 @@ def slowly(self, answer):
 kept_answers.KeptAnswers.keep = slowly
 sys.exit(main([*sys.argv[1:], "--engine", "serial"]))
 """
+
+
+def test_without_its_packages_it_says_how_to_get_them(made_fleet: Path) -> None:
+    for missing in ("pyarrow", "distributed"):
+        program = (
+            f"import sys; sys.modules[{missing!r}] = None\n"
+            f"from semmap_log.cli import main; main(['fleet', 'map', {str(made_fleet)!r}])"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, check=False
+        )
+
+        assert 1 == done.returncode
+        assert f"{missing} is not installed; install it with: pip install 'semmap-log[fleet]'" in (
+            done.stderr
+        )
