@@ -33,7 +33,7 @@ def logs(tmp_path: Path) -> Path:
     for seed in range(2):
         make_log(folder / f"tug{seed}", seed)
     with sl.append(folder / "tug0") as log:
-        log.observe("d0", "open", at=START_NS - 2 * MONTH_NS)
+        log.observe("d0", "open", at=START_NS - 2 * MONTH_NS, reason="told late")
         log.observe("d0", "closed", at=START_NS + 1)
     return folder
 
@@ -46,7 +46,7 @@ def test_every_event_is_in_the_month_in_which_it_happened(logs: Path, tmp_path: 
     assert 0 == done.returncode, done.stderr
 
     rows = duckdb.sql(
-        f"select log_id, event, kind, happened_ns, month, retracted "
+        f"select log_id, event, kind, happened_ns, month, retracted, reason "
         f"from '{tmp_path}/lake/*/*.parquet' order by log_id, event"
     ).fetchall()
 
@@ -62,9 +62,11 @@ def test_every_event_is_in_the_month_in_which_it_happened(logs: Path, tmp_path: 
             number = sl.read(log).event(line["event"])
             expected.append(
                 (log_id, line["event"], line["kind"], number.happened_ns,
-                 min(line["happened"], line["recorded"])[:7], line.get("retracted", False))
+                 min(line["happened"], line["recorded"])[:7], line.get("retracted", False),
+                 line.get("reason") or None)
             )  # fmt: skip
-    assert sorted(expected) == rows
+    assert sorted(expected, key=lambda row: row[:2]) == rows
+    assert 1 == [row[-1] for row in rows].count("told late")
     assert {"2025-12", "2026-03"} <= {row[4] for row in rows}
 
 
