@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.fleet.jobs.job import TIME, Told
+from semmap_log.fleet.jobs.job import TIME, Holds, Told
 from semmap_log.fleet.jobs.log_outcome import LogOutcome
 from semmap_log.replay.care import verify
 from semmap_log.store.verification import Severity
@@ -22,7 +22,7 @@ class InfoJob:
     """What each log holds, as `info` says it of one."""
 
     name: ClassVar[str] = "info"
-    is_kept: ClassVar[bool] = True
+    holds: ClassVar[Holds] = Holds.with_head
     fields: ClassVar[tuple[pa.Field, ...]] = (
         *_counts("doors", "events", "commits", "segments", "bytes"),
         pa.field("first", TIME),
@@ -61,7 +61,7 @@ class VerifyJob:
     """Whether each log is as it was written: every byte of each is read."""
 
     name: ClassVar[str] = "verify"
-    is_kept: ClassVar[bool] = False
+    holds: ClassVar[Holds] = Holds.within_a_run
     fields: ClassVar[tuple[pa.Field, ...]] = (
         pa.field("exit_code", pa.int8(), nullable=False),
         *_counts("segments", "commits", "events", "bytes", "findings"),

@@ -14,7 +14,7 @@ from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import HOUR_NS
 from semmap_log.door_log.door_labels import labels_ever
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.fleet.jobs.job import TIME, Told
+from semmap_log.fleet.jobs.job import TIME, Holds, Told
 from semmap_log.folds.timeline import Timeline, timelines
 from semmap_log.replay.replay import Scope
 
@@ -35,7 +35,7 @@ class DoorMapJob:
     known_at: str | int | None = None
 
     name: ClassVar[str] = "map"
-    is_kept: ClassVar[bool] = True
+    holds: ClassVar[Holds] = Holds.with_head
     fields: ClassVar[tuple[pa.Field, ...]] = (
         *DOOR_FIELDS,
         pa.field("level", pa.uint16(), nullable=False),
@@ -75,7 +75,7 @@ class OpeningsJob:
     """
 
     name: ClassVar[str] = "openings"
-    is_kept: ClassVar[bool] = True
+    holds: ClassVar[Holds] = Holds.with_head
     fields: ClassVar[tuple[pa.Field, ...]] = (
         *DOOR_FIELDS,
         pa.field("hour", TIME, nullable=False),
@@ -137,7 +137,7 @@ class ProbabilitiesJob:
     estimator: str | None = None
 
     name: ClassVar[str] = "probabilities"
-    is_kept: ClassVar[bool] = True
+    holds: ClassVar[Holds] = Holds.with_head
     fields: ClassVar[tuple[pa.Field, ...]] = (
         *DOOR_FIELDS,
         pa.field("time", TIME, nullable=False),

@@ -24,7 +24,7 @@ from semmap_log.fleet.jobs.door_jobs import DoorMapJob, OpeningsJob, Probabiliti
 from semmap_log.fleet.jobs.engine import Engine, WorkerDied
 from semmap_log.fleet.jobs.engine_choice import WORKER_MEMORY, EngineChoice
 from semmap_log.fleet.jobs.fold_job import FoldJob
-from semmap_log.fleet.jobs.job import Job, schema_of_job
+from semmap_log.fleet.jobs.job import Holds, Job, schema_of_job
 from semmap_log.fleet.jobs.kept_answers import KeptAnswers, default_folder
 from semmap_log.fleet.jobs.lake_tables import LakeFile, commit_delta, commit_iceberg
 from semmap_log.fleet.jobs.log_answer import (
@@ -38,6 +38,7 @@ from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
 from semmap_log.fleet.jobs.log_places import log_places
 from semmap_log.fleet.jobs.month_export import MonthExport
 from semmap_log.folds.projection import Projection
+from semmap_log.io.url_path import place_of
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -133,7 +134,7 @@ class Fleet:
             progress: Told how far the run is.
 
         Raises:
-            MomentError: A time cannot be read.
+            MomentError: A time cannot be read, by any log.
             EngineError: The engine is not there, or has gone; what was answered is kept.
         """
         return self.ask(DoorMapJob(at, known_at), progress=progress)
@@ -170,7 +171,9 @@ class Fleet:
             iceberg: The same as a table of Iceberg's: `catalog.namespace.table`; empty: as none.
             progress: Told how far the run is.
         """
-        job = MonthExport(str(out), keeps_old=delta or bool(iceberg))
+        place = place_of(out)
+        out = str(place.absolute() if isinstance(place, Path) else place)  # of any worker's folder
+        job = MonthExport(out, keeps_old=delta or bool(iceberg))
         found = self.ask(job, progress=progress)
         names = ("log_id", "month", "file", "events", "bytes")
         rows = zip(*(found.table[name].to_pylist() for name in names), strict=True)
@@ -179,9 +182,9 @@ class Fleet:
             for log_id, month, file, events, size in rows
         ]
         if delta:
-            commit_delta(str(out), files)
+            commit_delta(out, files)
         if iceberg:
-            commit_iceberg(iceberg, str(out), files)
+            commit_iceberg(iceberg, out, files)
         return found
 
     def fold(self, projection: Projection[Any], *, progress: Tell | None = None) -> FoldAnswer:
@@ -201,7 +204,8 @@ class Fleet:
 
     def ask(self, job: Job, *, progress: Tell | None = None) -> FleetAnswer:
         """Return the answers to a question: see `job`."""
-        kept = None if self._results is None else KeptAnswers(self._results, job)
+        is_kept = self._results is not None and job.holds is not Holds.never
+        kept = KeptAnswers(self._results, job) if is_kept and self._results else None
         had = {} if kept is None or self._fresh else kept.of(self.places)
         answers: dict[str, LogAnswer] = {}
         done = FleetProgress(0, len(self.places), 0, 0)
@@ -212,8 +216,6 @@ class Fleet:
             ]
             for found in _all_answers(engine, job, questions):
                 asked = found.asked
-                if found.is_question_wrong:
-                    raise MomentError(asked.text)
                 if asked.is_kept:
                     found = LogAnswer(asked, had[asked.place].table)  # noqa: PLW2901
                 elif kept is not None and asked.outcome.is_good:
@@ -226,6 +228,8 @@ class Fleet:
                 )  # fmt: skip
                 if progress is not None:
                     progress(done)
+        if all(each.is_question_wrong for each in answers.values()):
+            raise MomentError(answers[self.places[0]].asked.text)
         if kept is not None:
             kept.finish()
         return _joined(job, [answers[place] for place in self.places])

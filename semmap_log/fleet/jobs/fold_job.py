@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import EngineError
-from semmap_log.fleet.jobs.job import Told
+from semmap_log.fleet.jobs.job import Holds, Told
 from semmap_log.folds.projection import Dumping, Mergeable, Projection, name_of, version_of
 from semmap_log.replay.plain_state import dump_plain, load_plain
 
@@ -25,7 +25,7 @@ class FoldJob:
     projection: Projection[Any]
 
     name: ClassVar[str] = "fold"
-    is_kept: ClassVar[bool] = True
+    holds: ClassVar[Holds] = Holds.with_head
     fields: ClassVar[tuple[pa.Field, ...]] = (pa.field("state", pa.binary(), nullable=False),)
 
     def parameters(self) -> str:

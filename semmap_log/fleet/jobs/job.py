@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from semmap_log.arrow.arrow_sdk import pa
@@ -19,6 +20,14 @@ LOG_FIELDS = (
 """The first columns of every table: which log a row is of."""
 
 TIME = pa.timestamp("ns", "UTC")
+
+
+class Holds(Enum):
+    """For how long an answer is one."""
+
+    with_head = "as long as the log has the same head"
+    within_a_run = "until a run has come to its end: it is about the bytes themselves"
+    never = "it is not an answer alone: something is made"
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +50,8 @@ class Job(Protocol):
     """As the command line says it."""
     fields: ClassVar[tuple[pa.Field, ...]]
     """The columns of its tables, behind `LOG_FIELDS`."""
-    is_kept: ClassVar[bool]
-    """Whether its answer holds as long as the log has the same head. False: it looks at the
-    bytes themselves, or makes something else than an answer."""
+    holds: ClassVar[Holds]
+    """For how long a log's answer need not be asked again."""
 
     def parameters(self) -> str:
         """Return all that decides on the answer, beside the log."""

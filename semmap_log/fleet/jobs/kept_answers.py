@@ -20,7 +20,7 @@ from tempfile import NamedTemporaryFile
 
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.errors import OutputError
-from semmap_log.fleet.jobs.job import Job
+from semmap_log.fleet.jobs.job import Holds, Job
 from semmap_log.fleet.jobs.log_answer import LogAnswer
 from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
 
@@ -49,7 +49,7 @@ class KeptAnswers:
                 f"{folder}: answers cannot be kept there: {error.strerror}; name another folder "
                 "with --results."
             ) from None
-        self._is_kept = job.is_kept
+        self._holds = job.holds
         self._files = {path.name.split("-", 1)[0]: path for path in self.folder.glob(f"*{SUFFIX}")}
 
     def of(self, places: Iterable[str]) -> dict[str, LogAnswer]:
@@ -97,7 +97,7 @@ class KeptAnswers:
 
     def finish(self) -> None:
         """Say that a run has come to its end: what holds for one run only is not kept."""
-        if not self._is_kept:
+        if self._holds is Holds.within_a_run:
             for path in self._files.values():
                 with suppress(OSError):
                     path.unlink(missing_ok=True)

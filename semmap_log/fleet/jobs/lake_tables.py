@@ -11,12 +11,10 @@ import os
 import time
 from collections.abc import Sequence
 from importlib import import_module
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from semmap_log.errors import EngineError
 from semmap_log.fleet.jobs.month_export import LAKE_SCHEMA, MONTH
-from semmap_log.io.url_path import place_of
 
 
 class LakeFile(NamedTuple):
@@ -48,15 +46,14 @@ def commit_delta(out: str, files: Sequence[LakeFile]) -> LakeCommit:
     """
     deltalake: Any = _module("deltalake", "deltalake")
     writing: Any = import_module("deltalake.transaction")
-    place = str(place_of(out))
     options = {"allow_http": "true"} if "http://" in os.environ.get("AWS_ENDPOINT_URL", "") else {}
     schema = LAKE_SCHEMA.append(MONTH)
     try:
-        if deltalake.DeltaTable.is_deltatable(place, storage_options=options):
-            table = deltalake.DeltaTable(place, storage_options=options)
+        if deltalake.DeltaTable.is_deltatable(out, storage_options=options):
+            table = deltalake.DeltaTable(out, storage_options=options)
         else:
             table = deltalake.DeltaTable.create(
-                place, schema, partition_by=["month"], name="semmap_log_events",
+                out, schema, partition_by=["month"], name="semmap_log_events",
                 storage_options=options,
             )  # fmt: skip
         there = {row["path"]: row for row in _rows(table.get_add_actions(flatten=True))}
@@ -76,7 +73,7 @@ def commit_delta(out: str, files: Sequence[LakeFile]) -> LakeCommit:
         if actions:
             table.create_write_transaction(actions, "append", schema, ["month"])
     except (deltalake.exceptions.DeltaError, OSError, ValueError) as error:
-        raise EngineError(f"{place}: no commit to the Delta table: {error}") from None
+        raise EngineError(f"{out}: no commit to the Delta table: {error}") from None
     return LakeCommit(len(new), len(old))
 
 
@@ -85,7 +82,7 @@ def commit_iceberg(name: str, out: str, files: Sequence[LakeFile]) -> LakeCommit
 
     Args:
         name: `catalog.namespace.table`; pyiceberg knows the catalog by its own file or environment.
-        out: The lake's folder.
+        out: The lake's folder, absolute, or its URL.
         files: Of an export.
 
     Raises:
@@ -95,14 +92,12 @@ def commit_iceberg(name: str, out: str, files: Sequence[LakeFile]) -> LakeCommit
     catalog_name, dot, identifier = name.partition(".")
     if not dot or "." not in identifier:
         raise EngineError(f"--iceberg {name}: expected CATALOG.NAMESPACE.TABLE.")
-    place = place_of(out)
-    root = str(place.absolute() if isinstance(place, Path) else place)
     try:
         catalog = catalogs.load_catalog(catalog_name)
         catalog.create_namespace_if_not_exists(identifier.rpartition(".")[0])
         table = catalog.create_table_if_not_exists(identifier, schema=LAKE_SCHEMA)
         there = {path.removeprefix("file://") for path in _paths(table)}
-        ours = {f"{root}/{file.path}": file for file in files}
+        ours = {f"{out}/{file.path}": file for file in files}
         logs = {file.log_id for file in files}
         old = [path for path in there if path not in ours and _log_of(path) in logs]
         changed = {_log_of(path) for path in old}

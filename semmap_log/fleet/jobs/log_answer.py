@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -48,7 +48,7 @@ class LogAnswer:
     part: Any = None
     """The answer of a part."""
     is_question_wrong: bool = False
-    """No log can answer it."""
+    """The moment asked for is none to it: perhaps to no log, perhaps in its time zone only."""
 
 
 def answer(job: Job, question: LogQuestion) -> LogAnswer:
@@ -120,18 +120,13 @@ _OUTCOMES: tuple[tuple[type[Exception], LogOutcome], ...] = (
     (NotALogError, LogOutcome.gone),
     (LogAccessError, LogOutcome.refused),
 )
-_MISSING: tuple[Callable[[BaseException], BaseException | None], ...] = (
-    lambda error: error.__cause__,
-    lambda error: error.__context__,
-)
 
 
 def _without(asked: AskedLog, error: Exception) -> AskedLog:
     """Return what became of a log that gave no answer."""
     found = next((kind for cls, kind in _OUTCOMES if isinstance(error, cls)), LogOutcome.failed)
-    if found is LogOutcome.refused and any(
-        isinstance(why(error), FileNotFoundError) for why in _MISSING
-    ):
+    why = error.__cause__ or error.__context__
+    if found is LogOutcome.refused and isinstance(why, FileNotFoundError):
         found = LogOutcome.gone
     text = str(error) if isinstance(error, SemmapError) else f"{type(error).__name__}: {error}"
     file, byte = "", None

@@ -21,7 +21,7 @@ from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.arrow.history_table import HISTORY_SCHEMA, HistoryTables
 from semmap_log.arrow.parquet import rows_in, write_parquet
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.fleet.jobs.job import Told
+from semmap_log.fleet.jobs.job import Holds, Told
 from semmap_log.io.disk import output_errors, whole_file
 from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.url_path import UrlPath, place_of
@@ -73,7 +73,7 @@ class MonthExport:
     """Leave what a log had there of an earlier head: a table names it still."""
 
     name: ClassVar[str] = "export"
-    is_kept: ClassVar[bool] = False
+    holds: ClassVar[Holds] = Holds.never
     fields: ClassVar[tuple[pa.Field, ...]] = (
         pa.field("month", pa.string(), nullable=False),
         pa.field("file", pa.string(), nullable=False),

@@ -280,6 +280,19 @@ def test_verify_believes_no_earlier_answer(made_fleet: Path, tmp_path: Path) -> 
     )  # fmt: skip
 
 
+def test_a_moment_that_one_zone_does_not_have_is_a_row(made_fleet: Path, tmp_path: Path) -> None:
+    """
+    02:30 on the day when the clocks of Vienna leave it out.
+    """
+    with sl.create(tmp_path / "vienna", tz="Europe/Vienna") as log:
+        log.add_door(x=0.0, y=0.0, theta=0.0, width=1.0)
+
+    found = sl.fleet([made_fleet, tmp_path / "vienna"], engine="serial").map("2026-03-29T02:30")
+
+    assert ["vienna"] == [Path(log.place).name for log in found.bad]
+    assert "2026-03-29" in found.bad[0].text
+
+
 def test_two_runs_at_once_answer_the_same(made_fleet: Path, tmp_path: Path) -> None:
     found: list[FleetAnswer] = []
 
