@@ -223,7 +223,7 @@ def _asked(many: Fleet, question: Question) -> FleetAnswer:
 
     def rates() -> str:
         each_s = now.events / max(time.monotonic() - started, 1e-3)
-        return f"{now.events:,} events, {each_s:,.0f}/s, {size_of(now.bytes)}"
+        return f"{counted(now.events, 'event')}, {each_s:,.0f}/s, {size_of(now.bytes)}"
 
     try:
         with progress("Asking", "logs", also=rates) as told:
@@ -245,6 +245,7 @@ def _asked(many: Fleet, question: Question) -> FleetAnswer:
 def _write(found: FleetAnswer, out: Path) -> None:
     from semmap_log.arrow.parquet import write_parquet
     from semmap_log.arrow.plain_rows import write_csv
+    from semmap_log.common.texts import counted
     from semmap_log.io.disk import output_errors, whole_file
 
     with output_errors(out), whole_file(out) as temporary:
@@ -252,7 +253,7 @@ def _write(found: FleetAnswer, out: Path) -> None:
             write_csv(temporary, found.table)
         else:
             write_parquet(temporary, [found.table], found.table.schema, {})
-    say(f"{out}: {found.table.num_rows:,} rows")
+    say(f"{out}: {counted(found.table.num_rows, 'row')}")
 
 
 def _tell(found: FleetAnswer, out: Path | None) -> None:

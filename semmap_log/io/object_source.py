@@ -51,6 +51,10 @@ class _Kept:
             while self._bytes > self._most and len(self._blocks) > 1:
                 self._bytes -= len(self._blocks.popitem(last=False)[1])
 
+    def bound(self, most: int) -> None:
+        with self._lock:
+            self._most = most
+
     def clear(self) -> None:
         with self._lock:
             self._blocks.clear()
@@ -63,6 +67,11 @@ class _Kept:
 
 
 _kept = _Kept(KEPT_BYTES)
+
+
+def keep_at_most(most: int) -> None:
+    """Keep so many bytes of all objects together: for a process of which there are many."""
+    _kept.bound(most)
 
 
 class ObjectSource:

@@ -1,10 +1,16 @@
-"""What Dask's workers of this machine are told first: Ctrl-C is the run's business, not theirs."""
+"""What Dask's workers of this machine are told first."""
 
 from __future__ import annotations
 
 import signal
 
+from semmap_log.io.object_source import keep_at_most
+
+KEPT_BYTES = 2**22
+"""Of objects: a log is asked once."""
+
 
 def dask_setup(worker: object) -> None:  # noqa: ARG001  Dask calls it by this name
-    """Let whoever started the worker end it: a terminal sends Ctrl-C to all processes."""
+    """Leave Ctrl-C, which a terminal sends to all processes, to the run; keep little in memory."""
+    keep_at_most(KEPT_BYTES)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
