@@ -12,6 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
+from semmap_log.fleet.join.join_definition import write_definition
+from semmap_log.fleet.join.joining_logs import defined
 from tests.fleet.join.some_robots import START_NS, SetClock, a_robot, events_of
 
 STEP_NS = 10**6
@@ -160,9 +162,9 @@ def test_each_field_is_the_last_writer_s(fleet: list[Any], at: int, known: int) 
 
 @settings(max_examples=15, deadline=None)
 @given(fleets, st.randoms(use_true_random=False))
-def test_order_copies_and_brackets_mean_nothing(fleet: list[Any], random: Any) -> None:
+def test_order_and_copies_mean_nothing(fleet: list[Any], random: Any) -> None:
     """
-    Commutes, idempotent, associative: the very same events, numbers and times.
+    Commutes, idempotent: the very same events, numbers and times.
     """
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
@@ -173,6 +175,26 @@ def test_order_copies_and_brackets_mean_nothing(fleet: list[Any], random: Any) -
 
         assert expected == events_of(sl.join(shuffled))
         assert expected == events_of(sl.join([*shuffled, *plain.values()]))
+
+
+@settings(max_examples=10, deadline=None)
+@given(fleets.filter(lambda fleet: len(fleet) > 1), st.randoms(use_true_random=False))
+def test_joins_of_joins_are_the_join_of_all(fleet: list[Any], random: Any) -> None:
+    """
+    Associative, where all brackets name one reference: else the inner one's own is kept.
+    """
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        plain = [folder / robot for robot in robot_logs(folder, fleet)]
+        expected = events_of(sl.join(plain, reference="r0"))
+        shuffled = random.sample(plain, len(plain))
+        inside = random.randint(1, len(plain))
+        inner = folder / "inner.join.json"
+        write_definition(inner, defined(shuffled[:inside], frames={}))
+
+        joined_again = sl.join([*shuffled[inside:], inner], reference="r0")
+
+        assert expected == events_of(joined_again)
 
 
 @settings(max_examples=15, deadline=None)
