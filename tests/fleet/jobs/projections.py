@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections import Counter
 from typing import Any
 
@@ -31,6 +32,14 @@ class Whole(Sightings):
     """The same, which cannot be merged."""
 
     merge = None  # type: ignore[assignment]
+
+
+class Slowly(Sightings):
+    """The same, in a quarter of a second a log."""
+
+    def initial(self) -> Counter[int]:
+        time.sleep(0.25)
+        return super().initial()
 
 
 class Raises(Sightings):

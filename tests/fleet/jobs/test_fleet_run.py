@@ -26,7 +26,7 @@ from semmap_log.fleet.jobs import dask_engine, door_jobs, fold_job
 from semmap_log.fleet.jobs.fleet_run import FleetAnswer
 from tests.bucket import put_folder
 from tests.fleet.jobs.fleets import START_NS, doors_then, events_of, make_log, openings_then
-from tests.fleet.jobs.projections import KillsItsWorker, KillsOnce, Raises, Sightings, Whole
+from tests.fleet.jobs.projections import KillsItsWorker, KillsOnce, Raises, Sightings, Slowly, Whole
 from tests.store.logs import segment_files
 
 
@@ -368,14 +368,14 @@ def test_a_scheduler_that_dies_is_told_and_the_next_run_goes_on(
     On a cluster that others have started; what had answered is not asked again.
     """
     fleet = sl.fleet(made_fleet, engine="serial")
-    expected = fleet.openings().table
+    expected = fleet.fold(Slowly()).table
     port = _free_port()
 
     def ask(progress: Any = None) -> FleetAnswer:
         address = f"tcp://127.0.0.1:{port}"
-        found: FleetAnswer = sl.fleet(
-            made_fleet, scheduler=address, results=tmp_path / "r"
-        ).openings(progress=progress)
+        found: FleetAnswer = sl.fleet(made_fleet, scheduler=address, results=tmp_path / "r").fold(
+            Slowly(), progress=progress
+        )
         return found
 
     with _dask(port) as scheduler:
