@@ -52,9 +52,18 @@ def write_parquet(
     return groups.rows
 
 
-def rows_in(path: Path) -> int:
-    """Return how many rows a Parquet file has; only its end is read."""
-    return int(pq.read_metadata(path).num_rows)
+def rows_in(file: Path | pa.NativeFile) -> int:
+    """Return how many rows a Parquet file has; of its bytes the footer is enough."""
+    return int(pq.read_metadata(file).num_rows)
+
+
+FOOTER_END = 8
+"""At the end of a file: how long its footer is, and `PAR1`."""
+
+
+def footer_bytes(end: bytes) -> int:
+    """Return how many bytes the footer of a file is, by the file's last `FOOTER_END` bytes."""
+    return int.from_bytes(end[:4], "little") + FOOTER_END
 
 
 class _Groups:

@@ -10,27 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import (
-    AsJson,
-    At,
-    KnownAt,
-    a_file,
-    console,
-    print_json,
-    progress,
-    say,
-    size_of,
-)
+from semmap_log.cli.common import AsJson, At, KnownAt, a_file, print_json, progress, say, size_of
+from semmap_log.cli.fleet_answers import answer_to_json, tell_answer, write_rows
 
 if TYPE_CHECKING:
-    from semmap_log.fleet.jobs.fleet_run import Fleet, FleetAnswer, Tell
+    from semmap_log.fleet.jobs.fleet_answer import FleetAnswer, FleetProgress, Tell
+    from semmap_log.fleet.jobs.fleet_run import Fleet
 
     Question = Callable[[Fleet, Tell], FleetAnswer]
 
 ANY_BAD = 4
 """Exit code where a log gave no answer."""
-MOST_ROWS = 40
-"""Of an answer, unless it goes to a file or a program."""
 
 
 class FleetJob(str, Enum):
@@ -142,25 +132,23 @@ def run(
       semmap-log fleet export @logs.txt --out lake --delta
       semmap-log fleet fold logs --fold mine:Openings --scheduler tcp://10.0.0.5:8786
     """
-    from semmap_log.fleet.jobs.engine_choice import EngineChoice
-    from semmap_log.fleet.jobs.fleet_run import Fleet
-    from semmap_log.fleet.jobs.kept_answers import default_folder
-    from semmap_log.fleet.jobs.log_places import log_places
+    from semmap_log.fleet.jobs.fleet_run import fleet
 
     told = {"--at": at, "--known-at": known_at, "--horizon": horizon, "--estimator": estimator,
             "--fold": fold, "--delta": delta, "--iceberg": iceberg}  # fmt: skip
     question = _question(job, told, out)
     _check_out(job, out)
-    places = log_places(logs)
-    choice = EngineChoice(engine.value, scheduler, workers, memory)
-    many = Fleet(places, choice, results or default_folder(), fresh=fresh)
+    many = fleet(
+        logs, engine=engine.value, scheduler=scheduler, workers=workers, memory=memory,
+        results=results, fresh=fresh,
+    )  # fmt: skip
     found = _asked(many, question)
     if out is not None and job is not FleetJob.export:
-        _write(found, out)
+        write_rows(found, out)
     if as_json:
-        print_json(to_json(found))
+        print_json(answer_to_json(found))
     else:
-        _tell(found, out)
+        tell_answer(found, out)
     if found.bad:
         raise typer.Exit(ANY_BAD)
 
@@ -217,7 +205,7 @@ def _check_out(job: FleetJob, out: Path | None) -> None:
 
 def _asked(many: Fleet, question: Question) -> FleetAnswer:
     from semmap_log.common.texts import counted
-    from semmap_log.fleet.jobs.fleet_run import FleetProgress
+    from semmap_log.fleet.jobs.fleet_answer import FleetProgress
 
     started, now = time.monotonic(), FleetProgress(0, len(many.places), 0, 0)
 
@@ -240,71 +228,3 @@ def _asked(many: Fleet, question: Question) -> FleetAnswer:
         say(f"stopped: {had}. What is kept is not asked again: run it once more, and it goes on.")
         raise
     return found
-
-
-def _write(found: FleetAnswer, out: Path) -> None:
-    from semmap_log.arrow.parquet import write_parquet
-    from semmap_log.arrow.plain_rows import write_csv
-    from semmap_log.common.texts import counted
-    from semmap_log.io.disk import output_errors, whole_file
-
-    with output_errors(out), whole_file(out) as temporary:
-        if out.suffix == ".csv":
-            write_csv(temporary, found.table)
-        else:
-            write_parquet(temporary, [found.table], found.table.schema, {})
-    say(f"{out}: {counted(found.table.num_rows, 'row')}")
-
-
-def _tell(found: FleetAnswer, out: Path | None) -> None:
-    from semmap_log.common.texts import counted
-    from semmap_log.views.fleet_tables import arrow_rows_table, bad_logs_table, outcomes_in_words
-
-    if out is None:
-        console().print(arrow_rows_table(found.table.slice(0, MOST_ROWS)))
-        if (more := found.table.num_rows - MOST_ROWS) > 0:
-            say(f"{more:,} more rows: --out FILE.parquet, or --json, has all")
-    elif "file" in found.table.column_names:
-        say(f"{out}: {counted(found.table.num_rows, 'file')}")
-    if found.bad:
-        console().print(bad_logs_table(found.bad))
-    say(outcomes_in_words(found.logs))
-
-
-def to_json(found: FleetAnswer) -> dict[str, Any]:
-    """Return a fleet's answer as `--json` prints it; times are nanoseconds UTC."""
-    from semmap_log.arrow.plain_rows import plain_rows
-    from semmap_log.fleet.jobs.fleet_run import FoldAnswer
-
-    states = found.states if isinstance(found, FoldAnswer) else None
-    return {
-        "logs": [
-            {
-                "log": log.place,
-                "outcome": log.outcome.value,
-                "log_id": log.log_id,
-                "head": log.head,
-                "events": log.events,
-                "bytes": log.bytes,
-                "file": log.file,
-                "byte": log.byte,
-                "text": log.text,
-                "is_kept": log.is_kept,
-            }
-            for log in found.logs
-        ],
-        "rows": list(plain_rows(found.table))
-        if states is None
-        else [{"log": log, "state": _json_of(state)} for log, state in states.items()],
-    }
-
-
-def _json_of(state: Any) -> Any:
-    """Return a projection's state as JSON knows it; what it does not know, as Python writes it."""
-    if isinstance(state, dict):
-        return {str(key): _json_of(value) for key, value in state.items()}
-    if isinstance(state, list | tuple | set | frozenset):
-        return [_json_of(value) for value in state]
-    if hasattr(state, "tolist"):
-        return _json_of(state.tolist())
-    return state if isinstance(state, str | int | float | bool | None) else repr(state)

@@ -377,24 +377,10 @@ class DoorLog:
         """Return the commit that holds an event, with its note; None: there is no such event."""
         return self._reader.find_commit(number)
 
-    def last_commit(self) -> Commit | None:
-        """Return the log's last commit: its hash is the head; None: there is none."""
-        return self._reader.last_commit()
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether its last segment is complete: nobody is writing to it."""
-        return self._reader.segments[-1].closed
-
     def happened_span(self) -> tuple[int, int] | None:
         """Return when its events happened, at the earliest and at the latest; None: it has none."""
         spans = [segment.span for segment in self._reader.segments if segment.span[1] >= 0]
         return (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else None
-
-    @property
-    def size(self) -> int:
-        """Bytes of its segments."""
-        return sum(segment.size for segment in self._reader.segments)
 
     def commits_after(self, event: int, *, with_newer: bool = False) -> Iterator[FollowedCommit]:
         """Yield the commits that the log has behind an event, each with its events.

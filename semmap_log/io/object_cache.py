@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import secrets
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -18,19 +17,18 @@ from functools import lru_cache
 from pathlib import Path
 
 from semmap_log.errors import LogAccessError
+from semmap_log.io.checked_file import TEMPORARY, read_checked, write_checked
 
 VARIABLE = "SEMMAP_LOG_CACHE"
 """Of the environment: the folder. Without it, nothing is kept on a disk."""
 MOST_BYTES = 2**30
 """So much is kept; what was used longest ago goes first."""
 _MOST_BLOCK_BYTES = 2**20
-_DIGEST_BYTES = 32
 _SWEEPS = 16
 """It is looked through each time that this part of it was written."""
 _KEEP_OF_MOST = 0.9
-_TEMPORARY = "."
 _TEMPORARY_FOR_S = 3600.0
-"""Older ones were left by a process that was killed."""
+"""Older temporary files were left by a process that was killed."""
 
 
 class ObjectCache:
@@ -71,15 +69,8 @@ class ObjectCache:
             block: Its place in it.
         """
         path = self._place_of(content, block)
-        try:
-            with path.open("rb") as file:
-                kept = file.read(_DIGEST_BYTES + _MOST_BLOCK_BYTES + 1)
-        except OSError:
-            return None
-        data = kept[_DIGEST_BYTES:]
-        if kept[:_DIGEST_BYTES] != _digest(path, data):
-            with suppress(OSError):
-                path.unlink()
+        data = read_checked(path, _MOST_BLOCK_BYTES)
+        if data is None:
             return None
         with suppress(OSError):
             os.utime(path)  # used now
@@ -88,15 +79,9 @@ class ObjectCache:
     def put(self, content: str, block: int, data: bytes) -> None:
         """Keep a block, as `get`; where the disk does not let us, nothing is kept."""
         path = self._place_of(content, block)
-        temporary = path.with_name(f"{_TEMPORARY}{path.name}.{os.getpid()}-{secrets.token_hex(4)}")
         try:
             path.parent.mkdir(mode=0o700, exist_ok=True)
-            try:
-                temporary.write_bytes(_digest(path, data) + data)
-                temporary.replace(path)
-            except OSError:
-                temporary.unlink(missing_ok=True)
-                raise
+            write_checked(path, data)
         except OSError:
             return
         if self._has_written(len(data)):
@@ -131,7 +116,7 @@ class ObjectCache:
                 for entry in entries:
                     with suppress(OSError):
                         status = entry.stat(follow_symlinks=False)
-                        if not entry.name.startswith(_TEMPORARY):
+                        if not entry.name.startswith(TEMPORARY):
                             yield status.st_mtime, status.st_size, Path(entry.path)
                         elif status.st_mtime < old:
                             Path(entry.path).unlink()
@@ -165,8 +150,3 @@ def _subfolders(folder: Path) -> list[str]:
     with suppress(OSError), os.scandir(folder) as entries:
         return [one.path for one in entries if len(one.name) == 2 and one.is_dir()]
     return []
-
-
-def _digest(path: Path, data: bytes) -> bytes:
-    """Return the digest of a block: also of its name, so that it is no other's."""
-    return hashlib.sha256(path.parent.name.encode() + path.name.encode() + data).digest()

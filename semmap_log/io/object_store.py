@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -103,18 +103,18 @@ class ObjectStore:
         Raises:
             LogAccessError: The store does not let us.
         """
-        objects = self._listed()["objects"]
-        listed = [_status(each, each["path"].rsplit("/", 1)[-1]) for each in objects]
-        return sorted(listed, key=lambda status: status.name)
+        return [*self.list_all()[0]]
 
-    def folders(self) -> tuple[str, ...]:
-        """Return the names of what has objects below it, right below the URL, in order.
+    def list_all(self) -> tuple[Sequence[ObjectStatus], Sequence[str]]:
+        """Return the same, and the names of what has objects below it, in order, by one request.
 
         Raises:
             LogAccessError: The store does not let us.
         """
-        prefixes = self._listed()["common_prefixes"]
-        return tuple(sorted(str(each).rstrip("/").rsplit("/", 1)[-1] for each in prefixes))
+        found = self._listed()
+        objects = [_status(each, each["path"].rsplit("/", 1)[-1]) for each in found["objects"]]
+        folders = (str(each).rstrip("/").rsplit("/", 1)[-1] for each in found["common_prefixes"])
+        return sorted(objects, key=lambda status: status.name), sorted(folders)
 
     def _listed(self) -> Any:
         server = self.url.parts[1]

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from datetime import datetime, timezone
 from typing import Any
 
 from semmap_log.arrow.arrow_sdk import pa
+from semmap_log.arrow.plain_rows import plain_rows
 from semmap_log.common.texts import counted
 from semmap_log.fleet.jobs.log_outcome import AskedLog
 from semmap_log.views.column_table import ColumnTable, TableColumn
 
 HIDDEN = ("log_id", "robot", "building")
 """Columns for programs: `log` says it already."""
+SECONDS = len("2026-03-01T12:00:00")
+"""Of a time, so many characters are shown."""
 
 
 def bad_logs_table(logs: Iterable[AskedLog]) -> ColumnTable:
@@ -46,6 +48,7 @@ def outcomes_in_words(logs: Iterable[AskedLog]) -> str:
 def arrow_rows_table(rows: pa.Table) -> ColumnTable:
     """Return an Arrow table's rows, without the columns that say the log once more."""
     shown = [name for name in rows.column_names if name not in HIDDEN]
+    times = {each.name for each in rows.schema if pa.types.is_timestamp(each.type)}
     numbers = {name for name in shown if _is_number(rows.schema.field(name).type)}
     table = ColumnTable(
         [
@@ -54,11 +57,8 @@ def arrow_rows_table(rows: pa.Table) -> ColumnTable:
             for place, name in enumerate(shown)
         ]
     )  # fmt: skip
-    columns = [rows[name].to_pylist() if not _is_time(rows.schema.field(name).type)
-               else rows[name].cast(pa.int64()).to_pylist() for name in shown]  # fmt: skip
-    times = [_is_time(rows.schema.field(name).type) for name in shown]
-    for values in zip(*columns, strict=True):
-        table.add(*(_text(value, is_time) for value, is_time in zip(values, times, strict=True)))
+    for row in plain_rows(rows.select(shown)):
+        table.add(*(_text(value, is_time=name in times) for name, value in row.items()))
     return table
 
 
@@ -66,18 +66,7 @@ def _is_number(kind: pa.DataType) -> bool:
     return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind))
 
 
-def _is_time(kind: pa.DataType) -> bool:
-    return bool(pa.types.is_timestamp(kind))
-
-
-def _text(value: Any, is_time: bool) -> str:  # noqa: FBT001
-    if value is None:
-        return ""
-    if is_time:
-        second = datetime.fromtimestamp(value // 10**9, timezone.utc)
-        return second.strftime("%Y-%m-%d %H:%M:%SZ")
-    if isinstance(value, float):
-        return f"{value:.3g}"
-    if isinstance(value, bytes):
-        return counted(len(value), "byte")
-    return str(value)
+def _text(value: Any, *, is_time: bool) -> str:
+    if is_time and value is not None:
+        return f"{value[:SECONDS]}Z"
+    return f"{value:.3g}" if isinstance(value, float) else "" if value is None else str(value)

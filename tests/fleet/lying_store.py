@@ -5,10 +5,13 @@ from __future__ import annotations
 import hashlib
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
+
+from semmap_log.io.object_store import ObjectStore
+from semmap_log.io.url_path import UrlPath
 
 Answer = tuple[int, bytes, int]
 """Status, body, and how many bytes of it are said to come."""
@@ -54,7 +57,8 @@ def lying_store(folder: Path, lie: Lie) -> Iterator[dict[str, str]]:
             self.send_header("Content-Length", str(len(body) if said < 0 else said))
             self.end_headers()
             if self.command != "HEAD":
-                self.wfile.write(body)
+                with suppress(ConnectionError):  # who had asked is gone
+                    self.wfile.write(body)
             if len(body) < said:
                 self.close_connection = True
 
@@ -72,3 +76,14 @@ def lying_store(folder: Path, lie: Lie) -> Iterator[dict[str, str]]:
             }
         finally:
             server.shutdown()  # else its thread looks at a closed socket, without rest
+
+
+def objects_below(url: str, folder: Path) -> Path:
+    """Copy the objects right below a URL into a new folder, for `lying_store`; return it."""
+    store = ObjectStore(UrlPath(url))
+    folder.mkdir()
+    for each in store.list():
+        got = store.whole(each.name)
+        assert got is not None
+        (folder / each.name).write_bytes(got[0])
+    return folder

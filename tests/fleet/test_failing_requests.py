@@ -10,10 +10,9 @@ import pytest
 from semmap_log.cli import main
 from semmap_log.fleet.shipping import ship
 from semmap_log.io import object_source
-from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.url_path import UrlPath
 from tests.fleet.jobs.fleets import make_log
-from tests.fleet.lying_store import Answer, Lie, honest, lying_store
+from tests.fleet.lying_store import Answer, Lie, honest, lying_store, objects_below
 
 URL = "s3://fleet/log"
 VERBS = {
@@ -70,13 +69,7 @@ def objects(bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
     """
     make_log(tmp_path / "log", 1, hours=26)
     ship(tmp_path / "log", UrlPath(bucket))
-    store = ObjectStore(UrlPath(bucket))
-    folder = tmp_path / "objects"
-    folder.mkdir()
-    for each in store.list():
-        got = store.whole(each.name)
-        assert got is not None
-        (folder / each.name).write_bytes(got[0])
+    folder = objects_below(bucket, tmp_path / "objects")
     monkeypatch.setattr(object_source, "SMALL_BYTES", 0)
     monkeypatch.setattr(object_source, "BLOCK_BYTES", 8192)
     monkeypatch.setattr(object_source, "GAP_BLOCKS", 0)

@@ -14,7 +14,7 @@ from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.url_path import UrlPath
 from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader
-from tests.fleet.lying_store import Answer, Lie, honest, lying_store
+from tests.fleet.lying_store import Answer, Lie, honest, lying_store, objects_below
 from tests.fleet.test_shipping import a_log, events_of
 
 
@@ -25,14 +25,7 @@ def shipped(bucket: str, tmp_path: Path) -> tuple[Path, Path]:
     """
     log = a_log(tmp_path / "log")
     ship(log, UrlPath(bucket))
-    store = ObjectStore(UrlPath(bucket))
-    objects = tmp_path / "objects"
-    objects.mkdir()
-    for one in store.list():
-        got = store.whole(one.name)
-        assert got is not None
-        (objects / one.name).write_bytes(got[0])
-    return log, objects
+    return log, objects_below(bucket, tmp_path / "objects")
 
 
 def asked(objects: Path, monkeypatch: pytest.MonkeyPatch, lie: Lie) -> list[str]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from mutation.mutant import guard
 
 FLEETS = (
-    guard("fleet: an answer that was cut or altered is none", "KeptAnswers.get",
-          "hashlib.sha256(body).digest() != digest", "False", "test_fleet_run"),
+    guard("fleet: an answer that was cut or altered is none", "checked_file.read_checked",
+          "found[:_DIGEST_BYTES] != _digest(path, data)", "False", "test_fleet_run"),
     guard("fleet: a log that has grown is asked again", "log_answer._answered",
           "asked.head and asked.head == question.known_head", "question.known_head",
           "test_fleet_run"),
@@ -15,7 +15,7 @@ FLEETS = (
     guard("fleet: damage has its file and byte", "log_answer._without",
           "isinstance(error, CorruptLogError)", "False", "test_fleet_run"),
     guard("fleet: a log that is written is told", "log_answer._described",
-          "log.is_closed", "True", "test_fleet_run"),
+          "segments[-1].closed", "True", "test_fleet_run"),
     guard("fleet: a question that nobody can answer is an error", "Fleet.ask",
           "all(each.is_question_wrong for each in answers.values())", "False", "test_fleet_run"),
     guard("fleet: doors that were not seen between do not hide an opening", "door_jobs.openings_ns",
@@ -27,9 +27,8 @@ FLEETS = (
           "Scope(event=None if last_event < 0 else last_event)", "Scope()", "test_fleet_run"),
     guard("fleet: a folder whose name is a pattern is itself", "log_places._meant",
           "not _is_there(place)", "True", "test_log_places"),
-    guard("fleet: old files of a log leave the lake", "MonthExport.ask",
-          'lake.remove_others(log.info.log_id, name if events else "")', "pass",
-          "test_month_export"),
+    guard("fleet: old files of a log leave the lake", "lake_folder.remove_earlier_files",
+          "folder.remove(name)", "pass", "test_month_export"),
     guard("fleet: what is told late has its own commit", "_MonthTables.of",
           "self._joined is None or first < self._next", "self._joined is None",
           "test_month_export"),

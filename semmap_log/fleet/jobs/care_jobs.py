@@ -36,7 +36,7 @@ class InfoJob:
         """Return that there are none."""
         return ""
 
-    def ask(self, log: DoorLog, place: str) -> Told:  # noqa: ARG002
+    def ask(self, log: DoorLog) -> Told:
         """Return one row."""
         found = log.summary()
         first, last = found.happened_ns or (None, None)
@@ -73,7 +73,7 @@ class VerifyJob:
         """Return that there are none."""
         return ""
 
-    def ask(self, log: DoorLog, place: str) -> Told:  # noqa: ARG002
+    def ask(self, log: DoorLog) -> Told:
         """Return one row, and the worst that was found."""
         found = verify(log.path)
         told = [each for each in found.findings if each.severity is not Severity.NOTE]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -50,7 +51,7 @@ class DoorMapJob:
         """Return the moment."""
         return f"at={self.at!r} known_at={self.known_at!r}"
 
-    def ask(self, log: DoorLog, place: str) -> Told:  # noqa: ARG002
+    def ask(self, log: DoorLog) -> Told:
         """Return a row a door, ids ascending."""
         doors = list(log.replay(self.at, self.known_at).doors.values())
         rows: dict[str, list[Any]] = {
@@ -60,7 +61,7 @@ class DoorMapJob:
         }
         for name in ("x", "y", "theta", "width", "prob_open", "prob_closed"):
             values = (getattr(door, name) for door in doors)
-            rows[name] = [None if value != value else value for value in values]  # noqa: PLR0124
+            rows[name] = [None if math.isnan(value) else value for value in values]
         for name in ("door_id", "level"):
             rows[name] = [getattr(door, name) for door in doors]
         return Told(rows)
@@ -86,7 +87,7 @@ class OpeningsJob:
         """Return that there are none."""
         return ""
 
-    def ask(self, log: DoorLog, place: str) -> Told:  # noqa: ARG002
+    def ask(self, log: DoorLog) -> Told:
         """Return a row a door and hour."""
         return self.ask_part(log, 0, 1, log.last_event())
 
@@ -151,7 +152,7 @@ class ProbabilitiesJob:
         name = self.estimator or default_estimator(self.horizon_ns)
         return f"at={self.at!r} known_at={self.known_at!r} {self.horizon_ns} {name}"
 
-    def ask(self, log: DoorLog, place: str) -> Told:  # noqa: ARG002
+    def ask(self, log: DoorLog) -> Told:
         """Return a row a door, ids ascending."""
         found = probabilities(
             log, at=self.at, known_at=self.known_at, horizon_ns=self.horizon_ns,

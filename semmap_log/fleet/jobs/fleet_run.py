@@ -10,31 +10,32 @@ found.bad           # those without an answer
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.errors import MomentError
+from semmap_log.fleet.jobs.asked_logs import ask_logs
 from semmap_log.fleet.jobs.care_jobs import InfoJob, VerifyJob
 from semmap_log.fleet.jobs.door_jobs import DoorMapJob, OpeningsJob, ProbabilitiesJob
-from semmap_log.fleet.jobs.engine import Engine, WorkerDied
+from semmap_log.fleet.jobs.engine import Engine
 from semmap_log.fleet.jobs.engine_choice import WORKER_MEMORY, EngineChoice
-from semmap_log.fleet.jobs.fold_job import FoldJob
-from semmap_log.fleet.jobs.job import Holds, Job, schema_of_job
-from semmap_log.fleet.jobs.kept_answers import KeptAnswers, default_folder
-from semmap_log.fleet.jobs.lake_tables import LakeFile, commit_delta, commit_iceberg
-from semmap_log.fleet.jobs.log_answer import (
-    LogAnswer,
-    LogQuestion,
-    answer,
-    answer_all,
-    joined_answer,
+from semmap_log.fleet.jobs.fleet_answer import (
+    FleetAnswer,
+    FleetProgress,
+    FoldAnswer,
+    Tell,
+    joined_answers,
 )
-from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
+from semmap_log.fleet.jobs.fold_job import FoldJob
+from semmap_log.fleet.jobs.job import Holds, Job
+from semmap_log.fleet.jobs.kept_answers import KeptAnswers, default_folder
+from semmap_log.fleet.jobs.lake_folder import lake_files, remove_earlier_files
+from semmap_log.fleet.jobs.lake_tables import commit_delta, commit_iceberg
+from semmap_log.fleet.jobs.log_answer import LogAnswer, LogQuestion
 from semmap_log.fleet.jobs.log_places import log_places
 from semmap_log.fleet.jobs.month_export import MonthExport
 from semmap_log.folds.projection import Projection
@@ -44,48 +45,6 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
-@dataclass(frozen=True, slots=True)
-class FleetProgress:
-    """How far a run is."""
-
-    done: int
-    """Logs, good or bad."""
-    logs: int
-    events: int
-    """Of the logs that answered in this run."""
-    bytes: int
-    """Of their segments, read or not."""
-
-
-@dataclass(frozen=True, slots=True)
-class FleetAnswer:
-    """What many logs answered."""
-
-    logs: tuple[AskedLog, ...]
-    """What became of each, in the order in which they were asked."""
-    table: pa.Table
-    """The answers of those that gave one, in the same order; `log` is the place of each row's."""
-
-    @property
-    def bad(self) -> tuple[AskedLog, ...]:
-        """The logs that gave no answer, or whose bytes are not as they were written."""
-        return tuple(log for log in self.logs if not log.outcome.is_good)
-
-
-@dataclass(frozen=True, slots=True)
-class FoldAnswer(FleetAnswer):
-    """What a projection makes of many logs."""
-
-    states: dict[str, Any]
-    """Log -> its state."""
-
-
-Tell = Callable[[FleetProgress], None]
-
-BATCHES, MOST_IN_A_BATCH = 50, 16
-"""Many small logs are asked a few at a time: an engine takes milliseconds to hand one out."""
-
-
 class Fleet:
     """Many logs, and what asks them.
 
@@ -93,7 +52,7 @@ class Fleet:
     """
 
     def __init__(
-        self, places: Sequence[str], choice: EngineChoice, results: Path | None, *, fresh: bool
+        self, places: Sequence[str], choice: EngineChoice, results: Path, *, fresh: bool
     ) -> None:
         self.places = tuple(places)
         """Their paths and URLs."""
@@ -172,19 +131,15 @@ class Fleet:
             progress: Told how far the run is.
         """
         place = place_of(out)
-        out = str(place.absolute() if isinstance(place, Path) else place)  # of any worker's folder
-        job = MonthExport(out, keeps_old=delta or bool(iceberg))
-        found = self.ask(job, progress=progress)
-        names = ("log_id", "month", "file", "events", "bytes")
-        rows = zip(*(found.table[name].to_pylist() for name in names), strict=True)
-        files = [
-            LakeFile(log_id, month, f"month={month}/{file}", events, size)
-            for log_id, month, file, events, size in rows
-        ]
+        lake = str(place.absolute() if isinstance(place, Path) else place)  # of any worker's folder
+        found = self.ask(MonthExport(lake), progress=progress)
+        files = lake_files(found.table)
         if delta:
-            commit_delta(out, files)
+            commit_delta(lake, files)
         if iceberg:
-            commit_iceberg(iceberg, out, files)
+            commit_iceberg(iceberg, lake, files)
+        if not (delta or iceberg):  # whose tables still name them, in older versions
+            remove_earlier_files(lake, files)
         return found
 
     def fold(self, projection: Projection[Any], *, progress: Tell | None = None) -> FoldAnswer:
@@ -204,8 +159,7 @@ class Fleet:
 
     def ask(self, job: Job, *, progress: Tell | None = None) -> FleetAnswer:
         """Return the answers to a question: see `job`."""
-        is_kept = self._results is not None and job.holds is not Holds.never
-        kept = KeptAnswers(self._results, job) if is_kept and self._results else None
+        kept = None if job.holds is Holds.never else KeptAnswers(self._results, job)
         had = {} if kept is None or self._fresh else kept.of(self.places)
         answers: dict[str, LogAnswer] = {}
         done = FleetProgress(0, len(self.places), 0, 0)
@@ -214,13 +168,12 @@ class Fleet:
                 LogQuestion(place, had[place].asked.head if place in had else "")
                 for place in self.places
             ]
-            for found in _all_answers(engine, job, questions):
+            for found in ask_logs(engine, job, questions):
                 asked = found.asked
-                if asked.is_kept:
-                    found = LogAnswer(asked, had[asked.place].table)  # noqa: PLW2901
-                elif kept is not None and asked.outcome.is_good:
+                table = had[asked.place].table if asked.is_kept else found.table
+                if kept is not None and asked.outcome.is_good and not asked.is_kept:
                     kept.keep(found)
-                answers[asked.place] = found
+                answers[asked.place] = replace(found, table=table)
                 is_new = not asked.is_kept
                 done = FleetProgress(
                     len(answers), done.logs,
@@ -232,71 +185,7 @@ class Fleet:
             raise MomentError(answers[self.places[0]].asked.text)
         if kept is not None:
             kept.finish()
-        return _joined(job, [answers[place] for place in self.places])
-
-
-def _all_answers(engine: Engine, job: Job, questions: list[LogQuestion]) -> Iterator[LogAnswer]:
-    """Yield the answer of each log, those of long ones last."""
-    long: list[LogQuestion] = []
-    for question, found in _asked_all(engine, job, questions):
-        if found.parts:
-            long.append(replace(question, parts=found.parts, last_event=found.last_event))
-        else:
-            yield found
-    yield from _answers_of_parts(engine, job, long)
-
-
-def _answers_of_parts(engine: Engine, job: Job, long: Sequence[LogQuestion]) -> Iterator[LogAnswer]:
-    """Yield the answers of logs that are asked in parts."""
-    parts = [replace(whole, part=n) for whole in long for n in range(whole.parts)]
-    got: dict[str, dict[int, Any]] = {whole.place: {} for whole in long}
-    bad: dict[str, LogAnswer] = {}
-    for part, found in _asked_all(engine, job, parts):
-        if not found.asked.outcome.is_good:
-            bad.setdefault(part.place, found)
-            continue
-        got[part.place][part.part] = found.part
-        if len(got[part.place]) == part.parts:
-            in_order = got.pop(part.place)
-            whole = replace(part, part=0, parts=0)
-            yield joined_answer(job, whole, [in_order[n] for n in range(part.parts)])
-    yield from bad.values()
-
-
-def _asked_all(
-    engine: Engine, job: Job, questions: Sequence[LogQuestion]
-) -> Iterator[tuple[LogQuestion, LogAnswer]]:
-    """Yield what workers answer.
-
-    What was with a worker whenever one died is asked once more, each alone: only so it is known
-    which it was.
-    """
-    size = min(max(len(questions) // BATCHES, 1), MOST_IN_A_BATCH)
-    batches = [questions[at : at + size] for at in range(0, len(questions), size)]
-    suspects: list[LogQuestion] = []
-    for number, found in engine.run(answer_all, job, batches):
-        if isinstance(found, WorkerDied):
-            suspects += batches[number]
-        else:
-            yield from zip(batches[number], found, strict=True)
-    for suspect in suspects:
-        for _, found in engine.run(answer, job, [suspect]):
-            yield suspect, _died(suspect) if isinstance(found, WorkerDied) else found
-
-
-def _died(question: LogQuestion) -> LogAnswer:
-    text = (
-        "each worker that was given it was ended, by its memory or by a crash; ask it alone: "
-        "--engine serial"
-    )
-    return LogAnswer(AskedLog(question.place, LogOutcome.worker_died, text=text))
-
-
-def _joined(job: Job, answers: Sequence[LogAnswer]) -> FleetAnswer:
-    schema = schema_of_job(job)
-    tables = [each.table for each in answers if each.table is not None]
-    table = pa.concat_tables([schema.empty_table(), *tables])
-    return FleetAnswer(tuple(each.asked for each in answers), table)
+        return joined_answers(job, [answers[place] for place in self.places])
 
 
 @knows_keywords

@@ -33,7 +33,7 @@ class FoldJob:
         cls = type(self.projection)
         return f"{cls.__module__}:{name_of(self.projection)} {version_of(self.projection)}"
 
-    def ask(self, log: DoorLog, place: str) -> Told:  # noqa: ARG002
+    def ask(self, log: DoorLog) -> Told:
         """Return one row."""
         return Told({"state": [self.dump(log.fold(self.projection))]})
 

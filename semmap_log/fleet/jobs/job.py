@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.fleet.jobs.log_outcome import LogOutcome
+from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
 
 LOG_FIELDS = (
     pa.field("log", pa.string(), nullable=False),
@@ -56,13 +56,8 @@ class Job(Protocol):
     def parameters(self) -> str:
         """Return all that decides on the answer, beside the log."""
 
-    def ask(self, log: DoorLog, place: str) -> Told:
-        """Return a log's answer.
-
-        Args:
-            log: It, opened.
-            place: Its path or URL.
-        """
+    def ask(self, log: DoorLog) -> Told:
+        """Return a log's answer."""
 
 
 @runtime_checkable
@@ -91,13 +86,13 @@ def schema_of_job(job: Job) -> pa.Schema:
     return pa.schema([*LOG_FIELDS, *job.fields])
 
 
-def table_of_log(job: Job, log: DoorLog, place: str, told: Told) -> pa.Table:
+def table_of_log(job: Job, asked: AskedLog, told: Told) -> pa.Table:
     """Return a log's answer as a table of the job's schema."""
     schema = schema_of_job(job)
     rows = len(next(iter(told.rows.values()), []))
-    info = log.info
-    said = {"log": place, "log_id": info.log_id, "robot": info.robot, "building": info.building}
-    columns = {name: [text] * rows for name, text in said.items()} | told.rows
+    whose = (asked.place, asked.log_id, asked.robot, asked.building)
+    names = (field.name for field in LOG_FIELDS)
+    columns = {name: [text] * rows for name, text in zip(names, whose, strict=True)} | told.rows
     return pa.Table.from_arrays(
         [pa.array(columns[field.name], field.type) for field in schema], schema=schema
     )

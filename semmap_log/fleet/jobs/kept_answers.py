@@ -2,8 +2,7 @@
 
     <folder>/<job>-<parameters>/<place>-<log id>-<head>.answer
 
-One file an answer: the SHA-256 of what follows, a line of JSON, a table in Arrow's stream format.
-One that is cut, or another than it was, is no answer.
+One checked file an answer: a line of JSON, and a table in Arrow's stream format.
 """
 
 from __future__ import annotations
@@ -16,18 +15,17 @@ from contextlib import suppress
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.errors import OutputError
 from semmap_log.fleet.jobs.job import Holds, Job
 from semmap_log.fleet.jobs.log_answer import LogAnswer
 from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
+from semmap_log.io.checked_file import read_checked, write_checked
 
 FORMAT = 1
 SUFFIX = ".answer"
 _DIGITS = 16
-_SHA256_BYTES = 32
 
 
 class KeptAnswers:
@@ -43,7 +41,7 @@ class KeptAnswers:
         asked = f"{ours} {job.name} {job.parameters()}"
         self.folder = folder / f"{job.name}-{_digits(asked)}"
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
+            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # who was where
         except OSError as error:
             raise OutputError(
                 f"{folder}: answers cannot be kept there: {error.strerror}; name another folder "
@@ -62,18 +60,17 @@ class KeptAnswers:
         path = self._files.get(_digits(place))
         if path is None:
             return None
+        data = read_checked(path)
+        if data is None:
+            return None
         try:
-            data = path.read_bytes()
-            digest, body = data[:_SHA256_BYTES], data[_SHA256_BYTES:]
-            if hashlib.sha256(body).digest() != digest:
-                return None
-            line, _, table = body.partition(b"\n")
+            line, _, table = data.partition(b"\n")
             told = json.loads(line)
             if told["place"] != place:
                 return None
             asked = AskedLog(**{**told, "outcome": LogOutcome(told["outcome"])})
             return LogAnswer(replace(asked, is_kept=True), pa.ipc.open_stream(table).read_all())
-        except (OSError, ValueError, TypeError, KeyError, pa.ArrowException):
+        except (ValueError, TypeError, KeyError, pa.ArrowException):
             return None
 
     def keep(self, answer: LogAnswer) -> None:
@@ -88,9 +85,7 @@ class KeptAnswers:
         path = self.folder / f"{of}-{asked.log_id[:_DIGITS]}-{asked.head[:_DIGITS]}{SUFFIX}"
         before = self._files.get(of)
         with suppress(OSError):
-            with NamedTemporaryFile(dir=self.folder, suffix=".new", delete=False) as file:
-                file.write(hashlib.sha256(body).digest() + body)
-            os.replace(file.name, path)  # noqa: PTH105
+            write_checked(path, body)
             self._files[of] = path
             if before not in (None, path):
                 before.unlink(missing_ok=True)

@@ -11,32 +11,13 @@ import os
 import time
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any
 
 from semmap_log.errors import EngineError
-from semmap_log.fleet.jobs.month_export import LAKE_SCHEMA, MONTH
+from semmap_log.fleet.jobs.lake_folder import LAKE_SCHEMA, MONTH, LakeFile, log_of, month_of
 
 
-class LakeFile(NamedTuple):
-    """A file of an export."""
-
-    log_id: str
-    month: str
-    path: str
-    """Below the lake's folder."""
-    events: int
-    bytes: int
-
-
-class LakeCommit(NamedTuple):
-    """What a commit did to a table."""
-
-    added: int
-    removed: int
-    """Files."""
-
-
-def commit_delta(out: str, files: Sequence[LakeFile]) -> LakeCommit:
+def commit_delta(out: str, files: Sequence[LakeFile]) -> None:
     """Make the table at a lake's folder have these files of their logs, and no others of them.
 
     Files that the table does not have any more lie there until its `vacuum` removes them.
@@ -59,14 +40,14 @@ def commit_delta(out: str, files: Sequence[LakeFile]) -> LakeCommit:
         there = {row["path"]: row for row in _rows(table.get_add_actions(flatten=True))}
         ours, logs = {file.path for file in files}, {file.log_id for file in files}
         new = [file for file in files if file.path not in there]
-        old = [path for path in there if path not in ours and _log_of(path) in logs]
+        old = [path for path in there if path not in ours and log_of(path) in logs]
         now_ms = int(time.time() * 1000)
         actions = [
             writing.AddAction(f.path, f.bytes, {"month": f.month}, now_ms, True, _stats_of(f))
             for f in new
         ] + [
             writing.RemoveAction(
-                path, True, now_ms, there[path]["size_bytes"], {"month": _month_of(path)}
+                path, True, now_ms, there[path]["size_bytes"], {"month": month_of(path)}
             )
             for path in old
         ]  # fmt: skip
@@ -74,10 +55,9 @@ def commit_delta(out: str, files: Sequence[LakeFile]) -> LakeCommit:
             table.create_write_transaction(actions, "append", schema, ["month"])
     except (deltalake.exceptions.DeltaError, OSError, ValueError) as error:
         raise EngineError(f"{out}: no commit to the Delta table: {error}") from None
-    return LakeCommit(len(new), len(old))
 
 
-def commit_iceberg(name: str, out: str, files: Sequence[LakeFile]) -> LakeCommit:
+def commit_iceberg(name: str, out: str, files: Sequence[LakeFile]) -> None:
     """Make a table of a catalog have these files of their logs, and no others of them.
 
     Args:
@@ -99,8 +79,8 @@ def commit_iceberg(name: str, out: str, files: Sequence[LakeFile]) -> LakeCommit
         there = {path.removeprefix("file://") for path in _paths(table)}
         ours = {f"{out}/{file.path}": file for file in files}
         logs = {file.log_id for file in files}
-        old = [path for path in there if path not in ours and _log_of(path) in logs]
-        changed = {_log_of(path) for path in old}
+        old = [path for path in there if path not in ours and log_of(path) in logs]
+        changed = {log_of(path) for path in old}
         new = [path for path, f in ours.items() if path not in there or f.log_id in changed]
         with table.transaction() as commit:
             if changed:
@@ -110,7 +90,6 @@ def commit_iceberg(name: str, out: str, files: Sequence[LakeFile]) -> LakeCommit
                 commit.add_files(new, check_duplicate_files=False)
     except Exception as error:  # noqa: BLE001  pyiceberg's errors have no common class
         raise EngineError(f"--iceberg {name}: no commit: {type(error).__name__}: {error}") from None
-    return LakeCommit(len([path for path in new if path not in there]), len(old))
 
 
 def _module(name: str, install: str) -> Any:
@@ -146,11 +125,3 @@ def _stats_of(file: LakeFile) -> str:
             "nullCount": {"log_id": 0},
         }
     )
-
-
-def _log_of(path: str) -> str:
-    return path.rsplit("/", 1)[-1].partition("-")[0]
-
-
-def _month_of(path: str) -> str:
-    return path.rsplit("/", 2)[-2].removeprefix("month=")

@@ -19,6 +19,7 @@ from semmap_log.errors import (
 from semmap_log.fleet.jobs.job import Job, PartedJob, table_of_log
 from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
 from semmap_log.io.url_path import place_of
+from semmap_log.store.reading.reader import LogReader
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,48 +45,48 @@ class LogAnswer:
     """None: there is none."""
     parts: int = 0
     """More than 0: the log is long, and wants to be asked in so many parts."""
-    last_event: int = -1
     part: Any = None
     """The answer of a part."""
     is_question_wrong: bool = False
     """The moment asked for is none to it: perhaps to no log, perhaps in its time zone only."""
 
 
-def answer(job: Job, question: LogQuestion) -> LogAnswer:
-    """Return a log's answer, or what became of it; raises nothing that one log alone can cause."""
-    asked = AskedLog(question.place, LogOutcome.ok)
+def answers(job: Job, questions: Sequence[LogQuestion]) -> list[LogAnswer]:
+    """Return the answers of several logs, in order, or what became of them.
+
+    Nothing is raised that one log alone can cause.
+    """
+    return [_answer(job, question) for question in questions]
+
+
+def joined_answer(job: Job, asked: AskedLog, parts: Sequence[Any]) -> LogAnswer:
+    """Return the answer of a log whose parts have answered.
+
+    Args:
+        job: The job.
+        asked: The log, as it was before it was asked in parts.
+        parts: Their answers, in order.
+    """
+    assert isinstance(job, PartedJob)
     try:
-        log = DoorLog(place_of(question.place))
-        asked = _described(asked, log)
-        return _answered(job, question, log, asked)
-    except MomentError as error:
-        return LogAnswer(
-            replace(asked, outcome=LogOutcome.failed, text=str(error)), is_question_wrong=True
-        )
+        return LogAnswer(asked, table_of_log(job, asked, job.joined(parts)))
     except Exception as error:  # noqa: BLE001  a projection of a user's may raise anything
         return LogAnswer(_without(asked, error))
 
 
-def answer_all(job: Job, questions: Sequence[LogQuestion]) -> list[LogAnswer]:
-    """Return the answers of several logs, in order."""
-    return [answer(job, question) for question in questions]
-
-
-def joined_answer(job: Job, question: LogQuestion, parts: list[Any]) -> LogAnswer:
-    """Return the answer of a log whose parts have answered."""
+def _answer(job: Job, question: LogQuestion) -> LogAnswer:
     asked = AskedLog(question.place, LogOutcome.ok)
     try:
-        assert isinstance(job, PartedJob)
-        log = DoorLog(place_of(question.place))
-        commit = log.find_commit(question.last_event)
-        head = b"" if commit is None else commit.hash
-        asked = replace(_described(asked, log), events=question.last_event + 1, head=head.hex())
-        return LogAnswer(asked, table_of_log(job, log, question.place, job.joined(parts)))
+        reader = LogReader(place_of(question.place))
+        asked = _described(asked, reader)
+        return _answered(job, question, reader, asked)
     except Exception as error:  # noqa: BLE001  as above
-        return LogAnswer(_without(asked, error))
+        is_wrong = isinstance(error, MomentError)
+        return LogAnswer(_without(asked, error), is_question_wrong=is_wrong)
 
 
-def _answered(job: Job, question: LogQuestion, log: DoorLog, asked: AskedLog) -> LogAnswer:
+def _answered(job: Job, question: LogQuestion, reader: LogReader, asked: AskedLog) -> LogAnswer:
+    log = DoorLog(reader)
     if question.parts:
         assert isinstance(job, PartedJob)
         part = job.ask_part(log, question.part, question.parts, question.last_event)
@@ -93,24 +94,26 @@ def _answered(job: Job, question: LogQuestion, log: DoorLog, asked: AskedLog) ->
     if asked.head and asked.head == question.known_head:
         return LogAnswer(replace(asked, is_kept=True))
     if isinstance(job, PartedJob) and (parts := job.parts(asked.events)) > 1:
-        return LogAnswer(asked, parts=parts, last_event=asked.events - 1)
-    told = job.ask(log, question.place)
-    table = table_of_log(job, log, question.place, told)
+        return LogAnswer(asked, parts=parts)
+    told = job.ask(log)
+    table = table_of_log(job, asked, told)
     if told.outcome is not LogOutcome.ok:
         asked = replace(asked, outcome=told.outcome, file=told.file, byte=told.byte, text=told.text)
     return LogAnswer(asked, table)
 
 
-def _described(asked: AskedLog, log: DoorLog) -> AskedLog:
+def _described(asked: AskedLog, reader: LogReader) -> AskedLog:
     """Return what is known of a log that was opened."""
-    last = log.last_commit()
+    last, segments, info = reader.last_commit(), reader.segments, reader.info
     return replace(
         asked,
-        outcome=LogOutcome.ok if log.is_closed else LogOutcome.live,
-        log_id=log.info.log_id,
+        outcome=LogOutcome.ok if segments[-1].closed else LogOutcome.live,
+        log_id=info.log_id,
+        robot=info.robot,
+        building=info.building,
         head="" if last is None else last.hash.hex(),
         events=0 if last is None else last.last_event + 1,
-        bytes=log.size,
+        bytes=sum(segment.size for segment in segments),
     )
 
 

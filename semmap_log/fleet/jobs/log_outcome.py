@@ -38,6 +38,8 @@ class AskedLog:
     """Its path or URL, as it was asked."""
     outcome: LogOutcome
     log_id: str = ""
+    robot: str = ""
+    building: str = ""
     head: str = ""
     """Of the log as it answered: the hash of its last commit, in hexadecimal digits."""
     events: int = 0

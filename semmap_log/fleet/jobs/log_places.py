@@ -55,12 +55,10 @@ def _meant(text: str) -> Iterator[Path | UrlPath]:
     place = place_of(text)
     if any(mark in str(place) for mark in MARKS) and not _is_there(place):
         yield from _matching(place)
-    elif _is_log(place):
-        yield place
-    else:
-        below = _folders(place)
-        # Of a place without anything its own error is told, by who asks it.
-        yield from (place / name for name in below) if below else (place,)
+        return
+    is_log, below = _look(place)
+    # Of a place without anything its own error is told, by who asks it.
+    yield from (place / name for name in below) if below and not is_log else (place,)
 
 
 def _is_there(place: PurePath) -> bool:
@@ -84,30 +82,29 @@ def _matching(pattern: Path | UrlPath) -> Iterator[Path | UrlPath]:
     yield from found
 
 
-def _is_log(place: Path | UrlPath) -> bool:
-    """Tell whether a log lies right there; of a web server it is believed."""
+def _look(place: Path | UrlPath) -> tuple[bool, Sequence[str]]:
+    """Tell whether a log lies right there, and name the folders in which others may.
+
+    Of a web server it is believed.
+    """
     if isinstance(place, Path):
-        return not place.is_dir() or any(place.glob("*.mcap"))
+        if not place.is_dir() or _has_segments(place):
+            return True, []
+        return False, [name for name in _names(place) if _has_segments(place / name)]
     if place.scheme in ("http", "https"):
-        return True
-    return any(each.name.endswith(".mcap") for each in ObjectStore(place).list())
+        return True, []
+    objects, folders = ObjectStore(place).list_all()
+    return any(each.name.endswith(".mcap") for each in objects), folders
 
 
-def _folders(place: Path | UrlPath) -> Sequence[str]:
-    """Return the folders of a place in which a log can be."""
-    if isinstance(place, UrlPath):
-        return ObjectStore(place).folders()
-    return [name for name in _names(place) if _is_log_folder(place / name)]
-
-
-def _is_log_folder(path: Path) -> bool:
+def _has_segments(path: Path) -> bool:
     return path.is_dir() and any(path.glob("*.mcap"))
 
 
 def _names(place: Path | UrlPath) -> Sequence[str]:
     """Return what a pattern can mean: folders; on a disk also zips and joins."""
     if isinstance(place, UrlPath):
-        return ObjectStore(place).folders()
+        return ObjectStore(place).list_all()[1]
     if not place.is_dir():
         return []
     ends = (".zip", ".join.json")

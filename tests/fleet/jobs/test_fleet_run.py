@@ -23,7 +23,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.errors import EngineError, MomentError
 from semmap_log.fleet.jobs import dask_engine, door_jobs, fold_job
-from semmap_log.fleet.jobs.fleet_run import FleetAnswer
+from semmap_log.fleet.jobs.fleet_answer import FleetAnswer
 from tests.bucket import put_folder
 from tests.fleet.jobs.fleets import START_NS, doors_then, events_of, make_log, openings_then
 from tests.fleet.jobs.projections import KillsItsWorker, KillsOnce, Raises, Sightings, Slowly, Whole
@@ -133,7 +133,7 @@ def test_parts_are_of_the_moment_at_which_the_log_was_looked_at(
     shutil.copytree(made_fleet / "tug0", log)
     last = sl.read(log).last_event()
     jobs = (door_jobs.OpeningsJob(), fold_job.FoldJob(Sightings()))
-    expected = [job.ask(sl.read(log), "") for job in jobs]
+    expected = [job.ask(sl.read(log)) for job in jobs]
     with sl.append(log) as writer:
         for number in range(12, 20):
             writer.retract(number)
@@ -142,7 +142,7 @@ def test_parts_are_of_the_moment_at_which_the_log_was_looked_at(
 
     grown = sl.read(log)
     for job, told in zip(jobs, expected, strict=True):
-        assert told.rows != job.ask(grown, "").rows
+        assert told.rows != job.ask(grown).rows
         assert told.rows == job.joined([job.ask_part(grown, n, 3, last) for n in range(3)]).rows
 
 
