@@ -42,6 +42,7 @@ def tell_answer(found: FleetAnswer, out: Path | None) -> None:
     elif "file" in found.table.column_names:
         say(f"{out}: {counted(found.table.num_rows, 'file')}")
     if found.bad:
+        console().print()
         console().print(bad_logs_table(found.bad))
     say(outcomes_in_words(found.logs))
 

@@ -14,6 +14,8 @@ from semmap_log.views.column_table import ColumnTable, TableColumn
 
 HIDDEN = ("log_id", "robot", "building")
 """Columns for programs: `log` says it already."""
+FOLDED = {"log": 12, "door": 8, "file": 16, "finding": 16}
+"""Columns whose texts may fold, and down to what width."""
 SECONDS = len("2026-03-01T12:00:00")
 """Of a time, so many characters are shown."""
 
@@ -52,7 +54,7 @@ def arrow_rows_table(rows: pa.Table) -> ColumnTable:
     numbers = {name for name in shown if _is_number(rows.schema.field(name).type)}
     table = ColumnTable(
         [
-            TableColumn(name, name, right=name in numbers, least=None if name in numbers else 8,
+            TableColumn(name, name, right=name in numbers, least=FOLDED.get(name),
                         yields=max(0, place - 2))
             for place, name in enumerate(shown)
         ]
