@@ -171,6 +171,10 @@ class CorruptLogError(LogError):
         """None: it is the whole file, or the folder, that is not what it was."""
 
 
+class StaleIndexError(LogError):
+    """The tables of a segment are of something else, half, or damaged: they are not used."""
+
+
 class UnreadableLogError(CorruptLogError):
     """Bytes of a segment that the disk refuses, or that are gone since the file was opened."""
 

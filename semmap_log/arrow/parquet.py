@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from semmap_log.arrow.arrow_sdk import pa, pq
@@ -50,6 +50,51 @@ def write_parquet(
             file.flush()
         groups.flush()
     return groups.rows
+
+
+CHECKED_ROWS = 2**15
+"""Rows in a group of a checked table: what is read for a few of them."""
+
+
+def write_checked_table(path: Path, table: pa.Table, pause: Callable[[], None] | None) -> None:
+    """Write a table as a file whose pages have checksums, for `open_checked`.
+
+    Args:
+        path: The file; an old one is written over.
+        table: The rows.
+        pause: Called between two groups; what it raises ends it.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    names = table.schema.names
+    counting = [name for name in names if name in RISING or name == "first_event"]
+    with (
+        path.open("wb") as file,
+        pq.ParquetWriter(
+            file,
+            table.schema,
+            compression="zstd",
+            write_page_checksum=True,
+            write_statistics=["door_id"] if "door_id" in names else False,
+            use_dictionary=[name for name in names if name not in {*counting, "command_id"}],
+            column_encoding={name: "DELTA_BINARY_PACKED" for name in counting},
+        ) as writer,
+    ):
+        for start in range(0, table.num_rows, CHECKED_ROWS):
+            writer.write_table(table.slice(start, CHECKED_ROWS), row_group_size=CHECKED_ROWS)
+            if pause is not None:
+                pause()
+
+
+def open_checked(path: Path) -> pq.ParquetFile:
+    """Return a file to read groups of rows from, their checksums checked.
+
+    Raises:
+        OSError: It cannot be read.
+        ValueError: It is no such file; reading says the same of a page.
+    """
+    return pq.ParquetFile(path, page_checksum_verification=True, memory_map=True)
 
 
 def rows_in(file: Path | pa.NativeFile) -> int:

@@ -41,6 +41,10 @@ NO_CONTENT = bytes(16)
 """Digest of a command that was not given by a caller, and so will not come again."""
 
 
+NOTE_TEXTS = ("actor", "source", "reason", "correlation")
+"""The texts of a note."""
+
+
 @knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class Note:
@@ -56,7 +60,7 @@ class Note:
     """16 random bytes, so that a redacted note cannot be guessed from its digest."""
 
     def __post_init__(self) -> None:
-        for name in ("actor", "source", "reason", "correlation"):
+        for name in NOTE_TEXTS:
             check_text(f"Note.{name}", getattr(self, name))
 
     def __bool__(self) -> bool:

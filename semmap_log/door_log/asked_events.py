@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import KINDS
 from semmap_log.domain.moments import Moment
 from semmap_log.folds.history import HistoryEntry, history
 from semmap_log.replay.change_finder import ChangeFinder
+from semmap_log.replay.read_model.events_about import events_about
+from semmap_log.replay.read_model.segment_tables import CommitTable, SaidOfCommit, SegmentTables
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.commit_finder import CommitFinder
 from semmap_log.store.reading.reader import LogReader
@@ -33,33 +35,29 @@ def entries(
         with_newer: And those of kinds unknown here, which may be about any.
     """
     finder, changes = CommitFinder(reader), ChangeFinder(reader, doors)
+    retractions = reader.retractions(with_newer=with_newer)
+    known: CommitTable | None = None
+    """Who and why of the events that came from a table."""
 
     def look_at(segment: Segment, page: Page) -> None:
+        nonlocal known
+        known = None
         finder.look_at(segment, page)
         changes.look_at(segment, page)
 
-    found = reader.batches(window, on_page=look_at, with_newer=with_newer)
-    batches = (about(batch, doors, with_newer=with_newer) for batch in found)
-    retractions = reader.retractions(with_newer=with_newer)
-    return history(batches, finder.commit_at, retractions, changes.changes_in)
+    def look_at_rows(segment: Segment, tables: SegmentTables, rows: EventBatch) -> None:
+        nonlocal known
+        known = tables.commits
+        changes.look_at_rows(segment, rows, retractions.numbers)
 
+    def said_of(number: int) -> Commit | SaidOfCommit:
+        found = None if known is None else known.commit_holding(number)
+        return finder.commit_at(number) if found is None else found
 
-def about(
-    batch: EventBatch, doors: Collection[DoorId] | None, *, with_newer: bool = False
-) -> EventBatch:
-    """Return the events of a batch that are about some doors; None: all.
-
-    Args:
-        batch: The events.
-        doors: The doors.
-        with_newer: And those of kinds unknown here, which may be about any.
-    """
-    if doors is None:
-        return batch
-    chosen = batch.of_doors(doors)
-    if with_newer:
-        chosen |= batch.kind > len(KINDS)
-    return batch.select(chosen)
+    batches = events_about(
+        reader, window, doors, with_newer=with_newer, on_page=look_at, on_rows=look_at_rows
+    )
+    return history(batches, said_of, retractions, changes.changes_in)
 
 
 def comes_after(one: Moment, other: Moment) -> bool:

@@ -23,7 +23,7 @@ from semmap_log.domain.events import Event, FloorMap, PatrolFinished, PatrolStar
 from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.domain.moments import Moment, parse_range, refuse_reversed
 from semmap_log.door_log.asked_doors import door_ever, door_in, ids_ever
-from semmap_log.door_log.asked_events import about, between, comes_after, entries
+from semmap_log.door_log.asked_events import between, comes_after, entries
 from semmap_log.door_log.backdating import backdated, early_events, since_ever_ns
 from semmap_log.door_log.door_labels import labels_ever
 from semmap_log.door_log.last_patrol import last_patrol
@@ -41,6 +41,7 @@ from semmap_log.io.progress import Progress
 from semmap_log.io.url_path import place_of
 from semmap_log.replay.fold import SAVE_EVERY_S, fold, fold_part
 from semmap_log.replay.live_fold import LiveState, fold_live
+from semmap_log.replay.read_model.events_about import events_about
 from semmap_log.replay.replay import Scope, replay, visible_batches
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
@@ -245,10 +246,10 @@ class DoorLog:
         window = self.window(since, until, recorded=recorded, kinds=kinds)
         known = reader.retractions()
         retractions = Retractions() if retracted else known
-        for batch in reader.batches(window, progress=progress):
-            chosen = about(retractions.visible(batch), ids)
-            if len(chosen):
-                yield chosen
+        for batch in events_about(reader, window, ids, progress=progress):
+            visible = retractions.visible(batch)
+            if len(visible):
+                yield visible
 
     def window(
         self,
@@ -539,8 +540,11 @@ class DoorLog:
         since_ns, until_ns = self.instant(since), self.instant(until)
         refuse_reversed(since_ns, until_ns)
         asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
-        batches = visible_batches(self._reader, scope, progress=progress)
         ids = None if doors is None else self._ids_ever(doors)
+        if asked_ns is None and scope.event is None and not self._reader.retractions():
+            asked_ns = self.end_ns()  # which the events of some doors alone do not tell
+        alone = None if asked_ns is None else ids
+        batches = visible_batches(self._reader, scope, progress=progress, doors=alone)
         found = timelines(batches, ids, end_ns=asked_ns)
         return {i: each.between(since_ns, until_ns) for i, each in found.items()}
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.batches.retraction import Retractions
-from semmap_log.domain.commits import Commit
+from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorEvent, Event
 from semmap_log.folds.value_changes import Changes, ValueChange
@@ -54,9 +55,18 @@ class HistoryEntry:
         return self.event.door_id if isinstance(self.event, DoorEvent) else None
 
 
+class Said(Protocol):
+    """What a commit says of its events."""
+
+    @property
+    def note(self) -> Note: ...  # noqa: D102
+    @property
+    def command_id(self) -> bytes: ...  # noqa: D102
+
+
 def history(
     batches: Iterable[EventBatch],
-    commit_at: Callable[[int], Commit],
+    commit_at: Callable[[int], Said],
     retractions: Retractions,
     changes_in: Callable[[EventBatch], Changes] | None = None,
 ) -> Iterator[HistoryEntry]:

@@ -13,6 +13,7 @@ from semmap_log.folds.value_changes import Changes, changes_of
 from semmap_log.replay.state import state_at
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
 
@@ -43,6 +44,31 @@ class ChangeFinder:
         for batch in _without_gaps(page.events()):
             for part in _up_to_retractions(batch):
                 self._changes |= self._taken(part)
+
+    def look_at_rows(self, segment: Segment, rows: EventBatch, retracted: list[int]) -> None:
+        """Take note of all the events about the doors in a segment.
+
+        Args:
+            segment: The segment.
+            rows: The events.
+            retracted: Numbers of all Retracted events of the log.
+        """
+        self._changes = {}
+        first, end = segment.header.first_event, end_of(segment)
+        borders = np.array(sorted(n for n in retracted if first <= n < end), np.int64)
+        begin = first
+        if self._next != first:
+            self._state = None
+        for part in _cut(rows, np.searchsorted(rows.number, borders).tolist()):
+            before = borders[borders < part.number[0]]
+            if self._state is None or (len(before) and before[-1] >= begin):
+                self._state = self._state_at(int(part.number[0]) - 1)
+            self._changes |= changes_of(part, self._state)
+            self._state.apply(part)
+            begin = int(part.number[-1]) + 1
+        if len(borders) and borders[-1] >= begin:
+            self._state = None
+        self._next = end
 
     def changes_in(self, _: EventBatch) -> Changes:
         """Return what the events of the page that was looked at changed."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.io.progress import Progress
+from semmap_log.replay.read_model.events_about import events_about
 from semmap_log.replay.state import state_at
 from semmap_log.store.reading.reader import LogReader, OnPage
 from semmap_log.store.reading.window import Window
@@ -65,14 +66,24 @@ def visible_batches(
     *,
     progress: Progress | None = None,
     on_page: OnPage | None = None,
+    doors: Collection[int] | None = None,
 ) -> Iterator[EventBatch]:
-    """Yield the events of a scope, without those retracted by what is known in it."""
+    """Yield the events of a scope, without those retracted by what is known in it.
+
+    Args:
+        reader: Of the log.
+        scope: Which events count.
+        progress: Told how far the reading is.
+        on_page: Called with the records of each batch that comes from the log itself.
+        doors: Only events about these; None: all.
+    """
     limit = scope.limit(reader)
     if limit is not None and limit < 0:
         return
     retractions = reader.retractions(limit=limit)
     window = Window.up_to(at_ns=scope.at_ns, event=limit)
-    for batch in reader.batches(window, progress=progress, on_page=on_page):
+    found = events_about(reader, window, doors, progress=progress, on_page=on_page)
+    for batch in found:
         visible = retractions.visible(batch)
         if len(visible):
             yield visible

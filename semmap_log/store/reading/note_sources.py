@@ -6,6 +6,8 @@ Nothing is looked up before somebody asks: most folds never do.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,21 +67,83 @@ class NoteSources:
         page, places = self._page, self._page.commit_places()
         rows = page.commit_rows(places)
         firsts = rows["first_event"].astype(np.int64)
-        channels = page.heads["channel_id"]
-        has_note = (places > 0) & (channels[places - 1] == NOTE_CHANNEL)
-        codes, names = _told_by(page, places[has_note] - 1)
-        all_codes = np.zeros(len(places), np.intp)
-        all_codes[has_note] = codes
-        return firsts, firsts + rows["count"], all_codes, names
+        codes, texts = _notes_of(page, places)
+        names = {NO_SOURCE: 0}
+        of_texts = [names.setdefault(text[1], len(names)) for text in texts]
+        all_codes = np.array(of_texts, np.intp)[codes]
+        return firsts, firsts + rows["count"], all_codes, list(names)
 
 
-def _told_by(page: Page, notes: NDArray[np.intp]) -> tuple[NDArray[np.intp], list[str]]:
-    """Return the sources of notes by their places among the names; the first name is empty.
+NoteTexts = tuple[str, str, str, str]
+"""Actor, source, reason, correlation; empty where nothing is said."""
+NO_TEXTS: NoteTexts = ("", NO_SOURCE, "", "")
+
+
+class SaidByCommits:
+    """Who and why of all the commits of some pages that follow each other, as columns."""
+
+    def __init__(self) -> None:
+        self._parts: list[tuple[NDArray[Any], NDArray[np.intp]]] = []
+        self._places: dict[NoteTexts, int] = {NO_TEXTS: 0}
+
+    def take(self, page: Page) -> None:
+        """Take in the commits whose Commit is on a page.
+
+        Raises:
+            CorruptLogError: A note is not what its channel carries.
+        """
+        places = page.commit_places()
+        codes, texts = _notes_of(page, places)
+        known = np.array([self._places.setdefault(t, len(self._places)) for t in texts], np.intp)
+        rows = page.commit_rows(places)
+        self._parts.append((rows[["first_event", "count", "command_id"]].copy(), known[codes]))
+
+    def commits(self) -> CommitColumns:
+        """Return what was taken in."""
+        rows = np.concatenate([rows for rows, _ in self._parts])
+        return CommitColumns(
+            rows["first_event"].astype(np.int64),
+            rows["count"].astype(np.int64),
+            np.ascontiguousarray(rows["command_id"]),
+            np.concatenate([notes for _, notes in self._parts]),
+            list(self._places),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class CommitColumns:
+    """Commits as columns, in the order of their events."""
+
+    first_event: NDArray[np.int64]
+    count: NDArray[np.int64]
+    command_id: NDArray[np.uint8]
+    """(commits, 16)."""
+    notes: NDArray[np.intp]
+    """Of each the place of its note among the texts."""
+    texts: Sequence[NoteTexts]
+
+    def notes_of(self, numbers: NDArray[np.int64]) -> NDArray[np.intp]:
+        """Return of each event, all of these commits, the place of its note among the texts."""
+        return self.notes[np.searchsorted(self.first_event, numbers, "right") - 1]
+
+
+def _notes_of(
+    page: Page, places: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], list[NoteTexts]]:
+    """Return what is said of the commits whose Commits are at these places, each text once."""
+    has_note = (places > 0) & (page.heads["channel_id"][places - 1] == NOTE_CHANNEL)
+    codes = np.zeros(len(places), np.intp)
+    codes[has_note], texts = _told_by(page, places[has_note] - 1)
+    return codes, texts
+
+
+def _told_by(page: Page, notes: NDArray[np.intp]) -> tuple[NDArray[np.intp], list[NoteTexts]]:
+    """Return the texts of notes by their places among some; the first ones are empty.
 
     Notes that say the same are read once.
     """
     codes = np.zeros(len(notes), np.intp)
-    names = {NO_SOURCE: 0}
+    texts = {NO_TEXTS: 0}
     lengths = page.heads["length"][notes]
     for length in np.unique(lengths).tolist():
         mine = np.flatnonzero(lengths == length)
@@ -91,13 +155,14 @@ def _told_by(page: Page, notes: NDArray[np.intp]) -> tuple[NDArray[np.intp], lis
             note = data[at * size : (at + 1) * size]
             said = note[_SAID:]
             if said not in known:
-                known[said] = names.setdefault(_source_of(page, note), len(names))
+                known[said] = texts.setdefault(_texts_of(page, note), len(texts))
             codes[place] = known[said]
-    return codes, list(names)
+    return codes, list(texts)
 
 
-def _source_of(page: Page, note: bytes) -> str:
+def _texts_of(page: Page, note: bytes) -> NoteTexts:
     try:
-        return str(deserialize(type_name("CommitNote"), note).source)
+        said = deserialize(type_name("CommitNote"), note)
     except ValueError as error:
         raise CorruptLogError(page.path, page.offset, str(error)) from None
+    return str(said.actor), str(said.source), str(said.reason), str(said.correlation)

@@ -1,0 +1,154 @@
+"""The events about some doors: from the tables where there are any, else from the log."""
+
+from __future__ import annotations
+
+import importlib.util
+import logging
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.events import KINDS
+from semmap_log.errors import StaleIndexError
+from semmap_log.io.progress import Progress
+from semmap_log.replay.read_model.segment_tables import FOLDER, SegmentTables
+from semmap_log.store.reading.reader import LogReader, OnPage
+from semmap_log.store.reading.segment_reading import end_of
+from semmap_log.store.reading.segment_scan import Segment
+from semmap_log.store.reading.window import Window
+
+_log = logging.getLogger("semmap_log")
+
+FEW_CHUNKS = 2
+"""So few of a segment are read from the log sooner than a table is opened."""
+
+OnRows = Callable[[Segment, SegmentTables, EventBatch], None]
+"""Told of all rows about the doors in a segment, before those outside the window are left out."""
+
+
+def about(
+    batch: EventBatch, doors: Collection[int] | None, *, with_newer: bool = False
+) -> EventBatch:
+    """Return the events of a batch that are about some doors; None: all.
+
+    Args:
+        batch: The events.
+        doors: The doors.
+        with_newer: And those of kinds unknown here, which may be about any.
+    """
+    if doors is None:
+        return batch
+    chosen = batch.of_doors(doors)
+    if with_newer:
+        chosen |= batch.kind > len(KINDS)
+    return batch.select(chosen)
+
+
+def events_about(
+    reader: LogReader,
+    window: Window,
+    doors: Collection[int] | None,
+    *,
+    with_newer: bool = False,
+    progress: Progress | None = None,
+    on_page: OnPage | None = None,
+    on_rows: OnRows | None = None,
+) -> Iterator[EventBatch]:
+    """Yield the events of a window about some doors, numbers ascending, retracted ones included.
+
+    Args:
+        reader: Of the log.
+        window: Which events.
+        doors: Those; None: all events, which the log tells sooner.
+        with_newer: Yield events of unknown kinds, too, which may be about any door.
+        progress: Told how far the reading is.
+        on_page: Called with the records of each batch that comes from the log.
+        on_rows: Called with what comes from a table.
+
+    Raises:
+        CorruptLogError: A chunk is not what was written, or events are missing.
+    """
+    tables = {} if doors is None else _tables(reader, window)
+    at = window.first_event or 0
+    for segment in reader.segments:
+        found = tables.get(segment.header.first_event)
+        rows = None if found is None else _rows(found, doors or (), with_commits=on_rows is not None)
+        if found is None or rows is None:
+            continue
+        first, end = segment.header.first_event, end_of(segment)
+        yield from _read(reader, window, doors, at, first, with_newer, progress, on_page)
+        at = max(at, end)
+        chosen = window.choose(rows)
+        if len(chosen):
+            if on_rows is not None:
+                on_rows(segment, found, rows)
+            yield chosen
+    yield from _read(reader, window, doors, at, None, with_newer, progress, on_page)
+
+
+def _read(
+    reader: LogReader,
+    window: Window,
+    doors: Collection[int] | None,
+    first: int,
+    before: int | None,
+    with_newer: bool,  # noqa: FBT001
+    progress: Progress | None,
+    on_page: OnPage | None,
+) -> Iterator[EventBatch]:
+    """Yield what the log has from an event on, and before another."""
+    bounds = [b for b in (before, window.before_event) if b is not None]
+    if before is not None and first >= before:
+        return
+    part = window
+    if first > (window.first_event or 0) or before is not None:
+        part = replace(window, first_event=first, before_event=min(bounds, default=None))
+    for batch in reader.batches(part, progress=progress, on_page=on_page, with_newer=with_newer):
+        chosen = about(batch, doors, with_newer=with_newer)
+        if len(chosen):
+            yield chosen
+
+
+def _tables(reader: LogReader, window: Window) -> dict[int, SegmentTables]:
+    """Return the tables that are worth asking, by the first events of their segments."""
+    folder = reader.given / FOLDER
+    if not isinstance(folder, Path) or not folder.is_dir() or not _has_pyarrow():
+        return {}
+    found = {}
+    for place, segment in enumerate(reader.segments):
+        if not segment.closed or segment.told is not None or segment.has_unknown_events:
+            continue
+        behind = reader.segments[place + 1 : place + 2]
+        next_event = behind[0].header.first_event if behind else None
+        if window.may_reach(segment, next_event) and len(window.chunks(segment)) > FEW_CHUNKS:
+            try:
+                tables = SegmentTables.of(folder, segment)
+            except StaleIndexError as error:
+                _say(error)
+                continue
+            if tables is not None:
+                found[segment.header.first_event] = tables
+    return found
+
+
+def _rows(
+    tables: SegmentTables, doors: Collection[int], *, with_commits: bool
+) -> EventBatch | None:
+    try:
+        if with_commits:
+            tables.commits  # noqa: B018 - read now: a damaged one is not used
+        return tables.about(doors)
+    except StaleIndexError as error:
+        _say(error)
+        return None
+
+
+def _say(error: StaleIndexError) -> None:
+    _log.info("%s It is not used; the log itself is read.", error)
+
+
+@cache
+def _has_pyarrow() -> bool:
+    return importlib.util.find_spec("pyarrow") is not None

@@ -1,0 +1,223 @@
+"""Makes the read model: the tables of each closed segment that has none, or none that fit."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from semmap_log.domain.commits import NOTE_TEXTS
+from semmap_log.errors import LogAccessError, LogLockedError, OutputError, StaleIndexError
+from semmap_log.io.disk import TEMPORARY_SUFFIX
+from semmap_log.io.progress import Progress
+from semmap_log.replay.read_model.segment_tables import (
+    COMMITS,
+    EVENTS,
+    FOLDER,
+    PARTS,
+    SegmentTables,
+    part_path,
+    tell,
+    told_path,
+)
+from semmap_log.store.reading.note_sources import SaidByCommits
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_reading import batches_of
+from semmap_log.store.reading.segment_scan import Segment
+
+LOCK = ".lock"
+
+
+@dataclass(slots=True)
+class Indexed:
+    """What was done."""
+
+    segments: int = 0
+    """Closed segments of the log."""
+    made: list[str] = field(default_factory=list)
+    """Segments whose tables were made now."""
+    removed: list[str] = field(default_factory=list)
+    """Files that belonged to no segment any more."""
+    skipped: list[str] = field(default_factory=list)
+    """Segments with events of a later version, which are read from the log."""
+    events: int = 0
+    """Events that were read for it."""
+    size: int = 0
+    """Bytes of all tables."""
+    log_size: int = 0
+    """Bytes of their segments."""
+
+
+def index(
+    log: Path,
+    *,
+    anew: bool = False,
+    progress: Progress | None = None,
+    pause: Callable[[], None] | None = None,
+) -> Indexed:
+    """Make the tables that are missing, and remove those that are of no segment.
+
+    From then on whoever writes the log keeps them up, and whoever asks it uses them. Stopped at any
+    moment it leaves whole tables or none. Nobody else is held up.
+
+    Args:
+        log: Its folder.
+        anew: Make all of them, also those that are good.
+        progress: Told how far it is, events.
+        pause: Called between two pieces of work; what it raises ends it.
+
+    Raises:
+        MissingExtraError: pyarrow is not installed.
+        LogLockedError: Another process is at it.
+        OutputError: The disk does not let us; the log is as it was.
+        CorruptLogError: A segment is damaged.
+    """
+    from semmap_log.arrow import door_rows  # noqa: F401 - a missing pyarrow is told before all else
+
+    reader = LogReader(log)
+    folder = _folder_of(reader)
+    try:
+        folder.mkdir(exist_ok=True)
+        with _alone(folder):
+            return _index(reader, folder, anew=anew, progress=progress, pause=pause)
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: could not be written: {error.strerror or error}. The log is as it was; "
+            "what the index lacks is read from the log."
+        ) from error
+
+
+def is_kept_up(log: Path) -> bool:
+    """Tell whether a log has a read model that its writer is to keep up."""
+    return (log / FOLDER).is_dir()
+
+
+def _folder_of(reader: LogReader) -> Path:
+    given = reader.given
+    if not isinstance(given, Path) or not given.is_dir():
+        raise LogAccessError(
+            f"{reader.folder}: expected a log's folder on this machine, got something else; "
+            "fetch or unpack it first."
+        )
+    return given / FOLDER
+
+
+def _index(
+    reader: LogReader,
+    folder: Path,
+    *,
+    anew: bool,
+    progress: Progress | None,
+    pause: Callable[[], None] | None,
+) -> Indexed:
+    done = Indexed()
+    closed = [s for s in reader.segments if s.closed and s.told is None]
+    done.segments = len(closed)
+    done.removed = _tidied(folder, {s.path.stem for s in closed})
+    total, at = sum(s.statistics.message_count for s in closed), 0
+    for segment in closed:
+        if segment.has_unknown_events:
+            done.skipped.append(segment.path.name)
+        elif anew or not _is_good(folder, segment):
+            done.events += _make(folder, segment, pause)
+            done.made.append(segment.path.name)
+        at += segment.statistics.message_count
+        if progress is not None:
+            progress(at, total)
+    good = {s.path.stem: s for s in closed if s.path.name not in done.skipped}
+    done.size = sum(f.stat().st_size for f in folder.iterdir() if f.name.split(".")[0] in good)
+    done.log_size = sum(s.size for s in good.values())
+    return done
+
+
+def _is_good(folder: Path, segment: Segment) -> bool:
+    try:
+        return SegmentTables.of(folder, segment) is not None
+    except StaleIndexError:
+        return False
+
+
+def _make(folder: Path, segment: Segment, pause: Callable[[], None] | None) -> int:
+    """Write the tables of a segment, and return how many events they have."""
+    from semmap_log.arrow.door_rows import DoorRows, commit_table
+    from semmap_log.arrow.parquet import write_checked_table
+
+    rows, said = DoorRows(), SaidByCommits()
+    count = 0
+    for page, batch in batches_of(segment, np.arange(len(segment.chunks))):
+        said.take(page)
+        if len(batch):
+            rows.add(
+                batch.number, batch.kind, batch.door_ids(), batch.happened_ns, batch.recorded_ns,
+                batch.columns, batch.objects,
+            )  # fmt: skip
+        count += len(batch)
+        if pause is not None:
+            pause()
+    if not count:
+        return 0
+    stem = segment.path.stem
+    told_path(folder, stem).unlink(missing_ok=True)
+    commits = said.commits()
+    numbers = segment.header.first_event + np.arange(count)
+    notes = commits.notes_of(numbers)
+    texts = {name: (notes, said) for name, said in zip(NOTE_TEXTS, zip(*commits.texts, strict=True), strict=True)}
+    for part, table in (
+        (EVENTS, rows.table(texts)),
+        (COMMITS, commit_table(commits)),
+    ):
+        with _whole(part_path(folder, stem, part)) as temporary:
+            write_checked_table(temporary, table, pause)
+    with _whole(told_path(folder, stem)) as temporary:
+        temporary.write_text(tell(folder, stem, segment), "utf-8")
+    return count
+
+
+def _tidied(folder: Path, stems: set[str]) -> list[str]:
+    """Remove the files of no segment, and what somebody killed has left; return their names."""
+    removed = []
+    for file in sorted(folder.iterdir()):
+        name = file.name
+        is_ours = name.endswith((".json", TEMPORARY_SUFFIX, *(f".{p}.parquet" for p in PARTS)))
+        is_left = name.endswith(TEMPORARY_SUFFIX) or name.split(".")[0] not in stems
+        if is_ours and is_left:
+            file.unlink()
+            removed.append(name)
+    return removed
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """Hand out a name for a new file that takes its own in the end; what is half is removed.
+
+    Nothing is synced: who reads it checks it, and it can be made again.
+    """
+    temporary = path.with_name(f"{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
+    try:
+        yield temporary
+        temporary.replace(path)
+    except BaseException:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Hold the lock of a read model."""
+    fd = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+    try:
+        try:
+            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise LogLockedError(
+                f"{folder}: another process is making this index; it will be there soon."
+            ) from None
+        yield
+    finally:
+        os.close(fd)
