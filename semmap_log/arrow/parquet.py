@@ -78,7 +78,7 @@ def write_checked_table(path: Path, table: pa.Table, pause: Callable[[], None] |
             write_page_checksum=True,
             write_statistics=["door_id"] if "door_id" in names else False,
             use_dictionary=[name for name in names if name not in {*counting, "command_id"}],
-            column_encoding={name: "DELTA_BINARY_PACKED" for name in counting},
+            column_encoding=dict.fromkeys(counting, "DELTA_BINARY_PACKED"),
         ) as writer,
     ):
         for start in range(0, table.num_rows, CHECKED_ROWS):

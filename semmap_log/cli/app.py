@@ -25,6 +25,7 @@ from semmap_log.cli import (
     go,
     history,
     import_,
+    index,
     info,
     init,
     join,
@@ -149,6 +150,7 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
         ("verify", verify.run, "Check that a log is as it was written."),
         ("recover", recover.run, "Save what is whole of a damaged log."),
         ("compact", compact.run, "Make a log smaller."),
+        ("index", index.run, "Make a log quick to ask about single doors."),
     ),
     "Many robots": (
         ("ship", ship.run, "Send a log to a store."),

@@ -42,7 +42,9 @@ def run(
     if done.removed:
         typer.echo(f"files removed     {len(done.removed):,}, of no segment any more")
     if done.log_size:
-        typer.echo(f"bytes             {done.size:,} ({done.size / done.log_size:.0%} of the log's)")
+        typer.echo(
+            f"bytes             {done.size:,} ({done.size / done.log_size:.0%} of the log's)"
+        )
 
 
 def _to_json(done: Any) -> dict[str, Any]:

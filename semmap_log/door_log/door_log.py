@@ -541,7 +541,7 @@ class DoorLog:
         refuse_reversed(since_ns, until_ns)
         asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
         ids = None if doors is None else self._ids_ever(doors)
-        if asked_ns is None and scope.event is None and not self._reader.retractions():
+        if asked_ns is None and scope.event is None:
             asked_ns = self.end_ns()  # which the events of some doors alone do not tell
         alone = None if asked_ns is None else ids
         batches = visible_batches(self._reader, scope, progress=progress, doors=alone)

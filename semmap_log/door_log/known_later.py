@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import Moment, format_local
-from semmap_log.door_log.asked_events import about
 from semmap_log.door_log.backdating import remedy
 from semmap_log.door_log.door_log import DoorLog, Time
+from semmap_log.replay.read_model.events_about import about
 from semmap_log.store.reading.window import Window
 
 

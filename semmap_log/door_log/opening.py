@@ -15,6 +15,7 @@ from semmap_log.errors import NotALogError
 from semmap_log.io.clock import Clock, SystemClock
 from semmap_log.io.object_cache import ObjectCache
 from semmap_log.io.url_path import local_path, place_of
+from semmap_log.replay.read_model.indexing import keep_up
 from semmap_log.replay.written_state import WrittenState
 from semmap_log.store.commit_records import Entropy
 from semmap_log.store.header import LogInfo
@@ -139,7 +140,7 @@ def _environment(writing: WritingOptions) -> Environment:
     given = _USUAL | writing
     policy = DurabilityPolicy.of(given["durability"], given["batch_events"], given["batch_s"])
     clock = given["clock"] or SystemClock()
-    return Environment(policy, clock, given["entropy"], given["compact"])
+    return Environment(policy, clock, given["entropy"], given["compact"], keep_up)
 
 
 def machine_zone() -> str:

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path, PurePath
 
+from semmap_log.common.texts import command_line
+from semmap_log.errors import LogError
 from semmap_log.io.clock import Clock
 from semmap_log.replay.keyframe_check import ReplayKeyframeCheck
+from semmap_log.replay.read_model.indexing import index_problems
 from semmap_log.replay.written_state import WrittenState
 from semmap_log.store import salvage, verification
 from semmap_log.store.salvage import Recovered, RecoveryPlan, StateParts
 from semmap_log.store.verification import Progress, Verification
 from semmap_log.store.verification.file_place import FilePlace
+from semmap_log.store.verification.findings import Finding, Severity
 
 _PARTS = StateParts(ReplayKeyframeCheck, WrittenState)
 
@@ -31,7 +36,23 @@ def verify(
         LogAccessError: The file system does not let us read it.
         LogError: It is of another format version.
     """
-    return verification.verify(path, ReplayKeyframeCheck, head, progress)
+    found = verification.verify(path, ReplayKeyframeCheck, head, progress)
+    return replace(found, findings=(*found.findings, *_index_findings(path)))
+
+
+def _index_findings(path: PurePath | FilePlace) -> list[Finding]:
+    """Return which tables of the read model are not used: nothing of the log is lost with them."""
+    if not isinstance(path, Path):
+        return []
+    try:
+        problems = index_problems(path)
+    except LogError:  # which verify has told of
+        return []
+    do = f"`{command_line('index', path)}` makes it anew."
+    return [
+        Finding("index", Severity.WARNING, file, None, None, f"not used: {said} {do}")
+        for file, said in problems
+    ]
 
 
 def plan_recovery(path: Path, progress: Progress | None = None) -> RecoveryPlan:

@@ -43,6 +43,7 @@ VERBS = [
     "verify",
     "recover",
     "compact",
+    "index",
     "view",
     "report",
     "scan-report",

@@ -54,8 +54,9 @@ WRITE = {
 OF_NO_LOG = {"demo", "init", "ros-package", "prolog-module", "oprs-package", "ask", "call"}
 NEED_MORE = {"serve", "play", "scan-report"}
 """ROS, or scans; they open the log as `append` and `read` do."""
-CARE = {"recover", "compact"}
-"""`test_care`."""
+IN_PLACE = {"recover": ["LOG", "--yes"], "compact": ["LOG"], "index": ["LOG"]}
+CARE = set(IN_PLACE)
+"""`test_care`, `test_read_model`."""
 STORES = {"ship", "fetch", "fleet"}
 """`tests/fleet`: a store knows no kinds of events."""
 JOINS = {"join"}
@@ -191,7 +192,7 @@ def test_a_later_version_that_added_no_kind_is_read_as_ever(
     assert verify(log).exit_code == 0
 
 
-@pytest.mark.parametrize("verb", {**LIST, **ANSWER, **WRITE, "recover": [], "compact": []})
+@pytest.mark.parametrize("verb", {**LIST, **ANSWER, **WRITE, **IN_PLACE})
 def test_another_major_version_is_told_by_every_verb(
     newer: NewerLogs, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
 ) -> None:
@@ -200,7 +201,7 @@ def test_another_major_version_is_told_by_every_verb(
     """
     log = newer.log("major", tmp_path)
     before = _bytes_of(log)
-    arguments = {**LIST, **ANSWER, **WRITE, "recover": ["LOG", "--yes"], "compact": ["LOG"]}
+    arguments = {**LIST, **ANSWER, **WRITE, **IN_PLACE}
 
     said = _ask(capsys, log, verb, arguments[verb])
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import importlib.util
 import logging
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import KINDS
 from semmap_log.errors import StaleIndexError
 from semmap_log.io.progress import Progress
-from semmap_log.replay.read_model.segment_tables import FOLDER, SegmentTables
+from semmap_log.replay.read_model.segment_tables import FOLDER, SegmentTables, has_pyarrow
 from semmap_log.store.reading.reader import LogReader, OnPage
 from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment
@@ -71,50 +69,52 @@ def events_about(
         CorruptLogError: A chunk is not what was written, or events are missing.
     """
     tables = {} if doors is None else _tables(reader, window)
-    at = window.first_event or 0
-    for segment in reader.segments:
+
+    def read(first: int, before: int | None = None) -> Iterator[EventBatch]:
+        """Yield what the log itself has, from an event on, before another."""
+        part = _cut(window, first, before)
+        if part is None:
+            return
+        found = reader.batches(part, progress=progress, on_page=on_page, with_newer=with_newer)
+        for batch in found:
+            chosen = about(batch, doors, with_newer=with_newer)
+            if len(chosen):
+                yield chosen
+
+    at = 0
+    for segment in reader.segments if tables else ():
         found = tables.get(segment.header.first_event)
-        rows = None if found is None else _rows(found, doors or (), with_commits=on_rows is not None)
-        if found is None or rows is None:
+        if found is None:
             continue
-        first, end = segment.header.first_event, end_of(segment)
-        yield from _read(reader, window, doors, at, first, with_newer, progress, on_page)
-        at = max(at, end)
+        rows = _rows(found, doors or (), with_commits=on_rows is not None)
+        if rows is None:
+            continue
+        yield from read(at, segment.header.first_event)
+        at = end_of(segment)
         chosen = window.choose(rows)
         if len(chosen):
             if on_rows is not None:
                 on_rows(segment, found, rows)
             yield chosen
-    yield from _read(reader, window, doors, at, None, with_newer, progress, on_page)
+    yield from read(at)
 
 
-def _read(
-    reader: LogReader,
-    window: Window,
-    doors: Collection[int] | None,
-    first: int,
-    before: int | None,
-    with_newer: bool,  # noqa: FBT001
-    progress: Progress | None,
-    on_page: OnPage | None,
-) -> Iterator[EventBatch]:
-    """Yield what the log has from an event on, and before another."""
-    bounds = [b for b in (before, window.before_event) if b is not None]
-    if before is not None and first >= before:
-        return
-    part = window
-    if first > (window.first_event or 0) or before is not None:
-        part = replace(window, first_event=first, before_event=min(bounds, default=None))
-    for batch in reader.batches(part, progress=progress, on_page=on_page, with_newer=with_newer):
-        chosen = about(batch, doors, with_newer=with_newer)
-        if len(chosen):
-            yield chosen
+def _cut(window: Window, first: int, before: int | None) -> Window | None:
+    """Return the part of a window from an event on, before another; None: there is none."""
+    least = max(first, window.first_event or 0)
+    bounds = [bound for bound in (before, window.before_event) if bound is not None]
+    behind = min(bounds, default=None)
+    if behind is not None and behind <= least:
+        return None
+    if not first and before is None:
+        return window
+    return replace(window, first_event=least, before_event=behind)
 
 
 def _tables(reader: LogReader, window: Window) -> dict[int, SegmentTables]:
     """Return the tables that are worth asking, by the first events of their segments."""
     folder = reader.given / FOLDER
-    if not isinstance(folder, Path) or not folder.is_dir() or not _has_pyarrow():
+    if not isinstance(folder, Path) or not folder.is_dir() or not has_pyarrow():
         return {}
     found = {}
     for place, segment in enumerate(reader.segments):
@@ -147,8 +147,3 @@ def _rows(
 
 def _say(error: StaleIndexError) -> None:
     _log.info("%s It is not used; the log itself is read.", error)
-
-
-@cache
-def _has_pyarrow() -> bool:
-    return importlib.util.find_spec("pyarrow") is not None

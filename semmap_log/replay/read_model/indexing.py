@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -12,7 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from semmap_log.domain.commits import NOTE_TEXTS
-from semmap_log.errors import LogAccessError, LogLockedError, OutputError, StaleIndexError
+from semmap_log.errors import (
+    LogAccessError,
+    LogError,
+    LogLockedError,
+    OutputError,
+    StaleIndexError,
+)
 from semmap_log.io.disk import TEMPORARY_SUFFIX
 from semmap_log.io.progress import Progress
 from semmap_log.replay.read_model.segment_tables import (
@@ -21,6 +26,7 @@ from semmap_log.replay.read_model.segment_tables import (
     FOLDER,
     PARTS,
     SegmentTables,
+    has_pyarrow,
     part_path,
     tell,
     told_path,
@@ -57,6 +63,7 @@ def index(
     log: Path,
     *,
     anew: bool = False,
+    thorough: bool = True,
     progress: Progress | None = None,
     pause: Callable[[], None] | None = None,
 ) -> Indexed:
@@ -68,6 +75,7 @@ def index(
     Args:
         log: Its folder.
         anew: Make all of them, also those that are good.
+        thorough: Read those that are there, and make damaged ones anew.
         progress: Told how far it is, events.
         pause: Called between two pieces of work; what it raises ends it.
 
@@ -77,14 +85,20 @@ def index(
         OutputError: The disk does not let us; the log is as it was.
         CorruptLogError: A segment is damaged.
     """
-    from semmap_log.arrow import door_rows  # noqa: F401 - a missing pyarrow is told before all else
+    from semmap_log.arrow import rows_by_door  # noqa: F401 - a missing pyarrow is told before all else
 
     reader = LogReader(log)
     folder = _folder_of(reader)
     try:
+        if folder.is_symlink():
+            raise LogAccessError(f"{folder}: expected a folder of this log, got a link; remove it.")
         folder.mkdir(exist_ok=True)
         with _alone(folder):
-            return _index(reader, folder, anew=anew, progress=progress, pause=pause)
+            return _index(
+                reader, folder, anew=anew, thorough=thorough, progress=progress, pause=pause
+            )
+    except LogError:
+        raise
     except OSError as error:
         raise OutputError(
             f"{folder}: could not be written: {error.strerror or error}. The log is as it was; "
@@ -92,9 +106,51 @@ def index(
         ) from error
 
 
-def is_kept_up(log: Path) -> bool:
-    """Tell whether a log has a read model that its writer is to keep up."""
-    return (log / FOLDER).is_dir()
+def keep_up(log: Path, pause: Callable[[], None]) -> None:
+    """Bring the read model of a log up to date, if it has one and nobody else is at it.
+
+    Args:
+        log: Its folder.
+        pause: As for `index`.
+    """
+    if (log / FOLDER).is_dir() and has_pyarrow():
+        with suppress(LogLockedError):
+            index(log, thorough=False, pause=pause)
+
+
+def index_problems(log: Path) -> list[tuple[Path, str]]:
+    """Read the tables of a log, and return which are not to be used, and why.
+
+    Raises:
+        LogError: The log itself cannot be read.
+    """
+    folder = log / FOLDER
+    if not folder.is_dir() or not has_pyarrow():
+        return []
+    segments = [s for s in LogReader(log).segments if s.closed and s.told is None]
+    known = {segment.path.stem: segment for segment in segments}
+    found = []
+    for file in sorted(folder.glob("*.json")):
+        segment = known.get(file.stem)
+        problem = (
+            f"{file}: is of no closed segment of this log."
+            if segment is None
+            else _problem(folder, segment)
+        )
+        if problem:
+            found.append((file, problem))
+    return found
+
+
+def _problem(folder: Path, segment: Segment) -> str:
+    """Return what is wrong with the tables of a segment; "": nothing, or it has none."""
+    try:
+        tables = SegmentTables.of(folder, segment)
+        if tables is not None:
+            tables.check()
+    except StaleIndexError as error:
+        return str(error)
+    return ""
 
 
 def _folder_of(reader: LogReader) -> Path:
@@ -112,6 +168,7 @@ def _index(
     folder: Path,
     *,
     anew: bool,
+    thorough: bool,
     progress: Progress | None,
     pause: Callable[[], None] | None,
 ) -> Indexed:
@@ -123,7 +180,7 @@ def _index(
     for segment in closed:
         if segment.has_unknown_events:
             done.skipped.append(segment.path.name)
-        elif anew or not _is_good(folder, segment):
+        elif anew or not _is_good(folder, segment, thorough=thorough):
             done.events += _make(folder, segment, pause)
             done.made.append(segment.path.name)
         at += segment.statistics.message_count
@@ -135,27 +192,28 @@ def _index(
     return done
 
 
-def _is_good(folder: Path, segment: Segment) -> bool:
+def _is_good(folder: Path, segment: Segment, *, thorough: bool) -> bool:
+    """Tell whether a segment has tables; thoroughly: whether each page is as it was written."""
     try:
-        return SegmentTables.of(folder, segment) is not None
+        tables = SegmentTables.of(folder, segment)
+        if tables is not None and thorough:
+            tables.check()
     except StaleIndexError:
         return False
+    return tables is not None
 
 
 def _make(folder: Path, segment: Segment, pause: Callable[[], None] | None) -> int:
     """Write the tables of a segment, and return how many events they have."""
-    from semmap_log.arrow.door_rows import DoorRows, commit_table
     from semmap_log.arrow.parquet import write_checked_table
+    from semmap_log.arrow.rows_by_door import RowsByDoor, commit_table
 
-    rows, said = DoorRows(), SaidByCommits()
+    rows, said = RowsByDoor(), SaidByCommits()
     count = 0
     for page, batch in batches_of(segment, np.arange(len(segment.chunks))):
         said.take(page)
         if len(batch):
-            rows.add(
-                batch.number, batch.kind, batch.door_ids(), batch.happened_ns, batch.recorded_ns,
-                batch.columns, batch.objects,
-            )  # fmt: skip
+            rows.add(batch, batch.door_ids())
         count += len(batch)
         if pause is not None:
             pause()
@@ -166,7 +224,8 @@ def _make(folder: Path, segment: Segment, pause: Callable[[], None] | None) -> i
     commits = said.commits()
     numbers = segment.header.first_event + np.arange(count)
     notes = commits.notes_of(numbers)
-    texts = {name: (notes, said) for name, said in zip(NOTE_TEXTS, zip(*commits.texts, strict=True), strict=True)}
+    said_as = zip(NOTE_TEXTS, zip(*commits.texts, strict=True), strict=True)
+    texts = {name: (notes, said) for name, said in said_as}
     for part, table in (
         (EVENTS, rows.table(texts)),
         (COMMITS, commit_table(commits)),
@@ -210,6 +269,8 @@ def _whole(path: Path) -> Iterator[Path]:
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
     """Hold the lock of a read model."""
+    import fcntl  # there is none on Windows, where nobody writes
+
     fd = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
     try:
         try:

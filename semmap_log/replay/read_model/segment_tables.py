@@ -11,9 +11,11 @@ digest of their footers; their pages have checksums of their own. What does not 
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,6 +41,12 @@ EVENTS, COMMITS = "events", "commits"
 PARTS = (EVENTS, COMMITS)
 _MOST_TOLD = 2**16
 """Bytes of a `.json` at most."""
+
+
+@cache
+def has_pyarrow() -> bool:
+    """Tell whether tables can be read and made here."""
+    return importlib.util.find_spec("pyarrow") is not None
 
 
 def binding(segment: Segment) -> dict[str, Any]:
@@ -129,7 +137,7 @@ class SegmentTables:
         Raises:
             StaleIndexError: A page is not what was written.
         """
-        from semmap_log.arrow.door_rows import columns_of_events, events_in
+        from semmap_log.arrow.rows_by_door import columns_of_events, events_in
 
         with self._reading(EVENTS):
             names = [*columns_of_events(self._events.schema_arrow.names), "source"]
@@ -272,7 +280,8 @@ class CommitTable:
         first, count = int(self._firsts[place]), int(self._counts[place])
         if number >= first + count:
             return None
-        note = Note(*self._notes[place])
+        actor, source, reason, correlation = self._notes[place]
+        note = Note(actor, source, reason, correlation)
         return SaidOfCommit(first, first + count - 1, note, self._ids[place].as_py())
 
 

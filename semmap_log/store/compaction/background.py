@@ -6,6 +6,7 @@ import logging
 import os
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from queue import SimpleQueue
 
 from semmap_log.errors import LogError
@@ -19,6 +20,11 @@ _log = logging.getLogger("semmap_log")
 
 PAUSE_S = 0.0005
 """Waited between steps: an append that waits for the interpreter goes first."""
+
+
+KeepUp = Callable[[Path, Callable[[], None]], None]
+"""Brings what is kept beside a log up to date: given its folder, and what to call between two steps
+of the work, which may raise to end it."""
 
 
 class _Abandoned(Exception):  # noqa: N818  # no error: the way out of the work under way
@@ -36,16 +42,23 @@ class BackgroundCompactor:
     which the next writer removes.
     """
 
-    def __init__(self, folder: LogFolder, installed: Callable[[ClosedSegment], None]) -> None:
+    def __init__(
+        self,
+        folder: LogFolder,
+        installed: Callable[[ClosedSegment], None],
+        keep_up: KeepUp | None = None,
+    ) -> None:
         """Prepare; no thread is started yet.
 
         Args:
             folder: The log's.
             installed: Called in the thread after a segment was replaced, with what metadata.yaml
                 is to say of it. It must not wait for anybody who may be in `close`.
+            keep_up: Called in the thread behind each segment.
         """
         self._folder = folder
         self._installed = installed
+        self._keep_up = keep_up
         self._waiting: SimpleQueue[str | None] = SimpleQueue()
         self._thread: threading.Thread | None = None
         self._ended = threading.Event()
@@ -125,8 +138,15 @@ class BackgroundCompactor:
                 said = str(error) or type(error).__name__
                 path = self._folder / name
                 _log.warning("%s: not compacted, it stays as it is: %s", path, said)
+            if self._keep_up is not None:
+                try:
+                    self._keep_up(self._folder.absolute, self._pause)
+                except _Abandoned:
+                    return
+                except Exception as error:  # noqa: BLE001 - as above
+                    _log.warning("%s: its index is not up to date: %s", self._folder.path, error)
 
-    def _pause(self, done: int) -> None:  # noqa: ARG002 - for progress bars
+    def _pause(self, done: int = 0) -> None:  # noqa: ARG002 - for progress bars
         if self._abandoned.wait(PAUSE_S):
             raise _Abandoned
 

@@ -127,9 +127,7 @@ class CommitColumns:
         return self.notes[np.searchsorted(self.first_event, numbers, "right") - 1]
 
 
-def _notes_of(
-    page: Page, places: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], list[NoteTexts]]:
+def _notes_of(page: Page, places: NDArray[np.intp]) -> tuple[NDArray[np.intp], list[NoteTexts]]:
     """Return what is said of the commits whose Commits are at these places, each text once."""
     has_note = (places > 0) & (page.heads["channel_id"][places - 1] == NOTE_CHANNEL)
     codes = np.zeros(len(places), np.intp)

@@ -17,7 +17,7 @@ from semmap_log.errors import CorruptLogError
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.closed_mark import ClosedMark, read_mark, write_mark
-from semmap_log.store.compaction.background import BackgroundCompactor
+from semmap_log.store.compaction.background import BackgroundCompactor, KeepUp
 from semmap_log.store.compaction.rechunk import needs_compaction
 from semmap_log.store.folder import LogFolder, Version
 from semmap_log.store.form import (
@@ -58,7 +58,12 @@ class SegmentChain:
     """
 
     def __init__(
-        self, folder: LogFolder, closed: Callable[[SegmentWriter], None], *, compacts: bool
+        self,
+        folder: LogFolder,
+        closed: Callable[[SegmentWriter], None],
+        *,
+        compacts: bool,
+        keep_up: KeepUp | None,
     ) -> None:
         """Prepare.
 
@@ -66,6 +71,7 @@ class SegmentChain:
             folder: The log's.
             closed: Told of each segment that was live and is closed, before it is compacted.
             compacts: Whether full segments are compacted in the background.
+            keep_up: Called there behind each of them.
         """
         self.folder = folder
         self.live: SegmentWriter | None = None
@@ -82,7 +88,7 @@ class SegmentChain:
         """Segments that this writer has closed, or compacted, as they were then."""
         self._tell_closed = closed
         self._compacts = compacts
-        self._compactor = BackgroundCompactor(folder, self._compacted)
+        self._compactor = BackgroundCompactor(folder, self._compacted, keep_up)
 
     def begin(self, header: SegmentHeader, keyframe: BuiltChunk) -> None:
         """Start a segment: head, keyframe, its name on disk."""

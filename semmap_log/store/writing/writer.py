@@ -14,6 +14,7 @@ from semmap_log.io.clock import Clock, SystemClock, believable_ns
 from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.command_index import COMMAND_ID_BYTES
 from semmap_log.store.commit_records import NO_HASH, CommitBuilder, Entropy, Stamp
+from semmap_log.store.compaction.background import KeepUp
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.lock import WriterLock
@@ -40,6 +41,8 @@ class Environment:
     entropy: Entropy = os.urandom
     compacts: bool = True
     """Whether full segments are put into large compressed chunks in the background."""
+    keep_up: KeepUp | None = None
+    """Called there behind each of them."""
 
 
 class LogWriter:
@@ -60,7 +63,12 @@ class LogWriter:
         self._last_hash = NO_HASH
         self._lock = lock
         self._commands = CommandMemory(folder, lambda: self._chain.live, self.flush)
-        self._chain = SegmentChain(folder, self._commands.closed, compacts=environment.compacts)
+        self._chain = SegmentChain(
+            folder,
+            self._commands.closed,
+            compacts=environment.compacts,
+            keep_up=environment.keep_up,
+        )
         self._keyframes: KeyframeSource
         """Given when the log is begun, or taken up."""
         self._syncs = SharedSync()

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.arrow.arrow_sdk import pa
+from semmap_log.arrow.table import Events
 from semmap_log.domain.commits import NOTE_TEXTS
 from semmap_log.domain.events import DOOR_KINDS, KINDS, Event, FloorMap
 from semmap_log.messages import OBJECT_KINDS, decode, encode, fixed_layout
@@ -25,7 +26,7 @@ HEADS = ("event", "kind", "door_id", "happened_ns", "recorded_ns")
 FIXED_KINDS = tuple(kind.kind for kind in KINDS if kind.kind not in OBJECT_KINDS)
 
 
-class DoorRows:
+class RowsByDoor:
     """Collects the events of a segment, part by part, and sorts them by door."""
 
     def __init__(self) -> None:
@@ -34,28 +35,28 @@ class DoorRows:
         self._data: dict[int, bytes] = {}
         """Number of an event with texts -> its bytes."""
 
-    def add(
-        self,
-        number: NDArray[np.int64],
-        kind: NDArray[np.uint8],
-        door_id: NDArray[np.uint32],
-        happened_ns: NDArray[np.int64],
-        recorded_ns: NDArray[np.int64],
-        columns: Mapping[int, NDArray[np.void]],
-        objects: Mapping[int, Sequence[Event]],
-    ) -> None:
-        """Take events, all of whose numbers lie behind those before: the fields of an EventBatch."""
-        heads = (number, kind, door_id, happened_ns, recorded_ns)
+    def add(self, events: Events, door_ids: NDArray[np.uint32]) -> None:
+        """Take events, all of whose numbers lie behind those before.
+
+        Args:
+            events: They.
+            door_ids: Which door each is about; 0: perhaps none.
+        """
+        heads: tuple[NDArray[Any], ...] = (
+            events.number, events.kind, door_ids, events.happened_ns, events.recorded_ns
+        )  # fmt: skip
         for name, values in zip(HEADS, heads, strict=True):
             self._heads[name].append(values)
-        places = {each: np.flatnonzero(kind == each) for each in (*columns, *objects)}
+        kinds = (*events.columns, *events.objects)
+        places = {kind: np.flatnonzero(events.kind == kind) for kind in kinds}
         for name, dtype in _dtypes().items():
-            self._fields[name].append(_scattered(name, dtype, len(kind), columns, places))
-        for each, events in objects.items():
-            if each == FloorMap.kind:
+            self._fields[name].append(_scattered(name, dtype, events, places))
+        for kind, told in events.objects.items():
+            if kind == FloorMap.kind:
                 continue
-            for at, event in zip(places[each].tolist(), events, strict=True):
-                self._data[int(number[at])] = encode(event, int(happened_ns[at]))
+            for at, event in zip(places[kind].tolist(), told, strict=True):
+                happened_ns = int(events.happened_ns[at])
+                self._data[int(events.number[at])] = encode(event, happened_ns)
 
     def table(self, said: Mapping[str, tuple[NDArray[np.intp], Sequence[str]]]) -> pa.Table:
         """Return the rows, by door and event number; those about no door come first.
@@ -199,19 +200,16 @@ def _kinds_with(field: str) -> list[int]:
 
 
 def _scattered(
-    name: str,
-    dtype: np.dtype[Any],
-    count: int,
-    columns: Mapping[int, NDArray[np.void]],
-    places: Mapping[int, NDArray[np.intp]],
+    name: str, dtype: np.dtype[Any], events: Events, places: Mapping[int, NDArray[np.intp]]
 ) -> NDArray[Any]:
-    """Return a field of all events, 0 where their kind has none; nothing, if no kind has it."""
-    kinds = [kind for kind in _kinds_with(name) if kind in columns]
+    """Return a field of all events, 0 where their kind has none."""
+    kinds = [kind for kind in _kinds_with(name) if kind in events.columns]
+    count = len(events.kind)
     if len(kinds) == 1 and len(places[kinds[0]]) == count:
-        return np.ascontiguousarray(columns[kinds[0]][name])
+        return np.ascontiguousarray(events.columns[kinds[0]][name])
     values = np.zeros(count, dtype)
     for kind in kinds:
-        values[places[kind]] = columns[kind][name]
+        values[places[kind]] = events.columns[kind][name]
     return values
 
 

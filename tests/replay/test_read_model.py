@@ -1,0 +1,320 @@
+"""The read model: tables of closed segments, sorted by door. With and without them, one answer."""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.cli import main
+from semmap_log.domain.events import DoorObserved
+from semmap_log.errors import CommandError, LogAccessError, LogLockedError
+from semmap_log.replay.care import verify
+from semmap_log.replay.read_model import events_about
+from semmap_log.replay.read_model.indexing import index
+from semmap_log.store.compaction import compact
+from semmap_log.store.writing import segment_chain
+
+pytest.importorskip("pyarrow")
+
+DOORS = 6
+
+
+@pytest.fixture(autouse=True)
+def small_segments(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 30)
+
+
+def random_log(path: Path, seed: int, commits: int = 200) -> Path:
+    """Write a log of some doors, with everything that can be said of one."""
+    chance = random.Random(seed)
+    with sl.create(path, tz="UTC", compact=False) as log:
+        doors = [
+            log.add_door(x=float(i), y=0.0, theta=0.0, width=0.9, name=f"d{i}", actor="survey")
+            for i in range(DOORS)
+        ]
+        for number in range(commits):
+            _one_commit(log, chance, chance.choice(doors), number)
+    return path
+
+
+def _one_commit(log: Any, chance: random.Random, door: Any, number: int) -> None:
+    match chance.choice(["seen"] * 6 + ["set", "moved", "said", "hidden", "unplaced", "round"]):
+        case "seen":
+            source = chance.choice(["laser", "camera", ""])
+            state = chance.choice(["open", "closed", "unknown", "moving"])
+            log.observe(door, state, accuracy=0.9, source=source)
+        case "set":
+            log.update_door(door, state="open", reason=f"because {number}", correlation="t1")
+        case "moved":
+            log.update_door(door, width=0.5 + number / 1000)
+        case "said":
+            log.annotate(door, "name", f"n{number}", actor="\u00e9va")
+        case "hidden":
+            with suppress(CommandError):  # it was taken back already, or is a retraction
+                log.retract(DOORS * 2 + number // 3)
+        case "unplaced":
+            log.add_door(name=f"u{number}")
+        case "round":
+            log.start_patrol()
+            with suppress(CommandError):  # its beginning may be retracted
+                log.finish_patrol()
+
+
+def answers(path: Path) -> dict[str, list[str]]:
+    """Return what a log says of single doors, in every way that may ask tables."""
+    log = sl.read(path)
+    last = log.last_event()
+    spans: list[dict[str, Any]] = [
+        {}, {"since": f"event:{last // 4}", "until": f"event:{last // 2}"},
+        {"since": log.event(last // 3).recorded_ns, "recorded": True},
+    ]  # fmt: skip
+    found = {}
+    for door in range(1, DOORS + 1):
+        for at, span in enumerate(spans):
+            found[f"history {door} {at}"] = [repr(e) for e in log.history(door, **span)]
+            found[f"events {door} {at}"] = [
+                repr(e) for batch in log.batches(doors=[door, 1], **span) for e in batch
+            ]
+        sources = [batch.sources(DoorObserved) for batch in log.batches(doors=[door])]
+        found[f"sources {door}"] = [names[place] for places, names in sources for place in places]
+        for moment in (None, f"event:{last // 2}", log.event(last // 2).recorded_ns):
+            for known in (False, True):
+                asked = {"known_at" if known else "at": moment}
+                said = [repr(one) for one in log.timeline(door, **asked)]
+                found[f"timeline {door} {moment} {known}"] = said
+    return found
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
+    """Which tables gave rows."""
+    given: list[Any] = []
+    rows_of = events_about._rows
+
+    def seen(tables: Any, *args: Any, **kwargs: Any) -> Any:
+        rows = rows_of(tables, *args, **kwargs)
+        given.extend([tables.stem] if rows is not None else [])
+        return rows
+
+    monkeypatch.setattr(events_about, "_rows", seen)
+    return given
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_with_without_and_with_some(tmp_path: Path, seed: int, asked: list[Any]) -> None:
+    """
+    Event by event the same, whichever tables there are.
+    """
+    log = random_log(tmp_path / "log", seed)
+    expected = answers(log)
+    assert not asked
+
+    done = index(log)
+    assert done.segments == len(done.made) > 4
+    assert expected == answers(log)
+    assert set(asked) == {Path(name).stem for name in done.made}
+
+    for name in random.Random(seed).sample(done.made, 3):
+        (log / "index" / f"{Path(name).stem}.json").unlink()
+    assert expected == answers(log)
+    shutil.rmtree(log / "index")
+    assert expected == answers(log)
+
+
+def test_the_live_end_and_what_is_retracted_later(tmp_path: Path, asked: list[Any]) -> None:
+    """
+    What came after the index was made counts, and retractions count as they are known now.
+    """
+    log = random_log(tmp_path / "log", 1)
+    index(log)
+    with sl.append(log, compact=False) as writer:
+        writer.observe(1, "open", source="late")
+        writer.retract(DOORS * 2 + 40, DOORS * 2 + 60)
+    found = answers(log)
+    assert asked
+
+    shutil.rmtree(log / "index")
+    assert answers(log) == found
+
+
+def test_compacted_and_merged(tmp_path: Path, asked: list[Any]) -> None:
+    """
+    Compaction changes no hash, so tables stay good; segments that were merged have none.
+    """
+    log = random_log(tmp_path / "log", 2)
+    expected = answers(log)
+    index(log)
+    compact(log, merge=False)
+    assert not index(log).made
+
+    compact(log)
+    asked.clear()
+    assert expected == answers(log)
+    done = index(log)
+    assert done.made
+    assert done.removed
+    assert expected == answers(log)
+
+
+@pytest.mark.parametrize("name", ["json", "events.parquet", "commits.parquet"])
+@pytest.mark.parametrize("harm", ["cut", "gone", "flipped", "foreign", "empty"])
+def test_a_bad_table_is_not_used(
+    tmp_path: Path, name: str, harm: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    Stale, damaged, foreign or half: the log is read instead, and verify names it.
+    """
+    log = random_log(tmp_path / "log", 3)
+    expected = answers(log)
+    index(log)
+    file = log / "index" / f"log_000002.{name}"
+    data = file.read_bytes()
+    match harm:
+        case "cut":
+            file.write_bytes(data[: len(data) // 2])
+        case "gone":
+            file.unlink()
+        case "flipped":
+            file.write_bytes(data[:40] + bytes([data[40] ^ 1]) + data[41:])
+        case "foreign":
+            other = random_log(tmp_path / "other" / "log", 4)
+            index(other)
+            shutil.copy(other / "index" / file.name, file)
+        case "empty":
+            file.write_bytes(b"")
+
+    assert expected == answers(log)
+    found = verify(log)
+    assert found.exit_code == 0
+    named = [finding for finding in found.findings if finding.kind == "index"]
+    assert bool(named) == ((name, harm) != ("json", "gone"))  # then there is none
+    assert all("log_000002" in finding.text for finding in named)
+
+    capsys.readouterr()
+    assert index(log).made == ["log_000002.mcap"]
+    assert not [finding for finding in verify(log).findings if finding.kind == "index"]
+    assert expected == answers(log)
+
+
+def test_every_flipped_byte(tmp_path: Path) -> None:
+    """
+    Wherever a byte of a table changes, the answer does not.
+    """
+    log = random_log(tmp_path / "log", 5, commits=70)
+    expected = answers(log)
+    index(log)
+    chance = random.Random(0)
+    for file in sorted((log / "index").glob("log_000001.*")):
+        data = file.read_bytes()
+        for at in chance.sample(range(len(data)), 40):
+            file.write_bytes(
+                data[:at] + bytes([data[at] ^ (1 << chance.randrange(8))]) + data[at + 1 :]
+            )
+            assert expected == answers(log), f"{file.name} byte {at}"
+        file.write_bytes(data)
+
+
+def test_two_at_once(tmp_path: Path) -> None:
+    """
+    One does it, the other says so.
+    """
+    log = random_log(tmp_path / "log", 6, commits=70)
+
+    def begin_another() -> None:
+        with pytest.raises(LogLockedError, match="another process is making this index"):
+            index(log)
+
+    assert index(log, pause=begin_another).made
+
+
+def test_killed_amid_the_work(tmp_path: Path) -> None:
+    """
+    Whole tables are left, or none; the next one goes on.
+    """
+    log = random_log(tmp_path / "log", 7)
+    expected, steps = answers(log), 0
+
+    def stop() -> None:
+        nonlocal steps
+        steps += 1
+        if steps == 8:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        index(log, pause=stop)
+    assert expected == answers(log)
+    assert index(log).made
+    assert expected == answers(log)
+    assert not [file for file in (log / "index").iterdir() if "tmp" in file.name]
+
+
+def test_an_index_that_leads_elsewhere(tmp_path: Path) -> None:
+    """
+    Nothing is written through a link.
+    """
+    log = random_log(tmp_path / "log", 8, commits=40)
+    (tmp_path / "elsewhere").mkdir()
+    (log / "index").symlink_to(tmp_path / "elsewhere")
+
+    with pytest.raises(LogAccessError, match="got a link"):
+        index(log)
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
+def test_whoever_writes_keeps_it_up(tmp_path: Path) -> None:
+    """
+    Once there is an index, each segment that is closed comes into it in the background.
+    """
+    log = random_log(tmp_path / "log", 9, commits=40)
+    index(log)
+    with sl.append(log) as writer:
+        for _ in range(100):
+            writer.observe(1, "open")
+    with sl.append(log) as writer:  # what the first did not get to
+        writer.observe(1, "closed")
+
+    tables = {file.name.split(".")[0] for file in (log / "index").glob("*.json")}
+    assert len(tables) >= 3
+
+
+def test_no_index_is_made_unasked(tmp_path: Path) -> None:
+    """
+    A robot without pyarrow, or that nobody asks, does no work for it.
+    """
+    log = tmp_path / "log"
+    with sl.create(log, tz="UTC") as writer:
+        door = writer.add_door(name="a")
+        for _ in range(70):
+            writer.observe(door, "open")
+    assert not (log / "index").exists()
+
+
+def run(arguments: list[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 0
+
+
+def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    It says what it made; a second time there is nothing to do.
+    """
+    log = random_log(tmp_path / "log", 10)
+    run(["index", str(log), "--json"])
+    first = json.loads(capsys.readouterr().out)
+    run(["index", str(log)])
+    said = capsys.readouterr().out
+
+    assert first["segments"] == len(first["made"]) == len(list((log / "index").glob("*.json")))
+    assert first["events"] == sum(1 for _ in sl.read(log).history())
+    assert "tables made       0" in said
+    run(["index", str(log), "--anew", "--json"])
+    assert json.loads(capsys.readouterr().out)["made"] == first["made"]
