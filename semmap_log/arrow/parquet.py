@@ -56,35 +56,53 @@ CHECKED_ROWS = 2**15
 """Rows in a group of a checked table: what is read for a few of them."""
 
 
-def write_checked_table(path: Path, table: pa.Table, pause: Callable[[], None] | None) -> None:
-    """Write a table as a file whose pages have checksums, for `open_checked`.
+def write_checked_table(
+    path: Path, tables: Iterable[pa.Table], sample: pa.Table, pause: Callable[[], None] | None
+) -> None:
+    """Write tables as a file whose pages have checksums, for `open_checked`.
 
     Args:
         path: The file; an old one is written over.
-        table: The rows.
+        tables: One after the other, each a group.
+        sample: Some of their rows, by which it is chosen how each column is stored.
         pause: Called between two groups; what it raises ends it.
 
     Raises:
         OSError: It cannot be written.
     """
-    names = table.schema.names
-    counting = [name for name in names if name in RISING or name == "first_event"]
+    names = sample.schema.names
     with (
         path.open("wb") as file,
         pq.ParquetWriter(
             file,
-            table.schema,
+            sample.schema,
             compression="zstd",
             write_page_checksum=True,
             write_statistics=["door_id"] if "door_id" in names else False,
-            use_dictionary=[name for name in names if name not in {*counting, "command_id"}],
-            column_encoding=dict.fromkeys(counting, "DELTA_BINARY_PACKED"),
+            use_dictionary=[name for name in names if _repeats(sample[name])],
+            column_encoding={
+                name: _ENCODINGS[sample[name].type]
+                for name in names
+                if sample[name].type in _ENCODINGS and not _repeats(sample[name])
+            },
         ) as writer,
     ):
-        for start in range(0, table.num_rows, CHECKED_ROWS):
-            writer.write_table(table.slice(start, CHECKED_ROWS), row_group_size=CHECKED_ROWS)
+        for table in tables:
+            writer.write_table(table, row_group_size=table.num_rows)
             if pause is not None:
                 pause()
+
+
+_ENCODINGS = {pa.int64(): "DELTA_BINARY_PACKED", pa.float64(): "BYTE_STREAM_SPLIT"}
+"""How values that hardly repeat become small, where their own bytes do not."""
+
+
+def _repeats(column: pa.ChunkedArray) -> bool:
+    """Tell whether a column is smaller as numbers into the list of its values."""
+    if pa.types.is_dictionary(column.type):
+        return True
+    there = len(column) - column.null_count
+    return len(column.unique()) * 2 <= there
 
 
 def open_checked(path: Path) -> pq.ParquetFile:

@@ -333,10 +333,20 @@ class DoorLog:
         return replay(self._reader, scope, progress=progress)
 
     def visible_batches(
-        self, scope: Scope = Scope(), *, progress: Progress | None = None
+        self,
+        scope: Scope = Scope(),
+        *,
+        doors: Collection[DoorId] | None = None,
+        progress: Progress | None = None,
     ) -> Iterator[EventBatch]:
-        """Yield the events of a scope, without those retracted by what is known in it."""
-        return visible_batches(self._reader, scope, progress=progress)
+        """Yield the events of a scope, without those retracted by what is known in it.
+
+        Args:
+            scope: Which events count: see `scope`.
+            doors: Only events about these; None: all.
+            progress: Told how far the reading is.
+        """
+        return visible_batches(self._reader, scope, progress=progress, doors=doors)
 
     def batches_in(
         self,

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from semmap_log.domain.commits import NOTE_TEXTS
 from semmap_log.errors import (
     LogAccessError,
     LogError,
@@ -37,6 +36,8 @@ from semmap_log.store.reading.segment_reading import batches_of
 from semmap_log.store.reading.segment_scan import Segment
 
 LOCK = ".lock"
+SAMPLED = 4096
+"""Rows by which it is chosen how columns are stored."""
 
 
 @dataclass(slots=True)
@@ -205,7 +206,7 @@ def _is_good(folder: Path, segment: Segment, *, thorough: bool) -> bool:
 
 def _make(folder: Path, segment: Segment, pause: Callable[[], None] | None) -> int:
     """Write the tables of a segment, and return how many events they have."""
-    from semmap_log.arrow.parquet import write_checked_table
+    from semmap_log.arrow.parquet import CHECKED_ROWS, write_checked_table
     from semmap_log.arrow.rows_by_door import RowsByDoor, commit_table
 
     rows, said = RowsByDoor(), SaidByCommits()
@@ -223,15 +224,14 @@ def _make(folder: Path, segment: Segment, pause: Callable[[], None] | None) -> i
     told_path(folder, stem).unlink(missing_ok=True)
     commits = said.commits()
     numbers = segment.header.first_event + np.arange(count)
-    notes = commits.notes_of(numbers)
-    said_as = zip(NOTE_TEXTS, zip(*commits.texts, strict=True), strict=True)
-    texts = {name: (notes, said) for name, said in said_as}
-    for part, table in (
-        (EVENTS, rows.table(texts)),
-        (COMMITS, commit_table(commits)),
-    ):
-        with _whole(part_path(folder, stem, part)) as temporary:
-            write_checked_table(temporary, table, pause)
+    events = rows.sorted(commits.notes_of(numbers).astype(np.int32), commits.texts)
+    table = commit_table(commits)
+    with _whole(part_path(folder, stem, EVENTS)) as temporary:
+        tables, sample = events.tables(CHECKED_ROWS), events.sample(SAMPLED)
+        write_checked_table(temporary, tables, sample, pause)
+    with _whole(part_path(folder, stem, COMMITS)) as temporary:
+        groups = (table.slice(at, CHECKED_ROWS) for at in range(0, len(table), CHECKED_ROWS))
+        write_checked_table(temporary, groups, table.slice(0, SAMPLED), pause)
     with _whole(told_path(folder, stem)) as temporary:
         temporary.write_text(tell(folder, stem, segment), "utf-8")
     return count

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 FOLDER = "index"
 """In the log's folder."""
-VERSION = 1
+VERSION = 2
 """Counts up when the columns change: older tables are made anew."""
 EVENTS, COMMITS = "events", "commits"
 PARTS = (EVENTS, COMMITS)
