@@ -101,8 +101,8 @@ def _repeats(column: pa.ChunkedArray) -> bool:
     """Tell whether a column is smaller as numbers into the list of its values."""
     if pa.types.is_dictionary(column.type):
         return True
-    there = len(column) - column.null_count
-    return len(column.unique()) * 2 <= there
+    there: int = len(column) - column.null_count
+    return 2 * len(column.unique()) <= there
 
 
 def open_checked(path: Path) -> pq.ParquetFile:

@@ -28,6 +28,7 @@ LATE = "late_ns"
 HEADS = ("event", "kind", "door_id", "recorded_ns", LATE)
 FIXED_KINDS = tuple(kind.kind for kind in KINDS if kind.kind not in OBJECT_KINDS)
 
+
 class RowsByDoor:
     """Collects the events of a segment, part by part, and gives them as tables sorted by door."""
 
@@ -75,7 +76,7 @@ class RowsByDoor:
 
 
 class SortedRows:
-    """The events of a segment by door, as tables: some rows at a time, so that few are held twice."""
+    """The events of a segment by door, as tables of some rows, so that few are held twice."""
 
     def __init__(
         self,
@@ -111,9 +112,9 @@ class SortedRows:
     def _table(self, chosen: NDArray[np.intp]) -> pa.Table:
         kind, is_about = self._heads["kind"][chosen], self._is_about[chosen]
         columns: dict[str, pa.Array] = {}
-        for name, values in self._heads.items():
+        for name, head in self._heads.items():
             missing = ~is_about if name == "door_id" else None
-            columns[name] = pa.array(values[chosen], mask=missing)
+            columns[name] = pa.array(head[chosen], mask=missing)
         values = {name: np.zeros(len(chosen), _dtypes()[name]) for name in self._names}
         for each, rows in self._fields.items():
             places = np.flatnonzero(kind == each)

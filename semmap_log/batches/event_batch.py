@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from semmap_log.batches.event_columns import (
     NO_TIME,
     LazyColumns,
+    are_possible,
     as_type,
     check_rows,
     check_times,
@@ -21,7 +22,14 @@ from semmap_log.batches.event_columns import (
 )
 from semmap_log.batches.made_of_columns import MadeOfColumns
 from semmap_log.common.texts import counted
-from semmap_log.domain.events import DOOR_KINDS, KINDS, DoorEvent, Event, event_of
+from semmap_log.domain.events import (
+    DOOR_KINDS,
+    KINDS,
+    DoorEvent,
+    Event,
+    event_of,
+    events_of_columns,
+)
 from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.errors import InvalidEventError
 from semmap_log.messages import OBJECT_KINDS, encode, fixed_layout
@@ -368,28 +376,27 @@ class EventBatch(MadeOfColumns):
 
     def __iter__(self) -> Iterator[RecordedEvent]:
         """Yield the events one by one, as objects."""
-        sources: dict[int, Iterator[Event]] = {
-            k: iter(events) for k, events in self.objects.items()
+        events: dict[int, Iterator[Event]] = {
+            **{kind: iter(told) for kind, told in self.objects.items()},
+            **{kind: self._events_of(kind, rows) for kind, rows in self.columns.items()},
         }
-        rows: dict[int, Iterator[tuple[Any, ...]]] = {
-            k: iter(array.tolist()) for k, array in self.columns.items()
-        }
-        names = {k: array.dtype.names or () for k, array in self.columns.items()}
         stamps = zip(
-            self.number.tolist(),
-            self.kind.tolist(),
-            self.happened_ns.tolist(),
-            self.recorded_ns.tolist(),
-            strict=True,
+            self.number.tolist(), self.kind.tolist(), self.recorded_ns.tolist(), strict=True
         )
-        for number, kind, happened_ns, recorded_ns in stamps:
-            if kind in sources:
-                event = next(sources[kind])
-            else:
-                values = dict(zip(names[kind], next(rows[kind]), strict=True))
-                known_ns = None if happened_ns == NO_TIME else happened_ns
-                event = event_of(KINDS[kind - 1], values, known_ns)
-            yield RecordedEvent(number, recorded_ns, event)
+        for number, kind, recorded_ns in stamps:
+            yield RecordedEvent(number, recorded_ns, next(events[kind]))
+
+    def _events_of(self, number: int, rows: NDArray[np.void]) -> Iterator[Event]:
+        """Yield the events of one kind, their values checked all at once if they can be."""
+        kind, names = KINDS[number - 1], rows.dtype.names or ()
+        given = self.happened_ns[self.where(kind)].tolist()
+        happened_ns = [None if ns == NO_TIME else ns for ns in given]
+        if are_possible(kind, rows):
+            columns = {name: rows[name].tolist() for name in names}
+            yield from events_of_columns(kind, columns, happened_ns)
+            return
+        for row, ns in zip(rows.tolist(), happened_ns, strict=True):  # the wrong one will say so
+            yield event_of(kind, dict(zip(names, row, strict=True)), ns)
 
 
 def one_by_one(events: Iterable[Event | EventBatch]) -> Iterator[Event]:

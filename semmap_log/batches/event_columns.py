@@ -181,6 +181,12 @@ def check_rows(kind: type[Event], rows: Rows) -> None:
                 raise error.of_row(first) from None
 
 
+def are_possible(kind: type[Event], rows: Rows) -> bool:
+    """Tell whether each row of a log holds values that such an event can have."""
+    checks = _checks(kind.kind)
+    return checks.pass_all(checks.columns_of(rows))
+
+
 _BLOCK = 2**15
 """So many rows are looked at at once: they stay in the processor's cache."""
 

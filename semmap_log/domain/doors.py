@@ -83,7 +83,7 @@ class DoorState(IntEnum):
     @classmethod
     def of(cls, number: int) -> DoorState:
         """Return the state of that number; one that only a later version knows is UNKNOWN."""
-        return cls(number) if number in cls._value2member_map_ else cls.UNKNOWN
+        return cls._value2member_map_.get(number, cls.UNKNOWN)  # type: ignore[return-value]
 
     @property
     def is_known(self) -> bool:

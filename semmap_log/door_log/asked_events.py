@@ -11,7 +11,7 @@ from semmap_log.domain.moments import Moment
 from semmap_log.folds.history import HistoryEntry, history
 from semmap_log.replay.change_finder import ChangeFinder
 from semmap_log.replay.read_model.events_about import events_about
-from semmap_log.replay.read_model.segment_tables import CommitTable, SaidOfCommit, SegmentTables
+from semmap_log.replay.read_model.segment_tables import SaidOfCommit, SegmentTables
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.commit_finder import CommitFinder
 from semmap_log.store.reading.reader import LogReader
@@ -36,23 +36,22 @@ def entries(
     """
     finder, changes = CommitFinder(reader), ChangeFinder(reader, doors)
     retractions = reader.retractions(with_newer=with_newer)
-    known: CommitTable | None = None
-    """Who and why of the events that came from a table."""
+    known: dict[int, SaidOfCommit] = {}
+    """Who and why of the events that came from a table, by their numbers."""
 
     def look_at(segment: Segment, page: Page) -> None:
         nonlocal known
-        known = None
+        known = {}
         finder.look_at(segment, page)
         changes.look_at(segment, page)
 
     def look_at_rows(segment: Segment, tables: SegmentTables, rows: EventBatch) -> None:
         nonlocal known
-        known = tables.commits
+        known = tables.commits.said_of(rows.number)
         changes.look_at_rows(segment, rows, retractions.numbers)
 
     def said_of(number: int) -> Commit | SaidOfCommit:
-        found = None if known is None else known.commit_holding(number)
-        return finder.commit_at(number) if found is None else found
+        return known.get(number) or finder.commit_at(number)
 
     batches = events_about(
         reader, window, doors, with_newer=with_newer, on_page=look_at, on_rows=look_at_rows

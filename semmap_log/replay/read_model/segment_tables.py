@@ -17,7 +17,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,12 +95,9 @@ def _seal(path: Path) -> dict[str, Any]:
         return {"size": size, "footer": hashlib.sha256(file.read()).hexdigest()}
 
 
-@dataclass(frozen=True, slots=True)
-class SaidOfCommit:
+class SaidOfCommit(NamedTuple):
     """Who did it and why, as far as histories tell."""
 
-    first_event: int
-    last_event: int
     note: Note
     command_id: bytes
 
@@ -142,8 +139,8 @@ class SegmentTables:
         with self._reading(EVENTS):
             names = [*columns_of_events(self._events.schema_arrow.names), "source"]
             rows = self._rows_of(doors, names)
-            fields = events_in(rows)
-            return EventBatch(**fields, sources_of=_Sources(rows, fields["number"]))
+        fields = events_in(rows)
+        return EventBatch(**fields, sources_of=_Sources(rows, fields["number"]))
 
     @computed_once
     def commits(self) -> CommitTable:
@@ -258,7 +255,7 @@ def _check_told(
 
 
 class CommitTable:
-    """The commits of a segment, as far as histories tell; asked like a page."""
+    """The commits of a segment, as far as histories tell."""
 
     def __init__(self, rows: pa.Table) -> None:
         """Take the rows.
@@ -267,22 +264,22 @@ class CommitTable:
             KeyError: A column is missing.
         """
         self._firsts = rows["first_event"].to_numpy()
-        self._counts = rows["count"].to_numpy()
-        self._ids = rows["command_id"].combine_chunks()
-        texts = [rows[name].to_pylist() for name in NOTE_TEXTS]
-        self._notes = [tuple(text or "" for text in said) for said in zip(*texts, strict=True)]
+        self._rows = rows.select(["command_id", *NOTE_TEXTS])
 
-    def commit_holding(self, number: int) -> SaidOfCommit | None:
-        """Return the commit that holds an event; None: it is none of this segment's."""
-        place = int(np.searchsorted(self._firsts, number, "right")) - 1
-        if place < 0:
-            return None
-        first, count = int(self._firsts[place]), int(self._counts[place])
-        if number >= first + count:
-            return None
-        actor, source, reason, correlation = self._notes[place]
-        note = Note(actor, source, reason, correlation)
-        return SaidOfCommit(first, first + count - 1, note, self._ids[place].as_py())
+    def said_of(self, numbers: NDArray[np.int64]) -> dict[int, SaidOfCommit]:
+        """Return what is said of some of the segment's events, by their numbers, ascending."""
+        places = np.searchsorted(self._firsts, numbers, "right") - 1
+        chosen, codes = np.unique(places, return_inverse=True)
+        notes: dict[tuple[str | None, ...], Note] = {}
+        found = []
+        columns = [column.to_pylist() for column in self._rows.take(chosen).columns]
+        for command_id, *texts in zip(*columns, strict=True):
+            note = notes.get(tuple(texts))
+            if note is None:
+                actor, source, reason, correlation = (text or "" for text in texts)
+                note = notes[tuple(texts)] = Note(actor, source, reason, correlation)
+            found.append(SaidOfCommit(note, command_id))
+        return {n: found[code] for n, code in zip(numbers.tolist(), codes.tolist(), strict=True)}
 
 
 class _Sources:
