@@ -26,6 +26,11 @@ _RANGE = """
 """
 _HISTORY = "SELECT * FROM read_parquet(?) WHERE door_id = ? ORDER BY number"
 
+_SORTED = """
+    COPY (SELECT * FROM read_parquet(?) ORDER BY door_id, number)
+    TO '{target}' (FORMAT parquet, COMPRESSION zstd)
+"""
+
 LAST_NS = 2**63 - 1
 
 
@@ -48,6 +53,12 @@ def history(connection: Any, path: Path, door: int) -> dict[str, Any]:
     """Return all events about a door, as numpy columns."""
     told: dict[str, Any] = connection.execute(_HISTORY, (str(path), door)).fetchnumpy()
     return told
+
+
+def write_sorted(connection: Any, path: Path, target: Path) -> int:
+    """Write all events by door as another Parquet file, and return how many there are."""
+    written = connection.execute(_SORTED.format(target=target), (str(path),)).fetchone()
+    return int(written[0])
 
 
 def between(connection: Any, path: Path, since_ns: int, until_ns: int) -> dict[str, Any]:
