@@ -86,6 +86,7 @@ def _to_json(summary: Any) -> dict[str, Any]:
         "head": summary.head.hex(),
         "durability": summary.durability,
         "bytes": summary.bytes,
+        "index": None if summary.index is None else _index_to_json(summary.index),
         "segments": [
             {
                 "file": segment.path.name,
@@ -106,3 +107,7 @@ def _to_json(summary: Any) -> dict[str, Any]:
         ],
         "warnings": summary.warnings,
     }
+
+
+def _index_to_json(index: Any) -> dict[str, int]:
+    return {"segments": index.segments, "indexed": index.indexed, "bytes": index.size}

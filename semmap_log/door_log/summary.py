@@ -20,6 +20,7 @@ from semmap_log.door_log.door_labels import labels_of
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.early_events import EarlyEvents
 from semmap_log.io.progress import Progress
+from semmap_log.replay.read_model.indexing import IndexState, index_state
 from semmap_log.replay.state import keyframe_at
 from semmap_log.store.clock_check import ClockCheck, SuspectCommit
 from semmap_log.store.header import LogInfo
@@ -49,6 +50,8 @@ class LogSummary:
     door_map: DoorMap
     warnings: list[str]
     """What else looks wrong."""
+    index: IndexState | None = None
+    """How far the tables by door are; None: the log has none."""
     is_understood: bool = True
     """Whether this program knows all that may have changed a door."""
 
@@ -105,6 +108,7 @@ def summarize(reader: LogReader, *, progress: Progress | None = None) -> LogSumm
         suspects=suspects,
         door_map=door_map,
         warnings=_warnings(reader, tally, door_map),
+        index=index_state(reader),
         is_understood=reader.newer_events.first is None,
     )
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice
+from pathlib import PurePath
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.common.texts import counted
+from semmap_log.common.texts import command_line, counted
 from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.domain.events import DoorUpdated, Event, RobotPose, field_names
 from semmap_log.domain.meaning import PART_OF
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from semmap_log.door_log.summary import LogSummary
     from semmap_log.folds.diff import Diff, FieldChange
     from semmap_log.folds.history import HistoryEntry
+    from semmap_log.replay.read_model.indexing import IndexState
     from semmap_log.store.clock_check import SuspectCommit
 
 ABSENT = "-"
@@ -242,11 +244,21 @@ def summary_table(summary: LogSummary) -> RenderableType:
         add_pair(table, "durability", ", ".join(levels))
     size = f"{_size(summary.bytes)} in {counted(len(summary.segments), 'file')}"
     add_pair(table, "size", CellValue(size, str(summary.bytes)), told_name="bytes")
+    if summary.index is not None:
+        add_pair(table, "index", _index_words(summary.index, summary.segments[0].path.parent))
     add_pair(table, "head", summary.head.hex())
     wrong = [*summary.warnings, *_suspects(summary)]
     for text in wrong:
         add_pair(table, "warning", _text(text, style="yellow"))
     return Group(table, *[Text("nothing looks wrong", style="dim")] * (not wrong))
+
+
+def _index_words(index: IndexState, log: PurePath) -> str:
+    """Return how far the tables by door are, and what to do where they are not whole."""
+    said = f"{index.indexed:,} of {counted(index.segments, 'closed file')}, {_size(index.size)}"
+    if index.indexed < index.segments:
+        said += f"; `{command_line('index', log)}` brings it up to date"
+    return said
 
 
 def _suspects(summary: LogSummary) -> list[str]:

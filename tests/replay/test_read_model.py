@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import random
 import shutil
@@ -16,7 +17,7 @@ import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import DoorObserved, RobotPose
-from semmap_log.errors import CommandError, LogAccessError, LogLockedError
+from semmap_log.errors import CommandError, LogAccessError, LogLockedError, OutputError
 from semmap_log.replay.care import verify
 from semmap_log.replay.read_model import events_about
 from semmap_log.replay.read_model.indexing import index
@@ -26,6 +27,7 @@ from semmap_log.store.writing import segment_chain
 pytest.importorskip("pyarrow")
 
 DOORS = 6
+RARE = ["set", "moved", "said", "hidden", "unplaced", "round", "passed", "asked", "drove", "late"]
 
 
 @pytest.fixture(autouse=True)
@@ -47,19 +49,7 @@ def random_log(path: Path, seed: int, commits: int = 150) -> Path:
 
 
 def _one_commit(log: Any, chance: random.Random, door: Any, number: int) -> None:
-    cases = [
-        "set",
-        "moved",
-        "said",
-        "hidden",
-        "unplaced",
-        "round",
-        "passed",
-        "asked",
-        "drove",
-        "late",
-    ]
-    match chance.choice(["seen"] * 8 + cases):
+    match chance.choice([*["seen"] * len(RARE), *RARE]):
         case "seen":
             source = chance.choice(["laser", "camera", ""])
             state = chance.choice(["open", "closed", "unknown", "moving"])
@@ -341,3 +331,45 @@ def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "tables made       0" in said
     run(["index", str(log), "--anew", "--json"])
     assert json.loads(capsys.readouterr().out)["made"] == first["made"]
+
+
+def test_info_tells_how_far_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    Nothing without an index; else how many closed segments have tables that fit.
+    """
+    log = random_log(tmp_path / "log", 11, commits=100)
+    run(["info", str(log), "--json"])
+    assert json.loads(capsys.readouterr().out)["index"] is None
+
+    made = index(log).made
+    run(["info", str(log), "--json"])
+    said = json.loads(capsys.readouterr().out)["index"]
+    assert said["segments"] == said["indexed"] == len(made)
+    assert said["bytes"] == sum(f.stat().st_size for f in (log / "index").iterdir())
+
+    (log / "index" / "log_000001.json").write_text("{}")
+    run(["info", str(log)])
+    out = " ".join(capsys.readouterr().out.split())
+    assert f"{len(made) - 1} of {len(made)} closed files" in out
+    assert f"semmap-log index {log}" in out
+
+
+def test_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    The verb says so; whoever writes goes on, and every event is there.
+    """
+    from semmap_log.arrow import parquet
+
+    def full(*_args: Any, **_kwargs: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    log = random_log(tmp_path / "log", 12, commits=60)
+    index(log)
+    monkeypatch.setattr(parquet, "write_checked_table", full)
+    with pytest.raises(OutputError, match=r"No space left on device\. The log is as it was"):
+        index(log, anew=True)
+    with sl.append(log) as writer:
+        for _ in range(100):
+            writer.observe(1, "open")
+    last = sl.read(log).last_event()
+    assert [e.number for e in sl.read(log).history(1)][-100:] == list(range(last - 99, last + 1))

@@ -119,6 +119,28 @@ def keep_up(log: Path, pause: Callable[[], None]) -> None:
             index(log, thorough=False, pause=pause)
 
 
+@dataclass(frozen=True, slots=True)
+class IndexState:
+    """How far the read model of a log is."""
+
+    segments: int
+    """Closed segments of the log."""
+    indexed: int
+    """Those that have tables which fit."""
+    size: int
+    """Bytes of its files."""
+
+
+def index_state(reader: LogReader) -> IndexState | None:
+    """Return how far the read model of a log is; None: it has none."""
+    if not isinstance(reader.given, Path) or not (reader.given / FOLDER).is_dir():
+        return None
+    folder = reader.given / FOLDER
+    closed = [s for s in reader.segments if s.closed and s.told is None]
+    indexed = sum(_is_good(folder, segment, thorough=False) for segment in closed)
+    return IndexState(len(closed), indexed, sum(f.stat().st_size for f in folder.iterdir()))
+
+
 def index_problems(log: Path) -> list[tuple[Path, str]]:
     """Read the tables of a log, and return which are not to be used, and why.
 
