@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.arrow.table import Events
+from semmap_log.arrow.table import CodedTexts, Events
 from semmap_log.domain.commits import NOTE_TEXTS
 from semmap_log.domain.events import DOOR_KINDS, KINDS, Event, FloorMap
 from semmap_log.messages import OBJECT_KINDS, decode, encode, fixed_layout
@@ -126,7 +126,7 @@ class SortedRows:
         if self._data:
             columns[DATA] = self._bytes_of(self._heads["event"][chosen], kind)
         notes = self._notes[chosen]
-        return pa.table(columns | {name: _told(said, notes) for name, said in self._said.items()})
+        return pa.table(columns | {name: said.at(notes) for name, said in self._said.items()})
 
     def _bytes_of(self, numbers: NDArray[np.int64], kind: NDArray[np.uint8]) -> pa.Array:
         """Return the bytes of the events with texts, null of the others."""
@@ -158,6 +158,7 @@ class Commits(Protocol):
     def notes(self) -> NDArray[np.intp]: ...  # noqa: D102
     @property
     def texts(self) -> Sequence[tuple[str, ...]]: ...  # noqa: D102
+    def places_of(self, numbers: NDArray[np.int64]) -> NDArray[np.intp]: ...  # noqa: D102
 
 
 def commit_table(commits: Commits) -> pa.Table:
@@ -170,27 +171,13 @@ def commit_table(commits: Commits) -> pa.Table:
         "command_id": pa.Array.from_buffers(pa.binary(width), count, [None, ids]),
     }
     said = _by_text(commits.texts)
-    return pa.table(columns | {name: _told(each, commits.notes) for name, each in said.items()})
+    return pa.table(columns | {name: each.at(commits.notes) for name, each in said.items()})
 
 
-Said = tuple[NDArray[np.int32], pa.Array]
-"""Of each note the place of its text among the texts, -1 where it is empty; the texts."""
-
-
-def _by_text(notes: Sequence[tuple[str, ...]]) -> dict[str, Said]:
+def _by_text(notes: Sequence[tuple[str, ...]]) -> dict[str, CodedTexts]:
     """Return what notes say, by the name of the text."""
-    found = {}
-    for name, texts in zip(NOTE_TEXTS, zip(*notes, strict=True), strict=True):
-        known = {text: place for place, text in enumerate(dict.fromkeys(t for t in texts if t))}
-        codes = np.array([known.get(text, -1) for text in texts], np.int32)
-        found[name] = codes, pa.array(list(known), pa.string())
-    return found
-
-
-def _told(said: Said, notes: NDArray[np.integer[Any]]) -> pa.Array:
-    """Return the text of each of these notes."""
-    codes = said[0][notes]
-    return pa.DictionaryArray.from_arrays(pa.array(codes, mask=codes < 0), said[1])
+    said = zip(NOTE_TEXTS, zip(*notes, strict=True), strict=True)
+    return {name: CodedTexts.of(texts) for name, texts in said}
 
 
 def events_in(rows: pa.Table) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.lazily import computed_once
 from semmap_log.domain.commits import NOTE_TEXTS, Note
 from semmap_log.errors import StaleIndexError
+from semmap_log.store.reading.note_sources import CommitColumns, NoteTexts
 from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.sealed_json import sealed, unsealed
@@ -264,7 +265,23 @@ class CommitTable:
             KeyError: A column is missing.
         """
         self._firsts = rows["first_event"].to_numpy()
+        self._counts = rows["count"].to_numpy()
         self._rows = rows.select(["command_id", *NOTE_TEXTS])
+
+    @computed_once
+    def columns(self) -> CommitColumns:
+        """The same as columns."""
+        ids, *texts = (column.to_pylist() for column in self._rows.columns)
+        known: dict[NoteTexts, int] = {}
+        notes = [
+            known.setdefault(
+                (actor or "", source or "", reason or "", correlation or ""), len(known)
+            )
+            for actor, source, reason, correlation in zip(*texts, strict=True)
+        ]
+        command_id = np.frombuffer(b"".join(ids), np.uint8).reshape(-1, 16)
+        places = np.array(notes, np.intp)
+        return CommitColumns(self._firsts, self._counts, command_id, places, list(known))
 
     def said_of(self, numbers: NDArray[np.int64]) -> dict[int, SaidOfCommit]:
         """Return what is said of some of the segment's events, by their numbers, ascending."""
