@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import json
 import random
 import shutil
@@ -12,17 +13,21 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import semmap_log as sl
+from semmap_log.beliefs.door_beliefs import probabilities
 from semmap_log.cli import main
 from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import DoorObserved, RobotPose
+from semmap_log.domain.events import DoorEvent, DoorObserved, RobotPose
 from semmap_log.errors import CommandError, LogAccessError, LogLockedError, OutputError
 from semmap_log.replay.care import verify
 from semmap_log.replay.read_model import events_about
 from semmap_log.replay.read_model.indexing import index
 from semmap_log.store.compaction import compact
 from semmap_log.store.writing import segment_chain
+from tests.test_replay import random_log as any_log
 
 pytest.importorskip("pyarrow")
 
@@ -373,3 +378,49 @@ def test_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             writer.observe(1, "open")
     last = sl.read(log).last_event()
     assert [e.number for e in sl.read(log).history(1)][-100:] == list(range(last - 99, last + 1))
+
+
+@pytest.mark.parametrize(
+    "examples", [8, pytest.param(150, marks=pytest.mark.slow)], ids=["few", "many"]
+)
+def test_whatever_a_log_tells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, examples: int
+) -> None:
+    """
+    Commits of any events, late ones and retractions: with tables, without, and with some.
+    """
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 9)
+    monkeypatch.setattr(events_about, "FEW_CHUNKS", 0)
+    made = itertools.count()
+
+    @settings(max_examples=examples, deadline=None)
+    @given(seed=st.integers(0, 2**32), kept=st.sets(st.integers(0, 9)), compacted=st.booleans())
+    def check(seed: int, kept: set[int], compacted: bool) -> None:
+        log = tmp_path / f"log{next(made)}"
+        told = any_log(log, random.Random(seed), commits=40)
+        doors = {e.door_id for *_, e in told if isinstance(e, DoorEvent)}
+        expected = told_of(log, doors)
+        if compacted:
+            compact(log)
+        index(log)
+        assert expected == told_of(log, doors)
+        for place, file in enumerate(sorted((log / "index").glob("*.json"))):
+            if place not in kept:
+                file.unlink()
+        assert expected == told_of(log, doors)
+        shutil.rmtree(log)
+
+    check()
+
+
+def told_of(path: Path, doors: set[Any]) -> list[str]:
+    """Return what a log tells of some doors: events, states, beliefs."""
+    log = sl.read(path)
+    there = sorted(doors & set(log.replay().doors))
+    last = log.last_event()
+    return [
+        *(repr(entry) for door in sorted(doors) for entry in log.history(door)),
+        *(repr(one) for door in there for at in (None, f"event:{last // 2}")
+          for known in (None, f"event:{last // 3}") for one in log.timeline(door, at, known)),
+        *(repr(one) for door in there for one in probabilities(log, doors=[door])),
+    ]  # fmt: skip
