@@ -18,6 +18,7 @@ from mutation.fleet_guards import FLEETS
 from mutation.folder_guards import FOLDERS
 from mutation.foreign_guards import FOREIGN
 from mutation.habit_guards import HABITS
+from mutation.index_guards import INDEX
 from mutation.join_guards import JOINS
 from mutation.keeping_guards import KEEPING
 from mutation.kernel_guards import KERNELS
@@ -396,5 +397,5 @@ GUARDS: tuple[Mutant, ...] = (
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
     *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *STORES, *PROPOSALS, *PLANNING, *ROOMS,
-    *EXPERIMENT, *EXPERIMENT_TABLES, *KEEPING, *JOINS, *FLEETS,
+    *EXPERIMENT, *EXPERIMENT_TABLES, *KEEPING, *INDEX, *JOINS, *FLEETS,
 )  # fmt: skip
