@@ -28,6 +28,7 @@ from semmap_log.store.reading.read_progress import ReadProgress
 from semmap_log.store.reading.segment_folder import SegmentFolder
 from semmap_log.store.reading.segment_places import store_at
 from semmap_log.store.reading.segment_reading import (
+    PageAtHand,
     batches_of,
     commit_of,
     last_commit,
@@ -86,6 +87,8 @@ class LogReader:
         self._latest_ns: NDArray[np.int64] | None = None
         """Of each segment and those before it, the latest happened time."""
         self._is_in_order = False
+        self._at_hand: PageAtHand | None = None
+        """What finding out what was known has read: the next question is mostly about that."""
         self.refresh()
 
     def refreshed(self) -> LogReader:
@@ -199,6 +202,7 @@ class LogReader:
             return window.may_reach(self.segments[place], self._next_event(place))
 
         ahead = SegmentsAhead(self.segments, is_wanted, takes_all=window == EVERYTHING)
+        at_hand, self._at_hand = self._at_hand, None  # kept for one question, not for ever
         for place in range(start.segment, len(self.segments)):
             segment, last_before, last = self.segments[place], last, None
             if is_wanted(place):
@@ -208,7 +212,7 @@ class LogReader:
                 chunks = window.chunks(segment)
                 if place == start.segment:
                     chunks = chunks[chunks >= start.chunk]
-                for page, batch in batches_of(segment, chunks):
+                for page, batch in batches_of(segment, chunks, at_hand):
                     chosen = window.choose(batch if with_newer else without_newer(batch))
                     if len(chosen):
                         if on_page is not None:
@@ -264,6 +268,7 @@ class LogReader:
                     last = int(numbers[-1])
                     commit = page.commit_holding(last) or commit_of(segment, last)
                     if commit is not None:
+                        self._at_hand = PageAtHand(segment, chunk, page)
                         return commit.last_event
         return -1
 
