@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
@@ -175,6 +175,7 @@ class LogReader:
         window: Window = EVERYTHING,
         *,
         start: ChunkPlace = BEGINNING,
+        doors: Collection[int] | None = None,
         progress: Progress | None = None,
         on_page: OnPage | None = None,
         with_newer: bool = False,
@@ -187,6 +188,7 @@ class LogReader:
         Args:
             window: Which events.
             start: What comes before is not looked at.
+            doors: Events about others may be left out: who asks about few is spared their columns.
             progress: Told how far the reading is.
             on_page: Called with the records of each batch that follows.
             with_newer: Yield events of unknown kinds, too.
@@ -212,7 +214,7 @@ class LogReader:
                 chunks = window.chunks(segment)
                 if place == start.segment:
                     chunks = chunks[chunks >= start.chunk]
-                for page, batch in batches_of(segment, chunks, at_hand):
+                for page, batch in batches_of(segment, chunks, doors=doors, at_hand=at_hand):
                     chosen = window.choose(batch if with_newer else without_newer(batch))
                     if len(chosen):
                         if on_page is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import repeat, tee
@@ -77,13 +77,18 @@ class PageAtHand:
 
 
 def batches_of(
-    segment: Segment, chunks: NDArray[np.intp], at_hand: PageAtHand | None = None
+    segment: Segment,
+    chunks: NDArray[np.intp],
+    *,
+    doors: Collection[int] | None = None,
+    at_hand: PageAtHand | None = None,
 ) -> Iterator[tuple[Page, EventBatch]]:
     """Yield the events of some chunks of a segment, with the pages they lie in.
 
     Args:
         segment: The segment.
         chunks: Places of its chunks, ascending.
+        doors: Events about others may be left out: `Page.events`.
         at_hand: What need not be read again.
 
     Raises:
@@ -100,8 +105,10 @@ def batches_of(
     for count, page in pages:
         mine = chunks[at : at + count]
         at += count
-        batch = page.events(NoteSources(page, partial(commit_of, segment)), names)
-        _check_numbers(page, batch, firsts[mine], ends[mine])
+        sources = NoteSources(page, partial(commit_of, segment))
+        batch = page.events(sources, names, doors=doors)
+        numbers = batch.number if doors is None else page.event_numbers()
+        _check_numbers(page, numbers, firsts[mine], ends[mine])
         yield page, batch
 
 
@@ -164,17 +171,17 @@ def _groups(segment: Segment, chunks: ChunkTable) -> Iterator[ChunkTable]:
 
 
 def _check_numbers(
-    page: Page, batch: EventBatch, firsts: NDArray[np.int64], ends: NDArray[np.int64]
+    page: Page, numbers: NDArray[np.int64], firsts: NDArray[np.int64], ends: NDArray[np.int64]
 ) -> None:
-    """Check that a batch holds the events from each of `firsts` to before each of `ends`."""
+    """Check that a page's events are those from each of `firsts` to before each of `ends`."""
     if len(firsts) == 1:
         (first,), (end,) = firsts.tolist(), ends.tolist()
-        if len(batch) == end - first and (batch.number == np.arange(first, end)).all():
+        if len(numbers) == end - first and (numbers == np.arange(first, end)).all():
             return
     counts = ends - firsts
     shift = firsts - np.cumsum(counts) + counts
-    expected = np.arange(len(batch)) + np.repeat(shift, counts)[: len(batch)]
-    if len(batch) != counts.sum() or (batch.number != expected).any():
+    expected = np.arange(len(numbers)) + np.repeat(shift, counts)[: len(numbers)]
+    if len(numbers) != counts.sum() or (numbers != expected).any():
         wanted = counted(int(counts.sum()), "event")
         problem = f"expected {wanted} from {int(firsts[0])} on, got others"
         raise CorruptLogError(page.path, page.offset, problem)
