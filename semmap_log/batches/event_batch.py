@@ -326,14 +326,20 @@ class EventBatch(MadeOfColumns):
         """Return the events where `keep`, one bool an event, is true."""
         if keep.all():
             return self
-        inside = {kind: keep[self.kind == kind] for kind in (*self.columns, *self.objects)}
-        columns = {
-            k: self._some(k, np.flatnonzero(inside[k])) for k in self.columns if inside[k].any()
+        kept = {
+            kind: np.flatnonzero(keep.take(self.places_of(kind)))
+            for kind in (*self.columns, *self.objects)
         }
+        there = [kind for kind in self.columns if len(kept[kind])]
+        columns: Mapping[int, NDArray[np.void]]
+        if 2 * np.count_nonzero(keep) > len(keep):  # a small part must not hold all of a page
+            columns = LazyColumns(there, lambda kind, some: self._some(kind, kept[kind][some]))
+        else:
+            columns = {kind: self._some(kind, kept[kind]) for kind in there}
         objects = {
-            k: [event for event, kept in zip(events, inside[k], strict=True) if kept]
-            for k, events in self.objects.items()
-            if inside[k].any()
+            kind: [events[i] for i in kept[kind].tolist()]
+            for kind, events in self.objects.items()
+            if len(kept[kind])
         }
         return EventBatch(
             self.number[keep],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import Retracted
@@ -41,9 +42,11 @@ class ChangeFinder:
     def look_at(self, _: Segment, page: Page) -> None:
         """Take note of the records in which the events of the next batch lie."""
         self._changes = {}
-        for batch in _without_gaps(page.events()):
-            for part in _up_to_retractions(batch):
-                self._changes |= self._taken(part)
+        found = page.events(doors=self._doors)
+        for first, last in _runs(page.event_numbers()):
+            self._take_in(
+                found.select((found.number >= first) & (found.number <= last)), first, last
+            )
 
     def look_at_rows(self, segment: Segment, rows: EventBatch, retracted: list[int]) -> None:
         """Take note of all the events about the doors in a segment.
@@ -74,9 +77,18 @@ class ChangeFinder:
         """Return what the events of the page that was looked at changed."""
         return self._changes
 
-    def _taken(self, batch: EventBatch) -> Changes:
+    def _take_in(self, batch: EventBatch, first: int, last: int) -> None:
+        """Take in all events from the first to the last, of which others doors' are left out."""
+        begin = first
+        for part in _up_to_retractions(batch):
+            self._changes |= self._taken(part, begin)
+            begin = self._next
+        if self._state is not None and self._next == begin:
+            self._next = last + 1
+
+    def _taken(self, batch: EventBatch, first: int) -> Changes:
         """Return what events changed, as the log knew its doors then, and take them in."""
-        first, last = int(batch.number[0]), int(batch.number[-1])
+        last = int(batch.number[-1])
         state = self._state_before(first)
         mine = self._about_doors(batch)
         found = changes_of(mine, state)
@@ -108,10 +120,12 @@ class ChangeFinder:
         return batch.select(batch.of_doors(self._doors))
 
 
-def _without_gaps(batch: EventBatch) -> Iterator[EventBatch]:
-    """Yield a batch in parts whose event numbers follow each other."""
-    borders = np.flatnonzero(np.diff(batch.number) != 1) + 1
-    yield from _cut(batch, borders.tolist())
+def _runs(numbers: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
+    """Yield the first and the last of ascending numbers that follow each other."""
+    if len(numbers):
+        borders = np.flatnonzero(np.diff(numbers) != 1)
+        firsts = numbers[np.append(0, borders + 1)].tolist()
+        yield from zip(firsts, numbers[np.append(borders, -1)].tolist(), strict=True)
 
 
 def _up_to_retractions(batch: EventBatch) -> Iterator[EventBatch]:

@@ -175,12 +175,15 @@ class StoredChunk:
     """Of the stored records in the file."""
     stored_size: int
 
-    def records(self, file: memoryview | bytes, base: int = 0) -> bytes | memoryview:
+    def records(
+        self, file: memoryview | bytes, base: int = 0, into: memoryview | None = None
+    ) -> bytes | memoryview:
         """Return its records, CRC checked.
 
         Args:
             file: The file's bytes, or some of them.
             base: Where in the file these begin.
+            into: Memory of their size, which is filled with them; None: they lie anywhere.
 
         Raises:
             ChunkDamage: They are not what was written.
@@ -190,7 +193,7 @@ class StoredChunk:
         if self.compression == "":
             plain: bytes | memoryview = stored
         elif self.compression == "zstd":
-            plain = _decompress_zstd(stored, self.size)
+            plain = _decompress_zstd(stored, self.size, into)
         elif self.compression == "lz4":
             plain = _decompress_lz4(stored, self.size)
         else:
@@ -198,6 +201,8 @@ class StoredChunk:
         if len(plain) != self.size:
             raise ChunkDamage(f"expected {self.size} bytes of records, got {len(plain)}")
         check_crc(plain, self.crc)
+        if into is not None and plain is not into:
+            into[:] = plain
         return plain
 
 
@@ -271,7 +276,8 @@ def _compress(records: bytes) -> bytes:
     return bytes(_local.compressor.compress(records))
 
 
-def _decompress_zstd(stored: memoryview, size: int) -> bytes:
+def _decompress_zstd(stored: memoryview, size: int, into: memoryview | None) -> bytes | memoryview:
+    """Return what it holds, which is in that memory then, if any is given."""
     import zstandard
 
     if not hasattr(_local, "decompressor"):
@@ -279,9 +285,13 @@ def _decompress_zstd(stored: memoryview, size: int) -> bytes:
     try:
         if zstandard.frame_content_size(stored) != size:  # or it would become an allocation
             raise ChunkDamage(f"its zstd frame does not hold {size} bytes")
-        return bytes(_local.decompressor.decompress(stored, max_output_size=size))
+        if into is None:
+            return bytes(_local.decompressor.decompress(stored, max_output_size=size))
+        with _local.decompressor.stream_reader(stored) as unpacked:
+            got = unpacked.readinto(into)
     except zstandard.ZstdError as error:
         raise ChunkDamage(f"zstd: {error}") from error
+    return into if got == size else into[:got]
 
 
 def _decompress_lz4(stored: memoryview, size: int) -> bytes:

@@ -10,7 +10,7 @@
 A segment: Header (profile `ros2`), Metadata `semmap_log`, every Schema and Channel, a chunk with a
 Keyframe, then commits. A commit is a chunk, or several of about a MiB: its events, its CommitNote
 if there is something to say, and last its Commit, which alone makes the events visible. Between
-chunks, about one a MiB, stand further Keyframes: chunks of their own, outside of all commits, with
+chunks, about two a MiB, stand further Keyframes: chunks of their own, outside of all commits, with
 the log time of the record before. Closing adds
 
 - Metadata `semmap_index`: how many events each chunk has and when they happened (`header`), and
@@ -88,8 +88,8 @@ RECOVERING_NAME = ".recovering"
 
 CHUNK_BYTES = 2**20
 """A longer commit is split into chunks of about this size (uncompressed)."""
-KEYFRAME_EVERY_BYTES = 2**20
-"""Behind so many bytes of records comes a keyframe, so that a moment reads about one chunk …"""
+KEYFRAME_EVERY_BYTES = 2**19
+"""Behind so many bytes of records comes a keyframe, so that a moment reads about as many …"""
 KEYFRAME_RARITY = 16
 """… but at least so many times its own size: a map of many doors must not fill the log."""
 COMPRESS_FROM_BYTES = 2**16

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import starmap
 from pathlib import PurePath
@@ -49,6 +49,11 @@ def kinds_of(channels: NDArray[np.uint16]) -> NDArray[np.uint8]:
     """Return the kind of event on each channel; 0: Commit, CommitNote, Keyframe or foreign."""
     kinds: NDArray[np.uint8] = _KIND_OF_CHANNEL.take(channels)
     return kinds
+
+
+_ABOUT_A_DOOR = np.zeros(2**8, np.bool_)
+"""Of each kind: whether its events begin with the door that they are about."""
+_ABOUT_A_DOOR[list(DOOR_KINDS - OBJECT_KINDS)] = True
 
 
 class Heads:
@@ -121,28 +126,39 @@ class Page:
         return set((channels[channels >= FLOOR_MAP_CHANNEL] - FLOOR_MAP_CHANNEL).tolist())
 
     def events(
-        self, sources_of: SourcesOf | None = None, names: Mapping[int, str] = MappingProxyType({})
+        self,
+        sources_of: SourcesOf | None = None,
+        names: Mapping[int, str] = MappingProxyType({}),
+        *,
+        doors: Collection[int] | None = None,
     ) -> EventBatch:
         """Return its events as columns, those of unknown kinds, too.
 
         Args:
             sources_of: Looks up their sources, should somebody ask.
             names: What a later version calls its kinds, by their numbers.
+            doors: Those of fixed size that are about other doors may be left out; None: none may.
 
         Raises:
             CorruptLogError: A record's payload is not what its channel carries.
         """
         try:
-            return self._events(sources_of, names)
+            return self._events(sources_of, names, doors)
         except ValueError as error:
             raise CorruptLogError(self.path, self.offset, str(error)) from None
 
-    def _events(self, sources_of: SourcesOf | None, names: Mapping[int, str]) -> EventBatch:
+    def _events(
+        self, sources_of: SourcesOf | None, names: Mapping[int, str], doors: Collection[int] | None
+    ) -> EventBatch:
         kinds = kinds_of(self.heads["channel_id"])
         bits = int(np.bitwise_or.reduce(self.bits))
+        self._check_lengths(kinds, kinds_of_bits(bits))
+        is_wanted = kinds != 0
+        if doors is not None:
+            is_wanted &= ~_ABOUT_A_DOOR.take(kinds) | np.isin(self.heads["door_id"], list(doors))
+            bits = int(np.bitwise_or.reduce(self.bits[is_wanted], initial=0))
         there = kinds_of_bits(bits)
-        self._check_lengths(kinds, there)
-        chosen = np.flatnonzero(kinds != 0)
+        chosen = np.flatnonzero(is_wanted)
         sequence, happened, recorded, door_ids = (
             self.heads[name].take(chosen)
             for name in ("sequence", "publish_time", "log_time", "door_id")
@@ -199,7 +215,7 @@ class Page:
     def commit_holding(self, event: int) -> Commit | None:
         """Return its first commit that ends with that event or behind it; None: none does."""
         places, ends = self._commit_ends
-        found = int(np.searchsorted(ends, event, "right"))
+        found = int(ends.searchsorted(event, "right"))
         return self._commit(int(places[found])) if found < len(places) else None
 
     @computed_once
@@ -292,7 +308,8 @@ class Page:
         return list(starmap(Commit, zip(*columns, strict=True)))
 
     def _commit(self, i: int) -> Commit:
-        fields: dict[str, Any] = layout("Commit").unpack(self._payload(i))
+        at = int(self.offsets[i]) + mcap.MESSAGE.size
+        fields: dict[str, Any] = layout("Commit").unpack(self.records, at)
         has_note = i > 0 and bool(self.heads["channel_id"][i - 1] == NOTE_CHANNEL)
         fields["durability"] = Durability(fields["durability"])
         closed_ns = int(self.heads["log_time"][i])

@@ -197,7 +197,7 @@ BYTES = (
           "return read_page_into(fd, target, at)", "raise", "test_mapping"),
     guard("pages asked for before they are looked at", "_asked_copy",
           "not _are_there(source, size)", "False", "test_shortened_files"),
-    guard("CRCs of chunks whose file has lost its name", "batches_of",
+    guard("CRCs of chunks whose file has lost its name", "segment_reading._pages",
           "segment.source.is_guarded", "True", "test_mapping"),
     guard("message indexes between their chunks", "chunk_table._check_rows",
           "(behind[:-1] > offset[1:]).any()", "False", "test_guards"),

@@ -30,7 +30,7 @@ MOMENTS = (
           "LogReader(self._store, only=self._only)", "LogReader(self.folder, only=self._only)",
           "test_segment_store"),
     guard("events as the index counts them", "batches_of",
-          "_check_numbers(page, batch, firsts[mine], ends[mine])", "",
+          "_check_numbers(page, numbers, firsts[mine], ends[mine])", "",
           "test_window"),
     guard("kinds of messages as the summary says", "_violation",
           'np.flatnonzero(kinds_of_chunks(page, ends) != rows["kinds"])', "np.empty(0)",

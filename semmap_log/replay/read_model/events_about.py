@@ -75,7 +75,9 @@ def events_about(
         part = _cut(window, first, before)
         if part is None:
             return
-        found = reader.batches(part, progress=progress, on_page=on_page, with_newer=with_newer)
+        found = reader.batches(
+            part, doors=doors, progress=progress, on_page=on_page, with_newer=with_newer
+        )
         for batch in found:
             chosen = about(batch, doors, with_newer=with_newer)
             if len(chosen):

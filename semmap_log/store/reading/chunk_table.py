@@ -214,15 +214,19 @@ class LoadedChunks:
         behind: NDArray[np.int64] = self.starts + self.table.rows["length"]
         return behind
 
-    def records(self, place: int) -> bytes | memoryview:
+    def records(self, place: int, into: memoryview | None = None) -> bytes | memoryview:
         """Return the records of one, CRC checked.
+
+        Args:
+            place: The chunk's.
+            into: Where they are to lie, of their size; None: nobody minds.
 
         Raises:
             CorruptLogError: Its head does not agree with the table.
             ChunkDamage: They are not what was written.
         """
         base = int(self.bases[place])
-        return self.table.chunk_in(self.data, base, place).records(self.data, base)
+        return self.table.chunk_in(self.data, base, place).records(self.data, base, into)
 
 
 def _chunk_in(data: memoryview, base: int, row: np.void) -> StoredChunk:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -61,13 +63,23 @@ def unpack(chunks: ChunkTable) -> Unpacked:
     loaded = chunks.loaded()
     if len(chunks) > 1 and chunks.are_plain[0]:
         return Unpacked(loaded, None)
-    parts = [_records_of(loaded, place) for place in range(len(chunks))]
-    return Unpacked(loaded, parts[0] if len(parts) == 1 else b"".join(parts))
+    if len(chunks) == 1:
+        return Unpacked(loaded, _checked(loaded, 0, loaded.records))
+    ends = np.cumsum(chunks.rows["size"]).tolist()
+    records = np.empty(ends[-1], np.uint8).data  # which is not filled with zeros first
+    for place, (start, end) in enumerate(pairwise((0, *ends))):
+        _checked(loaded, place, partial(loaded.records, into=records[start:end]))
+    return Unpacked(loaded, records.toreadonly())
 
 
-def _records_of(loaded: LoadedChunks, place: int) -> Records:
+def _checked(loaded: LoadedChunks, place: int, read: Callable[[int], Records]) -> Records:
+    """Return what `read` gives of a chunk, where that is something.
+
+    Raises:
+        CorruptLogError: It is not what was written.
+    """
     try:
-        records = loaded.records(place)
+        records = read(place)
         _check_filled(records)
     except ChunkDamage as damage:
         offset = int(loaded.table.rows["offset"][place])

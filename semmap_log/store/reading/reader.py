@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
@@ -28,6 +28,7 @@ from semmap_log.store.reading.read_progress import ReadProgress
 from semmap_log.store.reading.segment_folder import SegmentFolder
 from semmap_log.store.reading.segment_places import store_at
 from semmap_log.store.reading.segment_reading import (
+    PageAtHand,
     batches_of,
     commit_of,
     last_commit,
@@ -86,6 +87,8 @@ class LogReader:
         self._latest_ns: NDArray[np.int64] | None = None
         """Of each segment and those before it, the latest happened time."""
         self._is_in_order = False
+        self._at_hand: PageAtHand | None = None
+        """What finding out what was known has read: the next question is mostly about that."""
         self.refresh()
 
     def refreshed(self) -> LogReader:
@@ -172,6 +175,7 @@ class LogReader:
         window: Window = EVERYTHING,
         *,
         start: ChunkPlace = BEGINNING,
+        doors: Collection[int] | None = None,
         progress: Progress | None = None,
         on_page: OnPage | None = None,
         with_newer: bool = False,
@@ -184,6 +188,7 @@ class LogReader:
         Args:
             window: Which events.
             start: What comes before is not looked at.
+            doors: Events about others may be left out: who asks about few is spared their columns.
             progress: Told how far the reading is.
             on_page: Called with the records of each batch that follows.
             with_newer: Yield events of unknown kinds, too.
@@ -199,6 +204,7 @@ class LogReader:
             return window.may_reach(self.segments[place], self._next_event(place))
 
         ahead = SegmentsAhead(self.segments, is_wanted, takes_all=window == EVERYTHING)
+        at_hand, self._at_hand = self._at_hand, None  # kept for one question, not for ever
         for place in range(start.segment, len(self.segments)):
             segment, last_before, last = self.segments[place], last, None
             if is_wanted(place):
@@ -208,7 +214,7 @@ class LogReader:
                 chunks = window.chunks(segment)
                 if place == start.segment:
                     chunks = chunks[chunks >= start.chunk]
-                for page, batch in batches_of(segment, chunks):
+                for page, batch in batches_of(segment, chunks, doors=doors, at_hand=at_hand):
                     chosen = window.choose(batch if with_newer else without_newer(batch))
                     if len(chosen):
                         if on_page is not None:
@@ -264,6 +270,7 @@ class LogReader:
                     last = int(numbers[-1])
                     commit = page.commit_holding(last) or commit_of(segment, last)
                     if commit is not None:
+                        self._at_hand = PageAtHand(segment, chunk, page)
                         return commit.last_event
         return -1
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache, partial
 from itertools import repeat, tee
 
@@ -62,33 +63,65 @@ def read_chunk(segment: Segment, chunk: StoredChunk) -> bytes | memoryview:
         raise CorruptLogError(segment.path, chunk.offset, str(damage)) from None
 
 
-def batches_of(segment: Segment, chunks: NDArray[np.intp]) -> Iterator[tuple[Page, EventBatch]]:
+@dataclass(frozen=True, slots=True)
+class PageAtHand:
+    """The records of one chunk, which somebody has read a moment ago."""
+
+    segment: Segment
+    chunk: int
+    page: Page
+
+    def is_all_of(self, segment: Segment, chunks: NDArray[np.intp]) -> bool:
+        """Tell whether no more is asked for than these records."""
+        return segment is self.segment and chunks.tolist() == [self.chunk]
+
+
+def batches_of(
+    segment: Segment,
+    chunks: NDArray[np.intp],
+    *,
+    doors: Collection[int] | None = None,
+    at_hand: PageAtHand | None = None,
+) -> Iterator[tuple[Page, EventBatch]]:
     """Yield the events of some chunks of a segment, with the pages they lie in.
 
     Args:
         segment: The segment.
         chunks: Places of its chunks, ascending.
+        doors: Events about others may be left out: `Page.events`.
+        at_hand: What need not be read again.
 
     Raises:
         CorruptLogError: They are not what was written, or not the events that must be there.
     """
-    _keep_freed_memory()
     firsts, ends = numbers_of(segment)
     wanted = segment.chunks.chosen(chunks)
-    is_worth_it = 2 * len(chunks) > len(firsts) and len(chunks) >= MANY_CHUNKS
-    may_trust = is_worth_it and wanted.are_small and segment.source.is_guarded
-    is_sound = may_trust and segment.is_sound  # to know it, all is read
     names = segment.newer.names if len(wanted.having(UNKNOWN_BIT)) else {}
     at = 0
-    for group, unpacked in _unpacked(segment, wanted):
-        mine = chunks[at : at + len(group)]
-        at += len(group)
-        page = read_page(
-            group, segment.header.first_event, unpacked=unpacked, in_place=True, is_sound=is_sound
-        )
-        batch = page.events(NoteSources(page, partial(commit_of, segment)), names)
-        _check_numbers(page, batch, firsts[mine], ends[mine])
+    if at_hand is not None and at_hand.is_all_of(segment, chunks):
+        pages = iter([(1, at_hand.page)])
+    else:
+        pages = _pages(segment, wanted)
+    for count, page in pages:
+        mine = chunks[at : at + count]
+        at += count
+        sources = NoteSources(page, partial(commit_of, segment))
+        batch = page.events(sources, names, doors=doors)
+        numbers = batch.number if doors is None else page.event_numbers()
+        _check_numbers(page, numbers, firsts[mine], ends[mine])
         yield page, batch
+
+
+def _pages(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[int, Page]]:
+    """Yield the records of some chunks in pages, with how many of them each holds."""
+    _keep_freed_memory()
+    is_worth_it = 2 * len(chunks) > len(segment.chunks) and len(chunks) >= MANY_CHUNKS
+    may_trust = is_worth_it and chunks.are_small and segment.source.is_guarded
+    is_sound = may_trust and segment.is_sound  # to know it, all is read
+    first_event = segment.header.first_event
+    for group, unpacked in _unpacked(segment, chunks):
+        page = read_page(group, first_event, unpacked=unpacked, in_place=True, is_sound=is_sound)
+        yield len(group), page
 
 
 @cache
@@ -138,17 +171,17 @@ def _groups(segment: Segment, chunks: ChunkTable) -> Iterator[ChunkTable]:
 
 
 def _check_numbers(
-    page: Page, batch: EventBatch, firsts: NDArray[np.int64], ends: NDArray[np.int64]
+    page: Page, numbers: NDArray[np.int64], firsts: NDArray[np.int64], ends: NDArray[np.int64]
 ) -> None:
-    """Check that a batch holds the events from each of `firsts` to before each of `ends`."""
+    """Check that a page's events are those from each of `firsts` to before each of `ends`."""
     if len(firsts) == 1:
         (first,), (end,) = firsts.tolist(), ends.tolist()
-        if len(batch) == end - first and (batch.number == np.arange(first, end)).all():
+        if len(numbers) == end - first and (numbers == np.arange(first, end)).all():
             return
     counts = ends - firsts
     shift = firsts - np.cumsum(counts) + counts
-    expected = np.arange(len(batch)) + np.repeat(shift, counts)[: len(batch)]
-    if len(batch) != counts.sum() or (batch.number != expected).any():
+    expected = np.arange(len(numbers)) + np.repeat(shift, counts)[: len(numbers)]
+    if len(numbers) != counts.sum() or (numbers != expected).any():
         wanted = counted(int(counts.sum()), "event")
         problem = f"expected {wanted} from {int(firsts[0])} on, got others"
         raise CorruptLogError(page.path, page.offset, problem)
