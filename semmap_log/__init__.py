@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from semmap_log.door_log.appended import Appended
     from semmap_log.door_log.door_log import DoorLog
     from semmap_log.door_log.door_log_writer import DoorLogWriter
-    from semmap_log.door_log.opening import append, create, read
+    from semmap_log.door_log.opening import append, create
+    from semmap_log.door_log.read_log import read
     from semmap_log.errors import SemmapError
     from semmap_log.fleet.jobs.fleet_run import fleet
     from semmap_log.fleet.join.joining_logs import join
@@ -60,7 +61,8 @@ _HOMES = {
     "door_log.appended": ("Appended",),
     "door_log.door_log": ("DoorLog",),
     "door_log.door_log_writer": ("DoorLogWriter",),
-    "door_log.opening": ("append", "create", "read"),
+    "door_log.opening": ("append", "create"),
+    "door_log.read_log": ("read",),
     "errors": ("SemmapError",),
     "fleet.join.joining_logs": ("join",),
     "folds.projection": ("Projection",),
