@@ -17,6 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from semmap_log.common.late_answers import Answer, register_answer
 from semmap_log.common.lazily import lazy_names
 from semmap_log.io.made_logs import register_maker
 
@@ -82,7 +83,13 @@ def _joined(path: Path) -> MadeLog:
     return made
 
 
+def _why_of_log() -> Answer:
+    answer: Answer = import_module("semmap_log.beliefs.explaining").explain
+    return answer
+
+
 register_maker(".join.json", _joined)
+register_answer("why", _why_of_log)
 
 
 def __dir__() -> list[str]:

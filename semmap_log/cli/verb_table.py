@@ -32,6 +32,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "retract": "Take events back.",
     },
     "Ask what was, when, and why": {
+        "why": "Tell what was true of a door, and who said so.",
         "replay": "Show the doors at a moment.",
         "history": "Show who changed what, when, why.",
         "tail": "Show the last events, and those to come.",
