@@ -17,6 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from semmap_log.common.late_answers import Answer, register_answer
 from semmap_log.common.lazily import lazy_names
 from semmap_log.io.made_logs import register_maker
 
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
     from semmap_log.door_log.appended import Appended
     from semmap_log.door_log.door_log import DoorLog
     from semmap_log.door_log.door_log_writer import DoorLogWriter
-    from semmap_log.door_log.opening import append, create, read
+    from semmap_log.door_log.opening import append, create
+    from semmap_log.door_log.read_log import read
     from semmap_log.errors import SemmapError
     from semmap_log.fleet.jobs.fleet_run import fleet
     from semmap_log.fleet.join.joining_logs import join
@@ -60,7 +62,8 @@ _HOMES = {
     "door_log.appended": ("Appended",),
     "door_log.door_log": ("DoorLog",),
     "door_log.door_log_writer": ("DoorLogWriter",),
-    "door_log.opening": ("append", "create", "read"),
+    "door_log.opening": ("append", "create"),
+    "door_log.read_log": ("read",),
     "errors": ("SemmapError",),
     "fleet.join.joining_logs": ("join",),
     "folds.projection": ("Projection",),
@@ -80,7 +83,13 @@ def _joined(path: Path) -> MadeLog:
     return made
 
 
+def _why_of_log() -> Answer:
+    answer: Answer = import_module("semmap_log.beliefs.explaining").explain
+    return answer
+
+
 register_maker(".join.json", _joined)
+register_answer("why", _why_of_log)
 
 
 def __dir__() -> list[str]:

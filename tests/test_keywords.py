@@ -124,7 +124,6 @@ TAKE_ANY = {
     "semmap_log.batches.made_of_columns.of": "asks the kind for its fields",
     "semmap_log.views.plots.matplotlib_sdk.new_figure": "matplotlib's own, which refuses others",
     "semmap_log.formats.ros.ros_messages.new": "a message's fields, which its class knows",
-    "semmap_log.messages.typestore.serialize": "a message's fields, which its class knows",
     "semmap_log.fleet.__call__": "hands all on to `fleet_run.fleet`, which is looked at above",
 }
 """Functions outside the command line that take any keyword, and why nothing is swallowed."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import json
 import re
 import subprocess
 import sys
@@ -62,7 +63,8 @@ EDGES: dict[str, set[str]] = {
     "mcap": {"store", "formats"},
     "zstandard": {"store", "formats"},
     "lz4": {"store", "formats"},
-    "rosbags": {"messages", "formats"},
+    "rosbags": {"formats"},
+    "pydantic": set(),
     "typer": {"cli"},
     "rospy": {"live", "ros"},
     "actionlib": {"live", "ros"},
@@ -248,20 +250,61 @@ def test_third_parties_stay_at_their_edge(path: Path) -> None:
     assert [] == strangers
 
 
-def test_importing_the_package_loads_nothing_heavy() -> None:
-    """
-    `import semmap_log` alone does not even load numpy.
-    """
-    code = (
-        "import sys, semmap_log\n"
-        "heavy = ('numpy', 'yaml', 'rosbags', 'rerun', 'rich', 'pyarrow', 'pandas',"
-        " 'matplotlib', 'polars')\n"
-        "print([name for name in heavy if name in sys.modules])"
-    )
+CORE = {"numpy", "mcap", "zstandard"}
+"""What it takes to read a log."""
 
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+STARTS = [
+    ("import semmap_log", set(), 10),
+    ("import semmap_log as sl; sl.read(sys.argv[1]).replay()", CORE, 125),
+    *((f"_verb({verb}, '--json')", CORE | {"typer"}, 155) for verb in (
+        "'replay', sys.argv[1]", "'history', sys.argv[1], '-n', '3'", "'show', sys.argv[1], '58'",
+        "'diff', sys.argv[1], '10:00', '11:00'", "'timeline', sys.argv[1], '1'",
+    )),
+    ("_verb('replay', sys.argv[1])", CORE | {"typer", "rich"}, 155),
+    ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 155),
+    ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 180),
+    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 190),
+    ("_verb('--help')", {"typer"}, 25),
+    ("_verb('--version')", {"typer"}, 25),
+]  # fmt: skip
+"""What a program does -> which third parties it loads, and at most how many modules of ours.
 
-    assert "[]" == done.stdout.strip()
+What is not here is not asked for: no types of rosbags, no pandas, no pydantic, no YAML.
+"""
+
+_START = """
+import sys
+def _verb(*words):
+    from semmap_log.cli import main
+    try:
+        main(words)
+    except SystemExit as end:
+        assert not end.code
+"""
+_LOADED = """
+import json
+print(json.dumps(sorted({name for name in sys.modules})), file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize(("program", "parties", "most"), STARTS, ids=[one[0] for one in STARTS])
+def test_a_start_loads_what_it_asks_for(program: str, parties: set[str], most: int) -> None:
+    """
+    Modules are counted, not seconds: which third parties, and how many of ours.
+    """
+    log = str(PACKAGE.parent / "recordings" / "office")
+    command = [sys.executable, "-c", f"{_START}{program}{_LOADED}", log]
+
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+
+    loaded = json.loads(done.stderr.splitlines()[-1])
+    ours = [name for name in loaded if name.split(".")[0] == "semmap_log"]
+    assert {name.split(".")[0] for name in loaded} & HEAVY == parties
+    assert len(ours) <= most
+
+
+HEAVY = EDGES.keys() | {"numpy", "rich", "duckdb", "polars", "hypothesis"}
+"""Each costs more to load than a small log to be replayed, or nearly."""
 
 
 PUBLIC = [

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from semmap_log.beliefs.best_times import BestTime, best_time
     from semmap_log.beliefs.door_beliefs import DoorBelief, probabilities
     from semmap_log.beliefs.evaluation import Evaluation, evaluate
+    from semmap_log.beliefs.explaining import explain
     from semmap_log.beliefs.sensor_calibration import Calibration, calibrate
     from semmap_log.beliefs.typical_week import TypicalWeek, typical_weeks
     from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
@@ -41,6 +42,7 @@ __all__ = [
     "by_name",
     "calibrate",
     "evaluate",
+    "explain",
     "probabilities",
     "typical_weeks",
 ]
@@ -51,6 +53,7 @@ _HOMES = {
     "beliefs.best_times": ("BestTime", "best_time"),
     "beliefs.sensor_calibration": ("Calibration", "calibrate"),
     "beliefs.evaluation": ("Evaluation", "evaluate"),
+    "beliefs.explaining": ("explain",),
     "beliefs.typical_week": ("TypicalWeek", "typical_weeks"),
     "probabilities.belief_fold": ("BeliefProjection", "Beliefs"),
     "probabilities.estimators": ("by_name",),

@@ -11,8 +11,7 @@ import typer
 
 from semmap_log.cli.asking import chosen_address, chosen_token
 from semmap_log.cli.common import say
-from semmap_log.cli.plain_streams import write_line
-from semmap_log.cli.printer import is_for_people
+from semmap_log.cli.plain_streams import is_for_people, write_line
 from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:

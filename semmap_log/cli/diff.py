@@ -48,7 +48,6 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.formats.json.door_json import diff_to_json
-    from semmap_log.views.tables import diff_table
 
     _refuse_twice(log, first, second, since, until)
     opened = sl.read(log)
@@ -56,8 +55,10 @@ def run(
     found = opened.diff(start, end)
     if as_json:
         print_json(diff_to_json(found))
-    else:
-        console().print(diff_table(found, tz=opened.info.timezone))
+        return
+    from semmap_log.views.tables import diff_table
+
+    console().print(diff_table(found, tz=opened.info.timezone))
 
 
 def _refuse_twice(

@@ -72,7 +72,6 @@ def run(
     import semmap_log as sl
     from semmap_log.domain.events import KIND_BY_NAME, KINDS, RobotPose, UnknownEvent
     from semmap_log.formats.json.door_json import entry_to_json
-    from semmap_log.views.tables import history_pages
 
     for name in kind or []:
         if name not in KIND_BY_NAME:
@@ -112,6 +111,8 @@ def run(
     if as_json:
         print_json_list(entry_to_json(entry) for entry in entries)
         return
+    from semmap_log.views.tables import history_pages
+
     out = console()
     names = opened.door_names()
     is_empty = True

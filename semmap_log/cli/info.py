@@ -42,9 +42,6 @@ def run(
     from semmap_log.formats.json.door_json import day_to_json
     from semmap_log.io.made_logs import is_called_as_made
     from semmap_log.io.url_path import place_of
-    from semmap_log.views.day_chart import day_chart
-    from semmap_log.views.health import head_hint
-    from semmap_log.views.tables import summary_table
 
     with progress("Reading") as told:
         summary = summarize(open_any(log), progress=told)
@@ -54,6 +51,10 @@ def run(
     if as_json:
         print_json({**_to_json(summary), "day": None if drawn is None else day_to_json(drawn)})
         return
+    from semmap_log.views.day_chart import day_chart
+    from semmap_log.views.health import head_hint
+    from semmap_log.views.tables import summary_table
+
     out = console()
     out.print(summary_table(summary))
     if drawn is not None and drawn.doors:

@@ -46,7 +46,7 @@ def _shown(
     begun: BegunRound, round_: FollowedRound, *, as_json: bool
 ) -> Callable[[RoundStep], None]:
     """Return what prints a step, and lets go of it at once."""
-    from semmap_log.cli.printer import is_for_people
+    from semmap_log.cli.plain_streams import is_for_people
     from semmap_log.formats.json.plan_json import step_to_json
     from semmap_log.views.column_table import line_of
     from semmap_log.views.round_lines import STEP_ROW, step_line, step_row

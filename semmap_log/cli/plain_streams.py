@@ -21,6 +21,11 @@ READER_GONE = 141
 ends."""
 
 
+def is_for_people() -> bool:
+    """Tell whether a terminal shows what is printed on stdout."""
+    return sys.stdout.isatty()
+
+
 def plain(text: str) -> str:
     """Return a text with all but its line ends spelt out that is not to be seen."""
     if text.isprintable():

@@ -17,16 +17,11 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from semmap_log.cli.plain_console import PlainConsole
-from semmap_log.cli.plain_streams import plain, write_line
+from semmap_log.cli.plain_streams import is_for_people, plain, write_line
 from semmap_log.views.column_table import ColumnTable, TextPicture
 
 UNWRAPPED = 100_000
 """Columns of a report in a pipe: wider than any line of it."""
-
-
-def is_for_people() -> bool:
-    """Tell whether a terminal shows what is printed on stdout."""
-    return sys.stdout.isatty()
 
 
 class Printer:

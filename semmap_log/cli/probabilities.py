@@ -107,7 +107,6 @@ def run(
     from semmap_log.beliefs.door_beliefs import probabilities
     from semmap_log.domain.moments import parse_duration
     from semmap_log.formats.json.beliefs_json import beliefs_to_json
-    from semmap_log.views.belief_table import belief_table
 
     typical = by is not None or plot is not None
     _refuse_useless(about, horizon=horizon, typical=typical, apply=apply)
@@ -136,6 +135,8 @@ def run(
             | (_applied_to_json(applied) if applied else {})
         )
         return
+    from semmap_log.views.belief_table import belief_table
+
     console().print(belief_table(beliefs, tz=zone))
     if all(belief.evidence.is_empty for belief in beliefs):
         tell_of_later(opened, asked["at"], asked["known_at"])

@@ -28,6 +28,16 @@ from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.recording import Promised, Read, record_topics
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros
 from semmap_log.cli.shipping import ShipTo, shipped_beside
+from semmap_log.cli.verb import HELP_MADE_LATE
+
+
+def _kinds_of_lines() -> str:
+    from semmap_log.formats.json.event_json_keys import help_text
+
+    return help_text()
+
+
+HELP_MADE_LATE["record"] = _kinds_of_lines
 
 
 class SyncChoice(str, Enum):

@@ -42,7 +42,6 @@ def run(
     import semmap_log as sl
     from semmap_log.domain.doors import DoorState
     from semmap_log.formats.json.door_json import door_map_to_json
-    from semmap_log.views.tables import door_table
 
     opened = sl.read(log)
     tell_how_to_begin(opened)
@@ -51,6 +50,8 @@ def run(
     if as_json:
         print_json(door_map_to_json(door_map))
         return
+    from semmap_log.views.tables import door_table
+
     console().print(door_table(door_map, tz=opened.info.timezone))
     doors = door_map.doors.values()
     if event is None and all(door.state is DoorState.UNKNOWN for door in doors):

@@ -23,12 +23,13 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.formats.json.door_json import entry_to_json
-    from semmap_log.views.tables import entry_table
 
     opened = sl.read(log)
     entry = opened.entry(number)
     if as_json:
         print_json(entry_to_json(entry))
-    else:
-        name = "" if entry.door_id is None else opened.door_names().get(entry.door_id, "")
-        console().print(entry_table(entry, tz=opened.info.timezone, name=name))
+        return
+    from semmap_log.views.tables import entry_table
+
+    name = "" if entry.door_id is None else opened.door_names().get(entry.door_id, "")
+    console().print(entry_table(entry, tz=opened.info.timezone, name=name))

@@ -66,7 +66,7 @@ def run(
       semmap-log tail office -f --json --after 1234 | my_program
     """
     import semmap_log as sl
-    from semmap_log.cli.printer import is_for_people
+    from semmap_log.cli.plain_streams import is_for_people
     from semmap_log.views.column_table import line_of
     from semmap_log.views.tail_lines import ROW
 

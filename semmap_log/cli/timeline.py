@@ -44,7 +44,6 @@ def run(
     import semmap_log as sl
     from semmap_log.domain.doors import DoorState
     from semmap_log.formats.json.door_json import timeline_to_json
-    from semmap_log.views.timeline_table import timeline_pages, timeline_totals
 
     opened = sl.read(log)
     start, end = range_of(opened, since, until)
@@ -54,6 +53,8 @@ def run(
     if as_json:
         print_json(timeline_to_json(found, name=opened.door_names().get(door_id)))
         return
+    from semmap_log.views.timeline_table import timeline_pages, timeline_totals
+
     out = console()
     for page in timeline_pages(found, tz=opened.info.timezone):
         out.print(page)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.batches.retraction import Retractions
+from semmap_log.common.late_answers import answer_of
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.events import Event, FloorMap, PatrolFinished, PatrolStarted, is_whole_number
@@ -29,7 +30,7 @@ from semmap_log.door_log.door_labels import labels_ever
 from semmap_log.door_log.last_patrol import last_patrol
 from semmap_log.door_log.log_end import latest_happened_ns
 from semmap_log.door_log.log_tables import LogTables
-from semmap_log.door_log.times import Time, moment_of
+from semmap_log.door_log.times import NEAR_NS, Time, moment_of
 from semmap_log.errors import MomentError
 from semmap_log.folds.diff import Diff, diff
 from semmap_log.folds.door_map import DoorMapState
@@ -55,6 +56,7 @@ from semmap_log.store.reading.window import EVERYTHING, Window
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+    from semmap_log.door_log.explanation import Explanation
     from semmap_log.door_log.summary import LogSummary
 
 __all__ = ["DoorLog", "Time"]
@@ -344,7 +346,7 @@ class DoorLog(LogTables):
 
         Args:
             scope: Which events count: see `scope`.
-            doors: Only events about these; None: all.
+            doors: Only those about these doors; None: all.
             progress: Told how far the reading is.
         """
         return visible_batches(self._reader, scope, progress=progress, doors=doors)
@@ -489,6 +491,37 @@ class DoorLog(LogTables):
         before, after = self.replay(at=start), self.replay(at=end)
         told = entries(self._reader, between(start, end), with_newer=False)
         return diff(before, after, [entry for entry in told if not entry.retracted])
+
+    def why(
+        self,
+        door: DoorId | str,
+        at: Time = None,
+        known_at: Time = None,
+        *,
+        near_ns: int = NEAR_NS,
+        progress: Progress | None = None,
+    ) -> Explanation:
+        """Return why a door was in a state: what was true, what was believed, since when, by whom.
+
+        Beside these: the event that made the difference, those that tell another state, P(open) as
+        far as it could be known then, and what came next.
+
+        Args:
+            door: Its id, name, or level/name; a removed one, too.
+            at: The moment; of an event, when it counts; default: the log's end.
+            known_at: What had been recorded by then was known; default: at the moment itself.
+            near_ns: Events that tell another state count from so long before the moment to so long
+                after it; before it, at the least since the state began.
+            progress: Told how far the reading is.
+
+        Raises:
+            UnknownDoorError: There is no such door, and never was.
+            MomentError: A time cannot be read.
+            LogError: There is no event of that number.
+        """
+        answer = answer_of("why")
+        found: Explanation = answer(self, door, at, known_at, near_ns=near_ns, progress=progress)
+        return found
 
     def timeline(
         self,

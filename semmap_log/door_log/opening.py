@@ -1,26 +1,21 @@
-"""How a log is made and opened."""
+"""How a log is made, and opened for writing."""
 
 from __future__ import annotations
 
 import os
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypedDict
 
 from semmap_log.domain.commits import Durability, check_text
 from semmap_log.domain.keywords import knows_keywords, share_keywords
 from semmap_log.domain.moments import zone
-from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.errors import NotALogError
 from semmap_log.io.clock import Clock, SystemClock
-from semmap_log.io.object_cache import ObjectCache
-from semmap_log.io.url_path import local_path, place_of
+from semmap_log.io.url_path import local_path
 from semmap_log.replay.read_model.indexing import keep_up
 from semmap_log.replay.written_state import WrittenState
 from semmap_log.store.commit_records import Entropy
 from semmap_log.store.header import LogInfo
-from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.segment_places import store_at
 from semmap_log.store.writing.durability import DurabilityPolicy
 from semmap_log.store.writing.writer import Environment
 from semmap_log.store.writing.writer_opening import create_log, open_for_append
@@ -106,34 +101,6 @@ def append(path: str | Path, **writing: Unpack[WritingOptions]) -> DoorLogWriter
         InvalidEventError: No such durability.
     """
     return DoorLogWriter(open_for_append(local_path(path), WrittenState, _environment(writing)))
-
-
-@knows_keywords
-def read(
-    path: str | PurePath, *, cache: str | Path | None = None, with_url: str | None = None
-) -> DoorLog:
-    """Open a log for reading.
-
-    Args:
-        path: Its folder, a zip file with one log in it, or the URL of a folder in a store (`s3://…`,
-            `gs://…`, `az://…`, `https://…`), where it is read as it lies.
-        cache: A folder in which what is fetched of a URL is kept, for whoever asks again; default:
-            the one that SEMMAP_LOG_CACHE names, else nothing is.
-        with_url: Of a folder from which shipped segments were removed: where these are read;
-            default: the URL that SEMMAP_LOG_WITH names; else what needs them is an error that says
-            where they lie.
-
-    Raises:
-        NotALogError: There is none at that path.
-        LogAccessError: The store, or the cache, cannot be used.
-    """
-    if cache is None and with_url is None:
-        return DoorLog(path)
-    kept = None if cache is None else ObjectCache(Path(cache))
-    rest_at = None if with_url is None else place_of(with_url)
-    if isinstance(rest_at, Path):
-        raise NotALogError(f"{with_url}: expected a URL of a store, such as s3://bucket/logs/tug1.")
-    return DoorLog(LogReader(store_at(place_of(path), cache=kept, rest_at=rest_at)))
 
 
 def _environment(writing: WritingOptions) -> Environment:

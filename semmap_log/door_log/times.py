@@ -7,12 +7,16 @@ from collections.abc import Callable
 from datetime import datetime
 
 from semmap_log.domain.events import is_whole_number
-from semmap_log.domain.moments import INSTANTS, Moment, parse_moment
+from semmap_log.domain.moments import INSTANTS, SECOND_NS, Moment, parse_moment
 from semmap_log.errors import MomentError
 
 Time = int | str | datetime | Moment | None
 """Nanoseconds UTC, a text as on the command line (`2026-03-01T14:02`, `2h ago`, `event:12`), a
 datetime (a naive one is in the log's zone), or what `moment` made of one."""
+
+
+NEAR_NS = 10 * 60 * SECOND_NS
+"""What happened so long before or after a moment is near it."""
 
 
 def moment_of(time: Time, *, tz: str, end_ns: Callable[[], int]) -> Moment:

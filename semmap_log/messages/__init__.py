@@ -3,6 +3,7 @@
 The only room that knows CDR. The `.msg` texts are the definition; layouts are derived from them.
 """
 
+from semmap_log.messages.cdr import CDR_HEADER, read_message, write_message
 from semmap_log.messages.codec import (
     OBJECT_KINDS,
     decode,
@@ -11,27 +12,20 @@ from semmap_log.messages.codec import (
     fixed_layout,
     ros_type,
 )
-from semmap_log.messages.in_place import read_in_place
-from semmap_log.messages.layout import (
-    CDR_HEADER,
-    PACKAGE,
-    Layout,
-    comments_of,
-    layout,
-    message_text,
-)
-from semmap_log.messages.typestore import (
+from semmap_log.messages.definitions import (
     OCCUPANCY_GRID,
-    deserialize,
+    PACKAGE,
+    comments_of,
+    message_text,
     schema_text,
-    serialize,
-    type_hash,
     type_name,
 )
+from semmap_log.messages.layout import Layout, layout
+from semmap_log.messages.type_hash import type_hash
 
 __all__ = [
     "CDR_HEADER",
-    "OBJECT_KINDS", "OCCUPANCY_GRID", "PACKAGE", "Layout", "comments_of", "decode", "deserialize",
-    "encode", "field_getter", "fixed_layout", "layout", "message_text", "read_in_place", "ros_type",
-    "schema_text", "serialize", "type_hash", "type_name",
+    "OBJECT_KINDS", "OCCUPANCY_GRID", "PACKAGE", "Layout", "comments_of", "decode", "encode",
+    "field_getter", "fixed_layout", "layout", "message_text", "read_message", "ros_type",
+    "schema_text", "type_hash", "type_name", "write_message",
 ]  # fmt: skip

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from semmap_log.domain.events import KINDS, Event, FloorMap, event_of, field_names
+from semmap_log.messages.cdr import read_message, write_message
+from semmap_log.messages.definitions import OCCUPANCY_GRID, type_name
 from semmap_log.messages.layout import Layout, layout
-from semmap_log.messages.typestore import OCCUPANCY_GRID, deserialize, serialize, type_name
 
 OBJECT_KINDS: frozenset[int] = frozenset(
     kind.kind for kind in KINDS if not all(rule.dtype for rule in kind.rules.fields.values())
@@ -46,12 +47,11 @@ def encode(event: Event, happened_ns: int) -> bytes:
         fixed = fixed_layout(event.kind)
         return fixed.pack(*field_getter(event.kind)(event))
     if isinstance(event, FloorMap):
-        return _encode_floor_map(event, happened_ns)
-    names, values_of = _object_fields(event.kind)
-    values = dict(zip(names, values_of(event), strict=True))
+        return write_message(OCCUPANCY_GRID, _floor_map_fields(event, happened_ns))
+    values = {name: getattr(event, name) for name in field_names(type(event))}
     if "salt" in values:
-        values["salt"] = np.frombuffer(values["salt"] or bytes(16), np.uint8)
-    return serialize(ros_type(event.kind), **values)
+        values["salt"] = values["salt"] or bytes(16)
+    return write_message(ros_type(event.kind), values)
 
 
 def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: int = 0) -> Event:
@@ -73,59 +73,49 @@ def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: 
                 f"{fixed.name}: expected {fixed.dtype.itemsize} bytes, got {len(data)}"
             )
         return event_of(KINDS[kind - 1], fixed.unpack(data), happened_ns)
-    message = deserialize(ros_type(kind), data)
+    values = read_message(ros_type(kind), bytes(data))  # a copy: its arrays outlive the file
     cls = KINDS[kind - 1]
     if cls is FloorMap:
-        return _decode_floor_map(message, happened_ns, level)
-    names, values_of = _object_fields(kind)
-    values = dict(zip(names, values_of(message), strict=True))
+        return _floor_map(values, happened_ns, level)
     if "salt" in values:
         values["salt"] = bytes(values["salt"])
     return event_of(cls, values, happened_ns)
 
 
-@cache
-def _object_fields(kind: int) -> tuple[tuple[str, ...], Callable[[Any], tuple[Any, ...]]]:
-    """Return the fields of a kind that is read as objects, and what takes their values out."""
-    names = field_names(KINDS[kind - 1])
-    getter = attrgetter(*names)
-    return names, getter if len(names) > 1 else lambda each: (getter(each),)
-
-
-def _encode_floor_map(event: FloorMap, happened_ns: int) -> bytes:
-    from semmap_log.messages.typestore import typestore
-
-    types = typestore().types
-    stamp = types["builtin_interfaces/msg/Time"](
-        sec=min(happened_ns // 10**9, 2**31 - 1), nanosec=happened_ns % 10**9
-    )
+def _floor_map_fields(event: FloorMap, happened_ns: int) -> dict[str, Any]:
     height, width = event.cells.shape
     half = event.origin_theta / 2
-    origin = types["geometry_msgs/msg/Pose"](
-        position=types["geometry_msgs/msg/Point"](x=event.origin_x, y=event.origin_y, z=0.0),
-        orientation=types["geometry_msgs/msg/Quaternion"](
-            x=0.0, y=0.0, z=math.sin(half), w=math.cos(half)
-        ),
-    )
-    info = types["nav_msgs/msg/MapMetaData"](
-        map_load_time=stamp, resolution=event.resolution, width=width, height=height, origin=origin
-    )
-    header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="map")
-    cells = np.ascontiguousarray(event.cells).reshape(-1)
-    return serialize(OCCUPANCY_GRID, header=header, info=info, data=cells)
+    sec, nanosec = min(happened_ns // 10**9, 2**31 - 1), happened_ns % 10**9
+    return {
+        "header.stamp.sec": sec,
+        "header.stamp.nanosec": nanosec,
+        "header.frame_id": "map",
+        "info.map_load_time.sec": sec,
+        "info.map_load_time.nanosec": nanosec,
+        "info.resolution": event.resolution,
+        "info.width": width,
+        "info.height": height,
+        "info.origin.position.x": event.origin_x,
+        "info.origin.position.y": event.origin_y,
+        "info.origin.position.z": 0.0,
+        "info.origin.orientation.x": 0.0,
+        "info.origin.orientation.y": 0.0,
+        "info.origin.orientation.z": math.sin(half),
+        "info.origin.orientation.w": math.cos(half),
+        "data": np.ravel(event.cells),
+    }
 
 
-def _decode_floor_map(message: Any, happened_ns: int | None, level: int) -> FloorMap:
-    info = message.info
-    turn = info.origin.orientation
+def _floor_map(values: dict[str, Any], happened_ns: int | None, level: int) -> FloorMap:
+    turn = (values["info.origin.orientation.z"], values["info.origin.orientation.w"])
     return FloorMap(
         happened_ns=happened_ns,
         level=level,
-        resolution=info.resolution,
-        origin_x=info.origin.position.x,
-        origin_y=info.origin.position.y,
-        origin_theta=_angle_of(turn.z, turn.w),
-        cells=message.data.reshape(info.height, info.width),
+        resolution=values["info.resolution"],
+        origin_x=values["info.origin.position.x"],
+        origin_y=values["info.origin.position.y"],
+        origin_theta=_angle_of(*turn),
+        cells=values["data"].reshape(values["info.height"], values["info.width"]),
     )
 
 

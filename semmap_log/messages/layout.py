@@ -7,61 +7,15 @@ strings and unbounded arrays therefore has one size for ever, and n of them are 
 
 from __future__ import annotations
 
-import re
 import struct
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from semmap_log.domain.meaning import REGISTERS
-
-CDR_HEADER = b"\x00\x01\x00\x00"
-"""Representation identifier CDR_LE and no options."""
-
-PACKAGE = "semmap_msgs"
-
-_FIELD = re.compile(r"^(?P<type>\w+)(\[(?P<count>\d+)\])? (?P<name>\w+)\s*(#.*)?$")
-_COMMENTED = re.compile(r"^[\w/\[\]]+ +(\w+) *(?:# *(.*))?$")
-_CONSTANT = re.compile(r"^\w+ \w+=\S+\s*(#.*)?$")
-
-CODES = {
-    "bool": ("?", 1), "uint8": ("B", 1), "int8": ("b", 1), "uint16": ("H", 2), "int16": ("h", 2),
-    "uint32": ("I", 4), "int32": ("i", 4), "uint64": ("Q", 8), "int64": ("q", 8),
-    "float32": ("f", 4), "float64": ("d", 8),
-}  # fmt: skip
-"""ROS primitive -> struct code, which is also numpy's, and size in bytes."""
-
-
-@cache
-def message_text(name: str) -> str:
-    """Return the `.msg` text of one of our messages, as shipped and as written into each log."""
-    text = (files(__package__) / "msg" / f"{name}.msg").read_text(encoding="ascii")
-    return text.replace("@REGISTERS@\n", "".join(_register_lines())) if "@" in text else text
-
-
-def _register_lines() -> Iterator[str]:
-    """Yield the lines of Keyframe that hold what is known of doors: values, and their stamps."""
-    for register, fields in REGISTERS.items():
-        for name, dtype in fields.items():
-            yield f"{ROS_NAMES[dtype]}[] {name}\n"
-        yield f"int64[] {register}_happened_ns\n"
-        yield f"int64[] {register}_event\n"
-
-
-ROS_NAMES = {"u1": "uint8", "u2": "uint16", "u4": "uint32", "f8": "float64"}
-"""Numpy type of a door's field -> ROS's name for it."""
-
-
-@cache
-def comments_of(name: str) -> Mapping[str, str]:
-    """Return what the `.msg` text of one of our messages says of each field; "": nothing."""
-    found = (_COMMENTED.match(line) for line in message_text(name).splitlines())
-    return MappingProxyType({match[1]: match[2] or "" for match in found if match})
+from semmap_log.messages.cdr import CDR_HEADER
+from semmap_log.messages.definitions import CODES, flat_fields, type_name
 
 
 @dataclass(frozen=True)
@@ -124,19 +78,16 @@ def layout(name: str) -> Layout:
     offsets: list[int] = []
     codes = f"<{len(CDR_HEADER)}s"
     end = 0
-    for line in message_text(name).splitlines():
-        if not line.strip() or line.startswith("#") or _CONSTANT.match(line):
-            continue
-        match = _FIELD.match(line)
-        if match is None or match["type"] not in CODES:
-            raise ValueError(f"{name}.msg: no fixed size: {line!r}")
-        code, size = CODES[match["type"]]
+    for field in flat_fields(type_name(name)):
+        if field.type not in CODES or field.count == 0:
+            raise ValueError(f"{name}.msg: no fixed size: {field.name}")
+        code, size = CODES[field.type]
         padding = -end % size
-        count = int(match["count"] or 1)
-        names.append(match["name"])
-        formats.append((f"<{code}", (count,)) if match["count"] else f"<{code}")
+        count = field.count or 1
+        names.append(field.name)
+        formats.append((f"<{code}", (count,)) if field.count else f"<{code}")
         offsets.append(len(CDR_HEADER) + end + padding)
-        codes += "x" * padding + (f"{count}s" if match["count"] else code)
+        codes += "x" * padding + (f"{count}s" if field.count else code)
         end += padding + count * size
     dtype = np.dtype(
         {

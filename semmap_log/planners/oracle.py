@@ -13,9 +13,9 @@ from collections.abc import Callable
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import Retracted
-from semmap_log.domain.meaning import Changed
 from semmap_log.domain.moments import Moment, format_wall
 from semmap_log.door_log.door_log import DoorLog
+from semmap_log.door_log.state_reason import what_set
 from semmap_log.errors import MomentError, QuestionError, SemmapError, UnknownDoorError
 from semmap_log.planners.actions import AskedDoors, act
 from semmap_log.planners.asked import AskedQuestion
@@ -26,6 +26,7 @@ from semmap_log.planners.question_lines import Answer, Value, as_word
 from semmap_log.planners.questions import BY_NAME, QUESTIONS, QuestionKind, similar
 from semmap_log.planners.state_answers import HOLDS, STATE_QUESTIONS, nothing, state_answer
 from semmap_log.planners.waits import Wait, Waits
+from semmap_log.replay.replay import Scope
 
 LIKELY_QUESTIONS = {"BEST_TIME", "NEXT_DOOR"}
 
@@ -199,8 +200,9 @@ class Oracle:
         known_at = log.moment(asked.known_at, now_ns=now_ns)
         view = now.view_at(log, when, known_at)
         if name == "WHY":
-            knows_all = known_at == Moment() and when.event is None
-            return _why(log, view, asked, None if knows_all else view.door_map.event)
+            is_now = when == known_at == Moment()  # which the log may have left behind
+            scope = Scope(event=view.door_map.event) if is_now else log.scope(when, known_at)
+            return _why(log, view, asked, scope)
         return state_answer(view, asked)
 
 
@@ -224,24 +226,18 @@ def _help(asked: AskedQuestion) -> Answer:
     return Answer(question.help)
 
 
-def _why(log: DoorLog, view: DoorView, asked: AskedQuestion, limit: int | None) -> Answer:
+def _why(log: DoorLog, view: DoorView, asked: AskedQuestion, scope: Scope) -> Answer:
     """Return what set a door's state: its event, when, who and why.
 
     Args:
         log: The log.
         view: The doors then.
         asked: The question.
-        limit: What later events say, or take back, is not known; None: all is.
+        scope: Which events count.
     """
     door = view.door(asked.doors[0])
-    seen_ns = door.last_seen_ns
-    assert seen_ns is not None, "who adds a door says its state"
-    for entry in reversed(list(log.history(door.door_id, seen_ns, seen_ns + 1))):
-        is_there = limit is None or entry.number <= limit
-        taken_back = entry.retracted_by
-        is_hidden = taken_back is not None and (limit is None or taken_back <= limit)
-        if is_there and not is_hidden and entry.event.sets() & Changed.STATE:
-            when = format_wall(entry.folds_ns, log.info.timezone)
-            who: list[Value] = [entry.actor, entry.source, entry.reason]
-            return Answer([entry.number, entry.kind, atom_of_state(door), when, *who])
-    return nothing(asked, "the log does not tell.")
+    entry = what_set(log, door.door_id, scope)
+    assert entry is not None, "who adds a door says its state"
+    when = format_wall(entry.folds_ns, log.info.timezone)
+    who: list[Value] = [entry.actor, entry.source, entry.reason]
+    return Answer([entry.number, entry.kind, atom_of_state(door), when, *who])

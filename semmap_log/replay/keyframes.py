@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from typing import Any
 
 import numpy as np
 
 from semmap_log.folds.door_map import STATE_VERSION, DoorMapState
-from semmap_log.messages import read_in_place, serialize, type_name
+from semmap_log.messages import read_message, type_name, write_message
 
 _LIST_TYPES = {
     "annotation_door_id": "u4", "annotation_happened_ns": "i8", "annotation_event": "i8",
@@ -24,7 +23,8 @@ def encode(state: DoorMapState) -> bytes:
     fields = state.to_arrays()
     for name, dtype in _LIST_TYPES.items():
         fields[name] = np.array(fields[name], dtype)
-    data = _serialize(fields, np.zeros(_HASH_BYTES, np.uint8))
+    blank = {"state_hash": bytes(_HASH_BYTES), "state_version": STATE_VERSION}
+    data = write_message(type_name("Keyframe"), fields | blank)
     digest = hashlib.sha256(data).digest()
     return data[:_HASH_AT] + digest + data[_HASH_AT + _HASH_BYTES :]
 
@@ -40,7 +40,7 @@ def decode(data: bytes) -> DoorMapState | None:
     if hashlib.sha256(blank).digest() != data[_HASH_AT : _HASH_AT + _HASH_BYTES]:
         return None
     try:
-        return DoorMapState.from_arrays(read_in_place("Keyframe", data))
+        return DoorMapState.from_arrays(read_message(type_name("Keyframe"), data))
     except (ValueError, IndexError):
         return None
 
@@ -63,9 +63,3 @@ def why_unused(data: bytes) -> str:
 _HEAD = struct.Struct("<4xqI")
 """The encapsulation, the number of the last event, the state version; the hash follows."""
 _HASH_AT = _HEAD.size
-
-
-def _serialize(fields: dict[str, Any], state_hash: Any) -> bytes:
-    return serialize(
-        type_name("Keyframe"), state_hash=state_hash, state_version=STATE_VERSION, **fields
-    )

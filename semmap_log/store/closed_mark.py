@@ -16,9 +16,8 @@ from pathlib import PurePath
 
 from semmap_log.common.texts import command_line
 from semmap_log.errors import CorruptLogError
-from semmap_log.store.commit_records import HASH_BYTES
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import CLOSED_MARK_NAME
+from semmap_log.store.form import CLOSED_MARK_NAME, HASH_BYTES
 from semmap_log.store.sealed_json import sealed, unsealed
 
 MOST_BYTES = 4096

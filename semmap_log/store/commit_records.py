@@ -23,24 +23,27 @@ from semmap_log.messages import (
     field_getter,
     fixed_layout,
     layout,
-    serialize,
     type_name,
+    write_message,
 )
 from semmap_log.store import records as mcap
 from semmap_log.store.batch_records import Start, block_of, is_columns, record_size, sizes_of
 from semmap_log.store.chunk_builder import ChunkBuilder, wider
 from semmap_log.store.chunks import BuiltChunk
-from semmap_log.store.form import CHUNK_BYTES, COMMIT_CHANNEL, FLOOR_MAP_CHANNEL, NOTE_CHANNEL
-
-NO_HASH = bytes(32)
-"""What the first commit of a log has as its predecessor's hash."""
+from semmap_log.store.form import (
+    CHUNK_BYTES,
+    COMMIT_CHANNEL,
+    FLOOR_MAP_CHANNEL,
+    HASH_BYTES,
+    NO_HASH,
+    NOTE_CHANNEL,
+)
 
 MOST_EVENT_BYTES = 100 * 2**20
 """Of an event's record: a floor map of 100 million cells is shorter. Chunks have a bound, too."""
 MOST_NOTE_CHARACTERS = 4 * 2**20
 """Of all of a note's texts together: at most 16 MiB."""
 
-HASH_BYTES = 32
 SALT_BYTES = 16
 
 Entropy = Callable[[int], bytes]
@@ -202,14 +205,14 @@ class CommitBuilder:
 
     def _note_record(self, time: int) -> bytes:
         note = self._note
-        data = serialize(
-            type_name("CommitNote"),
-            salt=np.frombuffer(note.salt or self._salt(-1), np.uint8),
-            actor=note.actor,
-            source=note.source,
-            reason=note.reason,
-            correlation=note.correlation,
-        )
+        said = {
+            "salt": note.salt or self._salt(-1),
+            "actor": note.actor,
+            "source": note.source,
+            "reason": note.reason,
+            "correlation": note.correlation,
+        }
+        data = write_message(type_name("CommitNote"), said)
         return mcap.message(NOTE_CHANNEL, self._end_event - 1, time, time, data)
 
     def _salt(self, number: int) -> bytes:

@@ -74,6 +74,10 @@ CHANGES_KEY, NOTHING = "semmap_changes", "nothing"
 DIGEST_KEY = "sha256"
 """Each of our Metadata records carries the sha256 of its other entries under this key."""
 
+HASH_BYTES = 32
+NO_HASH = bytes(HASH_BYTES)
+"""What the first commit of a log has as its predecessor's hash."""
+
 LOCK_NAME = ".lock"
 BAG_METADATA_NAME = "metadata.yaml"
 CLOSED_MARK_NAME = "closed.json"

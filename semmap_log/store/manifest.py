@@ -18,8 +18,7 @@ from typing import Any
 
 from semmap_log.errors import CorruptLogError, NewerLogError
 from semmap_log.store.closed_mark import ClosedMark
-from semmap_log.store.commit_records import HASH_BYTES, NO_HASH
-from semmap_log.store.form import count_events
+from semmap_log.store.form import HASH_BYTES, NO_HASH, count_events
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.sealed_json import sealed, unsealed
 

@@ -21,9 +21,9 @@ from semmap_log.errors import CorruptLogError
 from semmap_log.messages import (
     OBJECT_KINDS,
     decode,
-    deserialize,
     fixed_layout,
     layout,
+    read_message,
     type_name,
 )
 from semmap_log.store import records as mcap
@@ -321,5 +321,5 @@ class Page:
         )
 
     def _note(self, i: int) -> Note:
-        said = deserialize(type_name("CommitNote"), self._payload(i))
-        return Note(said.actor, said.source, said.reason, said.correlation, bytes(said.salt))
+        said = read_message(type_name("CommitNote"), self._payload(i))
+        return Note(**(said | {"salt": bytes(said["salt"])}))

@@ -310,7 +310,7 @@ def _history_page(
             entry.kind,
             door_id,
             _text(door_id if entry.door_id is None else names.get(entry.door_id, door_id)),
-            _what(entry),
+            words_of_entry(entry),
             _text("" if is_same_commit else said),
             *(getattr(entry, part) or ABSENT for part in ("actor", "source", "reason")),
             style="dim" if entry.retracted else "",
@@ -345,7 +345,8 @@ def _text(text: str, *, style: str = "") -> Text:
     return Text(printable(text), style=style)
 
 
-def _what(entry: HistoryEntry) -> Text:
+def words_of_entry(entry: HistoryEntry) -> Text:
+    """Return what an event says, how late it was told, what was before, and what took it back."""
     said = words_of(entry.event)
     late_ns = entry.recorded_ns - entry.happened_ns
     if late_ns > LATE_NS:

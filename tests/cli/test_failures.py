@@ -37,7 +37,7 @@ def test_every_verb_that_prints_has_json() -> None:
     """
     `serve` prints nothing on stdout.
     """
-    verbs = get_command(app).commands  # type: ignore[attr-defined]
+    verbs = dict(get_command(app).commands)  # type: ignore[attr-defined]
     verbs |= verbs.pop("call").commands
 
     without = {

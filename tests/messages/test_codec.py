@@ -16,14 +16,13 @@ from semmap_log.domain.events import KINDS, Event, FloorMap, field_names
 from semmap_log.messages import (
     OBJECT_KINDS,
     decode,
-    deserialize,
     encode,
     fixed_layout,
     layout,
     ros_type,
-    serialize,
     type_hash,
 )
+from tests.messages.typestore import deserialize, serialize
 from tests.strategies import events, fixed_size, same
 
 

@@ -37,13 +37,12 @@ from semmap_log.store.chunks import (
 from semmap_log.store.commit_records import (
     MOST_EVENT_BYTES,
     MOST_NOTE_CHARACTERS,
-    NO_HASH,
     CommitBuilder,
     Stamp,
 )
 from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import CHUNK_BYTES, COMMIT_CHANNEL, KEYFRAME_CHANNEL
+from semmap_log.store.form import CHUNK_BYTES, COMMIT_CHANNEL, KEYFRAME_CHANNEL, NO_HASH
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.reading.chunk_table import rows_of_indexes
 from semmap_log.store.reading.reader import LogReader

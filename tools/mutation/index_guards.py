@@ -5,15 +5,15 @@ from __future__ import annotations
 from mutation.mutant import guard
 
 INDEX = (
-    guard("tables are of this very segment", "_check_told",
+    guard("tables are of this very segment", "segment_tables._check_told",
           "told.get(name) != value", "False", "test_read_model"),
-    guard("tables end as they were written", "_check_told",
+    guard("tables end as they were written", "segment_tables._check_told",
           "_seal(file) != files[part]", "False", "test_read_model"),
     guard("pages of tables are what was written", "open_checked",
           "page_checksum_verification=True", "page_checksum_verification=False",
           "test_read_model"),
     guard("what is damaged in a table is no answer", "_Reading.__exit__",
-          "raise StaleIndexError(f\"{self._path}: is damaged: {error}\") from None", "raise",
+          'raise StaleIndexError(f"{self._path}: is damaged: {error}") from None', "raise",
           "test_read_model"),
     guard("times told by how late they were recorded", "events_in",
           'heads["recorded_ns"] - heads[LATE]', 'heads["recorded_ns"]', "test_read_model"),

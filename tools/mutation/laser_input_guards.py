@@ -178,7 +178,7 @@ _SEEN = (
     guard("poses help no laser that TF does not hold", "no_place._what_to_do",
           "all((_is_alone(topic, top, lasers) for topic, top in lasers.tops.items()))", "False",
           "test_scan_importing"),
-    guard("a file is no topic", "verbs._with_values",
+    guard("a file is no topic", "verb._with_values",
           "not form.fullmatch(following) or Path(following).exists()",
           "not form.fullmatch(following)", "test_scan_importing"),
 )  # fmt: skip

@@ -8,8 +8,6 @@ from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, NotALogError
 from semmap_log.io.byte_source import ByteSource
 from semmap_log.io.made_logs import is_called_as_made
-from semmap_log.io.object_source import ObjectSource
-from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.io.url_path import UrlPath
 from semmap_log.store.bag_metadata import listed_names
 from semmap_log.store.closed_mark import ClosedMark, read_mark
@@ -22,7 +20,6 @@ from semmap_log.store.form import (
 )
 from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.reading.mapped_file import map_file
-from semmap_log.store.reading.removed_source import RemovedSource
 from semmap_log.store.reading.segment_store import Listing
 from semmap_log.store.removed_part import (
     RemovedPart,
@@ -97,7 +94,12 @@ class LocalSegments:
         if self._rest_at is None:
             part = self._removed[1]
             assert part is not None
+            from semmap_log.store.reading.removed_source import RemovedSource
+
             return RemovedSource(self.folder, removed, part.url)
+        from semmap_log.io.object_source import ObjectSource
+        from semmap_log.io.object_store import ObjectStatus, ObjectStore
+
         shipped = removed.shipped
         status = ObjectStatus(shipped.name, shipped.size, "")
         return ObjectSource(ObjectStore(self._rest_at), status, sha256=shipped.sha256)

@@ -16,9 +16,8 @@ from semmap_log.errors import (
 )
 from semmap_log.io.clock import Clock, SystemClock
 from semmap_log.io.disk import sync_folder
-from semmap_log.store.commit_records import NO_HASH
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import RECOVERING_NAME
+from semmap_log.store.form import NO_HASH, RECOVERING_NAME
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.salvage.recovered_log import NewLog

@@ -11,8 +11,8 @@ import numpy as np
 from semmap_log.domain.events import Retracted
 from semmap_log.messages import fixed_layout, layout
 from semmap_log.store.chunks import BuiltChunk, build_chunk
-from semmap_log.store.commit_records import HASH_BYTES, NO_HASH, commit_hash
-from semmap_log.store.form import CHUNK_BYTES, COMMIT_CHANNEL, NOTE_CHANNEL
+from semmap_log.store.commit_records import commit_hash
+from semmap_log.store.form import CHUNK_BYTES, COMMIT_CHANNEL, HASH_BYTES, NO_HASH, NOTE_CHANNEL
 from semmap_log.store.records import MESSAGE, message
 from semmap_log.store.salvage.renumbering import Renumbering
 from semmap_log.store.verification import WholeCommit

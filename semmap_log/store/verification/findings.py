@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 from pathlib import PurePath
 
-from semmap_log.store.commit_records import NO_HASH
+from semmap_log.store.form import NO_HASH
 
 EXIT_GOOD, EXIT_TORN, EXIT_DAMAGE, EXIT_NOT_A_LOG = 0, 3, 4, 5
 

@@ -15,9 +15,16 @@ from typing import Any
 
 from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit, Durability, Note
-from semmap_log.messages import deserialize, layout, type_name
-from semmap_log.store.commit_records import HASH_BYTES, NO_HASH, commit_hash
-from semmap_log.store.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL, kind_of_channel
+from semmap_log.messages import layout, read_message, type_name
+from semmap_log.store.commit_records import commit_hash
+from semmap_log.store.form import (
+    COMMIT_CHANNEL,
+    HASH_BYTES,
+    KEYFRAME_CHANNEL,
+    NO_HASH,
+    NOTE_CHANNEL,
+    kind_of_channel,
+)
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.records import MESSAGE
 from semmap_log.store.verification.findings import Finding, Severity
@@ -241,8 +248,8 @@ class Chain:
             pending.wrong("two notes")
         pending.has_note = True
         try:
-            said = deserialize(type_name("CommitNote"), record[MESSAGE.size :])
-            return Note(said.actor, said.source, said.reason, said.correlation, bytes(said.salt))
+            said = read_message(type_name("CommitNote"), record[MESSAGE.size :])
+            return Note(**(said | {"salt": bytes(said["salt"])}))
         except ValueError as error:
             pending.wrong(f"its note: {error}")
             return Note()

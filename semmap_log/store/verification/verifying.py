@@ -16,8 +16,7 @@ from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.url_path import UrlPath, place_of
 from semmap_log.store.bag_metadata import ClosedSegment
 from semmap_log.store.clock_check import ClockCheck
-from semmap_log.store.commit_records import NO_HASH
-from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION
+from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION, NO_HASH
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.newer import NOTHING_NEWER, is_later_kind

@@ -13,9 +13,10 @@ from semmap_log.errors import CommandError, LogError, LogPoisonedError
 from semmap_log.io.clock import Clock, SystemClock, believable_ns
 from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.command_index import COMMAND_ID_BYTES
-from semmap_log.store.commit_records import NO_HASH, CommitBuilder, Entropy, Stamp
+from semmap_log.store.commit_records import CommitBuilder, Entropy, Stamp
 from semmap_log.store.compaction.background import KeepUp
 from semmap_log.store.folder import LogFolder
+from semmap_log.store.form import NO_HASH
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader

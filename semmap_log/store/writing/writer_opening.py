@@ -12,10 +12,9 @@ from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, LogError, LogExistsError
 from semmap_log.io.disk import sync_folder
 from semmap_log.io.file_calls import check_can_write
-from semmap_log.store.commit_records import NO_HASH
 from semmap_log.store.compaction.merge import remove_merged
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import has_name_of_file
+from semmap_log.store.form import NO_HASH, has_name_of_file
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader

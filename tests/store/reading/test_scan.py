@@ -18,8 +18,9 @@ from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAnnotated, DoorObserved, Event
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
-from semmap_log.store.commit_records import NO_HASH, CommitBuilder, Stamp
+from semmap_log.store.commit_records import CommitBuilder, Stamp
 from semmap_log.store.folder import LogFolder
+from semmap_log.store.form import NO_HASH
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.reading import live_records
 from semmap_log.store.reading import segment_scan as scan

@@ -1,0 +1,110 @@
+"""What makes a verb of a function: its old spellings, help that is made when asked for, its offers.
+
+Help is plain text, as that of any Unix program: no frames, and quick.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from typer import core
+from typer.core import TyperCommand
+
+from semmap_log.cli.completion import OFFERS, Offers
+from semmap_log.cli.failures import CLICK_ERROR
+from semmap_log.cli.plain_values import with_plain_readers
+
+OLD_SPELLINGS = {"--from": "--since", "--to": "--until"}
+"""Of ranges of time: still taken by every verb that has no such option of its own."""
+
+NEED_NO_VALUE = {"--scan": re.compile(r"(/\w+)+", re.ASCII)}
+"""Options that may stand alone -> what their values look like."""
+
+TAKE_PLACES = {"go"}
+"""Verbs with places as arguments; one at a negative x looks like an option."""
+NEGATIVE_PLACE = re.compile(r"-[\d.]+,.+", re.ASCII)
+
+HELP_MADE_LATE: dict[str, Callable[[], str]] = {}
+"""Verb -> what makes the end of its help, which is asked for only then: it is slow to make."""
+
+
+class Verb(TyperCommand):
+    """A verb."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        for param in self.params:
+            if offer := OFFERS.get(param.name or ""):
+                param.shell_complete = partial(_offered, offer)  # type: ignore[method-assign]
+
+    def get_params(self, ctx: Any) -> Any:
+        """Return the options and arguments, `--help` among them."""
+        return with_plain_readers(super().get_params(ctx))
+
+    def make_parser(self, ctx: Any) -> Any:
+        """Return the parser, which takes old spellings, too; help shows the new ones only."""
+        parser: Any = super().make_parser(ctx)
+        options: dict[str, Any] = {
+            spelling: option for option in self.params for spelling in option.opts
+        }
+        for old, new in OLD_SPELLINGS.items():
+            if new in options and old not in options:
+                parser.add_option(options[new], [old], dest=options[new].name)
+        return parser
+
+    def parse_args(self, ctx: Any, args: list[str]) -> Any:
+        """Take up the command line; of a word that is no option, say which may be meant."""
+        try:
+            given = _with_places(args) if self.name in TAKE_PLACES else args
+            return super().parse_args(ctx, _with_values(given))
+        except CLICK_ERROR as error:
+            if hasattr(error, "possibilities") and hasattr(error, "option_name"):
+                error.possibilities = self._similar(error.option_name)
+            raise
+
+    def _similar(self, option: str) -> list[str]:
+        """Return the options of a like name that help shows: no hidden ones, no old spellings."""
+        from difflib import get_close_matches
+
+        shown = (param for param in self.params if not getattr(param, "hidden", False))
+        named = [name for param in shown for name in (*param.opts, *param.secondary_opts)]
+        return get_close_matches(option, [name for name in named if name.startswith("--")])
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write what is made late of this verb's help."""
+        if self.name in HELP_MADE_LATE:
+            formatter.write_paragraph()
+            formatter.write(HELP_MADE_LATE[self.name]())
+        super().format_epilog(ctx, formatter)
+
+
+def _with_places(args: list[str]) -> list[str]:
+    """Return a command line in which places at a negative x are no options: with a blank before."""
+    return [f" {arg}" if NEGATIVE_PLACE.fullmatch(arg) else arg for arg in args]
+
+
+def _with_values(args: list[str]) -> list[str]:
+    """Return a command line in which the options have a value that need none: an empty one.
+
+    The next word is such a value where it can be one, and is no file that there is.
+    """
+    end = args.index("--") if "--" in args else len(args)
+    made = []
+    for word, following in zip(args[:end], [*args[1:end], ""], strict=False):
+        made.append(word)
+        form = NEED_NO_VALUE.get(word)
+        if form is not None and (not form.fullmatch(following) or Path(following).exists()):
+            made.append("")
+    return made + args[end:]
+
+
+def _offered(offer: Callable[[Any, str], Offers], ctx: Any, incomplete: str) -> list[Any]:
+    """Return what a shell is offered, as typer wants it."""
+    item: Any = getattr(core, "CompletionItem", None)
+    if item is None:  # an older typer, with click beside it
+        item = core.click.shell_completion.CompletionItem  # type: ignore[attr-defined]
+    return [item(word, help=said or None) for word, said in offer(ctx, incomplete)]

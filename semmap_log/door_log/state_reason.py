@@ -1,0 +1,88 @@
+"""What made a door's state what it was at a moment, by what was known at some time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from semmap_log.domain.doors import Door, DoorId, DoorState
+from semmap_log.door_log.door_log import DoorLog
+from semmap_log.folds.door_map import DoorMapState
+from semmap_log.folds.history import HistoryEntry
+from semmap_log.folds.timeline import timeline
+from semmap_log.replay.replay import Scope
+
+
+@dataclass(frozen=True, slots=True)
+class StateReason:
+    """A door's state at a moment, since when, and the events that made it so."""
+
+    door: Door | None
+    """As it was; None: it was not in the map."""
+    is_removed: bool = False
+    """Of a door that was not in the map: no more; else not yet."""
+    since_ns: int | None = None
+    """Since when it was in that state, or removed; None: it was not yet in the map."""
+    begun_by: HistoryEntry | None = None
+    """The event with which that began."""
+    last: HistoryEntry | None = None
+    """The last event that set the state, which may have been the same before."""
+    added_by: HistoryEntry | None = None
+    """The event that put the door into the map; None: it is not in it."""
+    times_told: int = 0
+    """How many events told this state from its beginning on, the first included."""
+
+    @property
+    def state(self) -> DoorState | None:
+        """None: it was not in the map."""
+        return None if self.door is None else self.door.state
+
+    @property
+    def number(self) -> int | None:
+        """Number of the event on which it rests: the state, or that the door is gone."""
+        return None if self.last is None else self.last.number
+
+
+def state_reason(log: DoorLog, door_id: DoorId, scope: Scope) -> StateReason:
+    """Return a door's state in a scope, and the events that made it so.
+
+    Args:
+        log: The log.
+        door_id: The door.
+        scope: Which events count.
+    """
+    state = log.state_in(scope)
+    door = state.door(door_id)
+    if door is None:
+        gone = state.removed_door(door_id)
+        if gone is None:
+            return StateReason(None)
+        entry = log.entry(gone.event)
+        return StateReason(None, True, entry.folds_ns, entry, entry)
+    batches = log.visible_batches(scope, doors=[door_id])
+    *_, interval = timeline(batches, door_id, end_ns=scope.at_ns)
+    return StateReason(
+        door,
+        since_ns=interval.start_ns,
+        begun_by=log.entry(interval.event),
+        last=_setter(log, state, door_id, "state"),
+        added_by=_setter(log, state, door_id, "added"),
+        times_told=interval.sightings,
+    )
+
+
+def what_set(log: DoorLog, door_id: DoorId, scope: Scope) -> HistoryEntry | None:
+    """Return the last event that set a door's state; None: nothing did.
+
+    Args:
+        log: The log.
+        door_id: The door.
+        scope: Which events count.
+    """
+    return _setter(log, log.state_in(scope), door_id, "state")
+
+
+def _setter(
+    log: DoorLog, state: DoorMapState, door_id: DoorId, register: str
+) -> HistoryEntry | None:
+    stamp = state.stamp(door_id, register)
+    return None if stamp is None else log.entry(stamp[1])

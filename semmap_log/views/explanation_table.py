@@ -1,0 +1,225 @@
+"""Why a door was in a state, for people: a fact a row, all on one screen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from semmap_log.beliefs.door_beliefs import DoorBelief
+from semmap_log.domain.doors import DoorState
+from semmap_log.domain.moments import format_local, format_short
+from semmap_log.door_log.explanation import Explanation
+from semmap_log.door_log.state_reason import StateReason
+from semmap_log.folds.history import HistoryEntry
+from semmap_log.views.belief_words import why_unknown, with_interval
+from semmap_log.views.column_table import CellValue
+from semmap_log.views.event_words import printable
+from semmap_log.views.pairs import PairTable, add_pair, pairs
+from semmap_log.views.tables import OTHER_STATE_COLOUR, STATE_COLOURS, words_of_entry
+from semmap_log.views.timeline_table import duration
+
+MOST_OTHERWISE = 5
+"""So many events that say otherwise are shown, those nearest to the moment; `--json` has all."""
+LIKELY = 0.5
+
+When = Callable[[int], str]
+"""How a time is written."""
+
+
+def explanation_table(told: Explanation, *, tz: str) -> RenderableType:
+    """Return what a log tells of a door at a moment.
+
+    Args:
+        told: The answer.
+        tz: IANA zone of the times.
+    """
+    rows = _Rows(told, tz)
+    rows.add("door", lambda _: Text(_called(told)))
+    rows.add("at", lambda _: Text(format_local(told.time_ns, tz)))
+    rows.add_state("true", told.true)
+    if told.known_event is not None:
+        _add_believed(rows, told)
+    _add_otherwise(rows, told)
+    rows.add("P(open)", lambda _: _chance(told))
+    rows.add("next", lambda when: _next(told, when))
+    return Group(rows.table, Text(_caption(told, rows.drawn), style="dim"))
+
+
+class _Rows:
+    """Names and values; times are drawn short, and told to programs in full."""
+
+    def __init__(self, told: Explanation, tz: str) -> None:
+        self.table: PairTable = pairs()
+        self._told = told
+        self._tz = tz
+        self._day = format_short(told.time_ns, tz).partition(" ")[0]
+
+    def add(self, name: str, value: Callable[[When], Text], *, under: str = "") -> None:
+        """Add a row; one under another is told by both names."""
+        drawn, full = value(self.drawn), value(lambda ns: format_local(ns, self._tz))
+        told_name = f"{under}: {name}" if under else name
+        label = f"  {name}" if under and name else name
+        add_pair(self.table, label, CellValue(drawn, full.plain), told_name=told_name)
+
+    def add_state(self, name: str, known: StateReason) -> None:
+        """Add a state, what began it, and what told it last."""
+        told = self._told
+        self.add(name, lambda when: _state(known, told, when))
+        if known.begun_by is None or known.last is None:
+            return
+        begun, last = known.begun_by, known.last
+        self.add("by", lambda _: _event(begun), under=name)
+        if last.number != begun.number:
+            before = duration(told.time_ns - last.folds_ns)
+            times = f"; told {known.times_told} times"
+            self.add(
+                "last by",
+                lambda _: _event(last).append(f", {before} before{times}"),
+                under=name,
+            )
+
+    def drawn(self, ns: int) -> str:
+        """Return a time: without the date on the day that is asked about."""
+        day, _, clock = format_short(ns, self._tz).partition(" ")
+        return clock if day == self._day else f"{day} {clock}"
+
+
+def _called(told: Explanation) -> str:
+    door = told.true.door or told.believed.door
+    number = str(told.door_id)
+    name = "" if told.label == number else f" ({printable(told.label)})"
+    unplaced = ", unplaced" if door is not None and not door.is_placed else ""
+    return f"{number}{name}{unplaced}"
+
+
+def _state(known: StateReason, told: Explanation, when: When) -> Text:
+    """Return a state and since when; or that the door was not there."""
+    if known.state is None:
+        if known.since_ns is None:
+            return Text("not yet in the map", style=OTHER_STATE_COLOUR)
+        gone = duration(told.time_ns - known.since_ns)
+        return Text(f"removed at {when(known.since_ns)}, {gone} before", style=OTHER_STATE_COLOUR)
+    assert known.since_ns is not None, "a door that is there has a state since some time"
+    lasted = duration(told.time_ns - known.since_ns)
+    return _coloured(known.state).append(
+        f" since {when(known.since_ns)}, for {lasted}", style="default"
+    )
+
+
+def _coloured(state: DoorState) -> Text:
+    return Text(state.name, style=STATE_COLOURS.get(state, OTHER_STATE_COLOUR))
+
+
+def _event(entry: HistoryEntry) -> Text:
+    """Return an event in a sentence: its number, what it says, who and why."""
+    ahead = " (its clock was ahead)" if entry.happened_ns > entry.recorded_ns else ""
+    said = words_of_entry(entry)
+    return Text(f"event {entry.number}, ").append(said).append(f"{ahead}{_who(entry)}")
+
+
+def _who(entry: HistoryEntry) -> str:
+    """Return who did it, with what, why, and what it belongs to."""
+    actor = f", by {entry.actor}" if entry.actor else ""
+    source = f"{'' if actor else ','} with {entry.source}" if entry.source else ""
+    reason = f": {entry.reason}" if entry.reason else ""
+    correlation = f" ({entry.correlation})" if entry.correlation else ""
+    return printable(f"{actor}{source}{reason}{correlation}")
+
+
+def _add_believed(rows: _Rows, told: Explanation) -> None:
+    """Add what was believed where it was not what is true, and what made the difference."""
+    if told.agrees:
+        rows.add("believed", lambda _: Text("the same"))
+        return
+    if told.known_event == -1:
+        rows.add("believed", lambda _: Text("nothing: no event had been recorded by then"))
+    else:
+        rows.add_state("believed", told.believed)
+    if (wrong := told.taken_back) is not None:
+        rows.add("because", lambda when: _was_taken_back(told, wrong, when), under="believed")
+    if (late := told.told_since) is not None:
+        rows.add("because", lambda when: _was_told_late(late, when), under="believed")
+
+
+def _was_taken_back(told: Explanation, wrong: HistoryEntry, when: When) -> Text:
+    by = told.retractions[wrong.retracted_by or 0]
+    return Text(
+        f"event {wrong.number} was taken back later, at {when(by.recorded_ns)} by event "
+        f"{by.number}{_who(by)}"
+    )
+
+
+def _was_told_late(late: HistoryEntry, when: When) -> Text:
+    after = duration(late.recorded_ns - late.folds_ns)
+    return Text(
+        f"event {late.number} was recorded later, at {when(late.recorded_ns)}, {after} after it "
+        "happened"
+    )
+
+
+def _add_otherwise(rows: _Rows, told: Explanation) -> None:
+    """Add the events nearest to the moment that tell another state."""
+    if told.true.state is None:
+        return
+    if not told.otherwise:
+        rows.add("otherwise", lambda _: Text("nothing"))
+        return
+    nearest = sorted(told.otherwise, key=lambda entry: abs(entry.folds_ns - told.time_ns))
+    shown = nearest[:MOST_OTHERWISE]
+    name = "otherwise"
+    for entry in told.otherwise:
+        if entry in shown:
+            _add_one_otherwise(rows, name, entry)
+            name = ""
+    if len(told.otherwise) > len(shown):
+        more = f"… and {len(told.otherwise) - len(shown)} more, farther away; all: --json"
+        rows.add("", lambda _: Text(more), under="otherwise")
+
+
+def _add_one_otherwise(rows: _Rows, name: str, entry: HistoryEntry) -> None:
+    under = "" if name else "otherwise"
+    rows.add(name, lambda when: Text(f"{when(entry.folds_ns)} ").append(_event(entry)), under=under)
+
+
+def _chance(told: Explanation) -> Text:
+    """Return P(open) as it could be known then; where it is not, why."""
+    belief = told.belief
+    if belief is None:
+        return Text("UNKNOWN: the door was not known then", style=OTHER_STATE_COLOUR)
+    if not belief.is_known:
+        why = f": {why_unknown(belief.evidence)}" if isinstance(belief, DoorBelief) else ""
+        return Text(f"UNKNOWN{why}", style=OTHER_STATE_COLOUR)
+    likely = DoorState.OPEN if belief.p_open >= LIKELY else DoorState.CLOSED
+    said = Text(with_interval(belief.p_open, belief.low, belief.high), style=STATE_COLOURS[likely])
+    is_against = told.believed.state in STATE_COLOURS and told.believed.state is not likely
+    doubt = f": rather {likely.name}, against the state that was believed" if is_against else ""
+    return said.append(doubt, style="default")
+
+
+def _next(told: Explanation, when: When) -> Text:
+    """Return what came after."""
+    change = told.next
+    if change is not None:
+        named = Text("removed") if change.state is None else _coloured(change.state)
+        later = duration(change.time_ns - told.time_ns)
+        named.append(f" at {when(change.time_ns)}, {later} later; ", style="default")
+        return named.append(_event(change.entry))
+    if told.time_ns > told.end_ns:
+        before = duration(told.time_ns - told.end_ns)
+        return Text(f"not known: the log ends {before} before, at {when(told.end_ns)}")
+    return Text(f"no other up to the log's end, {when(told.end_ns)}")
+
+
+def _caption(told: Explanation, when: When) -> str:
+    """Return what the names of the rows mean."""
+    first, last = told.otherwise_ns
+    notes = ["true: by all that is known today"]
+    if told.known_event is not None:
+        known = "" if told.known_event < 0 else f", up to event {told.known_event}"
+        notes.append(f"believed: by what was recorded then{known}")
+    if told.true.state is not None:
+        notes.append(f"otherwise: what told another state from {when(first)} to {when(last)}")
+    notes.append("P(open): by what was known then; in brackets the 90 % interval")
+    return "\n".join(notes)
