@@ -5,8 +5,9 @@ Checking an intent is apart from applying a fact: what is in the log is never ju
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import repeat
 
 import numpy as np
 
@@ -94,17 +95,12 @@ class Validator:
         Raises:
             CommandError: The map forbids one.
         """
-        placed = self.index.placed
-        for event in events:
-            if type(event) in SIGHTINGS and event.door_id in placed:  # type: ignore[union-attr]
-                continue
-            break
-        else:  # nearly every commit of a patrol: nothing else can be wrong
-            self._next_event += len(events)
-            for event in events:
-                if event.happened_ns is not None:
-                    self._early().note(event, self.index.added_ns)  # type: ignore[arg-type]
-            return events
+        if _SIGHTINGS.issuperset(map(type, events)):
+            doors = {event.door_id for event in events}  # type: ignore[union-attr]
+            if self.index.placed.keys() >= doors:  # nearly every commit of a patrol:
+                self._next_event += len(events)  # nothing else can be wrong
+                self._note_early(events, doors)  # type: ignore[arg-type]
+                return events
         return list(self.checked(events))
 
     def checked(self, events: Iterable[Event | EventBatch]) -> Iterator[Event | EventBatch]:
@@ -221,6 +217,21 @@ class Validator:
             else:
                 self.index.removed_ns[event.door_id] = commit.wall_clock_ns
 
+    def _note_early(self, events: Sequence[Event], doors: Collection[int]) -> None:
+        """Count those that had happened before their door was added.
+
+        Args:
+            events: They passed.
+            doors: All that they are about.
+        """
+        times = [event.happened_ns for event in events if event.happened_ns is not None]
+        if not times:
+            return
+        early, added_ns = self._early(), self.index.added_ns
+        if min(times) < max(map(added_ns.get, doors, repeat(0))):
+            for event in events:
+                early.note(event, added_ns)
+
     def _early(self) -> EarlyCounter:
         if self.early is None:
             self.early = EarlyCounter(self._now_ns)
@@ -317,6 +328,8 @@ class Validator:
 
 ROWS_AT_A_TIME = 8192
 """So many rows of a batch are checked at once."""
+
+_SIGHTINGS = frozenset(SIGHTINGS)
 
 NAMING = (DoorAdded, DoorUpdated, DoorRemoved, DoorAnnotated, LevelAdded, Retracted)
 """Kinds that may change which name means which door (an update: by its level)."""

@@ -41,6 +41,11 @@ class Layout:
         """
         return struct.Struct(prefix.format + self.packer.format.removeprefix("<"))
 
+    def packer_of(self, count: int) -> struct.Struct:
+        """Return what packs so many messages in one call, with zeros as their encapsulation."""
+        fields = self.packer.format.removeprefix(f"<{len(CDR_HEADER)}s")
+        return struct.Struct("<" + count * f"{len(CDR_HEADER)}x{fields}")
+
     def unpack(self, data: bytes | memoryview, offset: int = 0) -> dict[str, Any]:
         """Return the field values of the CDR bytes at `offset`."""
         return dict(zip(self.fields, self.packer.unpack_from(data, offset)[1:], strict=True))

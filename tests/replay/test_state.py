@@ -32,8 +32,9 @@ from semmap_log.replay import keyframes, state, written_state
 from semmap_log.replay.keyframes import encode
 from semmap_log.replay.state import state_at
 from semmap_log.store import commit_records as commits
+from semmap_log.store.chunks import StoredChunk
 from semmap_log.store.compaction import compact, repaging
-from semmap_log.store.form import CHUNK_BYTES
+from semmap_log.store.form import CHUNK_BYTES, KEYFRAME_EVERY_BYTES
 from semmap_log.store.kind_bits import KEYFRAME_BIT
 from semmap_log.store.reading import segment_reading
 from semmap_log.store.reading.chunk_table import ChunkTable
@@ -186,6 +187,53 @@ def test_a_moment_reads_what_it_needs(long_log: Path, monkeypatch: pytest.Monkey
 
         assert START_NS + second * 10**9 == door.last_seen_ns
         assert sum(sizes) < 2.1 * CHUNK_BYTES
+
+
+@pytest.fixture(scope="module")
+def patrolled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """40,000 sightings of a door, one a second, 100 a commit, each tenth commit a minute late."""
+    path = tmp_path_factory.mktemp("patrolled") / "log"
+    clock = SteadyClock(START_NS)
+    with sl.create(path, tz="UTC", clock=clock, compact=False) as log:
+        log.append([DoorAdded(door_id=DoorId(1), happened_ns=START_NS - 1)])
+        for n in range(400):
+            clock.now_ns = START_NS + (n + 1) * 100 * 10**9
+            log.append(sightings(100, start=100 * n - 60 * (n % 10 == 9)), sync=False)
+    compact(path)
+    return path
+
+
+@pytest.mark.parametrize("asked", ["at", "known_at", "event", "both"])
+def test_a_moment_unpacks_no_chunk_twice(
+    patrolled: Path, asked: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    A keyframe, what came behind it up to the next, and no more of what came late than lies there.
+    """
+    unpacked: list[tuple[int, int]] = []
+    records = StoredChunk.records
+
+    def noted(chunk: StoredChunk, *given: Any) -> bytes | memoryview:
+        unpacked.append((chunk.offset, chunk.size))
+        return records(chunk, *given)
+
+    monkeypatch.setattr(StoredChunk, "records", noted)
+    log = sl.read(patrolled)
+    log.replay()
+    borders = [int(t) for t in log._reader.segments[0].chunks.rows["start_ns"][1:]]
+    dice = random.Random(asked)
+    for known_at in [*borders, *(START_NS + dice.randrange(40_000 * 10**9) for _ in range(40))]:
+        at = known_at - dice.randrange(300 * 10**9)
+        event = dice.randrange(40_000)
+        moment = {"at": {"at": at}, "known_at": {"known_at": known_at}, "event": {"event": event},
+                  "both": {"at": at, "known_at": known_at}}[asked]  # fmt: skip
+        unpacked.clear()
+
+        log.replay(**moment)
+
+        assert len(unpacked) == len(set(unpacked))
+        parts = 3 if asked == "both" else 2
+        assert 0 < sum(size for _, size in unpacked) < parts * 1.05 * KEYFRAME_EVERY_BYTES
 
 
 def test_a_live_log_is_asked_while_it_is_written(tmp_path: Path, clock: SteadyClock) -> None:

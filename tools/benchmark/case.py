@@ -74,6 +74,8 @@ class Case:
     """Whether a first round does not count; very long tasks go without."""
     tail_promise: str | None = None
     """What is promised of our slowest turns (p99), perhaps nothing; None: they are not shown."""
+    worst_promise: str = ""
+    """What is promised of the slowest of all."""
     share_promise: str = ""
     """What is promised of the share of the bytes that we read."""
     growth_promise: str | None = None
@@ -122,6 +124,11 @@ class Measured:
         """Seconds per unit that 99 of 100 turns stay within."""
         ranked = sorted(self.seconds)
         return ranked[ceil(0.99 * len(ranked)) - 1] / self.peer.units
+
+    @property
+    def worst_s(self) -> float:
+        """Seconds per unit of the slowest turn."""
+        return max(self.seconds) / self.peer.units
 
     @property
     def share_read(self) -> float | None:

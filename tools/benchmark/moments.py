@@ -9,22 +9,31 @@ from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmark import duckdb_peer, mcap_fold, sqlite_peer
+from benchmark import daily_snapshots, duckdb_peer, mcap_fold, sqlite_peer
 from benchmark.case import Case, Peer, Work
 from benchmark.folding import LARGEST, commit_sizes
-from benchmark.logs import LIVE, ZSTD, BenchLog, Sample, Workshop
+from benchmark.logs import DAY_NS, LIVE, ZSTD, BenchLog, Sample, Workshop
 from benchmark.patrol import START_NS, STEP_NS
 from benchmark.peers import (
     DUCKDB,
     MCAP,
     OURS,
+    SNAPSHOTS,
     SQLITE,
     on_cores,
     parquet_table,
+    snapshot_table,
     sqlite_table,
     there,
 )
-from benchmark.plain_fold import Answer, PlainFold, answer_of, answer_of_rows, plain_answers
+from benchmark.plain_fold import (
+    Answer,
+    PlainFold,
+    answer_of,
+    answer_of_rows,
+    plain_answer,
+    plain_answers,
+)
 from benchmark.worker import drop_from_memory
 
 if TYPE_CHECKING:
@@ -41,10 +50,11 @@ COLD_BURST = 2
 
 
 def moment_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Case]:
-    """Yield: warm and cold, compacted; warm, live."""
+    """Yield: warm and cold, compacted; each way to ask; warm, live."""
     per_commit = commit_sizes(count)[-1]
     log = shop.log(count, per_commit, ZSTD)
     yield _warm_case(shop, log, ZSTD, per_commit, rounds)
+    yield _ways_case(log, per_commit, rounds)
     yield _cold_case(shop, log, per_commit, rounds)
     if count < LARGEST:
         yield _warm_case(shop, shop.log(count, per_commit, LIVE), LIVE, per_commit, rounds)
@@ -78,11 +88,43 @@ def _warm_case(
     ]  # fmt: skip
     if form == ZSTD:
         peers += _tables(shop, count, cold=False)
+        peers.append(Peer(on_cores(SNAPSHOTS, 1),
+                          partial(_snapshots, snapshot_table(shop, count), count), expected,
+                          cores=1))  # fmt: skip
     title = f"Moment, warm, {form}, {per_commit} a commit"
     return Case("moment", title, "ms", tuple(peers), rounds or ROUNDS, BURST, BURST_S,
                 events=count, key=f"moment, {form}",
                 tail_promise="< 5 ms" if form == ZSTD else "",
+                worst_promise="< 10 ms" if form == ZSTD else "",
                 growth_promise="< 2x" if form == ZSTD else None)  # fmt: skip
+
+
+def _ways_case(log: BenchLog, per_commit: int, rounds: int | None) -> Case:
+    """Return: what was true, what was known, up to an event, and what was known of the day before.
+
+    Recorded was each commit with its last event.
+    """
+    count, asked = log.count, moments(log.count)[:CHECKED]
+    known = [(at_ns - START_NS) // (STEP_NS * per_commit) * per_commit for at_ns in asked]
+    numbers = [_number_at(at_ns) + 1 for at_ns in asked]
+    expected = {
+        "at": _expected(count),
+        "known_at": [plain_answer(count, first) for first in known],
+        "event": [plain_answer(count, first) for first in numbers],
+        "both, a day apart": [
+            plain_answer(count, first, at_ns - DAY_NS)
+            for first, at_ns in zip(known, asked, strict=True)
+        ],
+    }
+    peers = tuple(Peer(f"{OURS}, {way}", partial(_our_way, log.path, count, way), answers)
+                  for way, answers in expected.items())  # fmt: skip
+    title = f"Moment, each way, {ZSTD}, {per_commit} a commit"
+    return Case("moment", title, "ms", peers, rounds or ROUNDS, BURST, BURST_S, events=count,
+                key="moment, ways", tail_promise="< 5 ms", worst_promise="< 10 ms")  # fmt: skip
+
+
+def _number_at(at_ns: int) -> int:
+    return (at_ns - START_NS) // STEP_NS
 
 
 def _cold_case(shop: Workshop, log: BenchLog, per_commit: int, rounds: int | None) -> Case:
@@ -138,6 +180,24 @@ def _ours(path: Path, count: int) -> Work:
     import semmap_log as sl
 
     return _work(sl.read(path).replay, answer_of, count)
+
+
+def _our_way(path: Path, count: int, way: str) -> Work:
+    import semmap_log as sl
+
+    log = sl.read(path)
+    ask: dict[str, Callable[[int], DoorMap]] = {
+        "at": log.replay,
+        "known_at": lambda at_ns: log.replay(known_at=at_ns),
+        "event": lambda at_ns: log.replay(event=_number_at(at_ns)),
+        "both, a day apart": lambda ns: log.replay(at=ns - DAY_NS, known_at=ns),
+    }
+    return _work(ask[way], answer_of, count)
+
+
+def _snapshots(table: Path | None, count: int) -> Work:
+    connection = daily_snapshots.connected(there(table), 1)
+    return _work(partial(daily_snapshots.door_map, connection), answer_of_rows, count)
 
 
 def _ours_cold(log: BenchLog) -> Work:

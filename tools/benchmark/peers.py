@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from benchmark.daily_snapshots import write_snapshots
 from benchmark.logs import Workshop
 from benchmark.tables import write_parquet, write_sqlite
 
@@ -11,6 +12,7 @@ OURS = "semmap-log"
 MCAP = "mcap + mcap-ros2-support, fold"
 ROSBAGS = "rosbags AnyReader, fold"
 DUCKDB = "DuckDB, Parquet"
+SNAPSHOTS = "DuckDB, daily snapshots"
 SQLITE = "SQLite, indexed"
 
 
@@ -28,6 +30,14 @@ def parquet_table(shop: Workshop, count: int) -> Path | None:
     """Return a patrol as a Parquet file; None: what writes it is not installed."""
     try:
         return shop.table("events.parquet", count, write_parquet)
+    except ModuleNotFoundError:
+        return None
+
+
+def snapshot_table(shop: Workshop, count: int) -> Path | None:
+    """Return a patrol with a snapshot a day; None: what writes it is not installed."""
+    try:
+        return shop.table("snapshots.duckdb", count, write_snapshots)
     except ModuleNotFoundError:
         return None
 

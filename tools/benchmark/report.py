@@ -146,7 +146,7 @@ def _peer_json(case: Case, measured: Measured, peers: Sequence[Measured]) -> dic
     if measured.note:
         said["note"] = measured.note
     if case.tail_promise is not None:
-        said["p99_s"] = measured.p99_s
+        said["p99_s"], said["worst_s"] = measured.p99_s, measured.worst_s
     if measured.peer.store_bytes:
         said["share_read"] = measured.share_read
     return said

@@ -92,9 +92,12 @@ def _peer_rows(case: Case, measured: Measured, peers: Sequence[Measured]) -> Ite
         yield (f"[dim]    {escape(measured.note)}[/]",)
     is_ours = measured.peer.name.startswith(OURS)
     if case.tail_promise is not None:
-        kept = is_kept(case.tail_promise, measured.p99_s * 1e3) if is_ours else None
-        promised = case.tail_promise if is_ours else ""
-        yield "[dim]    p99[/]", figure(measured.p99_s, case.unit), "", _marked(promised, kept=kept)
+        tails = (("p99", measured.p99_s, case.tail_promise),
+                 ("worst", measured.worst_s, case.worst_promise))  # fmt: skip
+        for name, seconds, promise in tails:
+            kept = is_kept(promise, seconds * 1e3) if is_ours else None
+            promised = _marked(promise if is_ours else "", kept=kept)
+            yield f"[dim]    {name}[/]", figure(seconds, case.unit), "", promised
     if (share := measured.share_read) is not None:
         kept = is_kept(case.share_promise, share * 100) if is_ours else None
         promised = case.share_promise if is_ours else ""

@@ -21,7 +21,7 @@ from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.io.progress import Progress
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
-from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.kind_bits import EVENT_BITS, bits_of_kinds
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.newer_events import NewerEvents, without_newer
 from semmap_log.store.reading.read_progress import ReadProgress
@@ -31,6 +31,7 @@ from semmap_log.store.reading.segment_reading import (
     PageAtHand,
     batches_of,
     commit_of,
+    end_of,
     last_commit,
     page_at,
     pages_of,
@@ -244,9 +245,8 @@ class LogReader:
         return next((c for s in reversed(self.segments) if (c := last_commit(s))), None)
 
     def last_event(self) -> int:
-        """Return the number of the log's last event; -1: there is none."""
-        last = self.last_commit()
-        return -1 if last is None else last.last_event
+        """Return the number of the log's last event; -1: there is none. No chunk is read for it."""
+        return end_of(self.segments[-1]) - 1
 
     def last_log_time_ns(self) -> int:
         """Return the log time of the last record, keyframes included; 0 in an empty log."""
@@ -263,7 +263,10 @@ class LogReader:
         self._check_order()
         early = bisect_right(self.segments, known_at_ns, key=lambda s: s.recorded[0])
         for segment in reversed(self.segments[:early]):
-            for chunk in reversed(range(segment.chunks.starting_by(known_at_ns))):
+            with_events = segment.chunks[: segment.chunks.starting_by(known_at_ns)].having(
+                EVENT_BITS
+            )
+            for chunk in reversed(with_events.tolist()):
                 page = page_at(segment, chunk)
                 numbers = page.event_numbers(recorded_by_ns=known_at_ns)
                 if len(numbers):

@@ -10,6 +10,7 @@ import struct
 from collections.abc import Sequence
 from functools import lru_cache
 from hashlib import sha256
+from itertools import chain
 from zlib import crc32
 
 import numpy as np
@@ -29,6 +30,7 @@ FEW = 8
 """Up to so many events are packed one by one; more are laid out with numpy."""
 MOST = 1000
 _LOW_32_BITS = 0xFFFF_FFFF
+_CDR_HEADER = np.frombuffer(CDR_HEADER, np.uint8)
 _MESSAGE = int(Opcode.MESSAGE)
 _ENTRY = struct.Struct("<QQ")
 """Of a MessageIndex: log time and offset in the chunk's records."""
@@ -50,7 +52,7 @@ def uniform_commit(
     if isinstance(first, EventBatch):
         return _uniform_batch(stamp, note, first) if len(events) == 1 else None
     cls = type(first)
-    if first.kind in OBJECT_KINDS or any(type(event) is not cls for event in events):
+    if first.kind in OBJECT_KINDS or {cls} != set(map(type, events)):
         return None
     template = _template(first.kind, len(events))
     # All are of the first one's class, which is no batch.
@@ -75,7 +77,7 @@ class _Template:
         self._kind = kind
         self._count = count
         self._pack = record.pack
-        self._pack_body = fixed.packer.pack
+        self._pack_bodies = fixed.packer_of(count).pack
         self._values = field_getter(kind)
         self._length = record.size - mcap.FRAME.size
         self._end = count * record.size
@@ -165,10 +167,10 @@ class _Template:
         rows["sequence"] = (self._steps + stamp.first_event) & _LOW_32_BITS
         rows["log_time"] = self._steps + stamp.recorded_ns
         rows["publish_time"] = happened
-        pack_body, values = self._pack_body, self._values
-        bodies = b"".join([pack_body(CDR_HEADER, *values(event)) for event in events])
+        bodies = self._pack_bodies(*chain.from_iterable(map(self._values, events)))
         as_bytes = rows.view(np.uint8).reshape(self._count, -1)
         as_bytes[:, mcap.MESSAGE.size :] = np.frombuffer(bodies, np.uint8).reshape(self._count, -1)
+        as_bytes[:, mcap.MESSAGE.size :][:, : len(CDR_HEADER)] = _CDR_HEADER
         data: bytes = rows.tobytes()
         return data
 
