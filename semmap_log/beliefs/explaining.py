@@ -63,7 +63,7 @@ def explain(
     believed = true if known == Moment() else state_reason(log, door_id, then)
     span = min(time_ns if true.since_ns is None else true.since_ns, time_ns - near_ns)
     told_since, taken_back = _told_since(true, believed, limit), _taken_back(true, believed)
-    otherwise_ns = max(0, span), time_ns + near_ns
+    otherwise_ns = max(0, span), min(time_ns + near_ns, max(time_ns, log.end_ns()))
     otherwise = tuple(_otherwise(log, door_id, true.state, otherwise_ns))
     named = (taken_back, *otherwise)
     return Explanation(
