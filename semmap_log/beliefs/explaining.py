@@ -17,9 +17,9 @@ from semmap_log.domain.events import DoorPassed, DoorRequested
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.moments import Moment
 from semmap_log.door_log.door_log import DoorLog, Time
-from semmap_log.door_log.explanation import Explanation, NextChange
+from semmap_log.door_log.explanation import Explanation, NextChange, StateReason
 from semmap_log.door_log.known_later import moment_asked_ns
-from semmap_log.door_log.state_reason import StateReason, state_reason
+from semmap_log.door_log.state_reason import state_reason
 from semmap_log.door_log.times import NEAR_NS
 from semmap_log.errors import UnknownDoorError
 from semmap_log.folds.history import HistoryEntry

@@ -10,8 +10,7 @@ from rich.text import Text
 from semmap_log.beliefs.door_beliefs import DoorBelief
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import format_local, format_short
-from semmap_log.door_log.explanation import Explanation
-from semmap_log.door_log.state_reason import StateReason
+from semmap_log.door_log.explanation import Explanation, StateReason
 from semmap_log.folds.history import HistoryEntry
 from semmap_log.views.belief_words import why_unknown, with_interval
 from semmap_log.views.column_table import CellValue

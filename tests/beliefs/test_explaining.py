@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 
 import semmap_log as sl
 from semmap_log.beliefs import explain, probabilities
-from semmap_log.door_log.explanation import Explanation
-from semmap_log.door_log.state_reason import StateReason
+from semmap_log.door_log.explanation import Explanation, StateReason
 from semmap_log.errors import SemmapError, UnknownDoorError
 from semmap_log.exporting.json_lines import write_event_lines
 from semmap_log.replay.replay import Scope
