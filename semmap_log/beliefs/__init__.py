@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from semmap_log.beliefs.explaining import explain
     from semmap_log.beliefs.sensor_calibration import Calibration, calibrate
     from semmap_log.beliefs.typical_week import TypicalWeek, typical_weeks
+    from semmap_log.door_log.explanation import Explanation, NextChange, StateReason
     from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
     from semmap_log.probabilities.estimators import by_name
 
@@ -36,6 +37,9 @@ __all__ = [
     "Calibration",
     "DoorBelief",
     "Evaluation",
+    "Explanation",
+    "NextChange",
+    "StateReason",
     "TypicalWeek",
     "apply_probabilities",
     "best_time",
@@ -55,6 +59,7 @@ _HOMES = {
     "beliefs.evaluation": ("Evaluation", "evaluate"),
     "beliefs.explaining": ("explain",),
     "beliefs.typical_week": ("TypicalWeek", "typical_weeks"),
+    "door_log.explanation": ("Explanation", "NextChange", "StateReason"),
     "probabilities.belief_fold": ("BeliefProjection", "Beliefs"),
     "probabilities.estimators": ("by_name",),
 }

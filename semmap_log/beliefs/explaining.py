@@ -17,9 +17,9 @@ from semmap_log.domain.events import DoorPassed, DoorRequested
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.moments import Moment
 from semmap_log.door_log.door_log import DoorLog, Time
-from semmap_log.door_log.explanation import Explanation, NextChange
+from semmap_log.door_log.explanation import Explanation, NextChange, StateReason
 from semmap_log.door_log.known_later import moment_asked_ns
-from semmap_log.door_log.state_reason import StateReason, state_reason
+from semmap_log.door_log.state_reason import state_reason
 from semmap_log.door_log.times import NEAR_NS
 from semmap_log.errors import UnknownDoorError
 from semmap_log.folds.history import HistoryEntry
@@ -63,7 +63,7 @@ def explain(
     believed = true if known == Moment() else state_reason(log, door_id, then)
     span = min(time_ns if true.since_ns is None else true.since_ns, time_ns - near_ns)
     told_since, taken_back = _told_since(true, believed, limit), _taken_back(true, believed)
-    otherwise_ns = max(0, span), time_ns + near_ns
+    otherwise_ns = max(0, span), min(time_ns + near_ns, max(time_ns, log.end_ns()))
     otherwise = tuple(_otherwise(log, door_id, true.state, otherwise_ns))
     named = (taken_back, *otherwise)
     return Explanation(

@@ -8,8 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.door_log.state_reason import StateReason
+from semmap_log.domain.doors import Door, DoorId, DoorState
 from semmap_log.folds.history import HistoryEntry
 
 
@@ -31,6 +30,36 @@ class OpenChance(Protocol):
     @property
     def is_known(self) -> bool:
         """False: there is too little evidence, and the numbers are of doors in general."""
+
+
+@dataclass(frozen=True, slots=True)
+class StateReason:
+    """A door's state at a moment, since when, and the events that made it so."""
+
+    door: Door | None
+    """As it was; None: it was not in the map."""
+    is_removed: bool = False
+    """Of a door that was not in the map: no more; else not yet."""
+    since_ns: int | None = None
+    """Since when it was in that state, or removed; None: it was not yet in the map."""
+    begun_by: HistoryEntry | None = None
+    """The event with which that began."""
+    last: HistoryEntry | None = None
+    """The last event that set the state, which may have been the same before."""
+    added_by: HistoryEntry | None = None
+    """The event that put the door into the map; None: it is not in it."""
+    times_told: int = 0
+    """How many events told this state from its beginning on, the first included."""
+
+    @property
+    def state(self) -> DoorState | None:
+        """None: it was not in the map."""
+        return None if self.door is None else self.door.state
+
+    @property
+    def number(self) -> int | None:
+        """Number of the event on which it rests: the state, or that the door is gone."""
+        return None if self.last is None else self.last.number
 
 
 @dataclass(frozen=True, slots=True)

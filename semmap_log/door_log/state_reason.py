@@ -2,44 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from semmap_log.domain.doors import Door, DoorId, DoorState
+from semmap_log.domain.doors import DoorId
 from semmap_log.door_log.door_log import DoorLog
+from semmap_log.door_log.explanation import StateReason
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.history import HistoryEntry
 from semmap_log.folds.timeline import timeline
 from semmap_log.replay.replay import Scope
-
-
-@dataclass(frozen=True, slots=True)
-class StateReason:
-    """A door's state at a moment, since when, and the events that made it so."""
-
-    door: Door | None
-    """As it was; None: it was not in the map."""
-    is_removed: bool = False
-    """Of a door that was not in the map: no more; else not yet."""
-    since_ns: int | None = None
-    """Since when it was in that state, or removed; None: it was not yet in the map."""
-    begun_by: HistoryEntry | None = None
-    """The event with which that began."""
-    last: HistoryEntry | None = None
-    """The last event that set the state, which may have been the same before."""
-    added_by: HistoryEntry | None = None
-    """The event that put the door into the map; None: it is not in it."""
-    times_told: int = 0
-    """How many events told this state from its beginning on, the first included."""
-
-    @property
-    def state(self) -> DoorState | None:
-        """None: it was not in the map."""
-        return None if self.door is None else self.door.state
-
-    @property
-    def number(self) -> int | None:
-        """Number of the event on which it rests: the state, or that the door is gone."""
-        return None if self.last is None else self.last.number
 
 
 def state_reason(log: DoorLog, door_id: DoorId, scope: Scope) -> StateReason:

@@ -10,8 +10,7 @@ from rich.text import Text
 from semmap_log.beliefs.door_beliefs import DoorBelief
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import format_local, format_short
-from semmap_log.door_log.explanation import Explanation
-from semmap_log.door_log.state_reason import StateReason
+from semmap_log.door_log.explanation import Explanation, StateReason
 from semmap_log.folds.history import HistoryEntry
 from semmap_log.views.belief_words import why_unknown, with_interval
 from semmap_log.views.column_table import CellValue
@@ -42,7 +41,7 @@ def explanation_table(told: Explanation, *, tz: str) -> RenderableType:
     if told.known_event is not None:
         _add_believed(rows, told)
     _add_otherwise(rows, told)
-    rows.add("P(open)", lambda _: _chance(told))
+    rows.add("P(open)", lambda _: _p_open(told))
     rows.add("next", lambda when: _next(told, when))
     return Group(rows.table, Text(_caption(told, rows.drawn), style="dim"))
 
@@ -183,7 +182,7 @@ def _add_one_otherwise(rows: _Rows, name: str, entry: HistoryEntry) -> None:
     rows.add(name, lambda when: Text(f"{when(entry.folds_ns)} ").append(_event(entry)), under=under)
 
 
-def _chance(told: Explanation) -> Text:
+def _p_open(told: Explanation) -> Text:
     """Return P(open) as it could be known then; where it is not, why."""
     belief = told.belief
     if belief is None:

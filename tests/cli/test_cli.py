@@ -32,6 +32,7 @@ VERBS = [
     "retract",
     "patrol",
     "record",
+    "why",
     "replay",
     "history",
     "tail",

@@ -7,6 +7,13 @@ from mutation.mutant import guard
 FOREIGN = (
     guard("a size that zstd tells", "_unpack_zstd", "said > most", "False", "test_hostile_bags"),
     guard("what lz4 and bz2 hold", "_unpack_with", "most + 1", "-1", "test_hostile_bags"),
+    guard("a text that does not end", "cdr._read_text",
+          "end == begin or end > len(body) or body[end - 1]", "False", "test_cdr"),
+    guard("texts that do not end", "Texts._walked", "body[at - 1]", "False", "test_cdr"),
+    guard("bytes behind a message", "read_message",
+          "isinstance(at, int) and at + MOST_PADDING < len(body)", "False", "test_cdr"),
+    guard("an array of another length", "cdr._write_array", "len(array) != count", "False",
+          "test_cdr"),
     guard("chunks that overlap", "McapBag._indexed_messages",
           "open_bytes > OPEN_BYTES", "False", "test_hostile_bags"),
     guard("records of a few GiB", "mcap_records.records",

@@ -6,8 +6,7 @@ from typing import Any
 
 from semmap_log.beliefs.door_beliefs import DoorBelief
 from semmap_log.domain.moments import format_utc
-from semmap_log.door_log.explanation import Explanation
-from semmap_log.door_log.state_reason import StateReason
+from semmap_log.door_log.explanation import Explanation, StateReason
 from semmap_log.folds.history import HistoryEntry
 from semmap_log.formats.json.beliefs_json import belief_to_json
 from semmap_log.formats.json.door_json import entry_to_json

@@ -1,0 +1,177 @@
+"""`why` as a user types it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.cli import main
+
+pytestmark = pytest.mark.usefixtures("terminal")
+
+OFFICE = str(Path(__file__).parents[2] / "recordings" / "office")
+WIDEST = 80
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the log `lab`: what happened in March was imported years later."""
+    monkeypatch.chdir(tmp_path)
+    with sl.create("lab", tz="UTC") as log:
+        door = log.add_door(name="front", at="2020-03-01T08:00", actor="survey")
+        log.observe(door, "open", accuracy=0.9, at="2020-03-01T09:00", source="front.csv")
+        log.request(door, "closed", at="2020-03-01T09:05", actor="porter", reason="cold")
+        log.passed(door, passed=False, at="2020-03-01T09:06", actor="tug1")
+        log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, at="2020-03-01T10:00")
+        log.remove_door(2, at="2020-03-01T11:00", reason="walled up")
+    return tmp_path
+
+
+def run(*arguments: str) -> int:
+    try:
+        main(arguments)
+    except SystemExit as left:
+        return int(left.code or 0)
+    return 0
+
+
+def _rows(capsys: pytest.CaptureFixture[str]) -> dict[str, str]:
+    """Return what is drawn: name -> value, folded lines joined, the notes left out."""
+    found: dict[str, str] = {}
+    name = ""
+    for line in capsys.readouterr().out.splitlines():
+        head, value = line[:9].strip(), line[9:].strip()
+        name = head or name
+        found[name] = f"{found[name]} {value}" if name in found else value
+    return found
+
+
+@pytest.mark.parametrize("width", [40, WIDEST, 100])
+def test_it_fits_one_screen(
+    width: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Nothing is cut, at any width.
+    """
+    monkeypatch.setenv("COLUMNS", str(width))
+
+    code = run("why", OFFICE, "main_door", "--at", "10:30")
+
+    out = capsys.readouterr().out
+    assert 0 == code
+    assert max(map(len, out.splitlines())) <= width
+    assert width < WIDEST or len(out.splitlines()) <= 24
+    assert "it was open: sun on the glass" in " ".join(out.split())
+
+
+def test_what_was_told_years_later(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    Then nothing was believed; what is true rests on the import, and nobody peeks.
+    """
+    code = run("why", "lab", "front", "--at", "2020-03-01T09:10")
+
+    rows = _rows(capsys)
+    assert 0 == code
+    assert rows["true"].startswith("OPEN since 09:00:00, for 10 min")
+    assert "with front.csv" in rows["by"]
+    assert "nothing: no event had been recorded by then" == rows["believed"]
+    assert rows["because"].startswith("event 2 was recorded later, at 20")
+    assert "event 3, asked to be CLOSED" in rows["otherwise"]
+    assert "by porter: cold" in rows["otherwise"]
+    assert "event 4, given up" in rows["otherwise"]
+    assert "UNKNOWN: the door was not known then" == rows["P(open)"]
+
+
+def test_a_door_without_a_name_that_was_removed(
+    lab: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    It is called by its number; before it was added it was not there, and after it is gone.
+    """
+    found = []
+    for when in ("09:30", "10:30", "12:00"):
+        assert 0 == run("why", "lab", "2", "--at", f"2020-03-01T{when}")
+        found.append(_rows(capsys))
+    before, between, after = found
+
+    assert "not yet in the map" == before["true"]
+    assert before["next"].startswith("UNKNOWN at 10:00:00, 30 min later; event 5, added")
+    assert between["true"].startswith("UNKNOWN since 10:00:00")
+    assert between["next"].startswith("removed at 11:00:00, 30 min later; event 6, removed")
+    assert after["true"].startswith("removed at 11:00:00, 1 h before")
+    assert "walled up" in after["by"]
+    assert after["next"].startswith("not known: the log ends 1 h before")
+
+
+def test_now_is_told_once(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    What is known is believed: no second state.
+    """
+    assert 0 == run("why", "lab", "front")
+
+    rows = _rows(capsys)
+    assert "1 (front), unplaced" == rows["door"]
+    assert "believed" not in rows
+    assert rows["next"].startswith("no other up to the log's end")
+
+
+def test_a_pipe_gets_a_row_a_line(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Name and value, whole times, a name for each.
+    """
+    for room in ("plain_streams", "printer"):
+        monkeypatch.setattr(f"semmap_log.cli.{room}.is_for_people", lambda: False)
+
+    assert 0 == run("why", OFFICE, "coe_door", "--at", "13:30")
+
+    rows = dict(line.split("\t") for line in capsys.readouterr().out.splitlines())
+    assert "OPEN since 2026-03-02 13:10:00+01:00, for 20 min" == rows["true"]
+    assert "event 122 was recorded later" in rows["believed: because"]
+
+
+def test_json_has_all_of_it(capsys: pytest.CaptureFixture[str]) -> None:
+    """
+    Events as `history` has them, P(open) as `probabilities` has it.
+    """
+    assert 0 == run("why", OFFICE, "main_door", "--at", "10:30", "--json")
+
+    told: dict[str, Any] = json.loads(capsys.readouterr().out)
+    assert "2026-03-02T09:30:00.000000000Z" == told["at"] == told["known_at"]
+    assert 75 == told["known_event"]
+    assert ["OPEN", "CLOSED"] == [told[each]["state"] for each in ("true", "believed")]
+    assert [58, 76] == [told["taken_back"]["event"], told["taken_back"]["retracted_by"]]
+    assert [58] == [each["event"] for each in told["otherwise"]["events"]]
+    assert ["facility manager"] == [each["actor"] for each in told["retractions"]]
+    assert told["told_since"] is None
+    assert told["belief"]["is_known"]
+    assert ["CLOSED", 186] == [told["next"]["state"], told["next"]["event"]["event"]]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (("side",), 1, "no door is called 'side'"),
+        (("front", "--at", "noon-ish"), 1, "Expected a moment"),
+        (("front", "--near", "soon"), 1, "Expected a length of time"),
+        (("front", "--at", "event:99"), 1, "event"),
+    ],
+)
+def test_what_cannot_be_asked(
+    lab: Path,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    code: int,
+    said: str,
+) -> None:
+    """
+    Says what was expected.
+    """
+    assert code == run("why", "lab", *arguments)
+
+    assert said in capsys.readouterr().err
