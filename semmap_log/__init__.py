@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from semmap_log.common.lazily import lazy_names
+from semmap_log.common.notebook_views import NotebookViews, register_notebook_views
 from semmap_log.io.made_logs import register_maker
 
 if TYPE_CHECKING:
@@ -81,6 +82,14 @@ def _joined(path: Path) -> MadeLog:
 
 
 register_maker(".join.json", _joined)
+
+
+def _notebook_views() -> NotebookViews:
+    views: Any = import_module("semmap_log.views.notebook")
+    return views  # type: ignore[no-any-return]
+
+
+register_notebook_views(_notebook_views)
 
 
 def __dir__() -> list[str]:
