@@ -95,7 +95,7 @@ class DoorLog(LogTables, ShownAsTable):
             said = f"{self._reader.last_event() + 1:,} events"
         except LogError:
             said = "damaged"
-        return f"<{type(self).__name__} {str(self.path)!r}: {said}>"
+        return f"<{type(self).__name__} {str(self._reader.folder)!r}: {said}>"
 
     @property
     def info(self) -> LogInfo:

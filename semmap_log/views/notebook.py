@@ -62,18 +62,17 @@ def _shown(value: Any) -> RenderableType:
 def _(log: DoorLog) -> RenderableType:
     """Return what is known without reading the log: `summary()` reads it."""
     info = log.info
-    table = pairs([("log", printable(str(log.path)))])
+    table = pairs()
     for name, text in (("building", info.building), ("robot", info.robot)):
         if text:
             add_pair(table, name, printable(text))
-    add_pair(table, "events", f"{log.last_event() + 1:,}")
     span = log.happened_span()
     if span is not None:
         first, last = (format_local(ns, info.timezone) for ns in span)
         add_pair(table, "happened", f"{first} to {last}")
     add_pair(table, "time zone", info.timezone)
     add_pair(table, "log id", info.log_id)
-    return table
+    return Group(Text(repr(log)), table)
 
 
 @_shown.register
