@@ -17,6 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from semmap_log.common.late_answers import Answer, register_answer
 from semmap_log.common.lazily import lazy_names
 from semmap_log.io.made_logs import register_maker
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from semmap_log.fleet.join.joining_logs import join
     from semmap_log.folds.projection import Projection
     from semmap_log.io.made_logs import MadeLog
+    from semmap_log.queries.sql_query import sql
 
 __all__ = [
     "Appended",
@@ -51,6 +53,7 @@ __all__ = [
     "fleet",
     "join",
     "read",
+    "sql",
 ]
 
 _HOMES = {
@@ -64,6 +67,7 @@ _HOMES = {
     "errors": ("SemmapError",),
     "fleet.join.joining_logs": ("join",),
     "folds.projection": ("Projection",),
+    "queries.sql_query": ("sql",),
 }
 
 _load = lazy_names(__name__, _HOMES)
@@ -80,7 +84,13 @@ def _joined(path: Path) -> MadeLog:
     return made
 
 
+def _sql_of_log() -> Answer:
+    answer: Answer = import_module("semmap_log.queries.sql_query").sql_of_log
+    return answer
+
+
 register_maker(".join.json", _joined)
+register_answer("sql", _sql_of_log)
 
 
 def __dir__() -> list[str]:

@@ -48,6 +48,7 @@ from semmap_log.cli import (
     serve,
     ship,
     show,
+    sql,
     tail,
     timeline,
     update,
@@ -121,6 +122,7 @@ VERBS: dict[str, tuple[tuple[str, Callable[..., None], str], ...]] = {
         ("diff", diff.run, "Show what differs between two moments."),
         ("timeline", timeline.run, "Show when a door was open, when closed."),
         ("rooms", rooms.run, "Show the rooms, and which doors lead where."),
+        ("sql", sql.run, "Answer a query in SQL."),
     ),
     "Ask what is likely": (
         ("probabilities", probabilities.run, "Show how likely doors are open."),
