@@ -94,10 +94,10 @@ class ParquetColumns(Directive):
 
     def run(self) -> list[nodes.Node]:
         """Return a table."""
-        from semmap_log.arrow.table_columns import COLUMNS, SAID
+        from semmap_log.arrow.table_columns import HISTORY_COLUMNS
 
         lines = ["| column | type | means |", "| --- | --- | --- |"]
-        for one in (*COLUMNS, *SAID):
+        for one in HISTORY_COLUMNS:
             means = one.says.replace("|", "\\|")
             lines.append(f"| `{one.name}` | `{one.type}` | {means} |")
         block = nodes.container()

@@ -58,6 +58,7 @@ EDGES: dict[str, set[str]] = {
     "matplotlib": {"views"},
     "pyarrow": {"arrow"},
     "pandas": {"arrow"},
+    "polars": {"arrow"},
     "mcap": {"store", "formats"},
     "zstandard": {"store", "formats"},
     "lz4": {"store", "formats"},
@@ -254,7 +255,7 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     code = (
         "import sys, semmap_log\n"
         "heavy = ('numpy', 'yaml', 'rosbags', 'rerun', 'rich', 'pyarrow', 'pandas',"
-        " 'matplotlib')\n"
+        " 'matplotlib', 'polars')\n"
         "print([name for name in heavy if name in sys.modules])"
     )
 

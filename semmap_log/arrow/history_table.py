@@ -1,57 +1,84 @@
-"""Events with who did it and why: the table of an exported file."""
+"""The one wide table: events with who did it and why, and what doors were called then."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.arrow.arrow_sdk import pa
+from semmap_log.arrow.rows_by_door import Commits
 from semmap_log.arrow.schema import schema_of
-from semmap_log.arrow.table import Events, table_of
-from semmap_log.arrow.table_columns import COLUMNS, SAID
-from semmap_log.domain.commits import Commit
+from semmap_log.arrow.table import Events, column_of, texts_array
+from semmap_log.arrow.table_columns import COUNTS, HISTORY_COLUMNS, SAID, TEXT, THEN, Column
+from semmap_log.domain.commits import NOTE_TEXTS
 
-HISTORY_SCHEMA = schema_of((*COLUMNS, *SAID))
-
-
-class HistoryTables:
-    """Joins batches with the commits that wrote them; both come in the order of event numbers."""
-
-    def __init__(self, commits: Iterable[Commit]) -> None:
-        self._following = iter(commits)
-        self._commits: list[Commit] = []
-        """Those of the last batch, the last of which may go on in the next."""
-
-    def table(self, events: Events, retracted: NDArray[np.bool_]) -> pa.Table:
-        """Return the table of a batch, by `HISTORY_SCHEMA`.
-
-        Args:
-            events: At least one.
-            retracted: Which of them were taken back.
-        """
-        self._read_on(int(events.number[0]), int(events.number[-1]))
-        ends = np.array([commit.last_event for commit in self._commits])
-        place = pa.array(np.searchsorted(ends, events.number))
-        said = [_texts(texts).take(place) for texts in zip(*map(_said, self._commits), strict=True)]
-        columns = [*table_of(events).columns, *said, pa.array(retracted)]
-        return pa.Table.from_arrays(columns, schema=HISTORY_SCHEMA)
-
-    def _read_on(self, first: int, last: int) -> None:
-        """Hold the commits of the events from `first` to `last`, and no others."""
-        self._commits = [commit for commit in self._commits if commit.last_event >= first]
-        while not (self._commits and self._commits[-1].last_event >= last):
-            commit = next(self._following, None)
-            assert commit is not None, "every event belongs to a commit"
-            if commit.last_event >= first:
-                self._commits.append(commit)
+TextsThen = Mapping[str, tuple[NDArray[np.intp], Sequence[str]]]
+"""Column of `THEN` -> of each event the place of its text among some; an empty one is null."""
 
 
-def _said(commit: Commit) -> tuple[str, ...]:
-    note = commit.note
-    return note.actor, note.source, note.reason, note.correlation, commit.command_id.hex()
+def history_table(
+    events: Events,
+    columns: Sequence[Column] = HISTORY_COLUMNS,
+    *,
+    retracted: NDArray[np.bool_],
+    commits: Commits | None = None,
+    then: TextsThen = MappingProxyType({}),
+) -> pa.Table:
+    """Return some columns of events; the others are not made.
+
+    Args:
+        events: Their numbers ascend.
+        columns: Some of `HISTORY_COLUMNS`, in any order.
+        retracted: Which events were taken back.
+        commits: Those of the events, where a column of `SAID` is wanted.
+        then: The columns of `THEN` that are wanted.
+    """
+    places = np.empty(0, np.intp) if commits is None else commits.places_of(events.number)
+    arrays = []
+    for column in columns:
+        if column in SAID:
+            assert commits is not None, "commits say who and why"
+            arrays.append(_said(column.name, commits, places))
+        elif column in THEN:
+            arrays.append(texts_array(*then[column.name]))
+        elif column == COUNTS:
+            arrays.append(pa.array(retracted))
+        else:
+            arrays.append(column_of(events, column))
+    return pa.Table.from_arrays(arrays, schema=schema_of(columns))
 
 
-def _texts(texts: Sequence[str]) -> pa.Array:
-    return pa.array([text or None for text in texts], pa.string())
+def joined(tables: Iterable[pa.Table], columns: Sequence[Column]) -> pa.Table:
+    """Return tables of some columns as one, whose dictionaries are the same in all its parts."""
+    parts = list(tables)
+    if not parts:
+        return schema_of(columns).empty_table()
+    return pa.concat_tables(parts).unify_dictionaries()
+
+
+def plain_texts(columns: Iterable[Column]) -> tuple[Column, ...]:
+    """Return columns as files have them: texts that many rows share are texts all the same."""
+    return tuple(replace(each, type="str") if each.type == TEXT else each for each in columns)
+
+
+EXPORT_SCHEMA = schema_of(plain_texts(HISTORY_COLUMNS))
+"""Of an exported file; a table of all columns becomes one by `cast`."""
+
+
+def _said(name: str, commits: Commits, places: NDArray[np.intp]) -> pa.DictionaryArray:
+    if name in NOTE_TEXTS:
+        at = NOTE_TEXTS.index(name)
+        return texts_array(commits.notes[places], [texts[at] for texts in commits.texts])
+    return pa.DictionaryArray.from_arrays(pa.array(places.astype(np.int32)), _hex(commits))
+
+
+def _hex(commits: Commits) -> pa.StringArray:
+    """Return command ids in hexadecimal digits; no loop over them."""
+    count, width = commits.command_id.shape
+    digits = pa.py_buffer(commits.command_id.tobytes().hex().encode("ascii"))
+    ends = pa.py_buffer(np.arange(count + 1, dtype=np.int32) * (2 * width))
+    return pa.StringArray.from_buffers(count, ends, digits)

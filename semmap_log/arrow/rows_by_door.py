@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.arrow.table import Events
+from semmap_log.arrow.table import Events, texts_array
 from semmap_log.domain.commits import NOTE_TEXTS
 from semmap_log.domain.events import DOOR_KINDS, KINDS, Event, FloorMap
 from semmap_log.messages import OBJECT_KINDS, decode, encode, fixed_layout
@@ -86,7 +86,7 @@ class RowsByDoor:
             numbers = heads["event"][order].tolist()
             columns[DATA] = pa.array([self._data.get(n) for n in numbers], pa.binary())
         for name, (places, texts) in said.items():
-            columns[name] = _texts(places[order], texts)
+            columns[name] = texts_array(places[order], texts)
         return pa.table(columns)
 
 
@@ -103,6 +103,7 @@ class Commits(Protocol):
     def notes(self) -> NDArray[np.intp]: ...  # noqa: D102
     @property
     def texts(self) -> Sequence[tuple[str, ...]]: ...  # noqa: D102
+    def places_of(self, numbers: NDArray[np.int64]) -> NDArray[np.intp]: ...  # noqa: D102
 
 
 def commit_table(commits: Commits) -> pa.Table:
@@ -115,17 +116,8 @@ def commit_table(commits: Commits) -> pa.Table:
         "command_id": pa.Array.from_buffers(pa.binary(width), count, [None, ids]),
     }
     for name, said in zip(NOTE_TEXTS, zip(*commits.texts, strict=True), strict=True):
-        columns[name] = _texts(commits.notes, said)
+        columns[name] = texts_array(commits.notes, said)
     return pa.table(columns)
-
-
-def _texts(places: NDArray[np.intp], texts: Sequence[str]) -> pa.Array:
-    """Return texts as a dictionary; an empty one is null."""
-    known = {text: place for place, text in enumerate(dict.fromkeys(t for t in texts if t))}
-    codes = np.array([known.get(text, -1) for text in texts], np.int32)[places]
-    return pa.DictionaryArray.from_arrays(
-        pa.array(codes, mask=codes < 0), pa.array(list(known), pa.string())
-    )
 
 
 def events_in(rows: pa.Table) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from semmap_log.arrow.table_columns import (
     SCHEMA_VERSION,
     STATE,
     STATE_NAMES,
+    TEXT,
     TIME,
     Column,
 )
@@ -26,6 +27,7 @@ TYPES = {
     TIME: pa.timestamp("ns", "UTC"),
     CELLS: pa.list_(pa.int8()),
     "str": pa.string(),
+    TEXT: pa.dictionary(pa.int32(), pa.string()),
     "bool": pa.bool_(),
     **{name: pa.dictionary(pa.int8(), pa.string()) for name in DICTIONARIES},
 }
@@ -36,7 +38,12 @@ PANDAS_TYPES = {"bool": "boolean", "uint16": "UInt16", "uint32": "UInt32", "int6
 
 def type_of(column: Column) -> pa.DataType:
     """Return a column's Arrow type."""
-    return TYPES[column.type] if column.type in TYPES else pa.type_for_alias(column.type)
+    return type_named(column.type)
+
+
+def type_named(name: str) -> pa.DataType:
+    """Return the Arrow type of what a column calls its type."""
+    return TYPES[name] if name in TYPES else pa.type_for_alias(name)
 
 
 def schema_of(

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.arrow.schema import DICTIONARIES, schema_of, type_of
+from semmap_log.arrow.schema import DICTIONARIES, schema_of, type_named, type_of
 from semmap_log.arrow.table_columns import CELLS, CHANGED, COLUMNS, KIND, STATE, TIME, Column
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import KINDS, Event
@@ -40,47 +41,73 @@ class Events(Protocol):
     def columns(self) -> Mapping[int, NDArray[np.void]]: ...  # noqa: D102
     @property
     def objects(self) -> Mapping[int, Sequence[Event]]: ...  # noqa: D102
+    def places_of(self, kind: int) -> NDArray[np.intp]: ...  # noqa: D102
+    def door_ids(self) -> NDArray[np.uint32]: ...  # noqa: D102
+    def about_doors(self) -> NDArray[np.bool_]: ...  # noqa: D102
 
 
 def table_of(events: Events) -> pa.Table:
     """Return events as a table of `COLUMNS`; numbers and times share the events' memory."""
-    where = {
-        kind: np.flatnonzero(events.kind == kind) for kind in (*events.columns, *events.objects)
-    }
-    heads = {
-        "event": pa.array(events.number),
-        "kind": _dictionary(KIND, events.kind - 1),
-        "happened": times_array(events.happened_ns),
-        "recorded": times_array(events.recorded_ns),
-    }
-    arrays = [heads.get(c.name) if c.name in heads else _field(c, events, where) for c in COLUMNS]
-    return pa.Table.from_arrays(arrays, schema=SCHEMA)
+    return pa.Table.from_arrays([column_of(events, each) for each in COLUMNS], schema=SCHEMA)
 
 
-def _field(column: Column, events: Events, where: Mapping[int, NDArray[np.intp]]) -> pa.Array:
+def column_of(events: Events, column: Column) -> pa.Array:
+    """Return one of `COLUMNS` of some events."""
+    head = _HEADS.get(column.name)
+    return _field(column, events) if head is None else head(events)
+
+
+def _door_ids(events: Events) -> pa.Array:
+    about = events.about_doors()
+    return pa.array(events.door_ids(), mask=None if about.all() else ~about)
+
+
+_HEADS: Mapping[str, Callable[[Events], pa.Array]] = {
+    "event": lambda events: pa.array(events.number),
+    "kind": lambda events: _dictionary(KIND, events.kind - 1),
+    "door_id": _door_ids,
+    "happened": lambda events: times_array(events.happened_ns),
+    "recorded": lambda events: times_array(events.recorded_ns),
+}
+"""The columns that events of all kinds have."""
+
+
+def _field(column: Column, events: Events) -> pa.Array:
     """Return one field of all kinds that have it; null for the others."""
-    kinds = [kind for kind in column.kinds if kind in where]
+    there = events.columns.keys() | events.objects.keys()
+    kinds = [kind for kind in column.kinds if kind in there]
     if not kinds:
         return _nulls(column, len(events.number))
     if column.type in {"str", CELLS}:
-        return _of_objects(column, events, kinds, where)
+        return _of_objects(column, events, kinds)
     values = np.zeros(len(events.number), _STORED.get(column.type, column.type))
     given = np.zeros(len(values), np.bool_)
     for kind in kinds:
+        places = events.places_of(kind)
         if kind in events.columns:
             rows = events.columns[kind]
-            values[where[kind]] = rows[column.field_name]
-            given[where[kind]] = _is_set(column.field_name, kind, rows)
+            values[places] = rows[column.field_name]
+            given[places] = _is_set(column.field_name, kind, rows)
         else:
-            values[where[kind]] = [_value(column, event) for event in events.objects[kind]]
-            given[where[kind]] = True
+            values[places] = [_value(column, event) for event in events.objects[kind]]
+            given[places] = True
     return _array(column, values, given)
 
 
 def _nulls(column: Column, count: int) -> pa.Array:
-    if column.type in DICTIONARIES:  # Arrow's own nulls would bring a dictionary without words
-        return _dictionary(column.type, np.zeros(count, np.int8), np.ones(count, np.bool_))
-    return pa.nulls(count, type_of(column))
+    """Return nothing, so many times: most columns of most batches, so they share their memory."""
+    most = 1 << max(count - 1, _FEW).bit_length()
+    return _many_nulls(column.type, most).slice(0, count)
+
+
+_FEW = 2**14
+
+
+@lru_cache(maxsize=64)
+def _many_nulls(type_: str, count: int) -> pa.Array:
+    if type_ in DICTIONARIES:  # Arrow's own nulls would bring a dictionary without words
+        return _dictionary(type_, np.zeros(count, np.int8), np.ones(count, np.bool_))
+    return pa.nulls(count, type_named(type_))
 
 
 def _is_set(field: str, kind: int, rows: NDArray[np.void]) -> Array | bool:
@@ -103,16 +130,15 @@ def _array(column: Column, values: Array, given: NDArray[np.bool_]) -> pa.Array:
     return times_array(values, missing) if column.type == TIME else pa.array(values, mask=missing)
 
 
-def _of_objects(
-    column: Column, events: Events, kinds: Sequence[int], where: Mapping[int, NDArray[np.intp]]
-) -> pa.Array:
+def _of_objects(column: Column, events: Events, kinds: Sequence[int]) -> pa.Array:
     """Return texts or grids, which only kinds that are read as objects have."""
     place = np.zeros(len(events.number), np.int64)
     given = np.zeros(len(place), np.bool_)
     found: list[Any] = []
     for kind in kinds:
-        place[where[kind]] = np.arange(len(found), len(found) + len(where[kind]))
-        given[where[kind]] = True
+        mine = events.places_of(kind)
+        place[mine] = np.arange(len(found), len(found) + len(mine))
+        given[mine] = True
         found += [_value(column, event) for event in events.objects[kind]]
     return pa.array(found, type_of(column)).take(pa.array(place, mask=~given))
 
@@ -139,6 +165,20 @@ def states_array(states: Array, missing: NDArray[np.bool_] | None = None) -> pa.
 def times_array(ns: Array, missing: NDArray[np.bool_] | None = None) -> pa.Array:
     """Return nanoseconds since the Unix epoch as instants, in the same memory."""
     return pa.array(ns, mask=missing).view(pa.timestamp("ns", "UTC"))
+
+
+def texts_array(places: NDArray[np.intp], texts: Sequence[str]) -> pa.Array:
+    """Return texts that many rows share as a dictionary, in the order in which they stand.
+
+    Args:
+        places: Of each row the place of its text among `texts`.
+        texts: Some may be equal; an empty one is null.
+    """
+    known = {text: place for place, text in enumerate(dict.fromkeys(t for t in texts if t))}
+    codes = np.array([known.get(text, -1) for text in texts], np.int32)[places]
+    missing = codes < 0
+    indices = pa.array(codes, mask=missing if missing.any() else None)
+    return pa.DictionaryArray.from_arrays(indices, pa.array(list(known), pa.string()))
 
 
 def _dictionary(type_: str, places: Array, missing: NDArray[np.bool_] | None = None) -> pa.Array:

@@ -27,7 +27,9 @@ SCHEMA_VERSION = 1
 TIME = "timestamp[ns, UTC]"
 KIND, STATE, CHANGED = "kind", "state", "changed"
 CELLS = "list<int8>"
-"""The types that are not numpy's own names; `KIND`, `STATE` and `CHANGED` are dictionaries."""
+TEXT = "text"
+"""The types that are not numpy's own names; `KIND`, `STATE` and `CHANGED` are dictionaries, and so
+is `TEXT`, a text that many rows share."""
 
 KIND_NAMES = tuple(kind.__name__ for kind in KINDS)
 STATE_NAMES = tuple(state.name for state in DoorState)
@@ -154,12 +156,22 @@ DOOR = Column("door_id", "uint32", "the door that it is about")
 COLUMNS = (*HEAD, DOOR, *WHEN, *FIELDS)
 """Of `EventBatch.to_arrow()`, in order."""
 
-SAID = (
-    Column("actor", "str", "who did it"),
-    Column("source", "str", "with which sensor, robot or file"),
-    Column("reason", "str", "why"),
-    Column("correlation", "str", "what it belongs to: a goal, a ticket, a round"),
-    Column("command_id", "str", "of its commit, 32 hex digits"),
-    Column("retracted", "bool", "it was taken back, and does not count", nullable=False),
+THEN = (
+    Column("door_name", TEXT, "what the door was called then, by what is known now"),
+    Column("level_name", TEXT, "storey it, the robot or the map was on then: name, else number"),
 )
-"""What an exported file has besides."""
+"""Of the door and its level, as of then."""
+
+SAID = (
+    Column("actor", TEXT, "who did it"),
+    Column("source", TEXT, "with which sensor, robot or file"),
+    Column("reason", TEXT, "why"),
+    Column("correlation", TEXT, "what it belongs to: a goal, a ticket, a round"),
+    Column("command_id", TEXT, "of its commit, 32 hex digits"),
+)
+"""What the event's commit says."""
+
+COUNTS = Column("retracted", "bool", "it was taken back, and does not count", nullable=False)
+
+HISTORY_COLUMNS = (*HEAD, DOOR, *THEN, *WHEN, *FIELDS, *SAID, COUNTS)
+"""Of `DoorLog.to_arrow()`, in order, and of an exported file."""

@@ -29,6 +29,7 @@ from semmap_log.door_log.door_labels import labels_ever
 from semmap_log.door_log.last_patrol import last_patrol
 from semmap_log.door_log.log_end import latest_happened_ns
 from semmap_log.door_log.log_queries import LogQueries
+from semmap_log.door_log.log_tables import LogTables
 from semmap_log.door_log.times import Time, moment_of
 from semmap_log.errors import MomentError
 from semmap_log.folds.diff import Diff, diff
@@ -63,7 +64,7 @@ S = TypeVar("S")
 
 
 @knows_its_keywords
-class DoorLog(LogQueries):
+class DoorLog(LogTables, LogQueries):
     """A log that is read: as it was when it was opened, or last refreshed."""
 
     def __init__(self, path: str | PurePath | LogFolder | LogReader) -> None:

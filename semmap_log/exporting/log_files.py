@@ -168,19 +168,15 @@ def _event_lines(log: DoorLog, path: Path, scope: Scope, progress: Progress | No
 
 
 def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
-    from semmap_log.arrow.history_table import HISTORY_SCHEMA, HistoryTables
+    from semmap_log.arrow.history_table import EXPORT_SCHEMA
     from semmap_log.arrow.parquet import write_parquet
 
     limit = log.limit_of(scope)
     window = Window.up_to(at_ns=scope.at_ns, event=limit)
-    retractions = log.retractions(limit)
-    joined = HistoryTables(log.commits())
-    tables = (
-        joined.table(batch, retractions.hidden(batch))
-        for batch in log.batches_in(window, progress=progress)
-    )
+    tables = log.tables_in(window, limit=limit, progress=progress)
+    stored = (table.cast(EXPORT_SCHEMA) for table in tables)
     said = {f"semmap_log.{key}": text for key, text in about(log).items()}
-    return Exported(counted(write_parquet(path, tables, HISTORY_SCHEMA, said), "event"))
+    return Exported(counted(write_parquet(path, stored, EXPORT_SCHEMA, said), "event"))
 
 
 def _csv(log: DoorLog, path: Path, scope: Scope) -> Exported:

@@ -11,6 +11,9 @@ import numpy as np
 from semmap_log.domain.doors import DoorId
 from semmap_log.errors import LogError
 
+NAME = "name"
+"""The key under which a door's name is said."""
+
 Stamp = tuple[int, int]
 """(happened time, event number)."""
 
@@ -50,7 +53,7 @@ class Annotations:
 
     def names(self) -> dict[DoorId, str]:
         """Return the latest name of every door that has one, ids ascending."""
-        said = {DoorId(door_id): texts.get("name") for door_id, texts in self._unpacked().items()}
+        said = {DoorId(door_id): texts.get(NAME) for door_id, texts in self._unpacked().items()}
         return {door_id: name[1] for door_id, name in sorted(said.items()) if name and name[1]}
 
     def events(self) -> list[int]:

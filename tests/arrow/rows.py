@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,20 @@ import semmap_log as sl
 from semmap_log.arrow.table_columns import COLUMNS
 from semmap_log.batches.event_batch import RecordedEvent
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorEvent, DoorUpdated, Event, FloorMap, field_names
+from semmap_log.domain.events import (
+    Changed,
+    DoorAdded,
+    DoorAnnotated,
+    DoorEvent,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    field_names,
+)
 from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandError, InvalidEventError
+from semmap_log.folds.history import HistoryEntry
 from tests.conftest import SteadyClock
 
 UPDATED = {
@@ -56,6 +67,52 @@ def _cells(name: str, value: Any) -> dict[str, Any]:
     if isinstance(value, float) and math.isnan(value):
         return {name: None}
     return {"at" if name == "at_ns" else name: value}
+
+
+def stamp(entry: HistoryEntry) -> tuple[int, int]:
+    """Return by what it is ordered."""
+    return entry.folds_ns, entry.number
+
+
+def history_rows(entries: Sequence[HistoryEntry]) -> Iterator[dict[str, Any]]:
+    """Yield the row of each entry, found by looking at all the others."""
+    counting = [entry for entry in entries if not entry.retracted]
+    for entry in entries:
+        yield {
+            **row_of(entry.recorded),
+            **dict(zip(("door_name", "level_name"), called(entry, counting), strict=True)),
+            "actor": entry.actor or None,
+            "source": entry.source or None,
+            "reason": entry.reason or None,
+            "correlation": entry.correlation or None,
+            "command_id": entry.command_id.hex(),
+            "retracted": entry.retracted,
+        }
+
+
+def called(entry: HistoryEntry, counting: Sequence[HistoryEntry]) -> tuple[str | None, str | None]:
+    """Return what an entry's door was called then, and the level."""
+    before = sorted((each for each in counting if stamp(each) <= stamp(entry)), key=stamp)
+    name, level = None, getattr(entry.event, "level", None)
+    if isinstance(entry.event, DoorEvent):
+        name, level = None, None
+        mine = [e for e in counting if getattr(e.event, "door_id", None) == entry.event.door_id]
+        added = [stamp(each) for each in mine if isinstance(each.event, DoorAdded)]
+        for each in before:
+            if each not in mine or (added and stamp(each) < added[0]):
+                continue
+            match each.event:
+                case DoorAnnotated(key="name", value=value):
+                    name = value or None
+                case DoorAdded(level=put):
+                    level = put
+                case DoorUpdated(changed=changed, level=put) if Changed.POSE in changed:
+                    level = put
+    if level is None:
+        return name, None
+    names = [e.event.name for e in before
+             if isinstance(e.event, LevelAdded) and e.event.level == level]  # fmt: skip
+    return name, (names[-1] if names else "") or str(level)
 
 
 def rows_of(table: pa.Table) -> list[dict[str, Any]]:

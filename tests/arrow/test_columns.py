@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from semmap_log.arrow.table_columns import COLUMNS, SAID
+from semmap_log.arrow.table_columns import COLUMNS, HISTORY_COLUMNS
 from semmap_log.domain.events import KINDS, Event, field_names
 
 
@@ -22,6 +22,6 @@ def test_no_two_columns_bear_the_same_name() -> None:
     """
     In SQL the second one would be out of reach.
     """
-    names = [column.name for column in (*COLUMNS, *SAID)]
+    names = [column.name for column in HISTORY_COLUMNS]
 
     assert sorted(set(names)) == sorted(names)

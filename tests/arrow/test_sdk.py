@@ -14,7 +14,9 @@ from semmap_log.errors import MissingExtraError
 from semmap_log.exporting.log_files import export
 from tests.batches import batch_of
 
-NEEDS_IT = ("arrow_sdk", "schema", "table", "history_table", "parquet", "intervals")
+NEEDS_IT = (
+    "arrow_sdk", "schema", "table", "history_table", "rows_by_door", "parquet", "intervals",
+)  # fmt: skip
 INSTALL = r"pip install 'semmap-log\[arrow\]'"
 
 
@@ -33,6 +35,29 @@ def test_a_table_says_what_to_install() -> None:
     """
     with pytest.raises(MissingExtraError, match=f"pyarrow.*{INSTALL}"):
         batch_of([]).to_arrow()
+
+
+@pytest.mark.usefixtures("without_pyarrow")
+@pytest.mark.parametrize("ask", ["to_arrow", "to_pandas", "to_polars"])
+def test_a_log_as_a_table_says_it_too(tmp_path: Path, ask: str) -> None:
+    """
+    Whichever form is asked for.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        log.add_door()
+        with pytest.raises(MissingExtraError, match=f"pyarrow.*{INSTALL}"):
+            getattr(log, ask)()
+
+
+def test_polars_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    It has an extra of its own: pandas is enough for most.
+    """
+    monkeypatch.setitem(sys.modules, "polars", None)
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        with pytest.raises(MissingExtraError, match=r"polars.*pip install 'semmap-log\[polars\]'"):
+            log.to_polars()
+        assert 0 == len(log.to_pandas())
 
 
 def test_so_does_a_frame_where_only_pandas_is_missing() -> None:

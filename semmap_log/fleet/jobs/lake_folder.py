@@ -12,14 +12,20 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.arrow.history_table import HISTORY_SCHEMA
+from semmap_log.arrow.history_table import plain_texts
 from semmap_log.arrow.parquet import FOOTER_END, footer_bytes, rows_in, write_parquet
+from semmap_log.arrow.schema import schema_of
+from semmap_log.arrow.table_columns import COLUMNS, COUNTS, SAID
 from semmap_log.io.disk import output_errors, whole_file
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.io.url_path import UrlPath, place_of
 
 MONTH = pa.field("month", pa.string())
 """What the folders say."""
+
+
+EVENT_COLUMNS = (*COLUMNS, *SAID, COUNTS)
+"""Of the events in a lake: lakes that are there keep their columns."""
 
 
 def _lake_schema() -> pa.Schema:
@@ -31,7 +37,7 @@ def _lake_schema() -> pa.Schema:
             nullable=each.nullable,
             metadata=each.metadata,
         )
-        for each in HISTORY_SCHEMA
+        for each in schema_of(plain_texts(EVENT_COLUMNS))
     ]
     return pa.schema([pa.field("log_id", pa.string(), nullable=False), *fields])
 

@@ -13,10 +13,14 @@ from datetime import datetime, timezone
 from typing import ClassVar
 
 from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.arrow.history_table import HistoryTables
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.fleet.jobs.job import Holds, Told
-from semmap_log.fleet.jobs.lake_folder import LAKE_FILE_FIELDS, LAKE_SCHEMA, LakeFolder
+from semmap_log.fleet.jobs.lake_folder import (
+    EVENT_COLUMNS,
+    LAKE_FILE_FIELDS,
+    LAKE_SCHEMA,
+    LakeFolder,
+)
 from semmap_log.store.reading.window import Window
 
 HEAD_DIGITS = 12
@@ -54,14 +58,11 @@ class MonthExport:
 
 
 class _MonthTables:
-    """The tables of a log's months; its commits are read once, if months follow each other."""
+    """The tables of a log's months, as it is at the first."""
 
     def __init__(self, log: DoorLog) -> None:
         self._log = log
         self._limit = log.last_event()
-        self._retractions = log.retractions(self._limit)
-        self._joined: HistoryTables | None = None
-        self._next = 0
 
     def of(self, month: str) -> Iterator[pa.Table]:
         """Yield the events that happened in a month, numbers ascending."""
@@ -69,14 +70,9 @@ class _MonthTables:
         window = Window(
             happened_from_ns=since_ns, happened_before_ns=until_ns, before_event=self._limit + 1
         )
-        for batch in self._log.batches_in(window):
-            first = int(batch.number[0])
-            if self._joined is None or first < self._next:
-                self._joined = HistoryTables(self._log.commits())
-            self._next = int(batch.number[-1]) + 1
-            yield _as_lake(
-                self._joined.table(batch, self._retractions.hidden(batch)), self._log.info.log_id
-            )
+        names = [column.name for column in EVENT_COLUMNS]
+        for table in self._log.tables_in(window, columns=names, limit=self._limit):
+            yield _as_lake(table, self._log.info.log_id)
 
 
 def _as_lake(table: pa.Table, log_id: str) -> pa.Table:

@@ -26,6 +26,7 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.lazily import computed_once
 from semmap_log.domain.commits import NOTE_TEXTS, Note
 from semmap_log.errors import StaleIndexError
+from semmap_log.store.reading.note_sources import CommitColumns, NoteTexts
 from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.sealed_json import sealed, unsealed
@@ -280,7 +281,18 @@ class CommitTable:
         self._counts = rows["count"].to_numpy()
         self._ids = rows["command_id"].combine_chunks()
         texts = [rows[name].to_pylist() for name in NOTE_TEXTS]
-        self._notes = [tuple(text or "" for text in said) for said in zip(*texts, strict=True)]
+        self._notes: list[NoteTexts] = [
+            (actor or "", source or "", reason or "", correlation or "")
+            for actor, source, reason, correlation in zip(*texts, strict=True)
+        ]
+
+    @computed_once
+    def columns(self) -> CommitColumns:
+        """The same as columns."""
+        known: dict[NoteTexts, int] = {}
+        notes = [known.setdefault(note, len(known)) for note in self._notes]
+        ids = np.frombuffer(b"".join(self._ids.to_pylist()), np.uint8).reshape(-1, 16)
+        return CommitColumns(self._firsts, self._counts, ids, np.array(notes, np.intp), list(known))
 
     def commit_holding(self, number: int) -> SaidOfCommit | None:
         """Return the commit that holds an event; None: it is none of this segment's."""

@@ -1,4 +1,4 @@
-"""Which source each event of a page is from, as the notes of the commits say.
+"""Who did it and why: the commits of many events, with their notes, as columns.
 
 Nothing is looked up before somebody asks: most folds never do.
 """
@@ -6,8 +6,7 @@ Nothing is looked up before somebody asks: most folds never do.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,22 +20,66 @@ from semmap_log.store.form import NOTE_CHANNEL
 from semmap_log.store.pages import Page
 from semmap_log.store.record_scan import gather
 
-NO_SOURCE = ""
 _SAID = len(CDR_HEADER) + 16
 """Where in a note's message the texts begin: before them is its salt, which differs in each."""
+
+
+NoteTexts = tuple[str, str, str, str]
+"""Actor, source, reason, correlation; empty where nothing is said."""
+NO_TEXTS: NoteTexts = ("", "", "", "")
+
+
+class SaidFinder:
+    """Finds the commits of one batch's events after another's, looking first where these lie."""
+
+    def __init__(
+        self, find_commit: Callable[[int], Commit | None], *, with_notes: bool = True
+    ) -> None:
+        """Begin.
+
+        Args:
+            find_commit: Returns the commit that holds an event; asked for those whose Commit is not
+                on the page that was looked at.
+            with_notes: False: the notes are not read, and say nothing.
+        """
+        self._find_commit = find_commit
+        self._with_notes = with_notes
+        self._at_hand: CommitColumns | None = None
+        self._last: Commit | None = None
+        """The last that was found elsewhere; an import's may go on over many pages."""
+
+    def look_at(self, page: Page) -> None:
+        """Take the commits of a page, in which the events lie that are asked about next.
+
+        Raises:
+            CorruptLogError: A note is not what its channel carries.
+        """
+        self._at_hand = commits_on(page, with_notes=self._with_notes)
+
+    def take(self, commits: CommitColumns) -> None:
+        """Take these commits instead."""
+        self._at_hand = commits
+
+    def commits_of(self, numbers: NDArray[np.int64]) -> CommitColumns:
+        """Return commits of which each of these events, numbers ascending, has its own."""
+        commits = self._at_hand
+        assert commits is not None, "somebody told where the events lie"
+        lacking = numbers[commits.places_of(numbers) < 0]
+        while len(lacking):
+            first = int(lacking[0])
+            if self._last is None or not self._last.first_event <= first <= self._last.last_event:
+                self._last = self._find_commit(first)
+            assert self._last is not None, "every event belongs to a commit"
+            commits = commits.with_commit(self._last)
+            lacking = lacking[lacking > self._last.last_event]
+        return commits
 
 
 class NoteSources:
     """Answers for the events of one page; see `EventBatch.sources_of`."""
 
     def __init__(self, page: Page, find_commit: Callable[[int], Commit | None]) -> None:
-        """Take a page.
-
-        Args:
-            page: Where the events are.
-            find_commit: Returns the commit that holds an event; asked for those whose Commit is not
-                on the page.
-        """
+        """Take a page, and what `SaidFinder` takes."""
         self._page = page
         self._find_commit = find_commit
 
@@ -46,44 +89,23 @@ class NoteSources:
         Raises:
             CorruptLogError: A note is not what its channel carries.
         """
-        firsts, ends, sources, known = self._of_commits
-        names = list(known)
-        commits = np.searchsorted(ends, numbers, "right")
-        is_here = np.append(firsts, np.iinfo(np.int64).max)[commits] <= numbers
-        codes = np.append(sources, 0)[commits]
-        while not is_here.all():
-            commit = self._find_commit(int(numbers[np.argmin(is_here)]))
-            assert commit is not None, "every event belongs to a commit"
-            its = (numbers >= commit.first_event) & (numbers <= commit.last_event)
-            codes[its], is_here[its] = len(names), True
-            names.append(commit.note.source)
-        return codes, names
+        commits = self._finder.commits_of(numbers)
+        names: dict[str, int] = {}
+        of_texts = [names.setdefault(source, len(names)) for _, source, _, _ in commits.texts]
+        return np.array(of_texts, np.intp)[commits.notes_of(numbers)], list(names)
 
     @computed_once
-    def _of_commits(
-        self,
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.intp], Sequence[str]]:
-        """Return of each commit its first event, the number behind its last, and its source."""
-        page, places = self._page, self._page.commit_places()
-        rows = page.commit_rows(places)
-        firsts = rows["first_event"].astype(np.int64)
-        codes, texts = _notes_of(page, places)
-        names = {NO_SOURCE: 0}
-        of_texts = [names.setdefault(text[1], len(names)) for text in texts]
-        all_codes = np.array(of_texts, np.intp)[codes]
-        return firsts, firsts + rows["count"], all_codes, list(names)
-
-
-NoteTexts = tuple[str, str, str, str]
-"""Actor, source, reason, correlation; empty where nothing is said."""
-NO_TEXTS: NoteTexts = ("", NO_SOURCE, "", "")
+    def _finder(self) -> SaidFinder:
+        finder = SaidFinder(self._find_commit)
+        finder.look_at(self._page)
+        return finder
 
 
 class SaidByCommits:
     """Who and why of all the commits of some pages that follow each other, as columns."""
 
     def __init__(self) -> None:
-        self._parts: list[tuple[NDArray[Any], NDArray[np.intp]]] = []
+        self._parts: list[CommitColumns] = []
         self._places: dict[NoteTexts, int] = {NO_TEXTS: 0}
 
     def take(self, page: Page) -> None:
@@ -92,20 +114,18 @@ class SaidByCommits:
         Raises:
             CorruptLogError: A note is not what its channel carries.
         """
-        places = page.commit_places()
-        codes, texts = _notes_of(page, places)
-        known = np.array([self._places.setdefault(t, len(self._places)) for t in texts], np.intp)
-        rows = page.commit_rows(places)
-        self._parts.append((rows[["first_event", "count", "command_id"]].copy(), known[codes]))
+        part = commits_on(page)
+        known = [self._places.setdefault(text, len(self._places)) for text in part.texts]
+        self._parts.append(replace(part, notes=np.array(known, np.intp)[part.notes]))
 
     def commits(self) -> CommitColumns:
         """Return what was taken in."""
-        rows = np.concatenate([rows for rows, _ in self._parts])
+        parts = self._parts
         return CommitColumns(
-            rows["first_event"].astype(np.int64),
-            rows["count"].astype(np.int64),
-            np.ascontiguousarray(rows["command_id"]),
-            np.concatenate([notes for _, notes in self._parts]),
+            np.concatenate([part.first_event for part in parts]),
+            np.concatenate([part.count for part in parts]),
+            np.concatenate([part.command_id for part in parts]),
+            np.concatenate([part.notes for part in parts]),
             list(self._places),
         )
 
@@ -122,9 +142,59 @@ class CommitColumns:
     """Of each the place of its note among the texts."""
     texts: Sequence[NoteTexts]
 
+    def places_of(self, numbers: NDArray[np.int64]) -> NDArray[np.intp]:
+        """Return of each event, numbers ascending, the place of its commit; -1: it is not here."""
+        begins = np.searchsorted(numbers, self.first_event)
+        ends = np.searchsorted(numbers, self.first_event + self.count)
+        places = np.full(len(numbers), -1, np.intp)
+        if (begins[1:] == ends[:-1]).all() and len(begins):  # as on every page
+            counts = ends - begins
+            places[begins[0] : ends[-1]] = np.repeat(np.arange(len(counts)), counts)
+            return places
+        for place, (begin, end) in enumerate(zip(begins.tolist(), ends.tolist(), strict=True)):
+            places[begin:end] = place
+        return places
+
     def notes_of(self, numbers: NDArray[np.int64]) -> NDArray[np.intp]:
         """Return of each event, all of these commits, the place of its note among the texts."""
-        return self.notes[np.searchsorted(self.first_event, numbers, "right") - 1]
+        return self.notes[self.places_of(numbers)]
+
+    def with_commit(self, commit: Commit) -> CommitColumns:
+        """Return these commits and another."""
+        at = int(np.searchsorted(self.first_event, commit.first_event))
+        note = commit.note
+        command_id = np.frombuffer(commit.command_id, np.uint8)
+        return CommitColumns(
+            np.insert(self.first_event, at, commit.first_event),
+            np.insert(self.count, at, commit.count),
+            np.insert(self.command_id, at, command_id, axis=0),
+            np.insert(self.notes, at, len(self.texts)),
+            [*self.texts, (note.actor, note.source, note.reason, note.correlation)],
+        )
+
+
+def commits_on(page: Page, *, with_notes: bool = True) -> CommitColumns:
+    """Return the commits whose Commit is on a page.
+
+    Args:
+        page: The page.
+        with_notes: False: the notes are not read, and say nothing.
+
+    Raises:
+        CorruptLogError: A note is not what its channel carries.
+    """
+    places = page.commit_places()
+    rows = page.commit_rows(places)
+    notes, texts = (
+        _notes_of(page, places) if with_notes else (np.zeros(len(rows), np.intp), [NO_TEXTS])
+    )
+    return CommitColumns(
+        rows["first_event"].astype(np.int64),
+        rows["count"].astype(np.int64),
+        np.ascontiguousarray(rows["command_id"]),
+        notes,
+        texts,
+    )
 
 
 def _notes_of(page: Page, places: NDArray[np.intp]) -> tuple[NDArray[np.intp], list[NoteTexts]]:
