@@ -32,7 +32,7 @@ ORDER = [
     {"replay"},
     {"door_log"},
     {"costmaps", "beliefs", "scans", "rooms"},
-    {"fleet"},
+    {"fleet", "queries"},
     {"planning"},
     {"formats"},
     {"views", "ros_mapping"},
@@ -59,6 +59,7 @@ EDGES: dict[str, set[str]] = {
     "pyarrow": {"arrow"},
     "pandas": {"arrow"},
     "polars": {"arrow"},
+    "duckdb": {"queries"},
     "mcap": {"store", "formats"},
     "zstandard": {"store", "formats"},
     "lz4": {"store", "formats"},
@@ -255,7 +256,7 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     code = (
         "import sys, semmap_log\n"
         "heavy = ('numpy', 'yaml', 'rosbags', 'rerun', 'rich', 'pyarrow', 'pandas',"
-        " 'matplotlib', 'polars')\n"
+        " 'matplotlib', 'polars', 'duckdb')\n"
         "print([name for name in heavy if name in sys.modules])"
     )
 

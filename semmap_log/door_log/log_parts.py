@@ -62,5 +62,7 @@ def _runs(segment: Segment) -> Iterator[LogPart]:
         np.minimum.reduceat(rows["start_ns"], starts),
         np.maximum.reduceat(rows["end_ns"], starts),
     )
-    for first, end, least, greatest, start, last in zip(*(c.tolist() for c in columns), strict=True):
+    for first, end, least, greatest, start, last in zip(
+        *(c.tolist() for c in columns), strict=True
+    ):
         yield LogPart(first, end - 1, (least, greatest), (start, last))

@@ -20,6 +20,7 @@ from semmap_log.store.reading.window import Window
 if TYPE_CHECKING:
     from semmap_log.arrow.arrow_sdk import pa
 
+
 class LogQueries(ABC):
     """A log as those see it who plan what to read of it."""
 
@@ -29,7 +30,7 @@ class LogQueries(ABC):
         """The bytes underneath."""
 
     def sql(self, query: str, *, allow_files: bool = False, **others: Any) -> Any:
-        """Return what a query in SQL answers, as a relation of DuckDB: `.df()`, `.pl()`, `.arrow()`.
+        """Return what a query in SQL answers, as a relation of DuckDB: `.df()`, `.pl()` and so on.
 
             log.sql("select door_name, count(*) from events group by all").df()
 

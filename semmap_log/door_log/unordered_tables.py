@@ -56,7 +56,9 @@ def unordered_tables(
         for window in windows:
             yield from event_tables(reader, window, columns, doors=doors)
         return
-    steps = list(chain.from_iterable(_steps(reader, segment, windows) for segment in reader.segments))
+    steps = list(
+        chain.from_iterable(_steps(reader, segment, windows) for segment in reader.segments)
+    )
     rows = ahead(
         partial(_rows_of, step.tables, needed) for step in steps if step.tables is not None
     )

@@ -15,7 +15,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
 
 
 def answer_rows(answer: pa.Table) -> Iterator[tuple[Any, ...]]:
-    """Yield rows as JSON knows them: instants as ISO-8601 UTC, bytes in hexadecimal, NaN as None."""
+    """Yield rows as JSON knows them: instants are ISO-8601 UTC, bytes hexadecimal, NaN is None."""
     yield from zip(*(_plain(column) for column in answer.columns), strict=True)
 
 

@@ -1,4 +1,4 @@
-"""The views of one log: each is made when a query scans it, of what the query's filter can match."""
+"""The views of a log: each is made when a query scans it, of what the query's filter can match."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import ParamSpec
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.arrow.scanned_table import Read, ScannedTable, ScanRequest
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.queries.door_rows import DOOR_SCHEMA, door_table
 from semmap_log.queries.event_rows import EVENT_SCHEMA, event_rows
 from semmap_log.queries.made_tables import query_schema
+from semmap_log.queries.moment_rows import DOOR_SCHEMA, door_table
 from semmap_log.queries.possible_rows import possible_doors, possible_windows
 from semmap_log.queries.span_rows import (
     change_tables,

@@ -25,9 +25,7 @@ def query_schema(columns: Sequence[Column], *more: pa.Field) -> pa.Schema:
     return pa.schema([*fields, *more])
 
 
-def made_tables(
-    columns: Sequence[Column], rows: Iterable[Sequence[Any]]
-) -> Iterator[pa.Table]:
+def made_tables(columns: Sequence[Column], rows: Iterable[Sequence[Any]]) -> Iterator[pa.Table]:
     """Yield rows as tables: NaN becomes null, an instant is nanoseconds UTC.
 
     Args:

@@ -10,9 +10,9 @@ import numpy as np
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import MomentError
-from semmap_log.queries.door_rows import BELIEF_SCHEMA, DOOR_SCHEMA, belief_table, door_table
 from semmap_log.queries.duckdb_sdk import duckdb
 from semmap_log.queries.log_views import Failures, log_views, noting
+from semmap_log.queries.moment_rows import BELIEF_SCHEMA, DOOR_SCHEMA, belief_table, door_table
 
 PLAIN = ""
 """Stands for the log whose views have no name before them."""
@@ -70,7 +70,9 @@ def _add_log(
                   lambda at, horizon: belief_table(log, at, horizon)),
     )  # fmt: skip
     for function in functions:
-        _add_function(connection, f"__{name}_{function.name}", schema, function, log, failures)
+        hidden = f"__{name}_{function.name}"
+        _add_maker(connection, hidden, function, noting(_maker(log, function), failures))
+        _add_macro(connection, f"{schema}{function.name}", function, hidden)
 
 
 class _Function(NamedTuple):
@@ -84,40 +86,49 @@ class _Function(NamedTuple):
     """Called with the moment, and the text of each other argument."""
 
 
-def _add_function(
-    connection: duckdb.DuckDBPyConnection,
-    hidden: str,
-    schema: str,
-    function: _Function,
-    log: DoorLog,
-    failures: Failures,
-) -> None:
-    """Add a function of lists, and a macro that unfolds its list.
+Make = Callable[[tuple[Any, ...]], pa.Table]
+"""Makes rows of arguments: the moment's text, its type, and the text of each other one."""
 
-    So the moment may be any expression, also one of another table's columns, and DuckDB itself
-    finds out what a name means.
-    """
 
+def _maker(log: DoorLog, function: _Function) -> Make:
     def rows_of(arguments: tuple[Any, ...]) -> pa.Table:
         moment, type_, *more = arguments
         return function.make(_moment(log, moment, type_), *more)
 
-    struct = pa.struct(list(function.rows))
-    one = noting(rows_of, failures)
-    takes = {
-        1: lambda moment, type_: _lists(function.rows, one, moment, type_),
-        2: lambda moment, type_, more: _lists(function.rows, one, moment, type_, more),
+    return rows_of
+
+
+def _add_maker(
+    connection: duckdb.DuckDBPyConnection, hidden: str, function: _Function, make: Make
+) -> None:
+    """Add what makes lists of rows, of many moments at once."""
+    rows = function.rows
+    takes: dict[int, Callable[..., pa.Array]] = {
+        1: lambda moment, type_: _lists(rows, make, moment, type_),
+        2: lambda moment, type_, more: _lists(rows, make, moment, type_, more),
     }  # DuckDB counts the parameters of what it calls
-    returned = connection.from_arrow(pa.table({"rows": pa.array([], pa.list_(struct))})).types[0]
-    names = [parameter.partition(" ")[0] for parameter in function.parameters]
+    count = len(function.parameters)
+    none = pa.array([], pa.list_(pa.struct(list(rows))))
+    returned = connection.from_arrow(pa.table({"rows": none})).types[0]
     connection.create_function(
-        hidden, takes[len(names)], ["VARCHAR"] * (len(names) + 1), returned,
+        hidden, takes[count], ["VARCHAR"] * (count + 1), returned,
         type="arrow", null_handling="special",
     )  # fmt: skip
+
+
+def _add_macro(
+    connection: duckdb.DuckDBPyConnection, name: str, function: _Function, hidden: str
+) -> None:
+    """Add a macro that unfolds the list.
+
+    So the moment may be any expression, also one of another table's columns, and DuckDB itself
+    finds out what a name means.
+    """
+    names = [parameter.partition(" ")[0] for parameter in function.parameters]
     texts = [f"CAST({each} AS VARCHAR)" for each in names]
     texts.insert(1, f"typeof({names[0]})")
     connection.execute(
-        f"CREATE MACRO {schema}{function.name}({', '.join(function.parameters)}) AS TABLE "
+        f"CREATE MACRO {name}({', '.join(function.parameters)}) AS TABLE "
         f"SELECT unnest({_quoted(hidden)}({', '.join(texts)}), recursive := true)"
     )
 
@@ -140,9 +151,7 @@ def _moment(log: DoorLog, text: str | None, type_: str) -> Time:
     return ns + 999
 
 
-def _lists(
-    rows: pa.Schema, make: Callable[[tuple[Any, ...]], pa.Table], *arguments: pa.ChunkedArray
-) -> pa.Array:
+def _lists(rows: pa.Schema, make: Make, *arguments: pa.ChunkedArray) -> pa.Array:
     """Return for each row of arguments the rows that are made of it, as a list of structs."""
     made = [make(row) for row in zip(*(each.to_pylist() for each in arguments), strict=True)]
     ends = np.cumsum([0, *(table.num_rows for table in made)], dtype=np.int32)

@@ -37,18 +37,16 @@ def interval_tables(log: DoorLog, doors: Collection[DoorId] | None) -> Tables:
     return made_tables(INTERVALS, rows)
 
 
-def change_tables(log: DoorLog, window: Window, door: DoorId | None) -> Tables:
+def change_tables(log: DoorLog, window: Window, doors: Collection[DoorId] | None) -> Tables:
     """Yield what events changed, in the order of their numbers.
 
     Args:
         log: The log.
         window: Which events.
-        door: Only those about it; None: all.
+        doors: Only those about these; None: all.
     """
     names = log.door_names()
-    rows = (
-        row for entry in log.history_in(window, door) for row in _change_rows(entry, names)
-    )
+    rows = (row for entry in log.history_in(window, doors) for row in _change_rows(entry, names))
     return made_tables(CHANGES, rows)
 
 

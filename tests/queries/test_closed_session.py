@@ -92,7 +92,7 @@ def test_nothing_is_written_or_set(
     """
     Not even by who may read files: a query is one SELECT.
     """
-    with pytest.raises(SqlError, match="a query only reads|syntax error"):
+    with pytest.raises(SqlError, match=r"a query only reads|syntax error"):
         table_of_query(attack.format(folder=tmp_path), log, {}, allow_files=allow_files)
 
     assert [] == list(tmp_path.iterdir())

@@ -56,10 +56,12 @@ def chunks(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
     return counts
 
 
-def ask(log: sl.DoorLog, chunks: list[int], condition: str, view: str = "events") -> tuple[int, int]:
+def ask(
+    log: sl.DoorLog, chunks: list[int], condition: str, view: str = "events"
+) -> tuple[int, int]:
     """Return how many rows pass, and how many chunks were read for it."""
     chunks.clear()
-    (found,) = log.sql(f"select count(event) from {view} where {condition}").fetchall()  # noqa: S608
+    (found,) = log.sql(f"select count(event) from {view} where {condition}").fetchall()
     return found[0], sum(chunks)
 
 
