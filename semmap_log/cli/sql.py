@@ -67,6 +67,7 @@ def run(
         except select name from west.doors"
     """
     import semmap_log as sl
+    from semmap_log.io.disk import refuse_own_folder
     from semmap_log.queries.answer_files import csv_lines, write_answer, writer_for
     from semmap_log.queries.answer_rows import json_rows
     from semmap_log.queries.sql_query import table_of_query
@@ -75,6 +76,7 @@ def run(
         raise typer.BadParameter("expected one of --csv and --json, got both", param_hint="--csv")
     if out is not None:
         writer_for(out)  # a wrong name is told before the work
+        refuse_own_folder(log, out)
     text = _query(query, file)
     opened, others = sl.read(log), _logs(more or [])
     if text is None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from typing import ParamSpec
+from collections.abc import Iterator
 
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.arrow.scanned_table import Read, ScannedTable, ScanRequest
@@ -12,6 +11,7 @@ from semmap_log.queries.event_rows import EVENT_SCHEMA, event_rows
 from semmap_log.queries.made_tables import query_schema
 from semmap_log.queries.moment_rows import DOOR_SCHEMA, door_table
 from semmap_log.queries.possible_rows import possible_doors, possible_windows
+from semmap_log.queries.row_making import RowMaking
 from semmap_log.queries.span_rows import (
     change_tables,
     commit_tables,
@@ -21,24 +21,19 @@ from semmap_log.queries.span_rows import (
 )
 from semmap_log.queries.view_columns import EVENTS, VIEWS
 
-P = ParamSpec("P")
 
-Failures = list[BaseException]
-"""What went wrong while rows were made: a query's engine passes on no more than its text."""
-
-
-def log_views(log: DoorLog, failures: Failures) -> dict[str, ScannedTable]:
+def log_views(log: DoorLog, making: RowMaking) -> dict[str, ScannedTable]:
     """Return the views of a log, by name.
 
     Args:
         log: The log.
-        failures: Takes in what goes wrong while rows are made.
+        making: Takes in what goes wrong while rows are made.
     """
     schemas = {name: query_schema(columns) for name, columns in VIEWS.items()}
     schemas |= {EVENTS: EVENT_SCHEMA, "doors": DOOR_SCHEMA}
     readers = _readers(log)
     return {
-        name: ScannedTable(schema, noting_all(readers[name], failures))
+        name: ScannedTable(schema, making.tables(readers[name]))
         for name, schema in sorted(schemas.items())
     }
 
@@ -70,31 +65,3 @@ def _readers(log: DoorLog) -> dict[str, Read]:
         "patrols": lambda _: patrol_tables(log),
         "poses": poses,
     }
-
-
-def noting(make: Callable[P, pa.Table], failures: Failures) -> Callable[P, pa.Table]:
-    """Return the same function, which takes note of what goes wrong in it."""
-
-    def made(*args: P.args, **kwargs: P.kwargs) -> pa.Table:
-        try:
-            return make(*args, **kwargs)
-        except BaseException as error:
-            failures.append(error)
-            raise
-
-    return made
-
-
-def noting_all(read: Read, failures: Failures) -> Read:
-    """Return the same for what yields tables."""
-
-    def tables(asked: ScanRequest) -> Iterable[pa.Table]:
-        try:
-            yield from read(asked)
-        except GeneratorExit:
-            raise  # the query has all that it wants
-        except BaseException as error:
-            failures.append(error)
-            raise
-
-    return tables

@@ -11,8 +11,9 @@ from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import MomentError
 from semmap_log.queries.duckdb_sdk import duckdb
-from semmap_log.queries.log_views import Failures, log_views, noting
+from semmap_log.queries.log_views import log_views
 from semmap_log.queries.moment_rows import BELIEF_SCHEMA, DOOR_SCHEMA, belief_table, door_table
+from semmap_log.queries.row_making import RowMaking
 
 PLAIN = ""
 """Stands for the log whose views have no name before them."""
@@ -28,20 +29,20 @@ CONFIG = {
 
 
 def open_session(
-    logs: Mapping[str, DoorLog], failures: Failures, *, allow_files: bool
+    logs: Mapping[str, DoorLog], making: RowMaking, *, allow_files: bool
 ) -> duckdb.DuckDBPyConnection:
     """Return a connection that has the views of logs, and no way to get at anything else.
 
     Args:
         logs: By the names that stand before their views; `PLAIN`: none does.
-        failures: Takes in what goes wrong while rows are made.
+        making: Takes in what goes wrong while rows are made.
         allow_files: Queries may read files.
     """
     connection = duckdb.connect(":memory:", config=dict(CONFIG))
     zone = next(iter(logs.values())).info.timezone
     connection.execute(f"SET TimeZone = {_text(zone)}")
     for name, log in logs.items():
-        _add_log(connection, name, log, failures)
+        _add_log(connection, name, log, making)
     if not allow_files:
         connection.execute("SET enable_external_access = false")
     connection.execute("SET lock_configuration = true")
@@ -49,13 +50,13 @@ def open_session(
 
 
 def _add_log(
-    connection: duckdb.DuckDBPyConnection, name: str, log: DoorLog, failures: Failures
+    connection: duckdb.DuckDBPyConnection, name: str, log: DoorLog, making: RowMaking
 ) -> None:
     """Add the views and functions of a log; those of a named one stand in a schema."""
     schema = f"{_quoted(name)}." if name else ""
     if name:
         connection.execute(f"CREATE SCHEMA {_quoted(name)}")
-    for view, table in log_views(log, failures).items():
+    for view, table in log_views(log, making).items():
         hidden = f"__{name}_{view}" if name else view
         connection.register(hidden, table)
         if name:
@@ -71,7 +72,7 @@ def _add_log(
     )  # fmt: skip
     for function in functions:
         hidden = f"__{name}_{function.name}"
-        _add_maker(connection, hidden, function, noting(_maker(log, function), failures))
+        _add_maker(connection, hidden, function, making.noted(_maker(log, function)))
         _add_macro(connection, f"{schema}{function.name}", function, hidden)
 
 

@@ -16,8 +16,8 @@ from semmap_log.common.texts import counted
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import CommandError, SemmapError, SqlError
 from semmap_log.queries.duckdb_sdk import duckdb
-from semmap_log.queries.log_views import Failures
 from semmap_log.queries.query_session import PLAIN, open_session
+from semmap_log.queries.row_making import RowMaking
 from semmap_log.queries.view_words import columns_in_words, views_in_words
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*", re.ASCII)
@@ -91,9 +91,8 @@ class Query:
         """
         _check_logs(logs)
         self._query, self._logs = query, logs
-        self._failures: Failures = []
-        """What went wrong in making rows, of which DuckDB passes on only the text."""
-        self._connection = open_session(logs, self._failures, allow_files=allow_files)
+        self._making = RowMaking()
+        self._connection = open_session(logs, self._making, allow_files=allow_files)
         try:
             _check_is_question(self._connection, query)
             self.relation = self._connection.sql(query)
@@ -107,20 +106,24 @@ class Query:
         """
         wanted = self.relation if limit is None else self.relation.limit(limit)
         done: dict[str, Any] = {}
+        has_ended = threading.Event()  # an interrupted `Thread.join` would take it for ended
 
         def work() -> None:
             try:
                 done["table"] = wanted.to_arrow_table()
             except BaseException as error:  # noqa: BLE001 - raised where somebody waits for it
                 done["error"] = error
+            finally:
+                has_ended.set()
 
-        thread = threading.Thread(target=work, name="semmap-log-sql", daemon=True)
-        thread.start()
+        threading.Thread(target=work, name="semmap-log-sql").start()
         try:
-            while thread.is_alive():
-                thread.join(LOOKS_S)
+            while not has_ended.wait(LOOKS_S):
+                pass
         except BaseException:
+            self._making.stop()
             self._connection.interrupt()
+            has_ended.wait()  # or it would come back into an interpreter that is gone
             raise
         error = done.get("error")
         if isinstance(error, duckdb.Error | OSError | RuntimeError):
@@ -131,8 +134,8 @@ class Query:
 
     def _in_our_words(self, error: Exception) -> Exception:
         """Return the error of a view that could not be made, else what DuckDB said, and ours."""
-        ours = next((each for each in self._failures if isinstance(each, SemmapError)), None)
-        if ours is not None:
+        ours = self._making.failure
+        if isinstance(ours, SemmapError):
             return ours
         said = str(error)
         if isinstance(error, duckdb.CatalogException):
