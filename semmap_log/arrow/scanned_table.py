@@ -81,9 +81,9 @@ class ScannedTable(pads.Dataset):  # type: ignore[misc]
         shown = request.columns if filter is not None or columns is None else columns
         schema = pa.schema([self.schema.field(name) for name in shown])
         if filter is None:
-            return _Unfiltered(schema, _batches(self._read(request), schema))
+            return _Unfiltered(schema, _fitting(self._read(request), schema))
         return pads.Scanner.from_batches(
-            _batches(self._read(request), schema), schema=schema, columns=columns, filter=filter
+            _fitting(self._read(request), schema), schema=schema, columns=columns, filter=filter
         )
 
 
@@ -99,7 +99,7 @@ class _Unfiltered:
         return pa.RecordBatchReader.from_batches(self.projected_schema, self._batches)
 
 
-def _batches(tables: Iterable[pa.Table], schema: pa.Schema) -> Iterator[pa.RecordBatch]:
+def _fitting(tables: Iterable[pa.Table], schema: pa.Schema) -> Iterator[pa.RecordBatch]:
     for table in tables:
         fitting = pa.Table.from_arrays(
             [_as_type(table[field.name], field.type) for field in schema], schema=schema

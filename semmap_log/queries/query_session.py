@@ -15,7 +15,7 @@ from semmap_log.queries.log_views import log_views
 from semmap_log.queries.moment_rows import BELIEF_SCHEMA, DOOR_SCHEMA, belief_table, door_table
 from semmap_log.queries.row_making import RowMaking
 
-PLAIN = ""
+NAMELESS = ""
 """Stands for the log whose views have no name before them."""
 
 CONFIG = {
@@ -34,7 +34,7 @@ def open_session(
     """Return a connection that has the views of logs, and no way to get at anything else.
 
     Args:
-        logs: By the names that stand before their views; `PLAIN`: none does.
+        logs: By the names that stand before their views; `NAMELESS`: none does.
         making: Takes in what goes wrong while rows are made.
         allow_files: Queries may read files.
     """

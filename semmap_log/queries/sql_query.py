@@ -16,7 +16,7 @@ from semmap_log.common.texts import counted
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import CommandError, SemmapError, SqlError
 from semmap_log.queries.duckdb_sdk import duckdb
-from semmap_log.queries.query_session import PLAIN, open_session
+from semmap_log.queries.query_session import NAMELESS, open_session
 from semmap_log.queries.row_making import RowMaking
 from semmap_log.queries.view_words import columns_in_words, views_in_words
 
@@ -44,14 +44,14 @@ def sql(query: str, *, allow_files: bool = False, **logs: DoorLog) -> Any:
     if not logs:
         raise CommandError("sql: expected at least one log, as sql(query, office=log); got none.")
     first = next(iter(logs.values()))
-    return Query(query, {PLAIN: first, **logs}, allow_files=allow_files).relation
+    return Query(query, {NAMELESS: first, **logs}, allow_files=allow_files).relation
 
 
 def sql_of_log(
     query: str, log: DoorLog, others: Mapping[str, DoorLog], *, allow_files: bool
 ) -> Any:
     """Return the same about a log, whose views need no name: see `DoorLog.sql`."""
-    return Query(query, {PLAIN: log, **others}, allow_files=allow_files).relation
+    return Query(query, {NAMELESS: log, **others}, allow_files=allow_files).relation
 
 
 def table_of_query(
@@ -75,7 +75,7 @@ def table_of_query(
         SqlError: It is no question, names what is not there, or cannot be worked out.
         CorruptLogError: A log is damaged.
     """
-    return Query(query, {PLAIN: log, **others}, allow_files=allow_files).table(limit)
+    return Query(query, {NAMELESS: log, **others}, allow_files=allow_files).table(limit)
 
 
 class Query:
@@ -154,7 +154,7 @@ def _check_logs(logs: Mapping[str, Any]) -> None:
     for name, log in logs.items():
         if not isinstance(log, DoorLog):
             raise CommandError(f"sql: {name}: expected a log, got {type(log).__name__}.")
-        if name != PLAIN and (not NAME.fullmatch(name) or name.lower() in TAKEN):
+        if name != NAMELESS and (not NAME.fullmatch(name) or name.lower() in TAKEN):
             raise CommandError(
                 f"{name!r}: expected a name of letters, digits and _ for the log's views, and none "
                 "that DuckDB has taken, such as main."
