@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from semmap_log.common.late_answers import Answer, register_answer
 from semmap_log.common.lazily import lazy_names
+from semmap_log.common.notebook_views import NotebookViews, register_notebook_views
 from semmap_log.io.made_logs import register_maker
 
 if TYPE_CHECKING:
@@ -91,6 +92,14 @@ def _sql_of_log() -> Answer:
 
 register_maker(".join.json", _joined)
 register_answer("sql", _sql_of_log)
+
+
+def _notebook_views() -> NotebookViews:
+    views: Any = import_module("semmap_log.views.notebook")
+    return views  # type: ignore[no-any-return]
+
+
+register_notebook_views(_notebook_views)
 
 
 def __dir__() -> list[str]:

@@ -169,7 +169,7 @@ def test_inside_the_store_imports_point_one_way_too(path: Path) -> None:
 VIEWS = {"bounds", "excerpt", "plots", "report", "rerun"}
 """What is inside `views` beside single files; the last three are ways to look at a log."""
 MAY_USE = {"excerpt": set[str](), "report": {"bounds", "excerpt"}, "plots": {"bounds", "excerpt"},
-           "rerun": {"bounds", "excerpt"}}  # fmt: skip
+           "rerun": {"bounds", "excerpt"}, "notebook": {"plots"}}  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ EXPORT_SCHEMA = schema_of(plain_texts(HISTORY_COLUMNS))
 def _said(name: str, commits: Commits, places: NDArray[np.intp]) -> pa.DictionaryArray:
     if name in NOTE_TEXTS:
         at = NOTE_TEXTS.index(name)
-        return texts_array(commits.notes[places], [texts[at] for texts in commits.texts])
+        return texts_array(commits.notes.take(places), [texts[at] for texts in commits.texts])
     return pa.DictionaryArray.from_arrays(pa.array(places.astype(np.int32)), _hex(commits))
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.arrow.schema import DICTIONARIES, schema_of, type_named, type_of
-from semmap_log.arrow.table_columns import CELLS, CHANGED, COLUMNS, KIND, STATE, TIME, Column
+from semmap_log.arrow.table_columns import CELLS, CHANGED, COLUMNS, KIND, STATE, TEXT, TIME, Column
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import KINDS, Event
 from semmap_log.domain.meaning import ALL_CHANGED, PART_OF
@@ -58,8 +58,7 @@ def column_of(events: Events, column: Column) -> pa.Array:
 
 
 def _door_ids(events: Events) -> pa.Array:
-    about = events.about_doors()
-    return pa.array(events.door_ids(), mask=None if about.all() else ~about)
+    return array_of(events.door_ids(), events.about_doors())
 
 
 _HEADS: Mapping[str, Callable[[Events], pa.Array]] = {
@@ -77,7 +76,7 @@ def _field(column: Column, events: Events) -> pa.Array:
     there = events.columns.keys() | events.objects.keys()
     kinds = [kind for kind in column.kinds if kind in there]
     if not kinds:
-        return _nulls(column, len(events.number))
+        return _nulls(column.type, len(events.number))
     if column.type in {"str", CELLS}:
         return _of_objects(column, events, kinds)
     values = np.zeros(len(events.number), _STORED.get(column.type, column.type))
@@ -94,10 +93,10 @@ def _field(column: Column, events: Events) -> pa.Array:
     return _array(column, values, given)
 
 
-def _nulls(column: Column, count: int) -> pa.Array:
+def _nulls(type_: str, count: int) -> pa.Array:
     """Return nothing, so many times: most columns of most batches, so they share their memory."""
     most = 1 << max(count - 1, _FEW).bit_length()
-    return _many_nulls(column.type, most).slice(0, count)
+    return _many_nulls(type_, most).slice(0, count)
 
 
 _FEW = 2**14
@@ -106,7 +105,7 @@ _FEW = 2**14
 @lru_cache(maxsize=64)
 def _many_nulls(type_: str, count: int) -> pa.Array:
     if type_ in DICTIONARIES:  # Arrow's own nulls would bring a dictionary without words
-        return _dictionary(type_, np.zeros(count, np.int8), np.ones(count, np.bool_))
+        return _dictionary(type_, np.zeros(count, np.int8), np.zeros(count, np.bool_))
     return pa.nulls(count, type_named(type_))
 
 
@@ -120,14 +119,13 @@ def _is_set(field: str, kind: int, rows: NDArray[np.void]) -> Array | bool:
 
 def _array(column: Column, values: Array, given: NDArray[np.bool_]) -> pa.Array:
     if column.type == STATE:
-        return states_array(values, ~given)
+        return states_array(values, given)
     if column.type == CHANGED:
         bits = values & int(ALL_CHANGED)
-        return _dictionary(CHANGED, bits - 1, ~given | (bits == 0))
+        return _dictionary(CHANGED, bits - 1, given & (bits != 0))
     if values.dtype.kind == "f":
-        given &= ~np.isnan(values)
-    missing = None if given.all() else ~given
-    return times_array(values, missing) if column.type == TIME else pa.array(values, mask=missing)
+        given &= values == values  # noqa: PLR0124 - NaN
+    return times_array(values, given) if column.type == TIME else array_of(values, given)
 
 
 def _of_objects(column: Column, events: Events, kinds: Sequence[int]) -> pa.Array:
@@ -156,15 +154,30 @@ def _value(column: Column, event: Event) -> Any:
             return value
 
 
-def states_array(states: Array, missing: NDArray[np.bool_] | None = None) -> pa.Array:
+def states_array(states: Array, given: NDArray[np.bool_] | None = None) -> pa.Array:
     """Return numbers of states as their names; one that only a later version knows is UNKNOWN."""
-    known = np.where(states < len(DoorState), states, np.uint8(DoorState.UNKNOWN))
-    return _dictionary(STATE, known, missing)
+    return _dictionary(STATE, _KNOWN_STATES.take(states), given)
 
 
-def times_array(ns: Array, missing: NDArray[np.bool_] | None = None) -> pa.Array:
+_KNOWN_STATES = np.arange(2**8, dtype=np.uint8)
+_KNOWN_STATES[len(DoorState) :] = DoorState.UNKNOWN
+
+
+def times_array(ns: Array, given: NDArray[np.bool_] | None = None) -> pa.Array:
     """Return nanoseconds since the Unix epoch as instants, in the same memory."""
-    return pa.array(ns, mask=missing).view(pa.timestamp("ns", "UTC"))
+    return array_of(ns, given).view(pa.timestamp("ns", "UTC"))
+
+
+def array_of(values: Array, given: NDArray[np.bool_] | None = None) -> pa.Array:
+    """Return numbers in the same memory, null where they were not given; None: all were.
+
+    Nobody may write to them from then on.
+    """
+    if values.dtype == np.bool_ or given is None or given.all():
+        return pa.array(values, mask=None if given is None else ~given)
+    bits = pa.py_buffer(np.packbits(given, bitorder="little"))
+    buffers = [bits, pa.py_buffer(np.ascontiguousarray(values))]
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), buffers)
 
 
 def texts_array(places: NDArray[np.intp], texts: Sequence[str]) -> pa.Array:
@@ -175,12 +188,13 @@ def texts_array(places: NDArray[np.intp], texts: Sequence[str]) -> pa.Array:
         texts: Some may be equal; an empty one is null.
     """
     known = {text: place for place, text in enumerate(dict.fromkeys(t for t in texts if t))}
-    codes = np.array([known.get(text, -1) for text in texts], np.int32)[places]
-    missing = codes < 0
-    indices = pa.array(codes, mask=missing if missing.any() else None)
-    return pa.DictionaryArray.from_arrays(indices, pa.array(list(known), pa.string()))
+    if not known:
+        return _nulls(TEXT, len(places))
+    codes = np.array([known.get(text, -1) for text in texts], np.int32).take(places)
+    dictionary = pa.array(list(known), pa.string())
+    return pa.DictionaryArray.from_arrays(array_of(codes, codes >= 0), dictionary)
 
 
-def _dictionary(type_: str, places: Array, missing: NDArray[np.bool_] | None = None) -> pa.Array:
-    indices = pa.array(places.astype(np.int8), mask=missing)
+def _dictionary(type_: str, places: Array, given: NDArray[np.bool_] | None = None) -> pa.Array:
+    indices = array_of(places.astype(np.int8, copy=False), given)
     return pa.DictionaryArray.from_arrays(indices, _WORDS[type_])

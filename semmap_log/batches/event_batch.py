@@ -36,6 +36,10 @@ SourcesOf = Callable[[NDArray[np.int64]], tuple[NDArray[np.intp], Sequence[str]]
 """Event numbers, ascending -> of each, the place of its source among some names, and the names."""
 
 
+_IS_ABOUT_A_DOOR = np.isin(np.arange(2**8), list(DOOR_KINDS))
+"""By the number of a kind."""
+
+
 @dataclass(frozen=True, slots=True)
 class RecordedEvent:
     """An event as the log holds it."""
@@ -218,7 +222,8 @@ class EventBatch(MadeOfColumns):
 
     def about_doors(self) -> NDArray[np.bool_]:
         """Return whether each event is about a door."""
-        return np.isin(self.kind, list(DOOR_KINDS))
+        about: NDArray[np.bool_] = _IS_ABOUT_A_DOOR.take(self.kind)
+        return about
 
     def of_doors(self, doors: Collection[int]) -> NDArray[np.bool_]:
         """Return whether each event is about one of these doors."""

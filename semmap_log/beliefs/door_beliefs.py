@@ -9,6 +9,7 @@ import numpy as np
 
 from semmap_log.beliefs.belief_query import BeliefQuery, ask
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
+from semmap_log.common.notebook_views import ShownAsTable
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.moments import HOUR_NS
@@ -28,8 +29,8 @@ def default_estimator(horizon_ns: int = 0) -> str:
     return NOW if horizon_ns <= NEAR_NS else LATER
 
 
-@dataclass(frozen=True, slots=True)
-class DoorBelief:
+@dataclass(frozen=True, slots=True, repr=False)
+class DoorBelief(ShownAsTable):
     """How likely a door is open at a moment."""
 
     door: Door
@@ -49,10 +50,23 @@ class DoorBelief:
     which nothing is known."""
     evidence: EvidenceSummary
 
+    def __repr__(self) -> str:
+        said = f"P(open) {self.p_open:.2f}, {self.low:.2f} to {self.high:.2f}"
+        return f"<DoorBelief of {self.door.label!r}: {said if self.is_known else 'not known'}>"
+
     @property
     def p_closed(self) -> float:
         """1 - P(open)."""
         return 1.0 - self.p_open
+
+
+class DoorBeliefs(list[DoorBelief], ShownAsTable):
+    """Beliefs of one moment, ids ascending."""
+
+    def __init__(self, beliefs: Iterable[DoorBelief], *, tz: str) -> None:
+        """Take beliefs, and the IANA zone of the building's clocks."""
+        super().__init__(beliefs)
+        self.tz = tz
 
 
 @knows_keywords
@@ -66,7 +80,7 @@ def probabilities(
     tz: str | None = None,
     doors: Iterable[DoorId | str] | None = None,
     progress: Progress | None = None,
-) -> list[DoorBelief]:
+) -> DoorBeliefs:
     """Return how likely each door is open, ids ascending.
 
     Args:
@@ -93,7 +107,8 @@ def probabilities(
         days = horizon_ns / (24 * HOUR_NS)
         raise MomentError(f"horizon: expected one that ends before 2262, got {days:g} days.")
     asked.prepare()
-    return [belief(asked, door, horizon_ns) for door in asked.doors]
+    told = (belief(asked, door, horizon_ns) for door in asked.doors)
+    return DoorBeliefs(told, tz=tz or log.info.timezone)
 
 
 def belief(asked: BeliefQuery, door: Door, horizon_ns: int = 0) -> DoorBelief:

@@ -14,6 +14,9 @@ from itertools import count
 from types import MappingProxyType
 from typing import Final, NewType
 
+from semmap_log.common.notebook_views import ShownAsTable
+from semmap_log.common.texts import counted
+
 DoorId = NewType("DoorId", int)
 """Given from 1 on, never used twice in a log, at most `MAX_DOOR_ID`.
 
@@ -193,8 +196,8 @@ class Level:
     """The number of the event that carries its floor plan."""
 
 
-@dataclass(frozen=True, slots=True)
-class DoorMap:
+@dataclass(frozen=True, slots=True, repr=False)
+class DoorMap(ShownAsTable):
     """The door database at a moment: what a replay gives."""
 
     doors: Mapping[DoorId, Door]
@@ -209,6 +212,9 @@ class DoorMap:
     """Only what had happened by then counts; None: everything."""
     known_at_ns: int | None = None
     """Only what had been recorded by then counts; None: everything."""
+
+    def __repr__(self) -> str:
+        return f"<DoorMap of {counted(len(self), 'door')}, up to event {self.event}>"
 
     def __len__(self) -> int:
         return len(self.doors)

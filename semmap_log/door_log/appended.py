@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.notebook_views import ShownAsTable
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.events import Event
 
 
-@dataclass(frozen=True, slots=True)
-class Appended:
+@dataclass(frozen=True, slots=True, repr=False)
+class Appended(ShownAsTable):
     """What became of an append."""
 
     commit: Commit
@@ -23,6 +24,10 @@ class Appended:
     events: Sequence[Event | EventBatch] = field(default=(), repr=False, compare=False)
     """Its own events; empty where they were given as they came, one after the other."""
     _make_durable: Callable[[int], None] | None = field(default=None, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        first, again = self.first_event, ", stored before" if self.repeated else ""
+        return f"<Appended events {first} to {first + self.count - 1}{again}>"
 
     @property
     def first_event(self) -> int:

@@ -13,10 +13,11 @@ import threading
 from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path, PurePath
 from types import TracebackType
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.batches.retraction import Retractions
+from semmap_log.common.notebook_views import ShownAsTable, notebook_views
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.events import Event, FloorMap, PatrolFinished, PatrolStarted, is_whole_number
@@ -31,7 +32,7 @@ from semmap_log.door_log.log_end import latest_happened_ns
 from semmap_log.door_log.log_queries import LogQueries
 from semmap_log.door_log.log_tables import LogTables
 from semmap_log.door_log.times import Time, moment_of
-from semmap_log.errors import MomentError
+from semmap_log.errors import LogError, MomentError
 from semmap_log.folds.diff import Diff, diff
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.early_events import EarlyEvents
@@ -64,7 +65,7 @@ S = TypeVar("S")
 
 
 @knows_its_keywords
-class DoorLog(LogTables, LogQueries):
+class DoorLog(LogTables, LogQueries, ShownAsTable):
     """A log that is read: as it was when it was opened, or last refreshed."""
 
     def __init__(self, path: str | PurePath | LogFolder | LogReader) -> None:
@@ -89,6 +90,13 @@ class DoorLog(LogTables, LogQueries):
         self.path = self._opened.given
         self._refreshing = threading.Lock()
         self._end_ns: int | None = None
+
+    def __repr__(self) -> str:
+        try:
+            said = f"{self._reader.last_event() + 1:,} events"
+        except LogError:
+            said = "damaged"
+        return f"<{type(self).__name__} {str(self.path)!r}: {said}>"
 
     @property
     def info(self) -> LogInfo:
@@ -549,6 +557,32 @@ class DoorLog(LogTables, LogQueries):
         batches = visible_batches(self._reader, scope, progress=progress, doors=alone)
         found = timelines(batches, ids, end_ns=asked_ns)
         return {i: each.between(since_ns, until_ns) for i, each in found.items()}
+
+    def plot(
+        self,
+        since: Time = None,
+        until: Time = None,
+        *,
+        doors: Collection[DoorId | str] | None = None,
+        progress: Progress | None = None,
+    ) -> Any:
+        """Return when doors were open and closed, a lane each, and the rounds above them.
+
+        It is a matplotlib.figure.Figure, which a notebook shows; `savefig` writes it.
+
+        Args:
+            since: From then on; default: the first event.
+            until: Before then; default: the last.
+            doors: Only these: ids, names, or level/names; None: all that were ever added.
+            progress: Told how far the reading is.
+
+        Raises:
+            MissingExtraError: matplotlib is not installed.
+            MomentError: `since` comes after `until`.
+        """
+        return notebook_views().plot_of(
+            self, doors=doors, since=since, until=until, progress=progress
+        )
 
     def instant(self, time: Time) -> int | None:
         """Return a time in nanoseconds; of an event, the time from which it counts."""

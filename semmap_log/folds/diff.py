@@ -8,6 +8,8 @@ from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import Any
 
+from semmap_log.common.notebook_views import ShownAsTable
+from semmap_log.common.texts import counted
 from semmap_log.domain import meaning
 from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState, Level
 from semmap_log.errors import CommandError
@@ -40,8 +42,8 @@ class LevelChange:
     after: Level | None
 
 
-@dataclass(frozen=True, slots=True)
-class Diff:
+@dataclass(frozen=True, slots=True, repr=False)
+class Diff(ShownAsTable):
     """What leads from one door map to another."""
 
     before: DoorMap
@@ -55,6 +57,11 @@ class Diff:
     levels: Sequence[LevelChange]
     events: Sequence[HistoryEntry]
     """Those with happened time behind the first moment, up to and with the second."""
+
+    def __repr__(self) -> str:
+        changed = len({change.door.door_id for change in self.changed})
+        doors = f"{len(self.added)} added, {len(self.removed)} removed, {changed} changed"
+        return f"<Diff of doors: {doors}; {counted(len(self.events), 'event')}>"
 
     def __bool__(self) -> bool:
         """Tell whether a door is another than before; that it was seen again does not count."""

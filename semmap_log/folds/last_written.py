@@ -49,7 +49,17 @@ class LastWritten:
         """Of each key, and last of a key that is none of them."""
         self._last_ns = np.append(self._happened_ns, -1)[self._ends - 1]
         self._final = np.where(self._ends > self._starts, self._values[self._ends - 1], nothing)
+        self._latest_ns = self._last_ns.max()
         self._table = self._table_of_keys()
+
+    def __contains__(self, key: int) -> bool:
+        """Tell whether a key ever held something."""
+        return key in self._keys
+
+    def values(self) -> list[int]:
+        """Return what was ever held, each value once."""
+        found: list[int] = np.unique(self._values[:-1]).tolist()
+        return found
 
     def at(
         self, keys: Integers, happened_ns: NDArray[np.int64], numbers: NDArray[np.int64]
@@ -57,6 +67,8 @@ class LastWritten:
         """Return what keys held right after events of these stamps."""
         rows = self._rows(keys)
         found: NDArray[np.int64] = self._final.take(rows)
+        if not len(keys) or happened_ns.min() > self._latest_ns:  # as nearly always
+            return found
         early = np.flatnonzero(happened_ns <= self._last_ns.take(rows))
         if len(early):
             found[early] = self._values[

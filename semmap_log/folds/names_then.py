@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.domain.doors import NO_LEVEL
 from semmap_log.domain.events import (
     ADDING_KINDS,
     DOOR_KINDS,
@@ -27,7 +27,8 @@ Texts = tuple[NDArray[np.intp], Sequence[str]]
 """Of each event the place of its text among some; an empty one: there is none."""
 
 NOTHING = ""
-_NO_LEVEL = -1
+_NEVER = (0, -1)
+"""Comes before every stamp."""
 _LEVEL_CHANGE = columns("door_id", "folds_ns", "number", "level")
 _TELLING_KINDS = (DoorAnnotated.kind, LevelAdded.kind)
 _ON_A_LEVEL = [kind.kind for kind in KINDS
@@ -47,7 +48,10 @@ class NamesThen:
         self._said: list[tuple[int, Stamp, str]] = []
         self._moves = [np.empty(0, _LEVEL_CHANGE)]
         self._called: list[tuple[int, Stamp, str]] = []
-        self._found: dict[str, Any] = {}
+        self._doors: _Called | None = None
+        self._levels: _Called | None = None
+        self._moved: LastWritten | None = None
+        """Door -> its level; all three are made when somebody asks, and then nothing comes in."""
 
     def apply(self, batch: EventBatch) -> None:
         """Take in events, retracted ones left out."""
@@ -70,39 +74,51 @@ class NamesThen:
 
     def door_names(self, batch: EventBatch) -> Texts:
         """Return what the door of each event was called then."""
-        names, texts = self._once("doors", lambda: _texts_over_time(self._names_of_doors()))
-        codes = names.at(batch.door_ids(), batch.folds_ns, batch.number)
-        return np.where(batch.about_doors(), codes, 0), texts
+        if self._doors is None:
+            self._doors = _Called(
+                each for each in self._said if each[1] > self._added.get(each[0], _NEVER)
+            )
+        codes = self._doors.codes.at(batch.door_ids(), batch.folds_ns, batch.number)
+        if 0 in self._doors.codes:  # else what is about no door has the name of none
+            codes[~batch.about_doors()] = 0
+        return codes, self._doors.texts
 
     def level_names(self, batch: EventBatch) -> Texts:
         """Return what the level was called on which each event's door, robot or map was then."""
-        names, texts = self._once("levels", lambda: _texts_over_time(self._called))
-        levels = self._levels(batch)
-        codes = names.at(np.maximum(levels, 0), batch.folds_ns, batch.number)
-        nameless = np.flatnonzero((codes == 0) & (levels != _NO_LEVEL))
-        codes[levels == _NO_LEVEL] = 0
+        if self._levels is None:
+            self._moved = self._levels_of_doors()
+            self._levels = _Called(
+                [
+                    *((level, _NEVER, str(level)) for level in sorted({0, *self._moved.values()})),
+                    *((level, stamp, name or str(level)) for level, stamp, name in self._called),
+                ]
+            )
+        levels = self._levels_of(batch)
+        codes = self._levels.codes.at(levels, batch.folds_ns, batch.number)
+        nameless = np.flatnonzero((codes == 0) & (levels != NO_LEVEL))
         if not len(nameless):
-            return codes, texts
-        numbers = np.flatnonzero(np.bincount(levels[nameless]))
-        codes[nameless] = len(texts) + np.searchsorted(numbers, levels[nameless])
-        return codes, [*texts, *map(str, numbers.tolist())]
+            return codes, self._levels.texts
+        numbers, places = np.unique(levels[nameless], return_inverse=True)
+        codes[nameless] = len(self._levels.texts) + places
+        return codes, [*self._levels.texts, *map(str, numbers.tolist())]
 
-    def _levels(self, batch: EventBatch) -> NDArray[np.int64]:
-        """Return on which level the door, the robot or the map of each event was; -1: on none."""
-        of_doors: LastWritten = self._once("moves", self._levels_of_doors)
-        found = of_doors.at(batch.door_ids(), batch.folds_ns, batch.number)
-        found[~batch.about_doors()] = _NO_LEVEL
+    def _levels_of(self, batch: EventBatch) -> NDArray[np.int64]:
+        """Return on which level each event's door, robot or map was; `NO_LEVEL`: on none."""
+        assert self._moved is not None
+        levels = self._moved.at(batch.door_ids(), batch.folds_ns, batch.number)
+        if 0 in self._moved:
+            levels[~batch.about_doors()] = NO_LEVEL
         for kind in _ON_A_LEVEL:
             if kind in batch.columns:
-                found[batch.places_of(kind)] = batch.columns[kind]["level"]
+                levels[batch.places_of(kind)] = batch.columns[kind]["level"]
             elif kind in batch.objects:
-                told = [getattr(event, "level", _NO_LEVEL) for event in batch.objects[kind]]
-                found[batch.places_of(kind)] = told
-        return found
+                told = [getattr(event, "level", NO_LEVEL) for event in batch.objects[kind]]
+                levels[batch.places_of(kind)] = told
+        return levels
 
     def _levels_of_doors(self) -> LastWritten:
         moves = np.concatenate(self._moves)
-        added = np.array([self._added.get(d, (0, -1)) for d in moves["door_id"].tolist()], np.int64)
+        added = np.array([self._added.get(d, _NEVER) for d in moves["door_id"].tolist()], np.int64)
         ns, number = added.reshape(-1, 2).T
         is_there = (moves["folds_ns"] > ns) | (
             (moves["folds_ns"] == ns) & (moves["number"] >= number)
@@ -110,16 +126,8 @@ class NamesThen:
         moves = moves[is_there]
         return LastWritten(
             *(moves[name].astype(np.int64) for name in ("door_id", "folds_ns", "number", "level")),
-            nothing=_NO_LEVEL,
+            nothing=NO_LEVEL,
         )
-
-    def _names_of_doors(self) -> list[tuple[int, Stamp, str]]:
-        return [each for each in self._said if each[1] > self._added.get(each[0], (0, -1))]
-
-    def _once(self, name: str, make: Callable[[], Any]) -> Any:
-        if name not in self._found:
-            self._found[name] = make()
-        return self._found[name]
 
 
 def levels_told(batch: EventBatch) -> set[int]:
@@ -133,9 +141,12 @@ def levels_told(batch: EventBatch) -> set[int]:
     return found
 
 
-def _texts_over_time(said: Sequence[tuple[int, Stamp, str]]) -> tuple[LastWritten, list[str]]:
-    """Return texts by key and stamp as places among some; the first is of what says nothing."""
-    known = {NOTHING: 0}
-    rows = [(key, *stamp, known.setdefault(text, len(known))) for key, stamp, text in said]
-    keys, ns, numbers, codes = np.array(rows, np.int64).reshape(-1, 4).T
-    return LastWritten(keys, ns, numbers, codes, nothing=0), list(known)
+class _Called:
+    """Texts by key and stamp; an empty one says nothing."""
+
+    def __init__(self, said: Iterable[tuple[int, Stamp, str]]) -> None:
+        known = {NOTHING: 0}
+        rows = [(key, *stamp, known.setdefault(text, len(known))) for key, stamp, text in said]
+        keys, ns, numbers, codes = np.array(rows, np.int64).reshape(-1, 4).T
+        self.codes = LastWritten(keys, ns, numbers, codes, nothing=0)
+        self.texts = list(known)

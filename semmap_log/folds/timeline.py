@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.notebook_views import ShownAsTable, notebook_views
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.meaning import Presence
 from semmap_log.folds.door_changes import (
@@ -44,8 +46,8 @@ class Interval(NamedTuple):
         return self.end_ns - self.start_ns
 
 
-@dataclass(frozen=True, slots=True)
-class Timeline:
+@dataclass(frozen=True, slots=True, repr=False)
+class Timeline(ShownAsTable):
     """The states of a door, one row an interval, from its adding to its removal or the end.
 
     Each interval begins where the one before ends, in another state. Intervals are half-open; only
@@ -71,6 +73,9 @@ class Timeline:
         """Return that of a door that was never there."""
         none = np.empty(0, np.int64)
         return cls(door_id, none, none, np.empty(0, np.uint8), none, none)
+
+    def __repr__(self) -> str:
+        return f"<Timeline of door {self.door_id}: {counted(len(self), 'interval')}>"
 
     def __len__(self) -> int:
         return len(self.start_ns)
@@ -127,6 +132,18 @@ class Timeline:
             sightings=self.sightings[inside],
             removed=removed,
         )
+
+    def plot(self, *, name: str = "", tz: str = "UTC") -> Any:
+        """Return it as a lane in a matplotlib.figure.Figure, which a notebook shows.
+
+        Args:
+            name: What the door is called; "": its number.
+            tz: IANA zone of the times.
+
+        Raises:
+            MissingExtraError: matplotlib is not installed.
+        """
+        return notebook_views().plot_of(self, name=name, tz=tz)
 
     def to_pandas(self) -> DataFrame:
         """Return it as a pandas.DataFrame: start, end (UTC), state, event, sightings.

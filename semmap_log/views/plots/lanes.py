@@ -70,7 +70,7 @@ class Lanes:
     def of(
         cls,
         log: DoorLog,
-        doors: Collection[DoorId] | None = None,
+        doors: Collection[DoorId | str] | None = None,
         since: Time = None,
         until: Time = None,
         *,
@@ -104,6 +104,14 @@ class Lanes:
             int(end_ns),
             log.info.timezone,
         )
+
+    @classmethod
+    def of_timeline(cls, timeline: Timeline, *, name: str, tz: str) -> Lanes:
+        """Return a door's lane alone; "": it has no name."""
+        start_ns = int(timeline.start_ns[0]) if len(timeline) else 0
+        end_ns = int(timeline.end_ns[-1]) if len(timeline) else 0
+        names = {timeline.door_id: name} if name else {}
+        return cls({timeline.door_id: timeline}, names, [], start_ns, end_ns, tz)
 
 
 def plot_lanes(lanes: Lanes, path: Path, palette: Palette = DEFAULT) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -47,9 +48,19 @@ MORE_FONTS = (
 """Where there are any, they have the letters of names that matplotlib's own font lacks."""
 
 
+class ShownFigure(Figure):
+    """A figure that a notebook shows wherever it was made, also without `%matplotlib`."""
+
+    def _repr_png_(self) -> bytes:
+        data = BytesIO()
+        _add_letters(self)
+        self.savefig(data, format="png", dpi=DPI)
+        return data.getvalue()
+
+
 def new_figure(width: float, height: float, **how: Any) -> Any:
     """Return a figure, inches, that needs no screen."""
-    figure = Figure(figsize=(width, height), dpi=DPI, **how)
+    figure = ShownFigure(figsize=(width, height), dpi=DPI, **how)
     FigureCanvasAgg(figure)
     return figure
 
