@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 from semmap_log.arrow.arrow_sdk import pa  # isort: skip - a missing pyarrow is told by it
-import pyarrow.dataset as pads  # which costs 60 ms more: only queries do without nothing of it
+import pyarrow.dataset as pads  # another 60 ms, which nothing but queries needs
 import pyarrow.fs as pafs
 
 BATCH_ROWS = 2**17

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from semmap_log.arrow.arrow_sdk import pa
 
 WORTH_A_TABLE = 1 / 4
-"""Where at least so much of a segment is wanted, its table is read, all of it, and no chunk."""
+"""Where chunks with so many of a segment's events would be read, its table is, all of it."""
 
 
 def unordered_tables(
@@ -86,7 +86,7 @@ def _steps(reader: LogReader, segment: Segment, windows: Sequence[Window]) -> It
     inside = [part for window in windows if (part := _within(window, first, end)) is not None]
     if not inside:
         return
-    wanted = sum((w.before_event or 0) - (w.first_event or 0) for w in inside)
+    wanted = sum(int(segment.spans["events"][w.chunks(segment)].sum()) for w in inside)
     is_worth_it = wanted >= WORTH_A_TABLE * (end - first)
     yield _Step(tables_of(reader, segment) if is_worth_it else None, inside)
 

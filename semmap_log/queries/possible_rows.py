@@ -22,7 +22,7 @@ from semmap_log.door_log.log_parts import LogPart
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.window import Window
 
-MOST_DOORS = 64
+MOST_DOORS = 16
 """So many are asked for one by one; for more, all events are read sooner."""
 
 BOUNDED = ("event", "happened", "happened_ns", "recorded", "recorded_ns")

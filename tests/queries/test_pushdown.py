@@ -148,3 +148,15 @@ def test_a_limit_ends_the_reading(path: Path, chunks: list[int]) -> None:
 
     assert 10 == len(log.sql("select event from changes limit 10").fetchall())
     assert sum(chunks) < pages
+
+
+def test_a_rare_kind_is_worth_no_table(
+    path: Path, chunks: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    The few chunks that have it are read sooner than all the rows of a table.
+    """
+    index(path)
+    monkeypatch.setattr(SegmentTables, "all_rows", None)  # who calls it fails
+
+    assert (1, ANY_FEW) == ask(sl.read(path), chunks, "kind = 'PatrolStarted'")
