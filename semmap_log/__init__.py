@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from semmap_log.fleet.join.joining_logs import join
     from semmap_log.folds.projection import Projection
     from semmap_log.io.made_logs import MadeLog
+    from semmap_log.queries.sql_query import sql
 
 __all__ = [
     "Appended",
@@ -54,6 +55,7 @@ __all__ = [
     "fleet",
     "join",
     "read",
+    "sql",
 ]
 
 _HOMES = {
@@ -68,6 +70,7 @@ _HOMES = {
     "errors": ("SemmapError",),
     "fleet.join.joining_logs": ("join",),
     "folds.projection": ("Projection",),
+    "queries.sql_query": ("sql",),
 }
 
 _load = lazy_names(__name__, _HOMES)
@@ -89,8 +92,14 @@ def _why_of_log() -> Answer:
     return answer
 
 
+def _sql_of_log() -> Answer:
+    answer: Answer = import_module("semmap_log.queries.sql_query").sql_of_log
+    return answer
+
+
 register_maker(".join.json", _joined)
 register_answer("why", _why_of_log)
+register_answer("sql", _sql_of_log)
 
 
 def _notebook_views() -> NotebookViews:

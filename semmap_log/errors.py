@@ -251,6 +251,10 @@ class OutputError(SemmapError, OSError):
     """A file could not be written; what had that name before is still whole."""
 
 
+class SqlError(SemmapError, ValueError):
+    """A query that is no question, or that names what is not there."""
+
+
 class QuestionError(SemmapError, ValueError):
     """A planner's question that cannot be understood."""
 

@@ -33,7 +33,7 @@ ORDER = [
     {"replay"},
     {"door_log"},
     {"costmaps", "beliefs", "scans", "rooms"},
-    {"fleet"},
+    {"fleet", "queries"},
     {"planning"},
     {"formats"},
     {"views", "ros_mapping"},
@@ -60,6 +60,7 @@ EDGES: dict[str, set[str]] = {
     "pyarrow": {"arrow"},
     "pandas": {"arrow"},
     "polars": {"arrow"},
+    "duckdb": {"queries"},
     "mcap": {"store", "formats"},
     "zstandard": {"store", "formats"},
     "lz4": {"store", "formats"},
@@ -255,7 +256,7 @@ CORE = {"numpy", "mcap", "zstandard"}
 
 STARTS = [
     ("import semmap_log", set(), 10),
-    ("import semmap_log as sl; sl.read(sys.argv[1]).replay()", CORE, 125),
+    ("import semmap_log as sl; sl.read(sys.argv[1]).replay()", CORE, 130),
     *((f"_verb({verb}, '--json')", CORE | {"typer"}, 155) for verb in (
         "'replay', sys.argv[1]", "'history', sys.argv[1], '-n', '3'", "'show', sys.argv[1], '58'",
         "'diff', sys.argv[1], '10:00', '11:00'", "'timeline', sys.argv[1], '1'",

@@ -33,6 +33,7 @@ from benchmark.moments import moment_cases
 from benchmark.opening import crash_case, open_cases
 from benchmark.promises import Result
 from benchmark.questions import day_cases, history_cases, index_cases
+from benchmark.sql_cases import sql_cases
 from benchmark.starting import start_cases
 from benchmark.store_cases import store_cases
 from benchmark.view_cases import view_cases
@@ -43,7 +44,8 @@ INTERRUPTED = 130
 SIZES = (10_000, 100_000)
 SIZED = {
     "fold": fold_cases, "now": now_cases, "moment": moment_cases, "history": history_cases,
-    "index": index_cases, "day": day_cases, "open": open_cases, "import": import_cases,
+    "index": index_cases, "sql": sql_cases, "day": day_cases, "open": open_cases,
+    "import": import_cases,
     "store": store_cases,
 }  # fmt: skip
 """Group -> its cases, for each size."""

@@ -40,6 +40,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "diff": "Show what differs between two moments.",
         "timeline": "Show when a door was open, when closed.",
         "rooms": "Show the rooms, and which doors lead where.",
+        "sql": "Answer a query in SQL.",
     },
     "Ask what is likely": {
         "probabilities": "Show how likely doors are open.",

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
+
 from semmap_log.domain.doors import DoorId, DoorMap
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, is_whole_number
+from semmap_log.domain.events import ADDING_KINDS, DoorAdded, DoorAnnotated, is_whole_number
 from semmap_log.door_log.door_names import resolve_door
 from semmap_log.door_log.removed_doors import (
     ID_PREFIX,
@@ -14,6 +16,7 @@ from semmap_log.door_log.removed_doors import (
     told_removed,
 )
 from semmap_log.errors import UnknownDoorError
+from semmap_log.folds.annotations import NAME
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.replay.replay import Scope, replay
 from semmap_log.store.kind_bits import bits_of_kinds
@@ -93,3 +96,18 @@ def _ever_said(reader: LogReader) -> DoorMapState:
     for batch in reader.batches(Window(kinds=bits_of_kinds([DoorAdded, DoorAnnotated]))):
         state.apply(batch)
     return state
+
+
+def names_ever(reader: LogReader) -> dict[DoorId, set[str]]:
+    """Return all names that each door ever had, whoever said so and took it back.
+
+    A door that was neither added nor named, as in what was recovered of a log, is not among them.
+    """
+    found: dict[DoorId, set[str]] = {}
+    for batch in reader.batches(Window(kinds=bits_of_kinds([*ADDING_KINDS, DoorAnnotated]))):
+        for door_id in np.unique(batch.door_ids()[batch.about_doors()]).tolist():
+            found.setdefault(DoorId(door_id), set())
+        for event in batch.objects.get(DoorAnnotated.kind, ()):
+            if isinstance(event, DoorAnnotated) and event.key == NAME and event.value:
+                found[event.door_id].add(event.value)
+    return found

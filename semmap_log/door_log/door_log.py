@@ -30,6 +30,7 @@ from semmap_log.door_log.backdating import backdated, early_events, since_ever_n
 from semmap_log.door_log.door_labels import labels_ever
 from semmap_log.door_log.last_patrol import last_patrol
 from semmap_log.door_log.log_end import latest_happened_ns
+from semmap_log.door_log.log_queries import LogQueries
 from semmap_log.door_log.log_tables import LogTables
 from semmap_log.door_log.times import NEAR_NS, Time, moment_of
 from semmap_log.errors import LogError, MomentError
@@ -66,7 +67,7 @@ S = TypeVar("S")
 
 
 @knows_its_keywords
-class DoorLog(LogTables, ShownAsTable):
+class DoorLog(LogTables, LogQueries, ShownAsTable):
     """A log that is read: as it was when it was opened, or last refreshed."""
 
     def __init__(self, path: str | PurePath | LogFolder | LogReader) -> None:

@@ -35,6 +35,7 @@ from mutation.planner_file_guards import PLANNER_FILES
 from mutation.planner_guards import PLANNERS
 from mutation.planning_guards import PLANNING
 from mutation.proposal_guards import PROPOSALS
+from mutation.query_guards import QUERIES
 from mutation.room_guards import ROOMS
 from mutation.ros_mapping_guards import ROS_MAPPING
 from mutation.scan_guards import SCANS
@@ -398,4 +399,5 @@ GUARDS: tuple[Mutant, ...] = (
     *PLANNERS, *PLANNER_FILES,
     *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *STORES, *PROPOSALS, *PLANNING, *ROOMS,
     *EXPERIMENT, *EXPERIMENT_TABLES, *KEEPING, *INDEX, *JOINS, *FLEETS,
+    *QUERIES,
 )  # fmt: skip

@@ -115,24 +115,37 @@ def _cut(window: Window, first: int, before: int | None) -> Window | None:
 
 def _tables(reader: LogReader, window: Window) -> dict[int, SegmentTables]:
     """Return the tables that are worth asking, by the first events of their segments."""
-    folder = reader.given / FOLDER
-    if not isinstance(folder, Path) or not folder.is_dir() or not has_pyarrow():
+    if not has_tables(reader):
         return {}
     found = {}
     for place, segment in enumerate(reader.segments):
-        if not segment.closed or segment.told is not None or segment.has_unknown_events:
-            continue
         behind = reader.segments[place + 1 : place + 2]
         next_event = behind[0].header.first_event if behind else None
-        if window.may_reach(segment, next_event) and len(window.chunks(segment)) > FEW_CHUNKS:
-            try:
-                tables = SegmentTables.of(folder, segment)
-            except StaleIndexError as error:
-                _say(error)
-                continue
-            if tables is not None:
-                found[segment.header.first_event] = tables
+        is_closed = segment.closed and segment.told is None
+        if not (is_closed and window.may_reach(segment, next_event)):
+            continue
+        if len(window.chunks(segment)) > FEW_CHUNKS and (tables := tables_of(reader, segment)):
+            found[segment.header.first_event] = tables
     return found
+
+
+def has_tables(reader: LogReader) -> bool:
+    """Tell whether a log may have tables, and there is what reads them."""
+    folder = reader.given / FOLDER
+    return isinstance(folder, Path) and folder.is_dir() and has_pyarrow()
+
+
+def tables_of(reader: LogReader, segment: Segment) -> SegmentTables | None:
+    """Return the tables of a segment; None: it has none that can be used."""
+    folder = reader.given / FOLDER
+    if not segment.closed or segment.told is not None or segment.has_unknown_events:
+        return None
+    assert isinstance(folder, Path), "`has_tables` said so"
+    try:
+        return SegmentTables.of(folder, segment)
+    except StaleIndexError as error:
+        not_used(error)
+        return None
 
 
 def _rows(
@@ -143,9 +156,10 @@ def _rows(
             tables.commits  # noqa: B018 - read now: a damaged one is not used
         return tables.about(doors)
     except StaleIndexError as error:
-        _say(error)
+        not_used(error)
         return None
 
 
-def _say(error: StaleIndexError) -> None:
+def not_used(error: StaleIndexError) -> None:
+    """Tell who wants to know that a table is not used."""
     _log.info("%s It is not used; the log itself is read.", error)

@@ -143,6 +143,16 @@ class SegmentTables:
         fields = events_in(rows)
         return EventBatch(**fields, sources_of=_Sources(rows, fields["number"]))
 
+    def all_rows(self, names: Collection[str]) -> pa.Table:
+        """Return some columns of all rows, by door; those that no event fills are left out.
+
+        Raises:
+            StaleIndexError: A page is not what was written.
+        """
+        with self._reading(EVENTS):
+            there = [name for name in self._events.schema_arrow.names if name in names]
+            return self._events.read(columns=there, use_threads=False)
+
     @computed_once
     def commits(self) -> CommitTable:
         """Who and why of all its events.

@@ -1,0 +1,76 @@
+"""The rows of an answer for programs that do not know Arrow: JSON, CSV, tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from datetime import date, datetime, time, timedelta, timezone
+from decimal import Decimal
+from typing import Any
+
+from semmap_log.arrow.arrow_sdk import pa
+from semmap_log.domain.moments import format_utc
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
+
+
+def answer_rows(answer: pa.Table) -> Iterator[tuple[Any, ...]]:
+    """Yield rows as JSON knows them: instants are ISO-8601 UTC, bytes hexadecimal, NaN is None."""
+    yield from zip(*(_plain(column) for column in answer.columns), strict=True)
+
+
+def json_rows(answer: pa.Table) -> Iterator[dict[str, Any]]:
+    """Yield the same by the names of the columns; of two of one name the second is `name_1`."""
+    names = column_names(answer)
+    for row in answer_rows(answer):
+        yield dict(zip(names, row, strict=True))
+
+
+def column_names(answer: pa.Table) -> list[str]:
+    """Return the names of an answer's columns, each once."""
+    found: list[str] = []
+    for name in answer.column_names:
+        again = (f"{name}_{count}" for count in range(1, len(answer.column_names) + 1))
+        found.append(name if name not in found else next(n for n in again if n not in found))
+    return found
+
+
+def instants_ns(column: pa.ChunkedArray) -> list[int | None] | None:
+    """Return a column of instants as nanoseconds UTC; None: it is another."""
+    if not pa.types.is_timestamp(column.type) or column.type.tz is None:
+        return None
+    ns: list[int | None] = column.cast(pa.timestamp("ns", "UTC")).cast(pa.int64()).to_pylist()
+    return ns
+
+
+def _plain(column: pa.ChunkedArray) -> list[Any]:
+    ns = instants_ns(column)
+    if ns is not None:  # to Python's own times nanoseconds would be lost
+        return [None if each is None else format_utc(each) for each in ns]
+    if pa.types.is_timestamp(column.type):
+        column = column.cast(pa.timestamp("us"), safe=False)
+    return [_value(value) for value in column.to_pylist()]
+
+
+def _value(value: Any) -> Any:
+    match value:
+        case None | bool() | int() | str():
+            return value
+        case float():
+            return value if math.isfinite(value) else None
+        case Decimal():
+            return int(value) if value == value.to_integral_value() else float(value)
+        case bytes():
+            return value.hex()
+        case datetime() if value.tzinfo is not None:
+            return format_utc((value - _EPOCH) // timedelta(microseconds=1) * 1000)
+        case datetime() | date() | time():
+            return value.isoformat()
+        case Mapping():
+            return {str(key): _value(each) for key, each in value.items()}
+        case list() if value and all(isinstance(each, tuple) for each in value):
+            return {str(key): _value(each) for key, each in value}  # a map
+        case list():
+            return [_value(each) for each in value]
+        case _:
+            return str(value)
