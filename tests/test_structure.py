@@ -257,14 +257,14 @@ CORE = {"numpy", "mcap", "zstandard"}
 STARTS = [
     ("import semmap_log", set(), 10),
     ("import semmap_log as sl; sl.read(sys.argv[1]).replay()", CORE, 130),
-    *((f"_verb({verb}, '--json')", CORE | {"typer"}, 155) for verb in (
+    *((f"_verb({verb}, '--json')", CORE | {"typer"}, 160) for verb in (
         "'replay', sys.argv[1]", "'history', sys.argv[1], '-n', '3'", "'show', sys.argv[1], '58'",
         "'diff', sys.argv[1], '10:00', '11:00'", "'timeline', sys.argv[1], '1'",
     )),
-    ("_verb('replay', sys.argv[1])", CORE | {"typer", "rich"}, 155),
-    ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 155),
-    ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 180),
-    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 190),
+    ("_verb('replay', sys.argv[1])", CORE | {"typer", "rich"}, 160),
+    ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 160),
+    ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 185),
+    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 195),
     ("_verb('--help')", {"typer"}, 25),
     ("_verb('--version')", {"typer"}, 25),
 ]  # fmt: skip
