@@ -263,6 +263,7 @@ STARTS = [
     ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 155),
     ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 180),
     ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 190),
+    ("_verb('why', sys.argv[1], '1', '--json')", CORE | {"typer"}, 190),
     ("_verb('--help')", {"typer"}, 25),
     ("_verb('--version')", {"typer"}, 25),
 ]  # fmt: skip
