@@ -265,6 +265,7 @@ STARTS = [
     ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 160),
     ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 185),
     ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 195),
+    ("_verb('why', sys.argv[1], '1', '--json')", CORE | {"typer"}, 195),
     ("_verb('--help')", {"typer"}, 25),
     ("_verb('--version')", {"typer"}, 25),
 ]  # fmt: skip

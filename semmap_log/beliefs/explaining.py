@@ -9,7 +9,7 @@ told.taken_back.number                  # 58: what was believed rested on it
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from semmap_log.beliefs.door_beliefs import DoorBelief, probabilities
 from semmap_log.domain.doors import DoorId, DoorState
@@ -42,7 +42,8 @@ def explain(
         log: The log.
         door: Its id, name, or level/name; a removed one, too.
         at: The moment; of an event, when it counts; default: the log's end.
-        known_at: What had been recorded by then was known; default: at the moment itself.
+        known_at: What had been recorded by then was known; default: by the moment itself. Without
+            `at` it is the moment, too.
         near_ns: From so long before the moment to so long after it events are told that say
             otherwise; before it, at the least since the state began.
         progress: Told how far the reading is.
@@ -54,37 +55,33 @@ def explain(
     """
     door_id = log.resolve_ever(door)
     when, known = log.moment(at), log.moment(known_at)
+    time_ns, end_ns = moment_asked_ns(log, when, known), log.end_ns()
     if known == Moment():
         known = when
-    time_ns = moment_asked_ns(log, when, Moment())
-    then = log.scope(Moment(ns=time_ns), known)
-    limit = log.limit_of(then)
-    true = state_reason(log, door_id, log.scope(Moment(ns=time_ns)))
-    believed = true if known == Moment() else state_reason(log, door_id, then)
-    span = min(time_ns if true.since_ns is None else true.since_ns, time_ns - near_ns)
-    told_since, taken_back = _told_since(true, believed, limit), _taken_back(true, believed)
-    otherwise_ns = max(0, span), min(time_ns + near_ns, max(time_ns, log.end_ns()))
-    otherwise = tuple(_otherwise(log, door_id, true.state, otherwise_ns))
-    named = (taken_back, *otherwise)
+    moment = Moment(ns=time_ns)
+    limit = log.limit_of(log.scope(known_at=known))
+    true = state_reason(log, door_id, log.scope(moment))
+    knows_all = known == Moment()
+    believed = true if knows_all else state_reason(log, door_id, log.scope(moment, known))
+    begun_ns = time_ns if true.since_ns is None else true.since_ns
+    near = max(0, min(begun_ns, time_ns - near_ns)), min(time_ns + near_ns, max(time_ns, end_ns))
+    otherwise = tuple(_otherwise(log, door_id, true.state, near))
+    taken_back = _taken_back(true, believed)
     return Explanation(
         door_id=door_id,
         label=log.door_labels().get(door_id, str(door_id)),
         time_ns=time_ns,
         known_ns=known.ns,
         known_event=limit,
-        end_ns=log.end_ns(),
+        end_ns=end_ns,
         true=true,
         believed=believed,
-        told_since=told_since,
+        told_since=_told_since(true, believed, limit),
         taken_back=taken_back,
         otherwise=otherwise,
-        otherwise_ns=otherwise_ns,
-        retractions={
-            each.retracted_by: log.entry(each.retracted_by)
-            for each in named
-            if each is not None and each.retracted_by is not None
-        },
-        belief=_belief(log, door_id, Moment(ns=time_ns), known, progress),
+        otherwise_ns=near,
+        retractions=_retractions(log, (taken_back, *otherwise)),
+        belief=_belief(log, door_id, moment, known, progress),
         next=_next(log, door_id, time_ns),
     )
 
@@ -122,6 +119,12 @@ def _speaks_against(entry: HistoryEntry, state: DoorState) -> bool:
         case event:
             told = event.values_set().get("state", state)
             return told not in (state, DoorState.UNKNOWN)
+
+
+def _retractions(log: DoorLog, entries: Iterable[HistoryEntry | None]) -> dict[int, HistoryEntry]:
+    """Return those that took back some of these events, by their numbers."""
+    numbers = {each.retracted_by for each in entries if each is not None}
+    return {number: log.entry(number) for number in numbers if number is not None}
 
 
 def _belief(

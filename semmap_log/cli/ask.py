@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from semmap_log.cli import plain_streams
 from semmap_log.cli.asking import chosen_address, chosen_token
 from semmap_log.cli.common import say
-from semmap_log.cli.plain_streams import is_for_people, write_line
+from semmap_log.cli.plain_streams import write_line
 from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ def _print(answer: str, questions: list[str] | None) -> None:
     """Print an answer; a person gets all that HELP lists on lines of their own."""
     from semmap_log.planners.question_lines import split_words
 
-    if questions == ["HELP"] and is_for_people() and answer.startswith("("):
+    if questions == ["HELP"] and plain_streams.is_for_people() and answer.startswith("("):
         for line in split_words(answer[1:-1]):
             write_line(line)
     else:

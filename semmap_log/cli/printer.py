@@ -16,8 +16,9 @@ from collections.abc import Iterator
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from semmap_log.cli import plain_streams
 from semmap_log.cli.plain_console import PlainConsole
-from semmap_log.cli.plain_streams import is_for_people, plain, write_line
+from semmap_log.cli.plain_streams import plain, write_line
 from semmap_log.views.column_table import ColumnTable, TextPicture
 
 UNWRAPPED = 100_000
@@ -28,7 +29,7 @@ class Printer:
     """Prints what a verb shows, in the form that its reader wants."""
 
     def __init__(self) -> None:
-        self._draws = is_for_people()
+        self._draws = plain_streams.is_for_people()
         self._console = PlainConsole(sys.stdout, width=None if self._draws else UNWRAPPED)
         self._tables = 0
         self._left_out: list[str] = []

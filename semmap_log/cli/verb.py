@@ -39,7 +39,7 @@ class Verb(TyperCommand):
         super().__init__(*args, **kwargs)
         for param in self.params:
             if offer := OFFERS.get(param.name or ""):
-                param.shell_complete = partial(_offered, offer)  # type: ignore[method-assign]
+                param.shell_complete = partial(offered, offer)  # type: ignore[method-assign]
 
     def get_params(self, ctx: Any) -> Any:
         """Return the options and arguments, `--help` among them."""
@@ -102,7 +102,7 @@ def _with_values(args: list[str]) -> list[str]:
     return made + args[end:]
 
 
-def _offered(offer: Callable[[Any, str], Offers], ctx: Any, incomplete: str) -> list[Any]:
+def offered(offer: Callable[[Any, str], Offers], ctx: Any, incomplete: str) -> list[Any]:
     """Return what a shell is offered, as typer wants it."""
     item: Any = getattr(core, "CompletionItem", None)
     if item is None:  # an older typer, with click beside it

@@ -10,9 +10,11 @@ from typing import Any
 
 from typer.core import TyperGroup
 
+from semmap_log.cli.completion import Offers
 from semmap_log.cli.failures import CLICK_ERROR
 from semmap_log.cli.plain_streams import READER_GONE, forget_output
 from semmap_log.cli.plain_values import with_plain_readers
+from semmap_log.cli.verb import offered
 from semmap_log.cli.verb_table import GROUPS, SHOWN, VerbsByName
 
 
@@ -41,6 +43,12 @@ class Verbs(TyperGroup):
             with formatter.section(group):
                 formatter.write_dl([(f"{name:<{widest}}", does) for name, does in verbs.items()])
 
+    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
+        """Return what a shell is offered: verbs, of which none is loaded for it, or options."""
+        if incomplete.startswith("-"):
+            return super().shell_complete(ctx, incomplete)
+        return offered(_verbs_beginning, ctx, incomplete)
+
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the verb that a word means; of one that is none, say which may be meant."""
         try:
@@ -67,6 +75,10 @@ class Verbs(TyperGroup):
             done = super().invoke(ctx)
             sys.stdout.flush()
             return done
+
+
+def _verbs_beginning(_: Any, incomplete: str) -> Offers:
+    return [(name, does) for name, does in SHOWN.items() if name.startswith(incomplete)]
 
 
 def _uncoloured(tell: Callable[..., Any], ctx: Any, param: Any, value: Any) -> Any:

@@ -518,7 +518,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Args:
             door: Its id, name, or level/name; a removed one, too.
             at: The moment; of an event, when it counts; default: the log's end.
-            known_at: What had been recorded by then was known; default: at the moment itself.
+            known_at: What had been recorded by then was known; default: by the moment itself.
+                Without `at` it is the moment, too.
             near_ns: Events that tell another state count from so long before the moment to so long
                 after it; before it, at the least since the state began.
             progress: Told how far the reading is.

@@ -102,13 +102,12 @@ def _state(known: StateReason, told: Explanation, when: When) -> Text:
         return Text(f"removed at {when(known.since_ns)}, {gone} before", style=OTHER_STATE_COLOUR)
     assert known.since_ns is not None, "a door that is there has a state since some time"
     lasted = duration(told.time_ns - known.since_ns)
-    return _coloured(known.state).append(
-        f" since {when(known.since_ns)}, for {lasted}", style="default"
-    )
+    return _coloured(known.state).append(f" since {when(known.since_ns)}, for {lasted}")
 
 
-def _coloured(state: DoorState) -> Text:
-    return Text(state.name, style=STATE_COLOURS.get(state, OTHER_STATE_COLOUR))
+def _coloured(state: DoorState, said: str = "") -> Text:
+    """Return a state, or what is said of it, in its colour; what is appended has none."""
+    return Text.assemble((said or state.name, STATE_COLOURS.get(state, OTHER_STATE_COLOUR)))
 
 
 def _event(entry: HistoryEntry) -> Text:
@@ -191,10 +190,10 @@ def _p_open(told: Explanation) -> Text:
         why = f": {why_unknown(belief.evidence)}" if isinstance(belief, DoorBelief) else ""
         return Text(f"UNKNOWN{why}", style=OTHER_STATE_COLOUR)
     likely = DoorState.OPEN if belief.p_open >= LIKELY else DoorState.CLOSED
-    said = Text(with_interval(belief.p_open, belief.low, belief.high), style=STATE_COLOURS[likely])
+    said = _coloured(likely, with_interval(belief.p_open, belief.low, belief.high))
     is_against = told.believed.state in STATE_COLOURS and told.believed.state is not likely
     doubt = f": rather {likely.name}, against the state that was believed" if is_against else ""
-    return said.append(doubt, style="default")
+    return said.append(doubt)
 
 
 def _next(told: Explanation, when: When) -> Text:
@@ -203,8 +202,9 @@ def _next(told: Explanation, when: When) -> Text:
     if change is not None:
         named = Text("removed") if change.state is None else _coloured(change.state)
         later = duration(change.time_ns - told.time_ns)
-        named.append(f" at {when(change.time_ns)}, {later} later; ", style="default")
-        return named.append(_event(change.entry))
+        return named.append(f" at {when(change.time_ns)}, {later} later; ").append(
+            _event(change.entry)
+        )
     if told.time_ns > told.end_ns:
         before = duration(told.time_ns - told.end_ns)
         return Text(f"not known: the log ends {before} before, at {when(told.end_ns)}")

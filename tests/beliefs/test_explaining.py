@@ -341,6 +341,8 @@ def test_what_was_believed_of_another_time(tmp_path: Path) -> None:
 
     assert ("CLOSED", "UNKNOWN") == (told.true.state.name, told.believed.state.name)
     assert 4 == told.known_event
+    alone = log.why("front", known_at="event:4")
+    assert ("OPEN", 4) == (alone.believed.state.name, alone.known_event)
 
 
 def test_a_door_that_was_not_there(tmp_path: Path) -> None:

@@ -48,6 +48,7 @@ ALL = ["front", "ground/both", "3", "4", "5"]
 @pytest.mark.parametrize(
     ("words", "offered"),
     [
+        (["pro"], ["probabilities", "prolog-module"]),
         (["observe", "log", ""], ALL),
         (["observe", "log", "f"], ["front"]),
         (["observe", "log", "front", "o"], ["open", "offline"]),

@@ -125,8 +125,7 @@ def test_a_pipe_gets_a_row_a_line(
     """
     Name and value, whole times, a name for each.
     """
-    for room in ("plain_streams", "printer"):
-        monkeypatch.setattr(f"semmap_log.cli.{room}.is_for_people", lambda: False)
+    monkeypatch.setattr("semmap_log.cli.plain_streams.is_for_people", lambda: False)
 
     assert 0 == run("why", OFFICE, "coe_door", "--at", "13:30")
 

@@ -26,6 +26,7 @@ ANSWER = {
     "replay": ["LOG"],
     "diff": ["LOG", "@0..@1"],
     "timeline": ["LOG", "front"],
+    "why": ["LOG", "front"],
     "probabilities": ["LOG"],
     "best-time": ["LOG", "front"],
     "patrol-plan": ["LOG"],

@@ -20,9 +20,10 @@ def explanation_to_json(told: Explanation) -> dict[str, Any]:
     """
     first, last = told.otherwise_ns
     belief, following = told.belief, told.next
+    door = told.true.door or told.believed.door
     return {
         "door_id": told.door_id,
-        "name": told.label,
+        "name": told.label if door is None else door.name,
         "at": format_utc(told.time_ns),
         "known_at": None if told.known_ns is None else format_utc(told.known_ns),
         "known_event": told.known_event,
