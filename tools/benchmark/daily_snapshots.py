@@ -49,7 +49,8 @@ _DOOR_MAP = f"""
         GROUP BY door_id)
     SELECT door_id, {", ".join(f"coalesce(since.{name}, midnight.{name})" for name in _TOLD)}
     FROM (SELECT * FROM snapshots WHERE day = $day) AS midnight LEFT JOIN since USING (door_id)
-    WHERE (midnight.added OR since.added) AND NOT (midnight.removed OR coalesce(since.removed, false))
+    WHERE (midnight.added OR since.added)
+        AND NOT (midnight.removed OR coalesce(since.removed, false))
     ORDER BY door_id
 """  # noqa: S608
 
