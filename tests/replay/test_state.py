@@ -231,6 +231,7 @@ def test_a_moment_unpacks_no_chunk_twice(
 
         log.replay(**moment)
 
+        assert log._reader._at_hand is None
         assert len(unpacked) == len(set(unpacked))
         parts = 3 if asked == "both" else 2
         assert 0 < sum(size for _, size in unpacked) < parts * 1.05 * KEYFRAME_EVERY_BYTES

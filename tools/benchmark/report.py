@@ -31,7 +31,9 @@ mcap, rosbags: the log's first 20,000 events only, scaled per event, and only \
 topics that matter to the doors. rosbags does not tell when events happened: it folds them as they \
 were recorded, and last_seen is left out. limit: the bytes through crc32 and numpy, nothing made.
 SQLite, DuckDB: given the events as a table of what each of them sets, written beforehand: Parquet \
-with zstd, sorted by number; SQLite with nine indexes, one for each question. They check no CRC. \
+with zstd, sorted by number; SQLite with nine indexes, one for each question. Daily \
+snapshots: a DuckDB file with the events in the order in which they happened, and the doors at \
+each midnight. They check no CRC. \
 All read from the page cache, but for Moment, cold: opened anew, its pages dropped; read: what \
 came from the disk, of the whole; the kernel reads more than it is asked for (read-ahead).
 In a store: moto's server beside us, which is Python: read bytes and requests, not times. Just \

@@ -16,6 +16,8 @@ APPENDING = (
           "self.level or 0", "self.level", "test_command_content"),
     guard("poses that waited are no part of an answer", "Appender._repeated",
           "stored[poses:]", "stored", "test_command_content"),
+    guard("sightings from before their door, in a commit of nothing else", "Validator._note_early",
+          "min(times) < max(map(added_ns.get, doors, repeat(0)))", "False", "test_backdating"),
     guard("an expected event is asked for", "Appender._write",
           "now.check_last_event(context.expected_event, command.door_expected(events))", "",
           "test_command_content"),

@@ -168,9 +168,9 @@ class _Template:
         rows["log_time"] = self._steps + stamp.recorded_ns
         rows["publish_time"] = happened
         bodies = self._pack_bodies(*chain.from_iterable(map(self._values, events)))
-        as_bytes = rows.view(np.uint8).reshape(self._count, -1)
-        as_bytes[:, mcap.MESSAGE.size :] = np.frombuffer(bodies, np.uint8).reshape(self._count, -1)
-        as_bytes[:, mcap.MESSAGE.size :][:, : len(CDR_HEADER)] = _CDR_HEADER
+        as_bytes, body = rows.view(np.uint8).reshape(self._count, -1), mcap.MESSAGE.size
+        as_bytes[:, body:] = np.frombuffer(bodies, np.uint8).reshape(self._count, -1)
+        as_bytes[:, body : body + len(CDR_HEADER)] = _CDR_HEADER
         data: bytes = rows.tobytes()
         return data
 
