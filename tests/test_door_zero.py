@@ -148,7 +148,7 @@ def test_its_name_and_level_in_a_table_are_its_own(log: sl.DoorLogWriter) -> Non
     rows = log.to_arrow(columns=["kind", "door_id", "door_name", "level_name"]).to_pylist()
 
     told = {(row["kind"], row["door_id"], row["door_name"], row["level_name"]) for row in rows}
-    assert ("PatrolStarted", None, None, None) in told
+    assert ("PatrolFinished", None, None, None) in told
     assert ("RobotPose", None, None, "0") in told
     assert ("DoorObserved", 0, "door-0", "0") in told
     assert ("DoorObserved", 7, "door-7", "0") in told
