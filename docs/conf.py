@@ -25,8 +25,12 @@ author = "the semmap-log authors"
 copyright = "the semmap-log authors, Apache-2.0"  # noqa: A001  # the name that Sphinx gives it
 release = version = version_of("semmap-log")
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["_build"]
+nb_execution_mode = "force"
+"""Notebooks lie in the repository without their outputs: these are made here, each time."""
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600
 language = "en"
 
 myst_enable_extensions = ["colon_fence", "deflist"]
@@ -37,10 +41,13 @@ nitpicky = True
 nitpick_ignore_regex = [
     # Types of other projects: their documentation is not at hand where this one is built.
     (r"py:.*", r"(numpy|np|NDArray|ArrayLike|pathlib|Path|collections|typing|types|enum)\b.*"),
-    (r"py:.*", r"(pyarrow|pa|pandas|DataFrame|datetime|Time|S|True|False)\b.*"),
+    (r"py:.*", r"(pyarrow|pa|pandas|polars|DataFrame|PolarsFrame|datetime|Time|S|True|False)\b.*"),
     # Names of the rooms behind the public modules.
     (r"py:.*", r"semmap_log\.\w+\..*"),
-    (r"py:class", r"(Clock|DoorId|Duration|Durability|Entropy|LogSummary|Progress|first_event)"),
+    (
+        r"py:class",
+        r"(Clock|DoorId|Duration|Durability|Entropy|LogSummary|Progress|Window|first_event)",
+    ),
 ]
 
 default_role = "literal"

@@ -139,3 +139,16 @@ def test_a_name_is_shown_of_its_own_events_alone(
     round_, door = capsys.readouterr().out.split("DoorAdded")
     assert "door-0" not in round_
     assert "door-0" in door
+
+
+def test_its_name_and_level_in_a_table_are_its_own(log: sl.DoorLogWriter) -> None:
+    """
+    What is about no door has neither of them, though its column of doors holds a 0.
+    """
+    rows = log.to_arrow(columns=["kind", "door_id", "door_name", "level_name"]).to_pylist()
+
+    told = {(row["kind"], row["door_id"], row["door_name"], row["level_name"]) for row in rows}
+    assert ("PatrolFinished", None, None, None) in told
+    assert ("RobotPose", None, None, "0") in told
+    assert ("DoorObserved", 0, "door-0", "0") in told
+    assert ("DoorObserved", 7, "door-7", "0") in told

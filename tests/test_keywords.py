@@ -27,6 +27,7 @@ from semmap_log.costmaps import costmap_at
 from semmap_log.costmaps.level_costmap import CostmapOptions
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import KINDS, DoorObserved, DoorPassed, defaults_of, field_names
+from semmap_log.door_log.log_tables import LogTables
 from semmap_log.errors import (
     InvalidEventError,
     MomentError,
@@ -60,7 +61,7 @@ def _public_calls() -> Iterator[tuple[str, Callable[..., Any]]]:
         yield function.__name__, function
     for cls in (*WRITTEN_WITH, *OPTIONS):
         yield cls.__name__, cls
-    for cls in WRITTEN_WITH:
+    for cls in (*WRITTEN_WITH, LogTables):  # which is a part of a log, and made by nobody
         for name, member in vars(cls).items():
             call = getattr(member, "__func__", member)
             if not name.startswith("_") and inspect.isfunction(call):

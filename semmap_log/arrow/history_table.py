@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from types import MappingProxyType
 
 import numpy as np
@@ -13,7 +14,7 @@ from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.arrow.rows_by_door import Commits
 from semmap_log.arrow.schema import schema_of
 from semmap_log.arrow.table import Events, column_of, texts_array
-from semmap_log.arrow.table_columns import COUNTS, HISTORY_COLUMNS, SAID, TEXT, THEN, Column
+from semmap_log.arrow.table_columns import HISTORY_COLUMNS, RETRACTED, SAID, TEXT, THEN, Column
 from semmap_log.domain.commits import NOTE_TEXTS
 
 TextsThen = Mapping[str, tuple[NDArray[np.intp], Sequence[str]]]
@@ -45,18 +46,23 @@ def history_table(
             arrays.append(_said(column.name, commits, places))
         elif column in THEN:
             arrays.append(texts_array(*then[column.name]))
-        elif column == COUNTS:
+        elif column == RETRACTED:
             arrays.append(pa.array(retracted))
         else:
             arrays.append(column_of(events, column))
-    return pa.Table.from_arrays(arrays, schema=schema_of(columns))
+    return pa.Table.from_arrays(arrays, schema=_schema(tuple(columns)))
+
+
+@lru_cache(maxsize=16)
+def _schema(columns: tuple[Column, ...]) -> pa.Schema:
+    return schema_of(columns)
 
 
 def joined(tables: Iterable[pa.Table], columns: Sequence[Column]) -> pa.Table:
     """Return tables of some columns as one, whose dictionaries are the same in all its parts."""
     parts = list(tables)
     if not parts:
-        return schema_of(columns).empty_table()
+        return _schema(tuple(columns)).empty_table()
     return pa.concat_tables(parts).unify_dictionaries()
 
 

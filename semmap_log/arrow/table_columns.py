@@ -171,7 +171,7 @@ SAID = (
 )
 """What the event's commit says."""
 
-COUNTS = Column("retracted", "bool", "it was taken back, and does not count", nullable=False)
+RETRACTED = Column("retracted", "bool", "it was taken back, and does not count", nullable=False)
 
-HISTORY_COLUMNS = (*HEAD, DOOR, *THEN, *WHEN, *FIELDS, *SAID, COUNTS)
+HISTORY_COLUMNS = (*HEAD, DOOR, *THEN, *WHEN, *FIELDS, *SAID, RETRACTED)
 """Of `DoorLog.to_arrow()`, in order, and of an exported file."""

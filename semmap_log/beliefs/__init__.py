@@ -20,7 +20,7 @@ from semmap_log.common.lazily import lazy_names
 if TYPE_CHECKING:
     from semmap_log.beliefs.applying import Applied, apply_probabilities
     from semmap_log.beliefs.best_times import BestTime, best_time
-    from semmap_log.beliefs.door_beliefs import DoorBelief, probabilities
+    from semmap_log.beliefs.door_beliefs import DoorBelief, DoorBeliefs, probabilities
     from semmap_log.beliefs.evaluation import Evaluation, evaluate
     from semmap_log.beliefs.sensor_calibration import Calibration, calibrate
     from semmap_log.beliefs.typical_week import TypicalWeek, typical_weeks
@@ -34,6 +34,7 @@ __all__ = [
     "BestTime",
     "Calibration",
     "DoorBelief",
+    "DoorBeliefs",
     "Evaluation",
     "TypicalWeek",
     "apply_probabilities",
@@ -47,7 +48,7 @@ __all__ = [
 
 _HOMES = {
     "beliefs.applying": ("Applied", "apply_probabilities"),
-    "beliefs.door_beliefs": ("DoorBelief", "probabilities"),
+    "beliefs.door_beliefs": ("DoorBelief", "DoorBeliefs", "probabilities"),
     "beliefs.best_times": ("BestTime", "best_time"),
     "beliefs.sensor_calibration": ("Calibration", "calibrate"),
     "beliefs.evaluation": ("Evaluation", "evaluate"),

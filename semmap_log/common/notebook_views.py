@@ -18,8 +18,11 @@ class NotebookViews(Protocol):
     def html_of(self, value: Any) -> str:
         """Return a value as HTML, texts escaped."""
 
-    def plot_of(self, value: Any, **choice: Any) -> Any:
-        """Return a value as a figure of matplotlib."""
+    def plot_log(self, log: Any, *, since: Any, until: Any, doors: Any, progress: Any) -> Any:
+        """Return the states of a log's doors as a figure of matplotlib."""
+
+    def plot_timeline(self, timeline: Any, *, name: str, tz: str) -> Any:
+        """Return the states of one door so."""
 
 
 def register_notebook_views(load: Callable[[], NotebookViews]) -> None:

@@ -130,20 +130,15 @@ def names_then(
         limit: The number of the last event that counts; None: all do.
     """
     names, levels = NamesThen(), {0}
-    with_levels = _LEVEL_NAME in wanted
-    kinds = [*ADDING_KINDS, DoorAnnotated, *([LevelAdded, FloorMap] if with_levels else [])]
-    for batch in _of_kinds(reader, kinds, limit):
-        levels |= levels_told(batch)
-        names.apply(known.visible(batch))
-    if with_levels and len(levels) > 1:  # a door is put on levels only that are told of
-        moving = [kind for kind in POSE_KINDS if kind not in ADDING_KINDS]
-        for batch in _of_kinds(reader, moving, limit):
-            names.apply(known.visible(batch))
-    return names
-
-
-def _of_kinds(
-    reader: LogReader, kinds: Collection[type[Event]], limit: int | None
-) -> Iterator[EventBatch]:
     before = None if limit is None else limit + 1
-    return reader.batches(Window(kinds=bits_of_kinds(kinds), before_event=before))
+
+    def take(kinds: Collection[type[Event]]) -> None:
+        for batch in reader.batches(Window(kinds=bits_of_kinds(kinds), before_event=before)):
+            levels.update(levels_told(batch))
+            names.apply(known.visible(batch))
+
+    with_levels = _LEVEL_NAME in wanted
+    take([*ADDING_KINDS, DoorAnnotated, *([LevelAdded, FloorMap] if with_levels else [])])
+    if with_levels and len(levels) > 1:  # a door is put on levels only that are told of
+        take([kind for kind in POSE_KINDS if kind not in ADDING_KINDS])
+    return names

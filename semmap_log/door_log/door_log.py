@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.batches.retraction import Retractions
 from semmap_log.common.notebook_views import ShownAsTable, notebook_views
+from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.events import Event, FloorMap, PatrolFinished, PatrolStarted, is_whole_number
@@ -93,10 +94,10 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def __repr__(self) -> str:
         try:
-            said = f"{self._reader.last_event() + 1:,} events"
+            said = counted(self._reader.last_event() + 1, "event")
         except LogError:
             said = "damaged"
-        return f"<{type(self).__name__} {str(self.path)!r}: {said}>"
+        return f"<{type(self).__name__} {str(self._reader.folder)!r}: {said}>"
 
     @property
     def info(self) -> LogInfo:
@@ -580,8 +581,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             MissingExtraError: matplotlib is not installed.
             MomentError: `since` comes after `until`.
         """
-        return notebook_views().plot_of(
-            self, doors=doors, since=since, until=until, progress=progress
+        return notebook_views().plot_log(
+            self, since=since, until=until, doors=doors, progress=progress
         )
 
     def instant(self, time: Time) -> int | None:

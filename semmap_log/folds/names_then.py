@@ -120,10 +120,8 @@ class NamesThen:
         moves = np.concatenate(self._moves)
         added = np.array([self._added.get(d, _NEVER) for d in moves["door_id"].tolist()], np.int64)
         ns, number = added.reshape(-1, 2).T
-        is_there = (moves["folds_ns"] > ns) | (
-            (moves["folds_ns"] == ns) & (moves["number"] >= number)
-        )
-        moves = moves[is_there]
+        happened, number_of = moves["folds_ns"], moves["number"]
+        moves = moves[(happened > ns) | ((happened == ns) & (number_of >= number))]
         return LastWritten(
             *(moves[name].astype(np.int64) for name in ("door_id", "folds_ns", "number", "level")),
             nothing=NO_LEVEL,

@@ -143,7 +143,7 @@ class Timeline(ShownAsTable):
         Raises:
             MissingExtraError: matplotlib is not installed.
         """
-        return notebook_views().plot_of(self, name=name, tz=tz)
+        return notebook_views().plot_timeline(self, name=name, tz=tz)
 
     def to_pandas(self) -> DataFrame:
         """Return it as a pandas.DataFrame: start, end (UTC), state, event, sightings.

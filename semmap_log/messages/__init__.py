@@ -11,7 +11,7 @@ from semmap_log.messages.codec import (
     fixed_layout,
     ros_type,
 )
-from semmap_log.messages.in_place import read_in_place
+from semmap_log.messages.in_place import read_in_place, texts_in
 from semmap_log.messages.layout import (
     CDR_HEADER,
     PACKAGE,
@@ -33,5 +33,5 @@ __all__ = [
     "CDR_HEADER",
     "OBJECT_KINDS", "OCCUPANCY_GRID", "PACKAGE", "Layout", "comments_of", "decode", "deserialize",
     "encode", "field_getter", "fixed_layout", "layout", "message_text", "read_in_place", "ros_type",
-    "schema_text", "serialize", "type_hash", "type_name",
+    "schema_text", "serialize", "texts_in", "type_hash", "type_name",
 ]  # fmt: skip

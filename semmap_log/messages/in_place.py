@@ -106,6 +106,28 @@ class Texts(Sequence[str]):
         return texts, at
 
 
+def texts_in(data: bytes, start: int, count: int) -> list[str]:
+    """Return texts that follow each other in a message, in a tenth of the time of all its fields.
+
+    Args:
+        data: The message's CDR bytes.
+        start: Where the first one begins in them.
+        count: How many.
+
+    Raises:
+        ValueError: There are not so many.
+    """
+    texts, at = [], start
+    for _ in range(count):
+        at += -at & 3
+        end = at + 4 + int.from_bytes(data[at : at + 4], "little")
+        if end == at + 4 or end > len(data) or data[end - 1]:
+            raise ValueError(f"a text at byte {at} that does not end")
+        texts.append(data[at + 4 : end - 1].decode())
+        at = end
+    return texts
+
+
 @cache
 def _fields(message: str) -> tuple[_Field, ...]:
     fields = []

@@ -6,6 +6,7 @@ times are in UTC; long ones are cut, and say so.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import singledispatch
 from typing import Any
 
@@ -14,13 +15,14 @@ from rich.text import Text
 
 from semmap_log.beliefs.door_beliefs import DoorBelief, DoorBeliefs
 from semmap_log.common.texts import counted
-from semmap_log.domain.doors import DoorMap
+from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.moments import format_local
 from semmap_log.door_log.appended import Appended
-from semmap_log.door_log.door_log import DoorLog
+from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.folds.diff import Diff
 from semmap_log.folds.history import HistoryEntry
 from semmap_log.folds.timeline import Timeline
+from semmap_log.io.progress import Progress
 from semmap_log.views import html_table
 from semmap_log.views.belief_table import belief_table
 from semmap_log.views.event_words import printable
@@ -36,21 +38,33 @@ def html_of(value: Any) -> str:
     return html_table.html_of(_shown(value))
 
 
-def plot_of(value: DoorLog | Timeline, **choice: Any) -> Any:
-    """Return the states of doors as lanes, a figure of matplotlib.
-
-    Args:
-        value: A log, or the timeline of a door.
-        **choice: What `plot` of it takes.
+def plot_log(
+    log: DoorLog,
+    *,
+    since: Time,
+    until: Time,
+    doors: Collection[DoorId | str] | None,
+    progress: Progress | None,
+) -> Any:
+    """Return what `DoorLog.plot` does.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
     from semmap_log.views.plots.lanes import Lanes, draw_lanes
 
-    if isinstance(value, DoorLog):
-        return draw_lanes(Lanes.of(value, **choice))
-    return draw_lanes(Lanes.of_timeline(value, **choice))
+    return draw_lanes(Lanes.of(log, doors, since, until, progress=progress))
+
+
+def plot_timeline(timeline: Timeline, *, name: str, tz: str) -> Any:
+    """Return what `Timeline.plot` does.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    from semmap_log.views.plots.lanes import Lanes, draw_lanes
+
+    return draw_lanes(Lanes.of_timeline(timeline, name=name, tz=tz))
 
 
 @singledispatch
@@ -62,18 +76,17 @@ def _shown(value: Any) -> RenderableType:
 def _(log: DoorLog) -> RenderableType:
     """Return what is known without reading the log: `summary()` reads it."""
     info = log.info
-    table = pairs([("log", printable(str(log.path)))])
+    table = pairs()
     for name, text in (("building", info.building), ("robot", info.robot)):
         if text:
             add_pair(table, name, printable(text))
-    add_pair(table, "events", f"{log.last_event() + 1:,}")
     span = log.happened_span()
     if span is not None:
         first, last = (format_local(ns, info.timezone) for ns in span)
         add_pair(table, "happened", f"{first} to {last}")
     add_pair(table, "time zone", info.timezone)
     add_pair(table, "log id", info.log_id)
-    return table
+    return Group(Text(repr(log)), table)
 
 
 @_shown.register

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from semmap_log.folds.door_map import DoorMapState
-from semmap_log.messages import deserialize, read_in_place, type_name
+from semmap_log.messages import deserialize, read_in_place, texts_in, type_name
 from semmap_log.messages.typestore import serialize
 from semmap_log.replay.keyframes import encode
 
@@ -74,3 +74,31 @@ def _fields(data: bytes) -> dict[str, Any]:
     message = deserialize(type_name("Keyframe"), data)
     names = [name for name in message.__dataclass_fields__ if name != "__msgtype__"]
     return {name: getattr(message, name) for name in names}
+
+
+def note_of(said: list[str]) -> bytes:
+    names = ("actor", "source", "reason", "correlation")
+    texts = dict(zip(names, said, strict=True))
+    return serialize(type_name("CommitNote"), salt=np.zeros(16, np.uint8), **texts)
+
+
+@given(st.lists(st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"])),
+                min_size=4, max_size=4))  # fmt: skip
+def test_the_texts_of_a_note_are_what_was_written(said: list[str]) -> None:
+    """
+    Of any length, in any script; they begin behind the encapsulation and the salt.
+    """
+    assert said == texts_in(note_of(said), 20, 4)
+
+
+def test_texts_that_are_cut_are_an_error_at_every_byte() -> None:
+    """
+    And so is a text whose last byte is not the 0 that ends it.
+    """
+    data = note_of(["ann", "", "it was late", "t7"])
+
+    for end in range(20, len(data)):
+        with pytest.raises(ValueError, match="does not end"):
+            texts_in(data[:end], 20, 4)
+    with pytest.raises(ValueError, match="does not end"):
+        texts_in(data[:-1] + b"x", 20, 4)

@@ -29,7 +29,4 @@ FLEETS = (
           "not _is_there(place)", "True", "test_log_places"),
     guard("fleet: old files of a log leave the lake", "lake_folder.remove_earlier_files",
           "folder.remove(name)", "pass", "test_month_export"),
-    guard("fleet: what is told late has its own commit", "_MonthTables.of",
-          "self._joined is None or first < self._next", "self._joined is None",
-          "test_month_export"),
 )  # fmt: skip

@@ -42,6 +42,7 @@ from mutation.seen_guards import SEEN
 from mutation.serving_guards import SERVING
 from mutation.sighting_guards import SIGHTINGS
 from mutation.store_guards import STORES
+from mutation.table_guards import TABLES
 
 SYNCS = (
     guard("sync of a commit", "SegmentWriter.sync",
@@ -397,5 +398,5 @@ GUARDS: tuple[Mutant, ...] = (
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
     *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *STORES, *PROPOSALS, *PLANNING, *ROOMS,
-    *EXPERIMENT, *EXPERIMENT_TABLES, *KEEPING, *JOINS, *FLEETS, *QUERIES,
+    *TABLES, *EXPERIMENT, *EXPERIMENT_TABLES, *KEEPING, *JOINS, *FLEETS, *QUERIES,
 )  # fmt: skip

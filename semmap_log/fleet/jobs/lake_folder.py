@@ -15,7 +15,7 @@ from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.arrow.history_table import plain_texts
 from semmap_log.arrow.parquet import FOOTER_END, footer_bytes, rows_in, write_parquet
 from semmap_log.arrow.schema import schema_of
-from semmap_log.arrow.table_columns import COLUMNS, COUNTS, SAID
+from semmap_log.arrow.table_columns import COLUMNS, RETRACTED, SAID
 from semmap_log.io.disk import output_errors, whole_file
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.io.url_path import UrlPath, place_of
@@ -24,7 +24,7 @@ MONTH = pa.field("month", pa.string())
 """What the folders say."""
 
 
-EVENT_COLUMNS = (*COLUMNS, *SAID, COUNTS)
+EVENT_COLUMNS = (*COLUMNS, *SAID, RETRACTED)
 """Of the events in a lake: lakes that are there keep their columns."""
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from semmap_log.common.lazily import computed_once
 from semmap_log.domain.commits import Commit
 from semmap_log.errors import CorruptLogError
-from semmap_log.messages import CDR_HEADER, deserialize, type_name
+from semmap_log.messages import CDR_HEADER, texts_in
 from semmap_log.store import records as mcap
 from semmap_log.store.form import NOTE_CHANNEL
 from semmap_log.store.pages import Page
@@ -230,7 +230,7 @@ def _told_by(page: Page, notes: NDArray[np.intp]) -> tuple[NDArray[np.intp], lis
 
 def _texts_of(page: Page, note: bytes) -> NoteTexts:
     try:
-        said = deserialize(type_name("CommitNote"), note)
+        actor, source, reason, correlation = texts_in(note, _SAID, 4)
     except ValueError as error:
         raise CorruptLogError(page.path, page.offset, str(error)) from None
-    return str(said.actor), str(said.source), str(said.reason), str(said.correlation)
+    return actor, source, reason, correlation
