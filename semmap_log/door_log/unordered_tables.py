@@ -12,7 +12,7 @@ from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from semmap_log.arrow.table_columns import COUNTS, THEN, Column
+from semmap_log.arrow.table_columns import RETRACTED, THEN, Column
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId
 from semmap_log.door_log.asked_tables import event_tables, names_then
@@ -128,6 +128,6 @@ def _maker(reader: LogReader, columns: Sequence[Column]) -> Callable[[pa.Table],
         if column == THEN[0]:
             assert names is not None, "they were asked for"
             return texts_array(*names.door_names(batch))
-        return pa.array(known.hidden(batch)) if column == COUNTS else column_of(batch, column)
+        return pa.array(known.hidden(batch)) if column == RETRACTED else column_of(batch, column)
 
     return of_rows

@@ -45,11 +45,12 @@ def _readers(log: DoorLog) -> dict[str, Read]:
         yield door_table(log.replay())
 
     def intervals(asked: ScanRequest) -> Iterator[pa.Table]:
-        return interval_tables(log, possible_doors(log, asked))
+        ids = possible_doors(log, asked)
+        return iter(()) if ids == [] else interval_tables(log, ids)
 
     def changes(asked: ScanRequest) -> Iterator[pa.Table]:
         ids = possible_doors(log, asked)
-        for window in possible_windows(log, asked):
+        for window in [] if ids == [] else possible_windows(log, asked):
             yield from change_tables(log, window, ids)
 
     def poses(asked: ScanRequest) -> Iterator[pa.Table]:

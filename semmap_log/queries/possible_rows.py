@@ -30,7 +30,7 @@ BOUNDED = ("event", "happened", "happened_ns", "recorded", "recorded_ns")
 
 
 def possible_doors(log: DoorLog, asked: ScanRequest) -> list[DoorId] | None:
-    """Return the doors whose rows the filter can match; None: many, or rows about no door."""
+    """Return the doors whose rows the filter can match; None: many, or rows about others, too."""
     names = [name for name in ("door_id", "door_name") if asked.filters_by(name)]
     if not names:
         return None

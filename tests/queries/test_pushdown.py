@@ -83,6 +83,8 @@ def test_times_numbers_and_kinds(path: Path, chunks: list[int]) -> None:
     assert ask(log, chunks, "event in (7, 350)") == (2, ANY_FEW)
     assert ask(log, chunks, "kind = 'PatrolStarted'") == (1, ANY_FEW)
     assert ask(log, chunks, "kind = 'PatrolFinished'") == (0, ANY_FEW)
+    assert ask(log, chunks, "door_name = 'nobody'") == (0, ANY_FEW)
+    assert ask(log, chunks, "door_name = 'nobody'", "intervals") == (0, ANY_FEW)
     assert ask(log, chunks, "event > 400", "poses") == (0, ANY_FEW)
 
 
