@@ -17,9 +17,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from semmap_log.common.late_answers import Answer, register_answer
+from semmap_log.common.late_answers import register_answers
 from semmap_log.common.lazily import lazy_names
-from semmap_log.common.notebook_views import NotebookViews, register_notebook_views
 from semmap_log.io.made_logs import register_maker
 
 if TYPE_CHECKING:
@@ -87,27 +86,16 @@ def _joined(path: Path) -> MadeLog:
     return made
 
 
-def _why_of_log() -> Answer:
-    answer: Answer = import_module("semmap_log.beliefs.explaining").explain
-    return answer
-
-
-def _sql_of_log() -> Answer:
-    answer: Answer = import_module("semmap_log.queries.sql_query").sql_of_log
-    return answer
-
-
 register_maker(".join.json", _joined)
-register_answer("why", _why_of_log)
-register_answer("sql", _sql_of_log)
-
-
-def _notebook_views() -> NotebookViews:
-    views: Any = import_module("semmap_log.views.notebook")
-    return views  # type: ignore[no-any-return]
-
-
-register_notebook_views(_notebook_views)
+register_answers(
+    {
+        "html": "semmap_log.views.notebook:html_of",
+        "plot of a log": "semmap_log.views.notebook:plot_log",
+        "plot of a timeline": "semmap_log.views.notebook:plot_timeline",
+        "sql": "semmap_log.queries.sql_query:sql_of_log",
+        "why": "semmap_log.beliefs.explaining:explain",
+    }
+)
 
 
 def __dir__() -> list[str]:

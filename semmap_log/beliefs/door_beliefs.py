@@ -9,7 +9,7 @@ import numpy as np
 
 from semmap_log.beliefs.belief_query import BeliefQuery, ask
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
-from semmap_log.common.notebook_views import ShownAsTable
+from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.moments import HOUR_NS

@@ -6,24 +6,24 @@ name, and the front door, which knows all rooms, has told where the answer is.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from typing import Any
 
-Answer = Callable[..., Any]
-
-_loaders: dict[str, Callable[[], Answer]] = {}
+_homes: dict[str, str] = {}
 
 
-def register_answer(question: str, load: Callable[[], Answer]) -> None:
-    """Say what answers a question.
+def register_answers(homes: Mapping[str, str]) -> None:
+    """Say what answers questions.
 
     Args:
-        question: Its name.
-        load: Returns what answers; called when somebody asks.
+        homes: Question -> `module:function`, which is loaded when somebody asks.
     """
-    _loaders[question] = load
+    _homes.update(homes)
 
 
-def answer_of(question: str) -> Answer:
+def answer_of(question: str) -> Callable[..., Any]:
     """Return what answers a question (KeyError: nobody said)."""
-    return _loaders[question]()
+    module, name = _homes[question].split(":")
+    answer: Callable[..., Any] = getattr(import_module(module), name)
+    return answer

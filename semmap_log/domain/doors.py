@@ -14,7 +14,7 @@ from itertools import count
 from types import MappingProxyType
 from typing import Final, NewType
 
-from semmap_log.common.notebook_views import ShownAsTable
+from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.common.texts import counted
 
 DoorId = NewType("DoorId", int)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.common.notebook_views import ShownAsTable
+from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.events import Event
 

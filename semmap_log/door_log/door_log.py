@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.batches.retraction import Retractions
 from semmap_log.common.late_answers import answer_of
-from semmap_log.common.notebook_views import ShownAsTable, notebook_views
+from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId, DoorMap
@@ -625,7 +625,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             MissingExtraError: matplotlib is not installed.
             MomentError: `since` comes after `until`.
         """
-        return notebook_views().plot_log(
+        return answer_of("plot of a log")(
             self, since=since, until=until, doors=doors, progress=progress
         )
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.domain.doors import Door, DoorId, DoorState
+from semmap_log.domain.moments import format_utc
 from semmap_log.folds.history import HistoryEntry
 
 
@@ -73,8 +75,8 @@ class NextChange:
     """The event that did it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Explanation:
+@dataclass(frozen=True, slots=True, repr=False)
+class Explanation(ShownAsTable):
     """What a log tells of a door at a moment, and of what was believed of it."""
 
     door_id: DoorId
@@ -108,8 +110,18 @@ class Explanation:
     next: NextChange | None
     """None: no other was told."""
 
+    def __repr__(self) -> str:
+        told = f"true {_in_words(self.true)}, believed {_in_words(self.believed)}"
+        return f"<Explanation of {self.label!r} at {format_utc(self.time_ns)}: {told}>"
+
     @property
     def agrees(self) -> bool:
         """Whether what was believed was true, and rested on the same event."""
         same = self.true.state is self.believed.state and self.true.number == self.believed.number
         return same and self.true.is_removed == self.believed.is_removed
+
+
+def _in_words(known: StateReason) -> str:
+    if known.state is not None:
+        return known.state.name
+    return "removed" if known.is_removed else "not there"

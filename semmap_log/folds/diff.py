@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import Any
 
-from semmap_log.common.notebook_views import ShownAsTable
+from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.common.texts import counted
 from semmap_log.domain import meaning
 from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState, Level

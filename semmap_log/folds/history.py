@@ -8,7 +8,7 @@ from typing import Protocol
 
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.batches.retraction import Retractions
-from semmap_log.common.notebook_views import ShownAsTable
+from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorEvent, Event

