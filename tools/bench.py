@@ -27,6 +27,7 @@ from benchmark.case import Case
 from benchmark.costmap_cases import costmap_cases
 from benchmark.fleet_cases import fleet_cases
 from benchmark.folding import SMALL, fold_cases, now_cases
+from benchmark.frame_cases import frame_cases
 from benchmark.importing import import_cases
 from benchmark.logs import Workshop
 from benchmark.moments import moment_cases
@@ -45,7 +46,7 @@ SIZES = (10_000, 100_000)
 SIZED = {
     "fold": fold_cases, "now": now_cases, "moment": moment_cases, "history": history_cases,
     "index": index_cases, "sql": sql_cases, "day": day_cases, "open": open_cases,
-    "import": import_cases,
+    "frame": frame_cases, "import": import_cases,
     "store": store_cases,
 }  # fmt: skip
 """Group -> its cases, for each size."""
