@@ -19,7 +19,12 @@ from semmap_log.store.chunks import BuiltChunk, build_chunk
 from semmap_log.store.compaction import compact, compact_segment, rechunk
 from semmap_log.store.compaction.rechunk import needs_compaction, rechunked
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import CHUNK_BYTES, COMMIT_CHANNEL, KEYFRAME_CHANNEL
+from semmap_log.store.form import (
+    CHUNK_BYTES,
+    COMMIT_CHANNEL,
+    KEYFRAME_CHANNEL,
+    KEYFRAME_EVERY_BYTES,
+)
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.segment_reading import last_commit, page_at
 from semmap_log.store.reading.segment_scan import open_segment
@@ -50,7 +55,7 @@ def log(tmp_path: Path) -> Path:
 
 def test_the_same_records_in_chunks_of_about_a_mib(log: Path) -> None:
     """
-    The keyframe by itself, then zstd chunks of 1 to 2 MiB but for the last.
+    The keyframe by itself, then zstd chunks of 1 to 2 MiB; half of that where a keyframe follows.
     """
     before, (path,) = digest_of_records(log), segment_files(log)
     size = path.stat().st_size
@@ -64,8 +69,9 @@ def test_the_same_records_in_chunks_of_about_a_mib(log: Path) -> None:
     assert {"zstd"} == {compression for compression, _ in (*full, last)}
     assert 200 < keyframe[1] < 5000
     chunks = [chunk for _, chunk in full if chunk > 5000]
-    assert all(CHUNK_BYTES <= chunk < 2 * CHUNK_BYTES for chunk in chunks)
-    assert 2 == len(chunks)
+    assert all(KEYFRAME_EVERY_BYTES <= chunk < 2 * CHUNK_BYTES for chunk in chunks)
+    assert 2 == sum(CHUNK_BYTES <= chunk for chunk in chunks)
+    assert 3 == len(chunks)
 
 
 def test_a_second_time_nothing_is_done(log: Path) -> None:
