@@ -52,14 +52,14 @@ def write_parquet(
     return groups.rows
 
 
-CHECKED_ROWS = 2**15
-"""Rows in a group of a checked table: what is read for a few of them."""
+FEW_ROWS = 2**15
+"""Rows in a group of a table from which a few are read at a time."""
 
 
-def write_checked_table(
+def write_groups(
     path: Path, tables: Iterable[pa.Table], sample: pa.Table, pause: Callable[[], None] | None
 ) -> None:
-    """Write tables as a file whose pages have checksums, for `open_checked`.
+    """Write tables as one file, each as a group of rows.
 
     Args:
         path: The file; an old one is written over.
@@ -77,7 +77,6 @@ def write_checked_table(
             file,
             sample.schema,
             compression="zstd",
-            write_page_checksum=True,
             write_statistics=["door_id"] if "door_id" in names else False,
             use_dictionary=[name for name in names if _repeats(sample[name])],
             column_encoding={
@@ -103,16 +102,6 @@ def _repeats(column: pa.ChunkedArray) -> bool:
         return True
     there: int = len(column) - column.null_count
     return 2 * len(column.unique()) <= there
-
-
-def open_checked(path: Path) -> pq.ParquetFile:
-    """Return a file to read groups of rows from, their checksums checked.
-
-    Raises:
-        OSError: It cannot be read.
-        ValueError: It is no such file; reading says the same of a page.
-    """
-    return pq.ParquetFile(path, page_checksum_verification=True, memory_map=True)
 
 
 def rows_in(file: Path | pa.NativeFile) -> int:

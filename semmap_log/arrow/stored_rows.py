@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.arrow.rows_by_door import FIXED_KINDS, HEADS
+from semmap_log.arrow.rows_by_door import FIXED_KINDS, HEADS, LATE
 from semmap_log.arrow.table import times_array
 from semmap_log.arrow.table_columns import Column
 from semmap_log.domain.commits import NOTE_TEXTS
@@ -87,11 +87,8 @@ def stored_events(rows: pa.Table) -> dict[str, Any]:
 
 
 def _happened_ns(rows: pa.Table) -> NDArray[np.int64]:
-    late_ns = "late_ns"
-    if late_ns in _TIMES:
-        happened: NDArray[np.int64] = _numbers(rows, "recorded_ns") - _numbers(rows, late_ns)
-        return happened
-    return _numbers(rows, "happened_ns")
+    happened: NDArray[np.int64] = _numbers(rows, "recorded_ns") - _numbers(rows, LATE)
+    return happened
 
 
 class _FieldsOfKind:

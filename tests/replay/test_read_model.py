@@ -5,8 +5,11 @@ from __future__ import annotations
 import errno
 import itertools
 import json
+import os
 import random
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -370,7 +373,7 @@ def test_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
     log = random_log(tmp_path / "log", 12, commits=60)
     index(log)
-    monkeypatch.setattr(parquet, "write_checked_table", full)
+    monkeypatch.setattr(parquet, "write_groups", full)
     with pytest.raises(OutputError, match=r"No space left on device\. The log is as it was"):
         index(log, anew=True)
     with sl.append(log) as writer:
@@ -424,3 +427,132 @@ def told_of(path: Path, doors: set[Any]) -> list[str]:
           for known in (None, f"event:{last // 3}") for one in log.timeline(door, at, known)),
         *(repr(one) for door in there for one in probabilities(log, doors=[door])),
     ]  # fmt: skip
+
+
+def test_tables_that_are_exchanged_while_a_question_is_answered(tmp_path: Path) -> None:
+    """
+    What was looked for first is what is read, or the log is.
+    """
+    log = random_log(tmp_path / "log", 13)
+    other = random_log(tmp_path / "other" / "log", 14)
+    expected = [repr(entry) for entry in sl.read(log).history(1)]
+    index(log)
+    index(other)
+    asked = sl.read(log).history(1)
+    found = [repr(next(asked))]
+    for file in sorted((other / "index").glob("log_*")):
+        shutil.copy(file, log / "index" / file.name)
+
+    assert expected == [*found, *(repr(entry) for entry in asked)]
+
+
+@pytest.mark.parametrize("name", ["json", "events.parquet", "commits.parquet"])
+@pytest.mark.parametrize("what", ["pipe", "folder", "link", "no end"])
+def test_what_is_no_file_is_not_read(tmp_path: Path, name: str, what: str) -> None:
+    """
+    A pipe would hold everybody up, and a device would never end.
+    """
+    log = random_log(tmp_path / "log", 15, commits=100)
+    expected = [repr(entry) for entry in sl.read(log).history(1)]
+    index(log)
+    file = log / "index" / f"log_000001.{name}"
+    file.unlink()
+    match what:
+        case "pipe":
+            os.mkfifo(file)
+        case "folder":
+            file.mkdir()
+        case "link":
+            file.symlink_to("nowhere")
+        case "no end":
+            file.symlink_to("/dev/zero")
+
+    assert expected == [repr(entry) for entry in sl.read(log).history(1)]
+    assert [finding.path for finding in verify(log).findings if finding.kind == "index"]
+    state = sl.read(log).summary().index
+    assert state is not None
+    assert state.indexed == state.segments - 1
+
+
+def test_a_table_that_is_cut_while_it_is_read(tmp_path: Path) -> None:
+    """
+    It is not mapped: the process goes on, and reads the log.
+    """
+    log = random_log(tmp_path / "log", 16)
+    expected = [repr(entry) for entry in sl.read(log).history(1)]
+    index(log)
+    asked = sl.read(log).history(1)
+    found = [repr(next(asked))]
+    for file in (log / "index").glob("*.parquet"):
+        os.truncate(file, 100)
+
+    assert expected == [*found, *(repr(entry) for entry in asked)]
+
+
+def test_a_name_with_a_dot(tmp_path: Path) -> None:
+    """
+    Tables are made once; and what is not ours stays.
+    """
+    log = random_log(tmp_path / "of.fice", 17, commits=100)
+    made = index(log).made
+    ours = {file.name for file in (log / "index").iterdir()}
+    for name in ("plan.json", "draft.tmp", "my.events.parquet"):
+        (log / "index" / name).write_text("not ours")
+    shutil.copy(log / "index" / "of.fice_000000.json", log / "index" / "of.fice_000077.json")
+
+    again = index(log)
+    assert (len(made), [], ["of.fice_000077.json"]) == (again.segments, again.made, again.removed)
+    left = {file.name for file in (log / "index").iterdir()}
+    assert ours | {"plan.json", "draft.tmp", "my.events.parquet"} == left
+
+
+def test_a_child_does_not_keep_the_lock(tmp_path: Path) -> None:
+    """
+    A process that was forked amid the work may live on; the next one can begin.
+    """
+    log = random_log(tmp_path / "log", 18, commits=70)
+    children: list[int] = []
+    ready, end = os.pipe()
+
+    def fork() -> None:
+        if not children:
+            children.append(os.fork())
+            if not children[0]:
+                os.close(end)
+                os.read(ready, 1)  # until the parent ends it
+                os._exit(0)
+
+    index(log, pause=fork)
+    assert index(log, anew=True).made
+    os.close(end)
+    os.waitpid(children[0], 0)
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can become somebody else")
+def test_an_index_that_nobody_may_read(tmp_path: Path) -> None:
+    """
+    It is not used, and verify names it.
+    """
+    log = random_log(tmp_path / "log", 19, commits=100)
+    expected = [repr(entry) for entry in sl.read(log).history(1)]
+    index(log)
+    program = """
+import os, sys, semmap_log as sl
+from pathlib import Path
+from semmap_log.replay.care import verify
+def told():
+    log = sl.read(sys.argv[1])
+    found = [finding.kind for finding in verify(Path(sys.argv[1])).findings]
+    return len(list(log.history(1))), log.summary().index.indexed, found
+told()  # what it takes is loaded now
+os.setuid(65534)
+print(told())
+"""
+    (log / "index").chmod(0o700)
+    for folder in (tmp_path.parents[1], tmp_path.parent, tmp_path):
+        folder.chmod(0o755)
+
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(log)], capture_output=True, text=True, check=True
+    )
+    assert f"({len(expected)}, 0, ['index'])" == done.stdout.strip()

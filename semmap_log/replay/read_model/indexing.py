@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -138,7 +139,23 @@ def index_state(reader: LogReader) -> IndexState | None:
     folder = reader.given / FOLDER
     closed = [s for s in reader.segments if s.closed and s.told is None]
     indexed = sum(_is_good(folder, segment, thorough=False) for segment in closed)
-    return IndexState(len(closed), indexed, sum(f.stat().st_size for f in folder.iterdir()))
+    return IndexState(len(closed), indexed, sum(map(_size_of, _files_in(folder))))
+
+
+def _files_in(folder: Path) -> list[Path]:
+    """Return the files of a folder; none, if it may not be looked into."""
+    try:
+        return sorted(folder.iterdir())
+    except OSError:
+        return []
+
+
+def _size_of(file: Path) -> int:
+    """Return the size of a file; 0, if it has gone meanwhile."""
+    try:
+        return file.lstat().st_size
+    except OSError:
+        return 0
 
 
 def index_problems(log: Path) -> list[tuple[Path, str]]:
@@ -150,19 +167,28 @@ def index_problems(log: Path) -> list[tuple[Path, str]]:
     folder = log / FOLDER
     if not folder.is_dir() or not has_pyarrow():
         return []
+    try:
+        files = sorted(folder.iterdir())
+    except OSError as error:
+        return [(folder, f"{folder}: cannot be read: {error.strerror}.")]
+    told = [file for file in files if file.suffix == ".json" and _stem_of(file.name)]
+    found = [(file, problem) for file, problem in _problems(log, told) if problem]
+    # somebody may make them anew just now: what is wrong is wrong a second time
+    return [(file, problem) for file, problem in _problems(log, [f for f, _ in found]) if problem]
+
+
+def _problems(log: Path, told: Sequence[Path]) -> Iterator[tuple[Path, str]]:
+    """Yield what is wrong with the tables that these files tell of."""
+    if not told:
+        return
     segments = [s for s in LogReader(log).segments if s.closed and s.told is None]
     known = {segment.path.stem: segment for segment in segments}
-    found = []
-    for file in sorted(folder.glob("*.json")):
+    for file in told:
         segment = known.get(file.stem)
-        problem = (
-            f"{file}: is of no closed segment of this log."
-            if segment is None
-            else _problem(folder, segment)
-        )
-        if problem:
-            found.append((file, problem))
-    return found
+        if segment is not None:
+            yield file, _problem(file.parent, segment)
+        elif os.path.lexists(file):
+            yield file, f"{file}: is of no closed segment of this log."
 
 
 def _problem(folder: Path, segment: Segment) -> str:
@@ -210,17 +236,17 @@ def _index(
         if progress is not None:
             progress(at, total)
     good = {s.path.stem: s for s in closed if s.path.name not in done.skipped}
-    done.size = sum(f.stat().st_size for f in folder.iterdir() if f.name.split(".")[0] in good)
+    done.size = sum(_size_of(file) for file in _files_in(folder) if _stem_of(file.name) in good)
     done.log_size = sum(s.size for s in good.values())
     return done
 
 
 def _is_good(folder: Path, segment: Segment, *, thorough: bool) -> bool:
-    """Tell whether a segment has tables; thoroughly: whether each page is as it was written."""
+    """Tell whether a segment has tables; thoroughly: whether each byte is as it was written."""
     try:
         tables = SegmentTables.of(folder, segment)
-        if tables is not None and thorough:
-            tables.check()
+        if tables is not None:
+            tables.check() if thorough else tables.check_ends()
     except StaleIndexError:
         return False
     return tables is not None
@@ -228,7 +254,7 @@ def _is_good(folder: Path, segment: Segment, *, thorough: bool) -> bool:
 
 def _make(folder: Path, segment: Segment, pause: Callable[[], None] | None) -> int:
     """Write the tables of a segment, and return how many events they have."""
-    from semmap_log.arrow.parquet import CHECKED_ROWS, write_checked_table
+    from semmap_log.arrow.parquet import FEW_ROWS, write_groups
     from semmap_log.arrow.rows_by_door import RowsByDoor, commit_table
 
     rows, said = RowsByDoor(), SaidByCommits()
@@ -249,26 +275,37 @@ def _make(folder: Path, segment: Segment, pause: Callable[[], None] | None) -> i
     events = rows.sorted(commits.notes_of(numbers).astype(np.int32), commits.texts)
     table = commit_table(commits)
     with _whole(part_path(folder, stem, EVENTS)) as temporary:
-        tables, sample = events.tables(CHECKED_ROWS), events.sample(SAMPLED)
-        write_checked_table(temporary, tables, sample, pause)
+        tables, sample = events.tables(FEW_ROWS), events.sample(SAMPLED)
+        write_groups(temporary, tables, sample, pause)
     with _whole(part_path(folder, stem, COMMITS)) as temporary:
-        groups = (table.slice(at, CHECKED_ROWS) for at in range(0, len(table), CHECKED_ROWS))
-        write_checked_table(temporary, groups, table.slice(0, SAMPLED), pause)
+        groups = (table.slice(at, FEW_ROWS) for at in range(0, len(table), FEW_ROWS))
+        write_groups(temporary, groups, table.slice(0, SAMPLED), pause)
     with _whole(told_path(folder, stem)) as temporary:
         temporary.write_text(tell(folder, stem, segment), "utf-8")
     return count
+
+
+_OURS = re.compile(
+    rf"(?P<stem>.+_\d{{6,}})\.(?:json|(?:{'|'.join(PARTS)})\.parquet)"
+    rf"(?P<is_left>\.\d+{re.escape(TEMPORARY_SUFFIX)})?",
+    re.DOTALL,
+)
+"""The name of a file of tables, or of one that somebody killed has left."""
+
+
+def _stem_of(name: str) -> str:
+    """Return the stem of the segment that a file is of; "": it is none of ours."""
+    match = _OURS.fullmatch(name)
+    return match["stem"] if match and not match["is_left"] else ""
 
 
 def _tidied(folder: Path, stems: set[str]) -> list[str]:
     """Remove the files of no segment, and what somebody killed has left; return their names."""
     removed = []
     for file in sorted(folder.iterdir()):
-        name = file.name
-        is_ours = name.endswith((".json", TEMPORARY_SUFFIX, *(f".{p}.parquet" for p in PARTS)))
-        is_left = name.endswith(TEMPORARY_SUFFIX) or name.split(".")[0] not in stems
-        if is_ours and is_left:
+        if _OURS.fullmatch(file.name) and _stem_of(file.name) not in stems:
             file.unlink()
-            removed.append(name)
+            removed.append(file.name)
     return removed
 
 
@@ -302,5 +339,6 @@ def _alone(folder: Path) -> Iterator[None]:
                 f"{folder}: another process is making this index; it will be there soon."
             ) from None
         yield
+        fcntl.flock(fd, fcntl.LOCK_UN)  # a child may still have the file open
     finally:
         os.close(fd)
