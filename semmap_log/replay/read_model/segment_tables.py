@@ -194,7 +194,7 @@ class SegmentTables:
             raise ValueError(f"{rows} events, expected {len(self.numbers)}")
 
     def _check_numbers(self, found: NDArray[np.int64]) -> None:
-        if len(found) and not (found[0] in self.numbers and found[-1] in self.numbers):
+        if len(found) and not (int(found[0]) in self.numbers and int(found[-1]) in self.numbers):
             raise ValueError("events of another segment")
         if not (np.diff(found) > 0).all():
             raise ValueError("an event is there twice")
