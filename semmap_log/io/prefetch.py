@@ -17,8 +17,6 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 
 MOST_THREADS = 4
-SPARE = 2
-"""So many more tasks wait for a thread that is done: else it would wait until a result is used."""
 
 
 def ahead(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:
@@ -35,7 +33,7 @@ def ahead(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:
             yield task()
         return
     coming = iter(tasks)
-    running = deque(_Begun(task, threads) for task in islice(coming, threads + SPARE))
+    running = deque(_Begun(task, threads) for task in islice(coming, threads))
     try:
         while running:
             result = running.popleft().result()

@@ -45,7 +45,7 @@ _FEW_RECORDS_BYTES = 1500
 Records = bytes | memoryview
 
 
-class _Unpacked(NamedTuple):
+class Unpacked(NamedTuple):
     """Chunks whose bytes were read."""
 
     loaded: LoadedChunks
@@ -54,7 +54,7 @@ class _Unpacked(NamedTuple):
     compressed, and they lie in what was loaded."""
 
 
-def _unpack(chunks: ChunkTable) -> _Unpacked:
+def unpack(chunks: ChunkTable) -> Unpacked:
     """Read chunks, and decompress them.
 
     Raises:
@@ -62,14 +62,14 @@ def _unpack(chunks: ChunkTable) -> _Unpacked:
     """
     loaded = chunks.loaded()
     if len(chunks) > 1 and chunks.are_plain[0]:
-        return _Unpacked(loaded, None)
+        return Unpacked(loaded, None)
     if len(chunks) == 1:
-        return _Unpacked(loaded, _checked(loaded, 0, loaded.records))
+        return Unpacked(loaded, _checked(loaded, 0, loaded.records))
     ends = np.cumsum(chunks.rows["size"]).tolist()
     records = np.empty(ends[-1], np.uint8).data  # which is not filled with zeros first
     for place, (start, end) in enumerate(pairwise((0, *ends))):
         _checked(loaded, place, partial(loaded.records, into=records[start:end]))
-    return _Unpacked(loaded, records.toreadonly())
+    return Unpacked(loaded, records.toreadonly())
 
 
 def _checked(loaded: LoadedChunks, place: int, read: Callable[[int], Records]) -> Records:
@@ -96,6 +96,7 @@ def read_page(
     chunks: ChunkTable,
     first_event: int,
     *,
+    unpacked: Unpacked | None = None,
     in_place: bool = False,
     is_sound: bool = False,
 ) -> Page:
@@ -104,13 +105,14 @@ def read_page(
     Args:
         chunks: At least one; where there are several, all of them compressed or none.
         first_event: Event number at which their segment begins.
+        unpacked: What `unpack` said of them; None: not asked yet.
         in_place: Whether several that are not compressed stay between what else was read.
         is_sound: Whether their bytes were checked before: then they are, too.
 
     Raises:
         CorruptLogError: One is not what was written.
     """
-    loaded, records = _unpack(chunks)
+    loaded, records = unpack(chunks) if unpacked is None else unpacked
     if len(chunks) == 1:
         assert records is not None, "of one chunk there are"
         return _page_of_one(loaded, first_event, records)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from itertools import tee
+from itertools import repeat, tee
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from semmap_log.store.kind_bits import COMMIT_BIT, UNKNOWN_BIT
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.note_sources import NoteSources
-from semmap_log.store.reading.page_reading import read_page
+from semmap_log.store.reading.page_reading import Unpacked, read_page, unpack
 from semmap_log.store.reading.segment_head import last_commit_in
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import numbers_of
@@ -118,16 +118,10 @@ def _pages(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[int, Page]]:
     is_worth_it = 2 * len(chunks) > len(segment.chunks) and len(chunks) >= MANY_CHUNKS
     may_trust = is_worth_it and chunks.are_small and segment.source.is_guarded
     is_sound = may_trust and segment.is_sound  # to know it, all is read
-    read = partial(
-        read_page, first_event=segment.header.first_event, in_place=True, is_sound=is_sound
-    )
-    groups = _groups(segment, chunks)
-    if len(chunks) <= FEW_CHUNKS:
-        yield from ((len(group), read(group)) for group in groups)
-        return
-    mine, theirs = tee(groups)
-    pages = ahead(partial(read, group) for group in theirs)
-    yield from ((len(group), page) for group, page in zip(mine, pages, strict=True))
+    first_event = segment.header.first_event
+    for group, unpacked in _unpacked(segment, chunks):
+        page = read_page(group, first_event, unpacked=unpacked, in_place=True, is_sound=is_sound)
+        yield len(group), page
 
 
 @cache
@@ -151,7 +145,17 @@ MANY_CHUNKS = 32
 """Fewer are checked one by one sooner than all the data of their segment are."""
 
 FEW_CHUNKS = 3
-"""So few are read at once: to hand them to other threads would take longer."""
+"""So few are unpacked at once: to hand them to other threads would take longer."""
+
+
+def _unpacked(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[ChunkTable, Unpacked | None]]:
+    """Yield chunks in groups, with the records of compressed ones, which other threads unpack."""
+    groups = _groups(segment, chunks)
+    if len(chunks) <= FEW_CHUNKS or chunks.are_plain.all():
+        yield from zip(groups, repeat(None))
+        return
+    mine, theirs = tee(groups)
+    yield from zip(mine, ahead(partial(unpack, group) for group in theirs), strict=True)
 
 
 def _groups(segment: Segment, chunks: ChunkTable) -> Iterator[ChunkTable]:
