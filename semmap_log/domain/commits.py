@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import TypeAlias
 
 from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.errors import InvalidEventError
@@ -43,6 +44,10 @@ NO_CONTENT = bytes(16)
 
 NOTE_TEXTS = ("actor", "source", "reason", "correlation")
 """The texts of a note."""
+
+NoteTexts: TypeAlias = tuple[str, str, str, str]
+"""What they say; empty where nothing is said."""
+NO_TEXTS: NoteTexts = ("", "", "", "")
 
 
 @knows_its_keywords

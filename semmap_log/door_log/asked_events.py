@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import Moment
 from semmap_log.folds.history import HistoryEntry, history
 from semmap_log.replay.change_finder import ChangeFinder
 from semmap_log.replay.read_model.events_about import events_about
-from semmap_log.replay.read_model.segment_tables import SaidOfCommit, SegmentTables
+from semmap_log.replay.read_model.segment_tables import SegmentTables
 from semmap_log.store.pages import Page
-from semmap_log.store.reading.commit_finder import CommitFinder
+from semmap_log.store.reading.note_sources import SaidFinder
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
@@ -34,29 +33,21 @@ def entries(
         doors: Only those about these; None: all.
         with_newer: And those of kinds unknown here, which may be about any.
     """
-    finder, changes = CommitFinder(reader), ChangeFinder(reader, doors)
+    finder, changes = SaidFinder(reader.commit_at), ChangeFinder(reader, doors)
     retractions = reader.retractions(with_newer=with_newer)
-    known: dict[int, SaidOfCommit] = {}
-    """Who and why of the events that came from a table, by their numbers."""
 
     def look_at(segment: Segment, page: Page) -> None:
-        nonlocal known
-        known = {}
         finder.look_at(segment, page)
         changes.look_at(segment, page)
 
     def look_at_rows(segment: Segment, tables: SegmentTables, rows: EventBatch) -> None:
-        nonlocal known
-        known = tables.commits.said_of(rows.number)
+        finder.take(tables.commits)
         changes.look_at_rows(segment, rows, retractions.numbers)
-
-    def said_of(number: int) -> Commit | SaidOfCommit:
-        return known.get(number) or finder.commit_at(number)
 
     batches = events_about(
         reader, window, doors, with_newer=with_newer, on_page=look_at, on_rows=look_at_rows
     )
-    return history(batches, said_of, retractions, changes.changes_in)
+    return history(batches, finder.said_of, retractions, changes.changes_in)
 
 
 def comes_after(one: Moment, other: Moment) -> bool:

@@ -24,7 +24,6 @@ from semmap_log.io.progress import Progress
 from semmap_log.replay.read_model.events_about import events_about
 from semmap_log.replay.read_model.segment_tables import SegmentTables
 from semmap_log.store.kind_bits import bits_of_kinds
-from semmap_log.store.pages import Page
 from semmap_log.store.reading.note_sources import SaidFinder
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
@@ -86,15 +85,11 @@ def event_tables(
     finder = SaidFinder(reader.commit_at, with_notes=not wanted.isdisjoint(NOTE_TEXTS))
     says = any(column in SAID for column in columns)
 
-    def look_at(_: Segment, page: Page) -> None:
-        if says:
-            finder.look_at(page)
-
     def look_at_rows(_: Segment, tables: SegmentTables, __: EventBatch) -> None:
-        finder.take(tables.commits.columns)
+        finder.take(tables.commits)
 
     batches = events_about(
-        reader, window, doors, progress=progress, on_page=look_at,
+        reader, window, doors, progress=progress, on_page=finder.look_at if says else None,
         on_rows=look_at_rows if says else None,
     )  # fmt: skip
     for found in batches:

@@ -53,6 +53,7 @@ from semmap_log.store.header import LogInfo
 from semmap_log.store.kind_bits import EVENT_BITS, bits_of_kinds
 from semmap_log.store.reading.commit_finder import CommitFinder
 from semmap_log.store.reading.following import FollowedCommit, commits_after, follow
+from semmap_log.store.reading.note_sources import SaidFinder
 from semmap_log.store.reading.reader import LogReader, OnPage
 from semmap_log.store.reading.window import EVERYTHING, Window
 
@@ -373,9 +374,13 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Args:
             window: Which events: see `window`; default: all.
             progress: Told how far the reading is.
-            on_page: Called with the records of each batch that follows: see `commit_finder`.
+            on_page: Called with the records of each batch that follows: see `said_finder`.
         """
         return self._reader.batches(window, progress=progress, on_page=on_page)
+
+    def said_finder(self) -> SaidFinder:
+        """Return what tells who and why of events; quick if its `look_at` is told each page."""
+        return SaidFinder(self._reader.commit_at)
 
     def commit_finder(self) -> CommitFinder:
         """Return what finds the commits of events; quick if its `look_at` is told each page."""

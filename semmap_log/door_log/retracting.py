@@ -56,12 +56,12 @@ def newly_hidden(log: DoorLog, number: int) -> Iterator[HistoryEntry]:
     event = log.event(number).event
     assert isinstance(event, Retracted)
     hidden = log.retractions(limit=number)
-    finder = log.commit_finder()
+    finder = log.said_finder()
     earlier = hidden.up_to(number - 1)
     for first, last in _newly_hidden(event.first_event, event.last_event, earlier, hidden.numbers):
         window = Window(first_event=first, before_event=last + 1)
         batches = log.batches_in(window, on_page=finder.look_at)
-        yield from history(batches, finder.commit_at, hidden)
+        yield from history(batches, finder.said_of, hidden)
 
 
 def _newly_hidden(

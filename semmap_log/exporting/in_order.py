@@ -61,9 +61,9 @@ def moments(
 
 
 def _slice(log: DoorLog, first_ns: int, before_ns: int) -> Iterator[HistoryEntry]:
-    finder = log.commit_finder()
+    finder = log.said_finder()
     window = Window(happened_from_ns=first_ns, happened_before_ns=before_ns)
     hidden = log.retractions()
     batches = log.batches_in(window, on_page=finder.look_at)
     seen = (hidden.visible(batch) for batch in batches)
-    return history((b for b in seen if len(b)), finder.commit_at, Retractions())
+    return history((b for b in seen if len(b)), finder.said_of, Retractions())

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.batches.retraction import Retractions
 from semmap_log.common.shown_as_table import ShownAsTable
-from semmap_log.domain.commits import Note
+from semmap_log.domain.commits import NoteTexts
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorEvent, Event
 from semmap_log.folds.value_changes import Changes, ValueChange
@@ -56,18 +58,13 @@ class HistoryEntry(ShownAsTable):
         return self.event.door_id if isinstance(self.event, DoorEvent) else None
 
 
-class Said(Protocol):
-    """What a commit says of its events."""
-
-    @property
-    def note(self) -> Note: ...  # noqa: D102
-    @property
-    def command_id(self) -> bytes: ...  # noqa: D102
+SaidOf = Callable[[NDArray[np.int64]], Iterable[tuple[NoteTexts, bytes]]]
+"""Event numbers, ascending -> of each who and why, and the id of its command."""
 
 
 def history(
     batches: Iterable[EventBatch],
-    commit_at: Callable[[int], Said],
+    said_of: SaidOf,
     retractions: Retractions,
     changes_in: Callable[[EventBatch], Changes] | None = None,
 ) -> Iterator[HistoryEntry]:
@@ -75,26 +72,26 @@ def history(
 
     Args:
         batches: Events, numbers ascending; gaps allowed.
-        commit_at: Returns the commit that holds the event of a number.
+        said_of: Tells what the commits say; asked once a batch.
         retractions: What is hidden; it is shown here, and marked.
         changes_in: Returns what the events of a batch changed; None: that is not told.
     """
     for batch in batches:
         changes = changes_in(batch) if changes_in is not None else {}
         hidden = retractions.hidden(batch).tolist()
-        for recorded, is_hidden in zip(batch, hidden, strict=True):
-            commit = commit_at(recorded.number)
-            note = commit.note
+        said = said_of(batch.number)
+        for recorded, is_hidden, (note, command_id) in zip(batch, hidden, said, strict=True):
+            actor, source, reason, correlation = note
             yield HistoryEntry(
                 number=recorded.number,
                 event=recorded.event,
                 happened_ns=recorded.happened_ns,
                 recorded_ns=recorded.recorded_ns,
-                actor=note.actor,
-                source=note.source,
-                reason=note.reason,
-                correlation=note.correlation,
-                command_id=commit.command_id,
+                actor=actor,
+                source=source,
+                reason=reason,
+                correlation=correlation,
+                command_id=command_id,
                 retracted=is_hidden,
                 retracted_by=retractions.first_hiding(recorded.number) if is_hidden else None,
                 changes=changes.get(recorded.number, ()),

@@ -17,17 +17,17 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.lazily import computed_once
-from semmap_log.domain.commits import NOTE_TEXTS, Note
+from semmap_log.domain.commits import NOTE_TEXTS, NoteTexts
 from semmap_log.errors import StaleIndexError
 from semmap_log.io.disk import read_own
-from semmap_log.store.reading.note_sources import CommitColumns, NoteTexts
+from semmap_log.store.reading.note_sources import CommitColumns
 from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.sealed_json import sealed, unsealed
@@ -88,13 +88,6 @@ def tell(folder: Path, stem: str, segment: Segment) -> str:
 
     files = {part: seal_of(part_path(folder, stem, part)) for part in PARTS}
     return sealed({**binding(segment), "files": files})
-
-
-class SaidOfCommit(NamedTuple):
-    """Who did it and why, as far as histories tell."""
-
-    note: Note
-    command_id: bytes
 
 
 @dataclass(frozen=True)
@@ -160,14 +153,14 @@ class SegmentTables:
             return file.all([name for name in file.names if name in names])
 
     @computed_once
-    def commits(self) -> CommitTable:
+    def commits(self) -> CommitColumns:
         """Who and why of all its events.
 
         Raises:
             StaleIndexError: They are not what was written.
         """
         with self._opened(COMMITS) as file:
-            return CommitTable(file.all(), self.numbers)
+            return _commits_of(file.all(), self.numbers)
 
     def check(self) -> None:
         """Read every byte of it.
@@ -242,52 +235,34 @@ def _rows_of(file: SealedParquet, doors: Collection[int], names: Sequence[str]) 
     return pa.concat_tables(parts).unify_dictionaries().combine_chunks()
 
 
-class CommitTable:
-    """The commits of a segment, as far as histories tell."""
+def _commits_of(rows: pa.Table, numbers: range) -> CommitColumns:
+    """Return the commits of some events.
 
-    def __init__(self, rows: pa.Table, numbers: range) -> None:
-        """Take the rows of the commits of some events.
+    Raises:
+        ValueError: They are not the commits of these events.
+        KeyError: A column is missing.
+    """
+    firsts, counts = rows["first_event"].to_numpy(), rows["count"].to_numpy()
+    ends = np.append(numbers.start, firsts + counts)
+    if not np.array_equal(ends, np.append(firsts, numbers.stop)):
+        raise ValueError("commits of other events")
+    notes, texts = np.zeros(len(firsts), np.intp), [()]
+    for name in NOTE_TEXTS:
+        codes, said = _coded(rows[name])
+        different, notes = np.unique(notes * len(said) + codes, return_inverse=True)
+        texts = [(*texts[d // len(said)], said[d % len(said)]) for d in different.tolist()]
+    ids = b"".join(rows["command_id"].to_pylist())
+    command_id = np.frombuffer(ids, np.uint8).reshape(-1, 16)
+    return CommitColumns(firsts, counts, command_id, notes, cast("list[NoteTexts]", texts))
 
-        Raises:
-            ValueError: They are not the commits of these events.
-            KeyError: A column is missing.
-        """
-        self._firsts = rows["first_event"].to_numpy()
-        self._counts = rows["count"].to_numpy()
-        ends = np.append(numbers.start, self._firsts + self._counts)
-        if not np.array_equal(ends, np.append(self._firsts, numbers.stop)):
-            raise ValueError("commits of other events")
-        self._rows = rows.select(["command_id", *NOTE_TEXTS])
 
-    @computed_once
-    def columns(self) -> CommitColumns:
-        """The same as columns."""
-        ids, *texts = (column.to_pylist() for column in self._rows.columns)
-        known: dict[NoteTexts, int] = {}
-        notes = [
-            known.setdefault(
-                (actor or "", source or "", reason or "", correlation or ""), len(known)
-            )
-            for actor, source, reason, correlation in zip(*texts, strict=True)
-        ]
-        command_id = np.frombuffer(b"".join(ids), np.uint8).reshape(-1, 16)
-        places = np.array(notes, np.intp)
-        return CommitColumns(self._firsts, self._counts, command_id, places, list(known))
-
-    def said_of(self, numbers: NDArray[np.int64]) -> dict[int, SaidOfCommit]:
-        """Return what is said of some of the segment's events, by their numbers, ascending."""
-        places = np.searchsorted(self._firsts, numbers, "right") - 1
-        chosen, codes = np.unique(places, return_inverse=True)
-        notes: dict[tuple[str | None, ...], Note] = {}
-        found = []
-        columns = [column.to_pylist() for column in self._rows.take(chosen).columns]
-        for command_id, *texts in zip(*columns, strict=True):
-            note = notes.get(tuple(texts))
-            if note is None:
-                actor, source, reason, correlation = (text or "" for text in texts)
-                note = notes[tuple(texts)] = Note(actor, source, reason, correlation)
-            found.append(SaidOfCommit(note, command_id))
-        return {n: found[code] for n, code in zip(numbers.tolist(), codes.tolist(), strict=True)}
+def _coded(column: pa.ChunkedArray) -> tuple[NDArray[np.intp], list[str]]:
+    """Return the place of each text among the different ones, and these; one that is null is ""."""
+    joined = column.combine_chunks()
+    if hasattr(joined, "combine_chunks"):
+        joined = joined.combine_chunks()
+    codes = joined.indices.fill_null(-1).to_numpy(zero_copy_only=False).astype(np.intp) + 1
+    return codes, ["", *joined.dictionary.to_pylist()]
 
 
 class _Sources:
@@ -295,12 +270,8 @@ class _Sources:
 
     def __init__(self, rows: pa.Table, numbers: NDArray[np.int64]) -> None:
         """Take the rows, and their event numbers, sorted."""
-        column = rows["source"].combine_chunks()
-        if hasattr(column, "combine_chunks"):
-            column = column.combine_chunks()
-        codes = column.indices.fill_null(-1).to_numpy(zero_copy_only=False).astype(np.intp) + 1
+        codes, self._names = _coded(rows["source"])
         order = np.argsort(rows["event"].to_numpy(), kind="stable")
-        self._names = ["", *column.dictionary.to_pylist()]
         self._codes, self._numbers = codes[order], numbers
 
     def __call__(self, numbers: NDArray[np.int64]) -> tuple[NDArray[np.intp], Sequence[str]]:

@@ -5,28 +5,24 @@ Nothing is looked up before somebody asks: most folds never do.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.common.lazily import computed_once
-from semmap_log.domain.commits import Commit
+from semmap_log.domain.commits import NO_TEXTS, Commit, NoteTexts
 from semmap_log.errors import CorruptLogError
 from semmap_log.messages import CDR_HEADER, read_message, type_name
 from semmap_log.store import records as mcap
 from semmap_log.store.form import NOTE_CHANNEL
 from semmap_log.store.pages import Page
+from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.record_scan import gather
 
 _SAID = len(CDR_HEADER) + 16
 """Where in a note's message the texts begin: before them is its salt, which differs in each."""
-
-
-NoteTexts = tuple[str, str, str, str]
-"""Actor, source, reason, correlation; empty where nothing is said."""
-NO_TEXTS: NoteTexts = ("", "", "", "")
 
 
 class SaidFinder:
@@ -48,7 +44,7 @@ class SaidFinder:
         self._last: Commit | None = None
         """The last that was found elsewhere; an import's may go on over many pages."""
 
-    def look_at(self, page: Page) -> None:
+    def look_at(self, _: Segment, page: Page) -> None:
         """Take the commits of a page, in which the events lie that are asked about next.
 
         Raises:
@@ -59,6 +55,14 @@ class SaidFinder:
     def take(self, commits: CommitColumns) -> None:
         """Take these commits instead."""
         self._at_hand = commits
+
+    def said_of(self, numbers: NDArray[np.int64]) -> Iterator[tuple[NoteTexts, bytes]]:
+        """Yield who and why of each of these events, numbers ascending, and its command's id."""
+        commits = self.commits_of(numbers)
+        places = commits.places_of(numbers)
+        ids = commits.command_id[places].tobytes()
+        for at, note in enumerate(commits.notes[places].tolist()):
+            yield commits.texts[note], ids[16 * at : 16 * at + 16]
 
     def commits_of(self, numbers: NDArray[np.int64]) -> CommitColumns:
         """Return commits of which each of these events, numbers ascending, has its own."""
@@ -97,7 +101,7 @@ class NoteSources:
     @computed_once
     def _finder(self) -> SaidFinder:
         finder = SaidFinder(self._find_commit)
-        finder.look_at(self._page)
+        finder.take(commits_on(self._page))
         return finder
 
 

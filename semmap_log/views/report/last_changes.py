@@ -41,14 +41,14 @@ def _entries(log: DoorLog, numbers: Rows) -> Iterator[HistoryEntry]:
     """Yield the events of these numbers, ascending, with who and why: in one reading."""
     if not len(numbers):
         return
-    finder = log.commit_finder()
+    finder = log.said_finder()
     window = Window(first_event=int(numbers.min()), before_event=int(numbers.max()) + 1)
     batches = (
         batch.select(np.isin(batch.number, numbers))
         for batch in log.batches_in(window, on_page=finder.look_at)
     )
     found = (batch for batch in batches if len(batch))
-    yield from history(found, finder.commit_at, log.retractions())
+    yield from history(found, finder.said_of, log.retractions())
 
 
 def _line(entry: HistoryEntry, span: Span) -> dict[str, Any]:
