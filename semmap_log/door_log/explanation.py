@@ -49,7 +49,7 @@ class StateReason:
     last: HistoryEntry | None = None
     """The last event that set the state, which may have been the same before."""
     added_by: HistoryEntry | None = None
-    """The event that put the door into the map; None: it is not in it."""
+    """The event that put the door into the map; None: it is not yet in it."""
     times_told: int = 0
     """How many events told this state from its beginning on, the first included."""
 

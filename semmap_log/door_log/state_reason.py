@@ -26,7 +26,8 @@ def state_reason(log: DoorLog, door_id: DoorId, scope: Scope) -> StateReason:
         if gone is None:
             return StateReason(None)
         entry = log.entry(gone.event)
-        return StateReason(None, True, entry.folds_ns, entry, entry)
+        added_by = _setter(log, state, door_id, "added")
+        return StateReason(None, True, entry.folds_ns, entry, entry, added_by)
     batches = log.visible_batches(scope, doors=[door_id])
     *_, interval = timeline(batches, door_id, end_ns=scope.at_ns)
     return StateReason(

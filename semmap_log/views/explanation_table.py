@@ -185,7 +185,8 @@ def _p_open(told: Explanation) -> Text:
     """Return P(open) as it could be known then; where it is not, why."""
     belief = told.belief
     if belief is None:
-        return Text("UNKNOWN: the door was not known then", style=OTHER_STATE_COLOUR)
+        gone = "had been removed" if told.believed.is_removed else "was not known then"
+        return Text(f"UNKNOWN: the door {gone}", style=OTHER_STATE_COLOUR)
     if not belief.is_known:
         why = f": {why_unknown(belief.evidence)}" if isinstance(belief, DoorBelief) else ""
         return Text(f"UNKNOWN{why}", style=OTHER_STATE_COLOUR)

@@ -388,3 +388,18 @@ def test_an_adding_that_was_taken_back(tmp_path: Path) -> None:
     assert "OPEN" == told.believed.state.name
     assert told.taken_back is not None
     assert 0 == told.taken_back.number
+
+
+def test_an_adding_that_was_taken_back_after_the_removal(tmp_path: Path) -> None:
+    """
+    It was believed to be removed; today it never was: the retraction made the difference.
+    """
+    _write(tmp_path / "log", [("remove", 1, None, None), ("retract", 0, 1, None)])
+    log = sl.read(tmp_path / "log")
+
+    told = log.why("id:1", "event:4")
+
+    assert (None, False) == (told.true.state, told.true.is_removed)
+    assert told.believed.is_removed
+    assert told.taken_back is not None
+    assert 0 == told.taken_back.number
