@@ -74,6 +74,8 @@ def _imports(path: Path) -> frozenset[str]:
     """Return the dotted names of all that a file imports, or names in a string, as to patch it."""
     text = path.read_text(encoding="utf-8")
     found = set(re.findall(r'"(semmap_log(?:\.\w+)+)', text))
+    if path.name == "verb_table.py":  # verbs are loaded by their names
+        found |= _dotted(path.parent.glob("*.py"))
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             found.update(alias.name for alias in node.names)

@@ -15,7 +15,7 @@ from semmap_log.errors import LogError
 READS_A_ZIP = {
     "best-time", "calibrate", "costmap", "diff", "evaluate", "export", "go", "history", "info",
     "join", "patrol-plan", "play", "probabilities", "replay", "report", "rooms", "scan-report",
-    "show", "tail", "timeline", "verify", "view", "why",
+    "show", "sql", "tail", "timeline", "verify", "view", "why",
 }  # fmt: skip
 """`serve` reads one with --read-only; it says nothing of it."""
 

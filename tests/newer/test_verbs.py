@@ -27,6 +27,7 @@ ANSWER = {
     "diff": ["LOG", "@0..@1"],
     "timeline": ["LOG", "front"],
     "why": ["LOG", "front"],
+    "sql": ["LOG", "select * from doors"],
     "probabilities": ["LOG"],
     "best-time": ["LOG", "front"],
     "patrol-plan": ["LOG"],

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.lazily import computed_once
+from semmap_log.common.texts import counted
 from semmap_log.domain.commits import NOTE_TEXTS, NoteTexts
 from semmap_log.errors import StaleIndexError
 from semmap_log.io.disk import read_own
@@ -184,7 +185,7 @@ class SegmentTables:
 
     def _check_count(self, rows: int) -> None:
         if rows != len(self.numbers):
-            raise ValueError(f"{rows} events, expected {len(self.numbers)}")
+            raise ValueError(f"expected {counted(len(self.numbers), 'event')}, got {rows}")
 
     def _check_numbers(self, found: NDArray[np.int64]) -> None:
         if len(found) and not (int(found[0]) in self.numbers and int(found[-1]) in self.numbers):

@@ -86,7 +86,7 @@ def commits_after(
     """
     first = max(event + 1, 0)
     place = reader.segment_of(first)
-    if place is None:
+    if place is None or first > reader.last_event():
         return
     segment = reader.segments[place]
     chunk = chunk_of(segment, first)
