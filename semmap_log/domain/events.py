@@ -8,7 +8,7 @@ by the log. The names and the meaning of every field are those of the `.msg` tex
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from typing import Annotated, Any, TypeAlias, get_args
@@ -33,6 +33,7 @@ from semmap_log.domain.meaning import (
 from semmap_log.domain.meaning import Changed as Changed  # noqa: PLC0414 - users look for it here
 from semmap_log.domain.rules import Bits, Cells, Nanoseconds, Number, OneOf, Rule, Text, Whole
 from semmap_log.domain.rules import is_whole_number as is_whole_number  # noqa: PLC0414 - used with events
+from semmap_log.errors import CommandError
 
 __all__ = [
     "KINDS",
@@ -299,6 +300,19 @@ DOOR_KINDS = frozenset(kind.kind for kind in KINDS if issubclass(kind, DoorEvent
 """The numbers of the kinds that are about a door."""
 
 KIND_BY_NAME: Mapping[str, type[Event]] = {kind.__name__: kind for kind in KINDS}
+
+
+def kinds_meant(kinds: Iterable[type[Event] | str] | type[Event]) -> list[type[Event]]:
+    """Return kinds of events that are told as classes, or by their names; one alone, too.
+
+    Raises:
+        CommandError: There is no such kind.
+    """
+    told = [kinds] if isinstance(kinds, (str, type)) else list(kinds)
+    for kind in told:
+        if isinstance(kind, str) and kind not in KIND_BY_NAME:
+            raise CommandError(f"kinds: expected some of {', '.join(KIND_BY_NAME)}, got {kind!r}.")
+    return [KIND_BY_NAME[kind] if isinstance(kind, str) else kind for kind in told]
 
 
 def event_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import cast
 
 import numpy as np
 
@@ -79,14 +80,20 @@ def door_ever(door: str | int, reader: LogReader) -> DoorId:
 def ids_ever(doors: Iterable[DoorId | str], reader: LogReader) -> list[DoorId]:
     """Return the ids of doors; a name is looked up, those of doors that are gone, too.
 
+    Args:
+        doors: Ids, names, or level/names; one alone, too.
+        reader: Of the log.
+
     Raises:
         UnknownDoorError: No door has such a name, or ever had.
     """
+    one_alone = isinstance(doors, str) or is_whole_number(doors)
+    listed = cast("list[DoorId | str]", [doors] if one_alone else doors)
     return [
         DoorId(int(door))
         if not isinstance(door, str) and is_whole_number(door)
         else door_ever(door, reader)
-        for door in doors
+        for door in listed
     ]
 
 

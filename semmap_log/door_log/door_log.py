@@ -22,7 +22,14 @@ from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId, DoorMap
-from semmap_log.domain.events import Event, FloorMap, PatrolFinished, PatrolStarted, is_whole_number
+from semmap_log.domain.events import (
+    Event,
+    FloorMap,
+    PatrolFinished,
+    PatrolStarted,
+    is_whole_number,
+    kinds_meant,
+)
 from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.domain.moments import Moment, parse_range, refuse_reversed
 from semmap_log.door_log.asked_doors import door_ever, door_in, ids_ever
@@ -237,7 +244,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         *,
         recorded: bool = False,
         doors: Collection[DoorId | str] | None = None,
-        kinds: Collection[type[Event]] | None = None,
+        kinds: Collection[type[Event] | str] | None = None,
         retracted: bool = False,
         progress: Progress | None = None,
     ) -> Iterator[EventBatch]:
@@ -248,7 +255,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             until: Before then.
             recorded: The range is of recorded time.
             doors: Only events about these doors: ids, names, or level/names.
-            kinds: Only these kinds.
+            kinds: Only these kinds: classes, or their names.
             retracted: Retracted events, too.
             progress: Told how far the reading is.
 
@@ -271,7 +278,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         until: Time = None,
         *,
         recorded: bool = False,
-        kinds: Collection[type[Event]] | None = None,
+        kinds: Collection[type[Event] | str] | None = None,
     ) -> Window:
         """Return the bounds that these moments mean; `event:12` bounds the numbers.
 
@@ -281,7 +288,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             since: From then on.
             until: Before then.
             recorded: The range is of recorded time.
-            kinds: Only these kinds.
+            kinds: Only these kinds: classes, or their names.
 
         Raises:
             MomentError: A time cannot be read.
@@ -297,7 +304,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             recorded_before_ns=last.ns if recorded else None,
             first_event=first.event,
             before_event=last.event,
-            kinds=EVENT_BITS if kinds is None else bits_of_kinds(kinds),
+            kinds=EVENT_BITS if kinds is None else bits_of_kinds(kinds_meant(kinds)),
         )
 
     def commits(self) -> Iterator[Commit]:
@@ -464,7 +471,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         until: Time = None,
         *,
         recorded: bool = False,
-        kinds: Collection[type[Event]] | None = None,
+        kinds: Collection[type[Event] | str] | None = None,
     ) -> Iterator[HistoryEntry]:
         """Yield events with who did it and why, retracted ones marked; since <= happened < until.
 
@@ -477,7 +484,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             since: From then on.
             until: Before then.
             recorded: The range is of recorded time.
-            kinds: Only these kinds.
+            kinds: Only these kinds: classes, or their names.
         """
         window = self.window(since, until, recorded=recorded, kinds=kinds)
         return entries(self._reader, window, None if door is None else self._ids_ever([door]))

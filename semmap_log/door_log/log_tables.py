@@ -27,7 +27,7 @@ class EventChoice(TypedDict, total=False):
 
     recorded: bool
     doors: Collection[DoorId | str] | None
-    kinds: Collection[type[Event]] | None
+    kinds: Collection[type[Event] | str] | None
     retracted: bool
     columns: Collection[str] | None
     progress: Progress | None
@@ -65,7 +65,7 @@ class LogTables(ABC):
         until: Time = None,
         *,
         recorded: bool = False,
-        kinds: Collection[type[Event]] | None = None,
+        kinds: Collection[type[Event] | str] | None = None,
     ) -> Window:
         """Return the bounds that these moments mean."""
 
@@ -128,7 +128,7 @@ class LogTables(ABC):
         *,
         recorded: bool = False,
         doors: Collection[DoorId | str] | None = None,
-        kinds: Collection[type[Event]] | None = None,
+        kinds: Collection[type[Event] | str] | None = None,
         retracted: bool = False,
         columns: Collection[str] | None = None,
         progress: Progress | None = None,
@@ -143,7 +143,7 @@ class LogTables(ABC):
             until: Before then.
             recorded: The range is of recorded time.
             doors: Only events about these doors: ids, names, or level/names.
-            kinds: Only these kinds.
+            kinds: Only these kinds: classes, or their names.
             retracted: Retracted events, too; the column `retracted` tells them.
             columns: Only these, in this order; the others are not made. None: all.
             progress: Told how far the reading is.

@@ -39,8 +39,9 @@ _ON_A_LEVEL = [kind.kind for kind in KINDS
 class NamesThen:
     """Takes in events that say names and levels, in any order; then tells those of other events.
 
-    A door's name is what was said last when the event happened, since the door was added; a door
-    that was removed keeps its last. A level without a name is called by its number.
+    A door's name is what was said last when the event happened, since the door was added, by events
+    of the same moment, too: as a replay of that moment tells it. A door that was removed keeps its
+    last. A level without a name is called by its number.
     """
 
     def __init__(self) -> None:
@@ -78,7 +79,7 @@ class NamesThen:
             self._doors = _Called(
                 each for each in self._said if each[1] > self._added.get(each[0], _NEVER)
             )
-        codes = self._doors.codes.at(batch.door_ids(), batch.folds_ns, batch.number)
+        codes = self._doors.codes.at(batch.door_ids(), batch.folds_ns, _of_that_moment(batch))
         if 0 in self._doors.codes:  # else what is about no door has the name of none
             codes[~batch.about_doors()] = 0
         return codes, self._doors.texts
@@ -94,7 +95,7 @@ class NamesThen:
                 ]
             )
         levels = self._levels_of(batch)
-        codes = self._levels.codes.at(levels, batch.folds_ns, batch.number)
+        codes = self._levels.codes.at(levels, batch.folds_ns, _of_that_moment(batch))
         nameless = np.flatnonzero((codes == 0) & (levels != NO_LEVEL))
         if not len(nameless):
             return codes, self._levels.texts
@@ -126,6 +127,11 @@ class NamesThen:
             *(moves[name].astype(np.int64) for name in ("door_id", "folds_ns", "number", "level")),
             nothing=NO_LEVEL,
         )
+
+
+def _of_that_moment(batch: EventBatch) -> NDArray[np.int64]:
+    """Return numbers behind which, at the time of each event, nothing more was said."""
+    return np.full(len(batch), np.iinfo(np.int64).max)
 
 
 def levels_told(batch: EventBatch) -> set[int]:

@@ -9,6 +9,7 @@ from decimal import Decimal
 from typing import Any
 
 from semmap_log.arrow.arrow_sdk import pa
+from semmap_log.common.texts import counted
 from semmap_log.domain.moments import format_utc
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
@@ -66,6 +67,10 @@ def _value(value: Any) -> Any:
             return format_utc((value - _EPOCH) // timedelta(microseconds=1) * 1000)
         case datetime() | date() | time():
             return value.isoformat()
+        case pa.MonthDayNano(months=months, days=days, nanoseconds=ns):
+            return _duration(months, days, ns)
+        case timedelta():
+            return _duration(0, 0, value // timedelta(microseconds=1) * 1000)
         case Mapping():
             return {str(key): _value(each) for key, each in value.items()}
         case list() if value and all(isinstance(each, tuple) for each in value):
@@ -74,3 +79,14 @@ def _value(value: Any) -> Any:
             return [_value(each) for each in value]
         case _:
             return str(value)
+
+
+def _duration(months: int, days: int, ns: int) -> str:
+    """Return a span of time as DuckDB writes it: `2 months 3 days 00:25:00`."""
+    parts = [counted(count, unit) for count, unit in ((months, "month"), (days, "day")) if count]
+    if ns or not parts:
+        seconds, left = divmod(abs(ns), 10**9)
+        clock = f"{seconds // 3600:02}:{seconds // 60 % 60:02}:{seconds % 60:02}"
+        fraction = f".{left:09}".rstrip("0") if left else ""
+        parts.append(f"{'-' if ns < 0 else ''}{clock}{fraction}")
+    return " ".join(parts)

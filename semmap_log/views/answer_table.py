@@ -9,7 +9,7 @@ from typing import Any
 from rich.text import Text
 
 from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.domain.moments import format_local, format_utc
+from semmap_log.domain.moments import format_local
 from semmap_log.queries.answer_rows import answer_rows, column_names, instants_ns
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
@@ -61,10 +61,7 @@ def _times(column: pa.ChunkedArray, tz: str) -> list[Cell] | None:
     ns = instants_ns(column)
     if ns is None:
         return None
-    return [
-        ABSENT if each is None else CellValue(format_local(each, tz), format_utc(each))
-        for each in ns
-    ]
+    return [ABSENT if each is None else format_local(each, tz) for each in ns]
 
 
 def _cell(value: Any) -> Cell:

@@ -43,7 +43,7 @@ def explanation_table(told: Explanation, *, tz: str) -> RenderableType:
     _add_otherwise(rows, told)
     rows.add("P(open)", lambda _: _p_open(told))
     rows.add("next", lambda when: _next(told, when))
-    return Group(rows.table, Text(_caption(told, rows.drawn), style="dim"))
+    return Group(rows.table, Text(_caption(told, rows), style="dim"))
 
 
 class _Rows:
@@ -83,6 +83,13 @@ class _Rows:
         """Return a time: without the date on the day that is asked about."""
         day, _, clock = format_short(ns, self._tz).partition(" ")
         return clock if day == self._day else f"{day} {clock}"
+
+    def drawn_span(self, first_ns: int, last_ns: int) -> str:
+        """Return two times: with the dates of both, if one is of another day."""
+        both = [format_short(ns, self._tz) for ns in (first_ns, last_ns)]
+        if all(said.startswith(f"{self._day} ") for said in both):
+            both = [self.drawn(first_ns), self.drawn(last_ns)]
+        return " to ".join(both)
 
 
 def _called(told: Explanation) -> str:
@@ -212,14 +219,14 @@ def _next(told: Explanation, when: When) -> Text:
     return Text(f"no other up to the log's end, {when(told.end_ns)}")
 
 
-def _caption(told: Explanation, when: When) -> str:
+def _caption(told: Explanation, rows: _Rows) -> str:
     """Return what the names of the rows mean."""
-    first, last = told.otherwise_ns
+    span = rows.drawn_span(*told.otherwise_ns)
     notes = ["true: by all that is known today"]
     if told.known_event is not None:
         known = "" if told.known_event < 0 else f", up to event {told.known_event}"
         notes.append(f"believed: by what was recorded then{known}")
     if told.true.state is not None:
-        notes.append(f"otherwise: what told another state from {when(first)} to {when(last)}")
+        notes.append(f"otherwise: what told another state from {span}")
     notes.append("P(open): by what was known then; in brackets the 90 % interval")
     return "\n".join(notes)

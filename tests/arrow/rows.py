@@ -91,26 +91,29 @@ def history_rows(entries: Sequence[HistoryEntry]) -> Iterator[dict[str, Any]]:
 
 
 def called(entry: HistoryEntry, counting: Sequence[HistoryEntry]) -> tuple[str | None, str | None]:
-    """Return what an entry's door was called then, and the level."""
-    before = sorted((each for each in counting if stamp(each) <= stamp(entry)), key=stamp)
+    """Return what an entry's door was called in that moment, and the level it was on."""
+    then = sorted((each for each in counting if each.folds_ns <= entry.folds_ns), key=stamp)
+    before = [each for each in then if stamp(each) <= stamp(entry)]
     name, level = None, getattr(entry.event, "level", None)
     if isinstance(entry.event, DoorEvent):
         name, level = None, None
         mine = [e for e in counting if getattr(e.event, "door_id", None) == entry.event.door_id]
         added = [stamp(each) for each in mine if isinstance(each.event, DoorAdded)]
-        for each in before:
+        for each in then:
             if each not in mine or (added and stamp(each) < added[0]):
                 continue
             match each.event:
                 case DoorAnnotated(key="name", value=value):
                     name = value or None
-                case DoorAdded(level=put):
+                case DoorAdded(level=put) if each in before:
                     level = put
-                case DoorUpdated(changed=changed, level=put) if Changed.POSE in changed:
+                case DoorUpdated(changed=changed, level=put) if (
+                    Changed.POSE in changed and each in before
+                ):
                     level = put
     if level is None:
         return name, None
-    names = [e.event.name for e in before
+    names = [e.event.name for e in then
              if isinstance(e.event, LevelAdded) and e.event.level == level]  # fmt: skip
     return name, (names[-1] if names else "") or str(level)
 

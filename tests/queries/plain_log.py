@@ -117,7 +117,11 @@ def names_then(events: list[Event]) -> dict[int, str | None]:
     for event in events:
         door = event.get("door_id")
         since = born[door][0] if door in born else (0, -1)
-        names = [e for e in said if e["door_id"] == door and since < stamp(e) <= stamp(event)]
+        names = [
+            e
+            for e in said
+            if e["door_id"] == door and since < stamp(e) and stamp(e)[0] <= stamp(event)[0]
+        ]
         latest = max(names, key=stamp, default=None)
         found[event["event"]] = (latest["value"] or None) if latest else None
     return found

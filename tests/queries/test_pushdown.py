@@ -104,7 +104,7 @@ ANY_FEW = _Few()
 
 
 @pytest.mark.parametrize(
-    ("condition", "added"), [("door_id = 3", 2), ("door_name = 'd2'", 1), ("door_id in (3, 3)", 2)]
+    ("condition", "added"), [("door_id = 3", 2), ("door_name = 'd2'", 2), ("door_id in (3, 3)", 2)]
 )
 def test_doors_by_the_read_model(
     path: Path, chunks: list[int], condition: str, added: int, monkeypatch: pytest.MonkeyPatch
