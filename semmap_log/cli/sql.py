@@ -76,9 +76,11 @@ def run(
         raise typer.BadParameter("expected one of --csv and --json, got both", param_hint="--csv")
     if out is not None:
         writer_for(out)  # a wrong name is told before the work
-        refuse_own_folder(log, out)
     text = _query(query, file)
     opened, others = sl.read(log), _logs(more or [])
+    for one in (opened, *others.values()):
+        if out is not None:
+            refuse_own_folder(one.path, out)
     if text is None:
         answer = _columns()
     else:

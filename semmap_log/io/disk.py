@@ -80,7 +80,7 @@ def refuse_own_folder(folder: PurePath, out: Path) -> None:
     Raises:
         OutputError: It would lie there.
     """
-    if isinstance(folder, Path) and folder.resolve() in (out.resolve(), out.parent.resolve()):
+    if isinstance(folder, Path) and folder.resolve() in (out.resolve(), *out.resolve().parents):
         raise OutputError(f"{out}: lies in the log's own folder; choose another place.")
 
 

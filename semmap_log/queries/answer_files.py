@@ -11,7 +11,7 @@ from typing import TextIO
 from semmap_log.arrow.arrow_sdk import pa, pq
 from semmap_log.errors import FormatError
 from semmap_log.io.disk import output_errors, whole_file
-from semmap_log.queries.answer_rows import answer_rows, column_names, json_rows
+from semmap_log.queries.answer_rows import answer_rows, column_names, json_rows, plain_values
 
 
 def write_answer(answer: pa.Table, out: Path) -> None:
@@ -22,8 +22,11 @@ def write_answer(answer: pa.Table, out: Path) -> None:
         OutputError: It cannot be written; what was there is whole.
     """
     write = writer_for(out)
-    with output_errors(out), whole_file(out) as temporary:
-        write(answer, temporary)
+    try:
+        with output_errors(out), whole_file(out) as temporary:
+            write(answer, temporary)
+    except (pa.ArrowNotImplementedError, pa.ArrowInvalid) as error:
+        raise FormatError(out, f"{error}; write it as .csv or .json.") from None
 
 
 def writer_for(out: Path) -> Callable[[pa.Table, Path], None]:
@@ -54,8 +57,17 @@ def _csv_row(row: Iterable[object]) -> list[object]:
 
 
 def _write_parquet(answer: pa.Table, path: Path) -> None:
+    columns = [_storable(answer.column(place)) for place in range(answer.num_columns)]
+    table = pa.Table.from_arrays(columns, names=column_names(answer))
     with path.open("wb") as file:
-        pq.write_table(answer.rename_columns(column_names(answer)), file, compression="zstd")
+        pq.write_table(table, file, compression="zstd")
+
+
+def _storable(column: pa.ChunkedArray) -> pa.ChunkedArray:
+    """Return a column as Parquet can have it: spans of time as text, as in the other files."""
+    if column.type != pa.month_day_nano_interval():
+        return column
+    return pa.chunked_array([pa.array(plain_values(column), pa.string())])
 
 
 def _write_csv(answer: pa.Table, path: Path) -> None:

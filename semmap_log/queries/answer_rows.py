@@ -8,6 +8,8 @@ from datetime import date, datetime, time, timedelta, timezone
 from decimal import Decimal
 from typing import Any
 
+import numpy as np
+
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.common.texts import counted
 from semmap_log.domain.moments import format_utc
@@ -17,7 +19,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
 
 def answer_rows(answer: pa.Table) -> Iterator[tuple[Any, ...]]:
     """Yield rows as JSON knows them: instants are ISO-8601 UTC, bytes hexadecimal, NaN is None."""
-    yield from zip(*(_plain(column) for column in answer.columns), strict=True)
+    yield from zip(*(plain_values(column) for column in answer.columns), strict=True)
 
 
 def json_rows(answer: pa.Table) -> Iterator[dict[str, Any]]:
@@ -40,17 +42,45 @@ def instants_ns(column: pa.ChunkedArray) -> list[int | None] | None:
     """Return a column of instants as nanoseconds UTC; None: it is another."""
     if not pa.types.is_timestamp(column.type) or column.type.tz is None:
         return None
-    ns: list[int | None] = column.cast(pa.timestamp("ns", "UTC")).cast(pa.int64()).to_pylist()
+    try:
+        ns: list[int | None] = column.cast(pa.timestamp("ns", "UTC")).cast(pa.int64()).to_pylist()
+    except pa.ArrowInvalid:  # one of before 1678 or after 2262, or none: infinity
+        return None
     return ns
 
 
-def _plain(column: pa.ChunkedArray) -> list[Any]:
+def plain_values(column: pa.ChunkedArray) -> list[Any]:
+    """Return the values of one column so."""
     ns = instants_ns(column)
     if ns is not None:  # to Python's own times nanoseconds would be lost
         return [None if each is None else format_utc(each) for each in ns]
     if pa.types.is_timestamp(column.type):
-        column = column.cast(pa.timestamp("us"), safe=False)
-    return [_value(value) for value in column.to_pylist()]
+        column = column.cast(pa.timestamp("us", column.type.tz), safe=False)
+    if pa.types.is_map(column.type):
+        return [None if value is None else _map(value) for value in column.to_pylist()]
+    try:
+        return [_value(value) for value in column.to_pylist()]
+    except (OverflowError, ValueError):  # a time that Python cannot tell, such as infinity
+        return [_far_time(value) for value in column]
+
+
+def _far_time(value: pa.Scalar) -> Any:
+    """Return a time that may be none of Python's, which knows the years 1 to 9999."""
+    try:
+        return _value(value.as_py())
+    except (OverflowError, ValueError):
+        if isinstance(value, pa.ListScalar):
+            return [_far_time(each) for each in value.values]
+        if not pa.types.is_temporal(value.type):
+            return "out of range"
+        is_date = pa.types.is_date(value.type)
+        if abs(value.value) == (2**31 - 1 if is_date else 2**63 - 1):
+            return "infinity" if value.value > 0 else "-infinity"
+        return str(np.array(value.value).astype("datetime64[D]" if is_date else "datetime64[us]"))
+
+
+def _map(pairs: list[tuple[Any, Any]]) -> dict[str, Any]:
+    return {str(_value(key)): _value(each) for key, each in pairs}
 
 
 def _value(value: Any) -> Any:
@@ -74,7 +104,7 @@ def _value(value: Any) -> Any:
         case Mapping():
             return {str(key): _value(each) for key, each in value.items()}
         case list() if value and all(isinstance(each, tuple) for each in value):
-            return {str(key): _value(each) for key, each in value}  # a map
+            return _map(value)
         case list():
             return [_value(each) for each in value]
         case _:

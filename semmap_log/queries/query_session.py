@@ -9,7 +9,6 @@ import numpy as np
 
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.door_log.door_log import DoorLog, Time
-from semmap_log.errors import MomentError
 from semmap_log.queries.duckdb_sdk import duckdb
 from semmap_log.queries.log_views import log_views
 from semmap_log.queries.moment_rows import BELIEF_SCHEMA, DOOR_SCHEMA, belief_table, door_table
@@ -94,6 +93,8 @@ Make = Callable[[tuple[Any, ...]], pa.Table]
 def _maker(log: DoorLog, function: _Function) -> Make:
     def rows_of(arguments: tuple[Any, ...]) -> pa.Table:
         moment, type_, *more = arguments
+        if moment is None:  # a round that goes on has no end, and so no doors at its end
+            return function.rows.empty_table()
         return function.make(_moment(log, moment, type_), *more)
 
     return rows_of
@@ -134,7 +135,7 @@ def _add_macro(
     )
 
 
-def _moment(log: DoorLog, text: str | None, type_: str) -> Time:
+def _moment(log: DoorLog, text: str, type_: str) -> Time:
     """Return the moment that a value of a query means.
 
     An instant of SQL stands for all of its microsecond, so that `doors_at(happened)` has seen what
@@ -143,8 +144,6 @@ def _moment(log: DoorLog, text: str | None, type_: str) -> Time:
     Raises:
         MomentError: It means none.
     """
-    if text is None:
-        raise MomentError("expected a moment such as '2h ago', got NULL.")
     if not type_.startswith("TIMESTAMP") or "_NS" in type_:
         return text
     ns = log.moment(text).ns

@@ -22,12 +22,17 @@ class RowMaking:
     """Takes note of what goes wrong in functions that make rows."""
 
     def __init__(self) -> None:
-        self.failure: BaseException | None = None
+        self.failure: Exception | None = None
         """The last."""
         self._is_stopped = False
 
+    def taken_failure(self) -> Exception | None:
+        """Return what went wrong last, once: raised, it holds frames again."""
+        failure, self.failure = self.failure, None
+        return failure
+
     def stop(self) -> None:
-        """Have those that yield tables end before their next one."""
+        """Have those that make tables end before their next one."""
         self._is_stopped = True
 
     def noted(self, make: Callable[[A], pa.Table]) -> Callable[[A], pa.Table]:
@@ -35,10 +40,10 @@ class RowMaking:
 
         def made(asked: A) -> pa.Table:
             try:
+                self._check_wanted()
                 return make(asked)
-            except BaseException as error:
-                self.failure = error
-                raise
+            except Exception as error:  # noqa: BLE001 - told by `failure`
+                raise self._noted(error) from None
 
         return made
 
@@ -52,11 +57,19 @@ class RowMaking:
                     yield table
             except GeneratorExit:
                 raise  # the query has all that it wants
-            except BaseException as error:
-                self.failure = error
-                raise
+            except Exception as error:  # noqa: BLE001 - told by `failure`
+                raise self._noted(error) from None
 
         return found
+
+    def _noted(self, error: Exception) -> Exception:
+        """Keep what went wrong, and return what DuckDB is told of it.
+
+        It is kept without its frames, which would hold DuckDB, and DuckDB us, for ever.
+        """
+        self.failure = error.with_traceback(None)
+        error.__cause__ = error.__context__ = None
+        return RuntimeError(f"{type(error).__name__}: {error}")
 
     def _check_wanted(self) -> None:
         """Return if somebody waits for rows.

@@ -6,6 +6,7 @@ relation raises while it is read is DuckDB's; `table_of_query` says it in our wo
 
 from __future__ import annotations
 
+import json
 import re
 import threading
 from collections.abc import Mapping
@@ -90,11 +91,14 @@ class Query:
             allow_files: It may read files.
         """
         _check_logs(logs)
+        _check_text(query)
         self._query, self._logs = query, logs
         self._making = RowMaking()
         self._connection = open_session(logs, self._making, allow_files=allow_files)
         try:
             _check_is_question(self._connection, query)
+            if allow_files:
+                _check_only_reads(self._connection, query)
             self.relation = self._connection.sql(query)
         except duckdb.Error as error:
             raise self._in_our_words(error) from error
@@ -134,7 +138,7 @@ class Query:
 
     def _in_our_words(self, error: Exception) -> Exception:
         """Return the error of a view that could not be made, else what DuckDB said, and ours."""
-        ours = self._making.failure
+        ours = self._making.taken_failure()
         if isinstance(ours, SemmapError):
             return ours
         said = str(error)
@@ -151,14 +155,33 @@ class Query:
 
 
 def _check_logs(logs: Mapping[str, Any]) -> None:
-    for name, log in logs.items():
+    seen: set[str] = set()
+    for name, log in reversed([*logs.items()]):  # the nameless one is mostly another's, too
         if not isinstance(log, DoorLog):
-            raise CommandError(f"sql: {name}: expected a log, got {type(log).__name__}.")
+            told = f" {name}:" if name else ""
+            raise CommandError(f"sql:{told} expected a log, got {type(log).__name__}.")
+        if name.lower() in seen:
+            raise CommandError(f"{name!r}: another log has that name; SQL knows no capitals.")
+        seen.add(name.lower())
         if name != NAMELESS and (not NAME.fullmatch(name) or name.lower() in TAKEN):
             raise CommandError(
                 f"{name!r}: expected a name of letters, digits and _ for the log's views, and none "
                 "that DuckDB has taken, such as main."
             )
+
+
+def _check_text(query: Any) -> None:
+    """Return if a query is a text that DuckDB can be given.
+
+    Raises:
+        SqlError: It is not.
+    """
+    if not isinstance(query, str):
+        raise SqlError(f"expected a query as text, got {type(query).__name__}.")
+    try:
+        query.encode()
+    except UnicodeEncodeError:
+        raise SqlError("expected a query in UTF-8, got other bytes.") from None
 
 
 def _check_is_question(connection: duckdb.DuckDBPyConnection, query: str) -> None:
@@ -177,3 +200,30 @@ def _check_is_question(connection: duckdb.DuckDBPyConnection, query: str) -> Non
             f"expected a SELECT (or FROM, WITH, DESCRIBE, SUMMARIZE), got {kind.name}: a query "
             "only reads."
         )
+
+
+ASKING_NODES = {"SELECT_NODE", "SET_OPERATION_NODE", "RECURSIVE_CTE_NODE", "CTE_NODE"}
+"""What DuckDB's parser calls the parts of a query that only read."""
+
+
+def _check_only_reads(connection: duckdb.DuckDBPyConnection, query: str) -> None:
+    """Return if no part of a SELECT writes: a COPY may stand in a CTE.
+
+    Without files to reach it could not be done; where they are allowed, DuckDB would do it.
+
+    Raises:
+        SqlError: One does, or the parts cannot be told.
+    """
+    ((said,),) = connection.execute("SELECT json_serialize_sql(?)", [query]).fetchall()
+    parsed = json.loads(said)
+    if parsed.get("error", True):
+        raise SqlError(f"not allowed with files: {parsed.get('error_message', 'not understood')}")
+    waiting: list[Any] = [parsed]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, dict):
+            kind = str(part.get("type"))
+            if kind.endswith("_NODE") and kind not in ASKING_NODES:
+                raise SqlError(f"got {kind.removesuffix('_NODE')} in the query: it only reads.")
+        waiting += part.values() if isinstance(part, dict) else part
+        waiting = [each for each in waiting if isinstance(each, dict | list)]

@@ -101,7 +101,7 @@ def _known(lines: list[Line], door: int, at_ns: int, limit: int = ALL) -> Known:
     told = told[told.index(added) :]
     gone = next((one for one in told if one[2]["kind"] == "DoorRemoved"), None)
     if gone is not None:
-        return Known(None, True, gone[0], gone[1], gone[1])
+        return Known(None, True, gone[0], gone[1], gone[1], added_by=added[1])
     words = [(ns, n, state) for ns, n, line in told if (state := _tells(line)) is not None]
     held = [w for w, after in zip(words, [*words[1:], None], strict=True)
             if after is None or after[0] != w[0]]  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ import pytest
 pytest.importorskip("duckdb")
 
 import semmap_log as sl
-from semmap_log.errors import CommandError, CorruptLogError, MomentError, SqlError
+from semmap_log.errors import CommandError, CorruptLogError, FormatError, MomentError, SqlError
+from semmap_log.queries.answer_files import write_answer
+from semmap_log.queries.answer_rows import json_rows
 from semmap_log.queries.sql_query import table_of_query
 from semmap_log.queries.view_words import COLUMNS_OF
 from semmap_log.replay.read_model.indexing import index
@@ -161,7 +164,7 @@ def test_what_is_no_question(log: sl.DoorLog, query: str, said: str) -> None:
 
 @pytest.mark.parametrize(
     ("moment", "said"),
-    [("'bad'", "Expected a moment such as"), ("null", "got NULL"), ("'event:99999'", "no event")],
+    [("'bad'", "Expected a moment such as"), ("'event:99999'", "no event")],
 )
 @pytest.mark.parametrize("function", ["doors_at", "doors_known_at", "beliefs"])
 def test_moments_that_are_none(log: sl.DoorLog, function: str, moment: str, said: str) -> None:
@@ -174,6 +177,51 @@ def test_moments_that_are_none(log: sl.DoorLog, function: str, moment: str, said
     assert not isinstance(caught.value, SqlError)
     if moment == "'bad'":
         assert isinstance(caught.value, MomentError)
+
+
+@pytest.mark.parametrize("function", ["doors_at", "doors_known_at", "beliefs"])
+def test_no_moment_has_no_rows(log: sl.DoorLog, function: str) -> None:
+    """
+    As of a round that goes on, whose end is null.
+    """
+    assert not len(table_of_query(f"from {function}(null)", log, {}))
+
+
+def test_a_failure_holds_nothing(log: sl.DoorLog) -> None:
+    """
+    A query that failed leaves no threads of DuckDB behind.
+    """
+    before = len(list(Path("/proc/self/task").iterdir()))
+    for _ in range(20):
+        with pytest.raises(MomentError):
+            table_of_query("from doors_at('bogus')", log, {})
+    gc.collect()
+
+    assert len(list(Path("/proc/self/task").iterdir())) <= before + 8
+
+
+@pytest.mark.parametrize(
+    ("query", "said"),
+    [
+        (None, "expected a query as text, got NoneType"),
+        (b"select 1", "got bytes"),
+        ("select '\udcff'", "in UTF-8"),
+    ],
+)
+def test_what_is_no_text(log: sl.DoorLog, query: Any, said: str) -> None:
+    """
+    Our error, not that of whoever wraps DuckDB.
+    """
+    with pytest.raises(SqlError, match=said):
+        log.sql(query)
+
+
+def test_names_of_logs_are_told_apart_without_capitals(log: sl.DoorLog) -> None:
+    """
+    As SQL does it.
+    """
+    with pytest.raises(sl.SemmapError, match="another log has that name"):
+        log.sql("select 1", a=log, A=log)
 
 
 def test_a_damaged_log_says_so_itself(tmp_path: Path) -> None:
@@ -231,3 +279,44 @@ def test_tables_are_used_where_they_are(tmp_path: Path, monkeypatch: pytest.Monk
     rows(sl.read(path), "select door_id, hour(happened), count(*) from events group by all")
 
     assert sorted(Path(name).stem for name in made) == sorted(given)
+
+
+@pytest.mark.parametrize(
+    ("query", "told"),
+    [
+        ("select interval '1 month 2 days 3 hours' as x", "1 month 2 days 03:00:00"),
+        ("select timestamptz '2026-01-01 12:00+00' - timestamptz '2026-01-01 11:35:00.5+00' as x",
+         "00:24:59.5"),
+        ("select -interval '90 seconds' as x", "-00:01:30"),
+        ("select timestamptz 'infinity' as x", "infinity"),
+        ("select date '20000-03-15' as x", "20000-03-15"),
+        ("select [timestamptz '-infinity'] as x", ["-infinity"]),
+        ("select map {} as x", {}),
+        ("select map {'a': 1} as x", {"a": 1}),
+    ],
+)  # fmt: skip
+def test_what_json_does_not_know_is_text(
+    log: sl.DoorLog, tmp_path: Path, query: str, told: Any
+) -> None:
+    """
+    Spans as DuckDB writes them, times that no calendar of Python's has, maps without keys.
+    """
+    answer = table_of_query(query, log, {})
+
+    assert [{"x": told}] == list(json_rows(answer))
+    write_answer(answer, tmp_path / "x.json")
+    assert [{"x": told}] == json.loads((tmp_path / "x.json").read_text())
+    if "interval" in query:
+        write_answer(answer, tmp_path / "x.parquet")
+        assert [{"x": told}] == pq.read_table(tmp_path / "x.parquet").to_pylist()
+
+
+def test_what_parquet_cannot_have_is_said(log: sl.DoorLog, tmp_path: Path) -> None:
+    """
+    And which file can have it.
+    """
+    answer = table_of_query("select union_value(num := 2) as x", log, {})
+
+    with pytest.raises(FormatError, match=r"x\.parquet.*write it as \.csv or \.json"):
+        write_answer(answer, tmp_path / "x.parquet")
+    assert [] == list(tmp_path.iterdir())
