@@ -15,6 +15,7 @@ from semmap_log.cli.common import (
     print_json,
     progress,
     tell_how_to_begin,
+    tell_of_later,
 )
 
 
@@ -66,3 +67,5 @@ def run(
     from semmap_log.views.explanation_table import explanation_table
 
     console().print(explanation_table(found, tz=opened.info.timezone))
+    if found.true.state is None:
+        tell_of_later(opened, at, known_at, door=found.door_id)

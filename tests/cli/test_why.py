@@ -174,3 +174,23 @@ def test_what_cannot_be_asked(
     assert code == run("why", "lab", *arguments)
 
     assert said in capsys.readouterr().err
+
+
+def test_events_before_the_adding_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    No answer counts them, and who asks why hears of it, with what to do.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        door = log.add_door(name="front")
+        log.observe(door, "open", at="2026-01-02T10:00")
+
+    with pytest.raises(SystemExit) as end:
+        main(["why", str(tmp_path / "log"), "front", "--at", "2026-01-02T11:00"])
+
+    assert not end.value.code
+    said = capsys.readouterr()
+    assert "not yet in the map" in said.out
+    assert "happened before the door was added" in said.err
+    assert "--since-ever" in said.err
