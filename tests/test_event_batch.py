@@ -28,7 +28,7 @@ from semmap_log.domain.events import (
 )
 from semmap_log.errors import InvalidEventError
 from semmap_log.messages import OBJECT_KINDS, fixed_layout
-from tests.strategies import events, same
+from tests.strategies import events, fixed_size, same
 
 FIXED = [kind for kind in KINDS if kind.kind not in OBJECT_KINDS]
 
@@ -243,3 +243,39 @@ def test_what_is_mixed_must_be_all_there(kinds: list[int]) -> None:
 
     with pytest.raises(InvalidEventError, match="kinds: expected"):
         EventBatch.mixed(kinds, seen, passed)
+
+
+def stored(kind: type[Event], rows: np.ndarray[Any, Any]) -> EventBatch:
+    """Return rows as a log that somebody else wrote may hold them."""
+    count = len(rows)
+    numbers = np.arange(count)
+    kinds = np.full(count, kind.kind, np.uint8)
+    return EventBatch(numbers, kinds, numbers + 5, numbers + 9, {kind.kind: rows}, {})
+
+
+def test_what_no_event_can_hold_is_refused_when_it_comes() -> None:
+    """
+    Those before it come; a state of a later version is UNKNOWN.
+    """
+    rows = (
+        EventBatch.of(DoorObserved, door_id=[1, 2, 3], state=[1, 2, 1])
+        .columns[DoorObserved.kind]
+        .copy()
+    )
+    rows["state"][0], rows["accuracy_open"][2] = 77, 7.0
+    told = iter(stored(DoorObserved, rows))
+
+    assert DoorState.UNKNOWN is next(told).event.state  # type: ignore[attr-defined]
+    assert DoorState.CLOSED is next(told).event.state  # type: ignore[attr-defined]
+    with pytest.raises(InvalidEventError, match=r"accuracy_open"):
+        next(told)
+
+
+@given(st.lists(fixed_size, min_size=1, max_size=20))
+def test_events_made_at_once_are_those_made_one_by_one(told: list[Event]) -> None:
+    """
+    Equal in every field, whatever their kinds.
+    """
+    batch = EventBatch.from_events(told)
+
+    assert [repr(event) for event in told] == [repr(row.event) for row in batch]

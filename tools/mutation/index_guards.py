@@ -42,4 +42,6 @@ INDEX = (
           "fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)", "", "test_read_model"),
     guard("a folder of tables is no link", "indexing.index",
           "folder.is_symlink()", "False", "test_read_model"),
+    guard("events made of columns are such as can be", "EventBatch._events_of",
+          "are_possible(kind, rows)", "True", "test_event_batch", "test_codec"),
 )  # fmt: skip
