@@ -27,7 +27,7 @@ TOOLS = Path(__file__).parents[1] / "tools"
 ROWS = {
     "append": 3, "fold": 3, "now": 1, "moment": 4, "history": 1, "index": 1, "day": 1, "open": 3,
     "import": 2, "store": 3, "fleet": 1, "costmap": 4, "beliefs": 4, "view": 2, "start": 2,
-    "sql": 1,
+    "sql": 1, "frame": 2,
 }  # fmt: skip
 MIB = 2**20
 MOST_S = 1800

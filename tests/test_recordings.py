@@ -206,14 +206,29 @@ def test_tool_remakes_the_office(tmp_path: Path, shared_data: Path) -> None:
 
 @pytest.mark.slow
 def test_tool_remakes_the_scans(tmp_path: Path, shared_data: Path) -> None:
-    """The same recipe gives the same messages, the same truth and the same doors."""
+    """The same recipe gives the same messages, the same truth and the same doors.
+
+    Sines differ in their last digit from processor to processor, and so do poses made of them.
+    """
     done = make("--only", "office_scans", "--out", tmp_path, "--maps", shared_data / "maps")
 
     assert done.returncode == 0, done.stderr
     for name in ("office_scans.truth.json", "office_scans.doors.jsonl"):
         assert (RECORDINGS / name).read_bytes() == (tmp_path / name).read_bytes()
-    old, new = (folder / "office_scans.mcap" for folder in (RECORDINGS, tmp_path))
-    assert messages(old) == messages(new)
+    old, new = (messages(folder / "office_scans.mcap") for folder in (RECORDINGS, tmp_path))
+    assert [one[:-1] for one in old] == [one[:-1] for one in new]
+    for (topic, *_, data), (*_, remade) in zip(old, new, strict=True):
+        assert data == remade or (topic in POSES and _is_near(data, remade)), topic
+
+
+POSES = {"/tf", "/amcl_pose"}
+
+
+def _is_near(one: bytes, other: bytes) -> bool:
+    """Tell whether two CDR messages are equal but for the last digits of their numbers."""
+    end = 4 + (len(one) - 4) // 8 * 8
+    both = [np.frombuffer(data[4:end], np.float64) for data in (one, other)]
+    return one[end:] == other[end:] and np.allclose(*both, rtol=0, atol=1e-9, equal_nan=True)
 
 
 def test_scans_are_what_readme_says() -> None:

@@ -144,13 +144,19 @@ def _between(count: int, since_ns: int, until_ns: int) -> Stamps:
 
 @cache
 def _states_of_door(count: int, door: int) -> Stamps:
-    """Return when each state of a door began, and which it was."""
-    told = []
+    """Return when each state of a door began, and which it was, from its adding on."""
+    told: list[tuple[int, int, int]] = []
+    added = (0, 0)
     for rows in blocks(count):
         chosen = (rows["door_id"] == door) & writers(rows)["state"]
         happened, numbers = rows["happened_ns"][chosen].tolist(), rows["number"][chosen].tolist()
         told += zip(happened, numbers, states(rows)[chosen].tolist(), strict=True)
-    told.sort()
+        for row in rows[chosen & writers(rows)["added"]]:
+            added = (int(row["happened_ns"]), int(row["number"]))
+    told = sorted(one for one in told if one[:2] >= added)
+    told = [
+        one for one, after in zip(told, [*told[1:], (-1, 0, 0)], strict=True) if one[0] != after[0]
+    ]  # of one moment the last counts
     return [
         (happened_ns, state)
         for place, (happened_ns, _, state) in enumerate(told)
