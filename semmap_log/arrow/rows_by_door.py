@@ -187,8 +187,8 @@ def events_in(rows: pa.Table) -> dict[str, Any]:
         ValueError: A row is no event.
         KeyError: A column is missing.
     """
-    order = np.argsort(_numbers(rows, "event"), kind="stable")
-    heads = {name: _numbers(rows, name)[order] for name in HEADS}
+    order = np.argsort(numbers_in(rows, "event"), kind="stable")
+    heads = {name: numbers_in(rows, name)[order] for name in HEADS}
     kind, happened_ns = heads["kind"], heads["recorded_ns"] - heads[LATE]
     columns: dict[int, NDArray[np.void]] = {}
     objects: dict[int, list[Event]] = {}
@@ -201,7 +201,7 @@ def events_in(rows: pa.Table) -> dict[str, Any]:
             continue
         found = np.zeros(len(places), fixed_layout(each).dtype)
         for name in found.dtype.names or ():
-            found[name] = _numbers(rows, name)[order[places]]
+            found[name] = numbers_in(rows, name)[order[places]]
         columns[each] = found
     return {
         "number": heads["event"],
@@ -214,7 +214,7 @@ def events_in(rows: pa.Table) -> dict[str, Any]:
     }
 
 
-def _numbers(rows: pa.Table, name: str) -> NDArray[Any]:
+def numbers_in(rows: pa.Table, name: str) -> NDArray[Any]:
     """Return a column of numbers; 0 where there is none, which no event of the kind reads."""
     column = rows[name]
     if column.null_count:

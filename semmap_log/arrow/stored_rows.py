@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.arrow.rows_by_door import FIXED_KINDS, HEADS, LATE
+from semmap_log.arrow.rows_by_door import FIXED_KINDS, HEADS, LATE, numbers_in
 from semmap_log.arrow.table import times_array
 from semmap_log.arrow.table_columns import Column
 from semmap_log.domain.commits import NOTE_TEXTS
@@ -105,8 +105,4 @@ def _numbers(rows: pa.Table, name: str) -> NDArray[Any]:
     """Return a column of numbers; 0 where there is none."""
     if name not in rows.column_names:
         return np.zeros(rows.num_rows, np.int64)
-    column = rows[name]
-    if column.null_count:
-        column = column.fill_null(False if pa.types.is_boolean(column.type) else 0)
-    values: NDArray[Any] = column.to_numpy()
-    return values
+    return numbers_in(rows, name)
