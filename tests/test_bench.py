@@ -26,7 +26,7 @@ from benchmark.worker import PeerFailedError, measure
 TOOLS = Path(__file__).parents[1] / "tools"
 ROWS = {
     "append": 3, "fold": 3, "now": 1, "moment": 4, "history": 1, "index": 1, "day": 1, "open": 3,
-    "import": 2, "store": 3, "fleet": 1, "costmap": 4, "beliefs": 4, "view": 2, "start": 2,
+    "import": 2, "store": 3, "fleet": 1, "costmap": 4, "beliefs": 4, "view": 2, "start": 6,
     "sql": 1, "frame": 2,
 }  # fmt: skip
 MIB = 2**20
