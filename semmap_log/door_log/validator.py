@@ -12,6 +12,7 @@ from itertools import repeat
 import numpy as np
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.batches.taken_columns import TakenColumns
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import is_given
 from semmap_log.domain.events import (
@@ -95,12 +96,14 @@ class Validator:
         Raises:
             CommandError: The map forbids one.
         """
-        if _SIGHTINGS.issuperset(map(type, events)):
-            doors = {event.door_id for event in events}  # type: ignore[union-attr]
+        kinds = set(map(type, events))
+        if kinds <= _SIGHTINGS:
+            taken = TakenColumns(events, kinds)  # type: ignore[arg-type]
+            doors = set(taken.door_ids)
             if self.index.placed.keys() >= doors:  # nearly every commit of a patrol:
                 self._next_event += len(events)  # nothing else can be wrong
-                self._note_early(events, doors)  # type: ignore[arg-type]
-                return events
+                self._note_early(taken, doors)
+                return taken
         return list(self.checked(events))
 
     def checked(self, events: Iterable[Event | EventBatch]) -> Iterator[Event | EventBatch]:
@@ -217,18 +220,19 @@ class Validator:
             else:
                 self.index.removed_ns[event.door_id] = commit.wall_clock_ns
 
-    def _note_early(self, events: Sequence[Event], doors: Collection[int]) -> None:
+    def _note_early(self, events: TakenColumns, doors: Collection[int]) -> None:
         """Count those that had happened before their door was added.
 
         Args:
             events: They passed.
             doors: All that they are about.
         """
-        times = [event.happened_ns for event in events if event.happened_ns is not None]
+        times = events.given_times()
         if not times:
             return
         early, added_ns = self._early(), self.index.added_ns
-        if min(times) < max(map(added_ns.get, doors, repeat(0))):
+        first = min(times)
+        if first < self.index.latest_added_ns and first < max(map(added_ns.get, doors, repeat(0))):
             for event in events:
                 early.note(event, added_ns)
 
