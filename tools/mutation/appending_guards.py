@@ -17,7 +17,7 @@ APPENDING = (
     guard("poses that waited are no part of an answer", "Appender._repeated",
           "stored[poses:]", "stored", "test_command_content"),
     guard("sightings from before their door, in a commit of nothing else", "Validator._note_early",
-          "first < max(map(added_ns.get, doors, repeat(0)))", "False", "test_backdating"),
+          "first < _latest(added_ns, events.door_ids)", "False", "test_backdating"),
     guard("when the last door was added", "DoorIndex.latest_added_ns",
           "max(self.added_ns.values(), default=0)", "0", "test_backdating"),
     guard("an event that does not say when it happened", "TakenColumns.times_or",
