@@ -68,6 +68,19 @@ def test_it_is_said_at_once_and_again_when_it_is_much_more(log: sl.DoorLogWriter
     assert {__file__} == {each.filename for each in told}  # where the call is, not inside of ours
 
 
+def test_it_is_said_of_a_door_that_came_after_others_were_seen(log: sl.DoorLogWriter) -> None:
+    """
+    When doors were added is looked up once as long as none comes; the next one counts, too.
+    """
+    seen = {"state": DoorState.OPEN, "happened_ns": _ns("2026-02-15")}
+    first = log.add_door(at="2026-02-10")
+    log.append([DoorObserved(door_id=first, **seen)])
+
+    second = log.add_door(at="2026-02-20")
+    with pytest.warns(EarlyEventsWarning, match="door 2"):
+        log.append([DoorObserved(door_id=door, **seen) for door in (first, second)])
+
+
 def test_nothing_is_said_of_what_counts(log: sl.DoorLogWriter) -> None:
     """
     Events after the adding, requests, and events without a time.

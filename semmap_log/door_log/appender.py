@@ -233,7 +233,7 @@ class Appender:
         try:
             if isinstance(events, (list, tuple)):
                 own = validator.check_all(events)
-                whole: Iterable[Event | EventBatch] = [*poses, *own]
+                whole: Iterable[Event | EventBatch] = [*poses, *own] if poses else own
             else:
                 whole = chain(poses, validator.checked(events))
             commit = self._writer.append(

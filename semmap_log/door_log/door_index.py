@@ -61,6 +61,7 @@ class DoorIndex:
     names: Callable[[], Mapping[DoorId, str]] = field(default=dict, repr=False, compare=False)
     """What doors are called, removed ones too: for messages."""
     _levels: dict[int, str | None] | None = field(default=None, repr=False, compare=False)
+    _latest_added_ns: int | None = field(default=None, repr=False, compare=False)
 
     @classmethod
     def of(cls, state: DoorMapState) -> DoorIndex:
@@ -111,6 +112,13 @@ class DoorIndex:
             self.log,
             self.names,
         )
+
+    @property
+    def latest_added_ns(self) -> int:
+        """When the last door was added; asked of an index that does not change any more."""
+        if self._latest_added_ns is None:
+            self._latest_added_ns = max(self.added_ns.values(), default=0)
+        return self._latest_added_ns
 
     @property
     def levels(self) -> dict[int, str | None]:

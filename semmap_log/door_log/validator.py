@@ -5,13 +5,14 @@ Checking an intent is apart from applying a fact: what is in the log is never ju
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import repeat
 
 import numpy as np
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.batches.taken_columns import TakenColumns
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import is_given
 from semmap_log.domain.events import (
@@ -95,12 +96,13 @@ class Validator:
         Raises:
             CommandError: The map forbids one.
         """
-        if _SIGHTINGS.issuperset(map(type, events)):
-            doors = {event.door_id for event in events}  # type: ignore[union-attr]
-            if self.index.placed.keys() >= doors:  # nearly every commit of a patrol:
-                self._next_event += len(events)  # nothing else can be wrong
-                self._note_early(events, doors)  # type: ignore[arg-type]
-                return events
+        kinds = set(map(type, events))
+        if kinds <= _SIGHTINGS:
+            taken = TakenColumns(events, kinds)  # type: ignore[arg-type]
+            if all(map(self.index.placed.__contains__, taken.door_ids)):  # nearly every commit
+                self._next_event += len(events)  # of a patrol: nothing else can be wrong
+                self._note_early(taken)
+                return taken
         return list(self.checked(events))
 
     def checked(self, events: Iterable[Event | EventBatch]) -> Iterator[Event | EventBatch]:
@@ -217,18 +219,18 @@ class Validator:
             else:
                 self.index.removed_ns[event.door_id] = commit.wall_clock_ns
 
-    def _note_early(self, events: Sequence[Event], doors: Collection[int]) -> None:
+    def _note_early(self, events: TakenColumns) -> None:
         """Count those that had happened before their door was added.
 
         Args:
             events: They passed.
-            doors: All that they are about.
         """
-        times = [event.happened_ns for event in events if event.happened_ns is not None]
+        times, added_ns = events.given_times(), self.index.added_ns
         if not times:
             return
-        early, added_ns = self._early(), self.index.added_ns
-        if min(times) < max(map(added_ns.get, doors, repeat(0))):
+        first = min(times)
+        if first < self.index.latest_added_ns and first < _latest(added_ns, events.door_ids):
+            early = self._early()
             for event in events:
                 early.note(event, added_ns)
 
@@ -324,6 +326,11 @@ class Validator:
             raise UnknownLevelError(
                 f"no level {level}; there are: {told(self.index.levels) or '0'}."
             )
+
+
+def _latest(added_ns: Mapping[int, int], door_ids: Iterable[int]) -> int:
+    """Return when the last of these doors was added."""
+    return max(map(added_ns.get, door_ids, repeat(0)))
 
 
 ROWS_AT_A_TIME = 8192

@@ -9,6 +9,7 @@ from semmap_log.messages.codec import (
     decode,
     encode,
     field_getter,
+    field_getters,
     fixed_layout,
     ros_type,
 )
@@ -26,6 +27,6 @@ from semmap_log.messages.type_hash import type_hash
 __all__ = [
     "CDR_HEADER",
     "OBJECT_KINDS", "OCCUPANCY_GRID", "PACKAGE", "Layout", "comments_of", "decode", "encode",
-    "field_getter", "fixed_layout", "layout", "message_text", "read_message", "ros_type",
-    "schema_text", "type_hash", "type_name", "write_message",
+    "field_getter", "field_getters", "fixed_layout", "layout", "message_text", "read_message",
+    "ros_type", "schema_text", "type_hash", "type_name", "write_message",
 ]  # fmt: skip

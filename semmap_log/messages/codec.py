@@ -41,6 +41,12 @@ def field_getter(kind: int) -> Callable[[Event], tuple[Any, ...]]:
     return getter if len(names) > 1 else lambda event: (getter(event),)
 
 
+@cache
+def field_getters(kind: int) -> tuple[Callable[[Event], Any], ...]:
+    """Return the same as one for each field: of many events, a field at a time is taken faster."""
+    return tuple(map(attrgetter, fixed_layout(kind).fields))
+
+
 def encode(event: Event, happened_ns: int) -> bytes:
     """Return the CDR bytes of an event; `happened_ns` stamps the header of a FloorMap."""
     if event.kind not in OBJECT_KINDS:

@@ -33,18 +33,15 @@ class Layout:
         """Return the CDR bytes of these field values, in the order of `fields`."""
         return self.packer.pack(CDR_HEADER, *values)
 
-    def packer_behind(self, prefix: struct.Struct) -> struct.Struct:
+    def packer_behind(self, prefix: struct.Struct, count: int = 1) -> struct.Struct:
         """Return what packs such a message together with fixed fields before it, in one call.
 
         Args:
             prefix: What comes first, little endian, such as a record's head.
+            count: How many such pairs it packs, one behind the other.
         """
-        return struct.Struct(prefix.format + self.packer.format.removeprefix("<"))
-
-    def packer_of(self, count: int) -> struct.Struct:
-        """Return what packs so many messages in one call, with zeros as their encapsulation."""
-        fields = self.packer.format.removeprefix(f"<{len(CDR_HEADER)}s")
-        return struct.Struct("<" + count * f"{len(CDR_HEADER)}x{fields}")
+        one = prefix.format.removeprefix("<") + self.packer.format.removeprefix("<")
+        return struct.Struct("<" + count * one)
 
     def unpack(self, data: bytes | memoryview, offset: int = 0) -> dict[str, Any]:
         """Return the field values of the CDR bytes at `offset`."""

@@ -30,6 +30,7 @@ from mcap.records import (
 )
 
 from semmap_log.io.disk import write_all
+from semmap_log.io.reserved_blocks import ReservedBlocks
 from semmap_log.messages import schema_text, type_hash
 from semmap_log.store import records as mcap
 from semmap_log.store.bag_metadata import ClosedSegment
@@ -162,6 +163,7 @@ class SegmentWriter:
         """The file as it was when it was closed, or is before it gets its name."""
         self.temporary: str | None
         self.temporary, self._fd = folder.new_file(name)
+        self._blocks = ReservedBlocks(self._fd)
         try:
             self._write(mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY)))
             self._write_metadata(LOG_METADATA, mcap.record(header.to_metadata()))
@@ -233,6 +235,7 @@ class SegmentWriter:
             raise FileNotFoundError(errno.ENOENT, "it was removed while it was written")
         if status.st_size < written:
             raise OSError(errno.EIO, "it was cut, or written over, while it was written")
+        self._blocks.synced(status.st_size)
 
     def install(self, *, replacing: Hashable | None = None) -> None:
         """Give the file its name; it survives a power cut.
@@ -296,6 +299,7 @@ class SegmentWriter:
         if os.fstat(self._fd).st_size != self.size:
             problem = f"{self.name} was cut, or written over, while it was written"
             raise OSError(errno.EIO, problem)
+        self._blocks.release(self.size)
 
     def abandon(self) -> None:
         """Let go of the file as it is; one that was never installed is removed."""
