@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +21,8 @@ from semmap_log.batches.event_columns import (
     rows_of,
 )
 from semmap_log.batches.made_of_columns import MadeOfColumns
+from semmap_log.common.distinct import distinct
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.texts import counted
 from semmap_log.domain.events import (
     DOOR_KINDS,
@@ -44,7 +46,8 @@ SourcesOf = Callable[[NDArray[np.int64]], tuple[NDArray[np.intp], Sequence[str]]
 """Event numbers, ascending -> of each, the place of its source among some names, and the names."""
 
 
-_IS_ABOUT_A_DOOR = np.isin(np.arange(2**8), list(DOOR_KINDS))
+_IS_ABOUT_A_DOOR = np.zeros(2**8, np.bool_)
+_IS_ABOUT_A_DOOR[list(DOOR_KINDS)] = True
 """By the number of a kind."""
 
 
@@ -124,7 +127,7 @@ class EventBatch(MadeOfColumns):
         kinds = np.array([event.kind for event in listed], np.uint8)
         columns: dict[int, NDArray[np.void]] = {}
         objects: dict[int, Sequence[Event]] = {}
-        for kind in np.unique(kinds).tolist():
+        for kind in distinct(kinds).tolist():
             chosen = [event for event in listed if event.kind == kind]
             if kind in OBJECT_KINDS:
                 objects[kind] = chosen

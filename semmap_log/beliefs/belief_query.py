@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.moments import Moment

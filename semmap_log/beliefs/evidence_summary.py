@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.probabilities.evidence.coverage import Coverage
 from semmap_log.probabilities.evidence.evidence import Counts, DoorEvidence
 from semmap_log.probabilities.local_clock import LocalClock

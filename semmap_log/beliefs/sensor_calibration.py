@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.beliefs.trials import StateIntervals
+from semmap_log.common.distinct import distinct
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorObserved
 from semmap_log.domain.keywords import knows_keywords
@@ -128,7 +129,7 @@ def _sightings(
         if DoorObserved not in chosen:
             continue
         rows, times_ns = chosen[DoorObserved], chosen.folds_ns[chosen.where(DoorObserved)]
-        for door_id in np.unique(rows["door_id"]).tolist():
+        for door_id in distinct(rows["door_id"]).tolist():
             own = rows["door_id"] == door_id
             parts.setdefault(DoorId(door_id), []).append((times_ns[own], rows[own]))
     return {door_id: _in_order(parts[door_id]) for door_id in door_ids if door_id in parts}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from semmap_log.beliefs.belief_query import BeliefQuery, ask
 from semmap_log.beliefs.door_beliefs import LATER
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time

@@ -6,11 +6,12 @@ the middle of typing.
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
+
+from semmap_log.common.lazily import late_pattern
 
 if TYPE_CHECKING:
     from semmap_log.domain.doors import DoorMap
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 Offers = list[tuple[str, str]]
 """Each a word, and what it means, for shells that show it."""
 
-_NEEDS_NO_QUOTES = re.compile(r"[\w./+@%,=-]+")
+_NEEDS_NO_QUOTES = late_pattern(r"[\w./+@%,=-]+")
 
 
 def doors(ctx: Any, incomplete: str) -> Offers:

@@ -17,6 +17,7 @@ from typer.core import TyperCommand
 from semmap_log.cli.completion import OFFERS, Offers
 from semmap_log.cli.failures import CLICK_ERROR
 from semmap_log.cli.plain_values import with_plain_readers
+from semmap_log.common.lazily import late_pattern
 
 OLD_SPELLINGS = {"--from": "--since", "--to": "--until"}
 """Of ranges of time: still taken by every verb that has no such option of its own."""
@@ -26,7 +27,7 @@ NEED_NO_VALUE = {"--scan": re.compile(r"(/\w+)+", re.ASCII)}
 
 TAKE_PLACES = {"go"}
 """Verbs with places as arguments; one at a negative x looks like an option."""
-NEGATIVE_PLACE = re.compile(r"-[\d.]+,.+", re.ASCII)
+NEGATIVE_PLACE = late_pattern(r"-[\d.]+,.+", re.ASCII)
 
 HELP_MADE_LATE: dict[str, Callable[[], str]] = {}
 """Verb -> what makes the end of its help, which is asked for only then: it is slow to make."""

@@ -1,13 +1,14 @@
-"""What is made when it is first asked for: attributes of objects, names of packages."""
+"""What is made when it is first asked for: attributes of objects, names of packages, patterns."""
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from functools import cached_property
 from importlib import import_module
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 T = TypeVar("T")
 
@@ -45,3 +46,20 @@ def lazy_names(package: str, homes: Mapping[str, Sequence[str]]) -> Callable[[st
         return value
 
     return load
+
+
+if TYPE_CHECKING:
+    late_pattern = re.compile
+else:
+
+    class late_pattern:  # noqa: N801  # stands for a function
+        """`re.compile`, done when the pattern is first used: most programs use few of them."""
+
+        def __init__(self, pattern: str, flags: int = 0) -> None:
+            """Take what `re.compile` takes."""
+            self._told = (pattern, flags)
+
+        def __getattr__(self, name: str) -> Any:
+            found = getattr(re.compile(*self._told), name)
+            setattr(self, name, found)
+            return found

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import re
-import shlex
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import PurePath
+
+from semmap_log.common.late_dataclass import dataclass
+from semmap_log.common.lazily import late_pattern
 
 
 def counted(number: int, what: str) -> str:
@@ -36,6 +37,8 @@ def command_line(verb: str, *words: str | PurePath, program: str = PROGRAM) -> s
             is none.
         program: What runs it.
     """
+    import shlex
+
     said = [_path(word) if isinstance(word, PurePath) else word for word in words]
     return shlex.join([program, verb, *said])
 
@@ -100,7 +103,7 @@ class Repeats:
         return sum(kind.count for kind in self._kinds.values())
 
 
-_VALUES = re.compile(r"'(?:[^'\\]|\\.)*'?|\"(?:[^\"\\]|\\.)*\"?|\d[\w.:+-]*")
+_VALUES = late_pattern(r"'(?:[^'\\]|\\.)*'?|\"(?:[^\"\\]|\\.)*\"?|\d[\w.:+-]*")
 """What is quoted, to its end or to where it was cut, and what begins with a digit."""
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import IntEnum
 from typing import TypeAlias
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.errors import InvalidEventError
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, field, fields
 from functools import cache
 from typing import Annotated, Any, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import LEVEL_NOT_GIVEN, NAN, DoorState, is_given
 from semmap_log.domain.doors import NO_LEVEL as NO_LEVEL  # noqa: PLC0414 - a column of events has it
 from semmap_log.domain.event_base import DoorEvent, Event

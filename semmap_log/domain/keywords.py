@@ -62,6 +62,7 @@ def knows_keywords(call: Callable[P, R]) -> Callable[P, R]:
 
 def knows_its_keywords(cls: C) -> C:
     """Have a class, and its public methods, refuse keywords that they do not know."""
+    getattr(cls, "__init__", None)  # of a dataclass: made when it is asked for
     for name, member in list(vars(cls).items()):
         if name.startswith("_") and name != "__init__":
             continue

@@ -8,14 +8,15 @@ here and in `events`, and nowhere else.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from enum import Enum, IntFlag
 from functools import reduce
 from operator import or_
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, TypeAlias
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import LEVEL_NOT_GIVEN, MAX_LEVEL, NAN, NO_LEVEL, DoorState
 from semmap_log.domain.rules import FINITE, Fit, Number, Whole, marks_of, rules_of
 
@@ -69,7 +70,7 @@ PlaceOrNone: TypeAlias = Annotated[float, Number(or_nan=True)]
 Probability: TypeAlias = Annotated[float, Number(0, 1, or_nan=True)]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class DoorValues:
     """The fields of a door that events set, each with the part of the door that it belongs to."""
 
@@ -139,7 +140,7 @@ class Effect:
     """Which parts it sets, each event says itself, in its field `changed`."""
     only_if: str = ""
     """A field that is true or false; where it is false, the event sets nothing."""
-    values: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+    values: Mapping[str, int] = dataclasses.field(default_factory=lambda: MappingProxyType({}))
     """Fields of the door that it sets always to the same."""
     presence: Presence = Presence.STAYS
     is_sighting: bool = False

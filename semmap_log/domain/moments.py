@@ -8,15 +8,18 @@ spring skips is an error.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
-from decimal import Decimal
 from functools import lru_cache
-from zoneinfo import ZoneInfo
+from typing import TYPE_CHECKING
 
+from semmap_log.common.late_dataclass import dataclass
+from semmap_log.common.lazily import late_pattern
 from semmap_log.domain.events import MAX_EVENT
 from semmap_log.errors import MomentError
 from semmap_log.io.clock import MAX_TIME_NS
+
+if TYPE_CHECKING:
+    from zoneinfo import ZoneInfo
 
 SECOND_NS = 1_000_000_000
 HOUR_NS = 3_600 * SECOND_NS
@@ -208,18 +211,18 @@ def format_short(ns: int, tz: str, *, seconds: bool = True) -> str:
 _EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
 _NAIVE_EPOCH = datetime(1970, 1, 1)  # noqa: DTZ001 - wall clocks, without a zone
 
-_ISO = re.compile(
+_ISO = late_pattern(
     r"(?P<year>\d{4})-(?P<month>\d\d)-(?P<day>\d\d)"
     r"(?:[T ](?P<hour>\d\d):(?P<minute>\d\d)(?::(?P<second>\d\d)(?:[.,](?P<fraction>\d{1,9}))?)?"
     r" ?(?P<offset>[Zz]|[+-]\d\d(?::?\d\d)?)?)?",
     re.ASCII,
 )
-_NUMBER = re.compile(r"(?P<whole>\d{1,19})(?:\.(?P<fraction>\d{1,30}))?", re.ASCII)
-_EVENT = re.compile(r"event:(?P<number>\d{1,19})", re.ASCII)
-_DAY = re.compile(
+_NUMBER = late_pattern(r"(?P<whole>\d{1,19})(?:\.(?P<fraction>\d{1,30}))?", re.ASCII)
+_EVENT = late_pattern(r"event:(?P<number>\d{1,19})", re.ASCII)
+_DAY = late_pattern(
     r"(?P<day>today|yesterday)(?: +(?P<clock>\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?))?", re.ASCII
 )
-_CLOCK = re.compile(r"\d\d:\d\d(:\d\d(\.\d{1,9})?)?", re.ASCII)
+_CLOCK = late_pattern(r"\d\d:\d\d(:\d\d(\.\d{1,9})?)?", re.ASCII)
 _UNIT_NS = {
     name: ns
     for ns, names in (
@@ -232,14 +235,21 @@ _UNIT_NS = {
     for name in names.split()
 }
 _LENGTH = rf"(?P<count>\d{{1,12}}(?:\.\d{{1,9}})?) ?(?P<unit>{'|'.join(_UNIT_NS)})"
-_DURATION = re.compile(_LENGTH, re.ASCII)
-_AGO = re.compile(rf"{_LENGTH} +ago", re.ASCII)
+_DURATION = late_pattern(_LENGTH, re.ASCII)
+_AGO = late_pattern(rf"{_LENGTH} +ago", re.ASCII)
 
-_zone = lru_cache(maxsize=64)(ZoneInfo)
+
+@lru_cache(maxsize=64)
+def _zone(tz: str) -> ZoneInfo:
+    from zoneinfo import ZoneInfo
+
+    return ZoneInfo(tz)
 
 
 def _digits(value: float) -> str:
     """Return the number without exponent; for NaN and its like something that is no number."""
+    from decimal import Decimal
+
     if isinstance(value, bool) or not isinstance(value, (int, float)) or abs(value) > 2**64:
         return repr(value)[:60] if isinstance(value, (bool, float)) else type(value).__name__
     return format(Decimal(repr(value)), "f")

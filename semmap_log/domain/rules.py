@@ -7,16 +7,18 @@ needs none: see `rules_of`. From them come the checks of an event when it is mad
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
 from enum import IntEnum, IntFlag
-from functools import cached_property
-from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
+from functools import cache, cached_property
+from inspect import get_annotations
+from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.commits import text_expected
 from semmap_log.io.clock import MAX_TIME_NS
 
@@ -97,7 +99,7 @@ class _Range(Rule):
         return np.asarray(~((column >= self.low) & (column <= self.high)))
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Number(_Range):
     """A number, whole or not."""
 
@@ -144,7 +146,7 @@ class Number(_Range):
         return outside & (column == column) if self.or_nan else outside  # noqa: PLR0124 - NaN
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Whole(_Range):
     """A whole number."""
 
@@ -190,7 +192,7 @@ class Whole(_Range):
         return outside if self.absent is None else outside & (column != self.absent)
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Nanoseconds(Whole):
     """Nanoseconds since 1970, UTC."""
 
@@ -198,7 +200,7 @@ class Nanoseconds(Whole):
     high: int = MAX_TIME_NS
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Bits(Whole):
     """A sum of flags."""
 
@@ -210,7 +212,7 @@ class Bits(Whole):
         return self.flags(number)
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class OneOf(_Range):
     """One of an enumeration's members, which are numbered from 0 on."""
 
@@ -248,7 +250,7 @@ class Truth(Rule):
         return isinstance(value, (bool, np.bool_))
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Text(Rule):
     """A text that can be stored."""
 
@@ -305,15 +307,25 @@ def rules_of(cls: type[Any]) -> dict[str, Rule]:
 
     It is the one in the field's annotation, `Annotated[float, Number(0, 1)]`; else its type's.
     """
-    hints = get_type_hints(cls, include_extras=True)
-    return {field.name: _rule_of(hints[field.name]) for field in fields(cls)}
+    return {name: _rule_of(hint) for name, hint in _hints(cls).items()}
 
 
 def marks_of(cls: type[Any], mark: type[_Mark]) -> dict[str, _Mark]:
     """Return what else the annotations of fields say: those that do, with the mark of each."""
-    hints = get_type_hints(cls, include_extras=True).items()
-    told = ((name, each) for name, hint in hints for each in get_args(hint))
+    told = ((name, each) for name, hint in _hints(cls).items() for each in get_args(hint))
     return {name: each for name, each in told if isinstance(each, mark)}
+
+
+def _hints(cls: type[Any]) -> dict[str, Any]:
+    """Return what the annotations of fields say, those of base classes first."""
+    told = {name: hint for base in reversed(cls.__mro__) for name, hint in _own_hints(base).items()}
+    return {name: hint for name, hint in told.items() if get_origin(hint) is not ClassVar}
+
+
+@cache
+def _own_hints(cls: type[Any]) -> dict[str, Any]:
+    """Return those of one class: each is evaluated once, however many kinds inherit it."""
+    return get_annotations(cls, eval_str=True)
 
 
 def _rule_of(hint: Any) -> Rule:

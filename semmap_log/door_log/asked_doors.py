@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import cast
 
-import numpy as np
-
+from semmap_log.common.distinct import distinct
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.events import ADDING_KINDS, DoorAdded, DoorAnnotated, is_whole_number
 from semmap_log.door_log.door_names import resolve_door
@@ -112,7 +111,7 @@ def names_ever(reader: LogReader) -> dict[DoorId, set[str]]:
     """
     found: dict[DoorId, set[str]] = {}
     for batch in reader.batches(Window(kinds=bits_of_kinds([*ADDING_KINDS, DoorAnnotated]))):
-        for door_id in np.unique(batch.door_ids()[batch.about_doors()]).tolist():
+        for door_id in distinct(batch.door_ids()[batch.about_doors()]).tolist():
             found.setdefault(DoorId(door_id), set())
         for event in batch.objects.get(DoorAnnotated.kind, ()):
             if isinstance(event, DoorAnnotated) and event.key == NAME and event.value:

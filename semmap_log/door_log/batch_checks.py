@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.distinct import distinct
 from semmap_log.domain.doors import is_given
 from semmap_log.domain.events import (
     KINDS,
@@ -102,4 +103,4 @@ def lacks_levels(batch: EventBatch) -> bool:
 
 def _distinct(ids: NDArray[np.uint32]) -> set[int]:
     """Return the ids that occur."""
-    return set(ids.tolist() if len(ids) <= FEW_ROWS else np.unique(ids).tolist())
+    return set(ids.tolist() if len(ids) <= FEW_ROWS else distinct(ids).tolist())

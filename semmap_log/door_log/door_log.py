@@ -32,35 +32,18 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.domain.moments import Moment, parse_range, refuse_reversed
-from semmap_log.door_log.asked_doors import door_ever, door_in, ids_ever
-from semmap_log.door_log.asked_events import between, comes_after, entries
-from semmap_log.door_log.backdating import backdated, early_events, since_ever_ns
-from semmap_log.door_log.door_labels import labels_ever
-from semmap_log.door_log.last_patrol import last_patrol
-from semmap_log.door_log.log_end import latest_happened_ns
 from semmap_log.door_log.log_queries import LogQueries
 from semmap_log.door_log.log_tables import LogTables
 from semmap_log.door_log.times import NEAR_NS, Time, moment_of
 from semmap_log.errors import LogError, MomentError
-from semmap_log.folds.diff import Diff, diff
 from semmap_log.folds.door_map import DoorMapState
-from semmap_log.folds.early_events import EarlyEvents
-from semmap_log.folds.history import HistoryEntry
-from semmap_log.folds.levels import resolve_level
-from semmap_log.folds.projection import Projection
-from semmap_log.folds.timeline import Timeline, timelines
+from semmap_log.folds.projection import SAVE_EVERY_S, Projection
 from semmap_log.io.progress import Progress
 from semmap_log.io.url_path import place_of
-from semmap_log.replay.fold import SAVE_EVERY_S, fold, fold_part
-from semmap_log.replay.live_fold import LiveState, fold_live
-from semmap_log.replay.read_model.events_about import events_about
 from semmap_log.replay.replay import Scope, replay, visible_batches
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
 from semmap_log.store.kind_bits import EVENT_BITS, bits_of_kinds
-from semmap_log.store.reading.commit_finder import CommitFinder
-from semmap_log.store.reading.following import FollowedCommit, commits_after, follow
-from semmap_log.store.reading.note_sources import SaidFinder
 from semmap_log.store.reading.reader import LogReader, OnPage
 from semmap_log.store.reading.window import EVERYTHING, Window
 
@@ -69,6 +52,14 @@ if TYPE_CHECKING:
 
     from semmap_log.door_log.explanation import Explanation
     from semmap_log.door_log.summary import LogSummary
+    from semmap_log.folds.diff import Diff
+    from semmap_log.folds.early_events import EarlyEvents
+    from semmap_log.folds.history import HistoryEntry
+    from semmap_log.folds.timeline import Timeline
+    from semmap_log.replay.live_fold import LiveState
+    from semmap_log.store.reading.commit_finder import CommitFinder
+    from semmap_log.store.reading.following import FollowedCommit
+    from semmap_log.store.reading.note_sources import SaidFinder
 
 __all__ = ["DoorLog", "Time"]
 
@@ -175,6 +166,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             CheckpointError: The file is of something else, or the state cannot be stored in one.
             OutputError: It cannot be written.
         """
+        from semmap_log.replay.fold import fold
+
         return fold(
             self._reader,
             projection,
@@ -199,6 +192,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             known_event: Retractions count up to this event, wherever they are; None: as they are
                 known now. Processes that open a log one after the other want the same number.
         """
+        from semmap_log.replay.fold import fold_part
+
         return fold_part(self._reader, projection, first, last, known_event=known_event)
 
     def fold_live(
@@ -228,6 +223,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             CorruptLogError: The log is damaged, or was exchanged for another state of itself.
             LogError: Another log lies there now.
         """
+        from semmap_log.replay.live_fold import fold_live
+
         return fold_live(
             self._opened.anew(),
             projection,
@@ -262,6 +259,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             UnknownDoorError: No door has such a name, or ever had.
         """
+        from semmap_log.replay.read_model.events_about import events_about
+
         reader = self._reader
         ids = None if doors is None else self._ids_ever(doors)
         window = self.window(since, until, recorded=recorded, kinds=kinds)
@@ -336,6 +335,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             CorruptLogError: The log is damaged, or was exchanged for another state of itself.
             LogError: Another log lies there now.
         """
+        from semmap_log.store.reading.following import follow
+
         if after is None:
             after = self._reader.last_event()
         reader = self._opened.anew()
@@ -387,10 +388,14 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def said_finder(self) -> SaidFinder:
         """Return what tells who and why of events; quick if its `look_at` is told each page."""
+        from semmap_log.store.reading.note_sources import SaidFinder
+
         return SaidFinder(self._reader.commit_at)
 
     def commit_finder(self) -> CommitFinder:
         """Return what finds the commits of events; quick if its `look_at` is told each page."""
+        from semmap_log.store.reading.commit_finder import CommitFinder
+
         return CommitFinder(self._reader)
 
     def retractions(self, limit: int | None = None) -> Retractions:
@@ -428,22 +433,32 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             NewerLogError: A commit has an event of such a kind that may change others.
         """
+        from semmap_log.store.reading.following import commits_after
+
         return commits_after(self._reader, event, with_newer=with_newer)
 
     def last_patrol(self, kind: type[PatrolStarted | PatrolFinished]) -> int:
         """Return the greatest number of a round that began, or ended; 0: none did."""
+        from semmap_log.door_log.last_patrol import last_patrol
+
         return last_patrol(self._reader, kind)
 
     def early_events(self) -> EarlyEvents:
         """Return what the log tells of doors before they were added, which no answer counts."""
+        from semmap_log.door_log.backdating import early_events
+
         return early_events(self._reader)
 
     def since_ever_ns(self) -> int | None:
         """Return a whole second before the first thing that the log tells; None: it tells none."""
+        from semmap_log.door_log.backdating import since_ever_ns
+
         return since_ever_ns(self._reader)
 
     def backdated(self, doors: Collection[DoorId], since_ns: int) -> list[Event]:
         """Return the events of one commit by which doors are in the map from an earlier time on."""
+        from semmap_log.door_log.backdating import backdated
+
         return backdated(self._reader, doors, since_ns)
 
     def summary(self, *, progress: Progress | None = None) -> LogSummary:
@@ -486,6 +501,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             recorded: The range is of recorded time.
             kinds: Only these kinds: classes, or their names.
         """
+        from semmap_log.door_log.asked_events import entries
+
         window = self.window(since, until, recorded=recorded, kinds=kinds)
         return entries(self._reader, window, None if door is None else self._ids_ever([door]))
 
@@ -495,6 +512,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             LogError: There is no such event.
         """
+        from semmap_log.door_log.asked_events import entries
+
         for entry in entries(self._reader, Window(first_event=number, before_event=number + 1)):
             return entry
         raise self._reader.no_event(number)
@@ -507,6 +526,9 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             MomentError: The first comes after the second.
         """
+        from semmap_log.door_log.asked_events import between, comes_after, entries
+        from semmap_log.folds.diff import diff
+
         start, end = self.moment(first), self.moment(second)
         if comes_after(start, end):
             raise MomentError("the first moment lies after the second; swap them.")
@@ -573,6 +595,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             UnknownDoorError: There is no such door, and never was.
             MomentError: `since` comes after `until`.
         """
+        from semmap_log.folds.timeline import Timeline
+
         (door_id,) = self._ids_ever([door])
         found = self.timelines([door_id], at, known_at, since=since, until=until, progress=progress)
         if door_id not in found:
@@ -603,6 +627,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             MomentError: `since` comes after `until`.
         """
+        from semmap_log.folds.timeline import timelines
+
         scope = self.scope(at, known_at)
         since_ns, until_ns = self.instant(since), self.instant(until)
         refuse_reversed(since_ns, until_ns)
@@ -659,6 +685,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             UnknownLevelError: There is no such level, or there are several and none is told.
         """
+        from semmap_log.folds.levels import resolve_level
+
         doors = self.replay(at=at)
         return self.floor_of(doors, resolve_level(level, doors))
 
@@ -673,6 +701,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def end_ns(self) -> int:
         """Return the log's end: the latest happened time in it; 0 for a log without events."""
+        from semmap_log.door_log.log_end import latest_happened_ns
+
         if self._end_ns is None:
             self._end_ns = latest_happened_ns(self._reader)
         return self._end_ns
@@ -696,6 +726,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             UnknownDoorError: None, more than one, or one that was removed by then.
         """
+        from semmap_log.door_log.asked_doors import door_in
+
         return door_in(door, self._reader, scope, door_map)
 
     def door_names(self) -> dict[DoorId, str]:
@@ -707,6 +739,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def door_labels(self) -> dict[DoorId, str]:
         """Return the same for messages: level/name where several doors bear the name."""
+        from semmap_log.door_log.door_labels import labels_ever
+
         return labels_ever(replay(self._reader, with_newer=True))
 
     def resolve_ever(self, door: str | int) -> DoorId:
@@ -715,9 +749,13 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             UnknownDoorError: There is none, and never was.
         """
+        from semmap_log.door_log.asked_doors import door_ever
+
         return door_ever(door, self._reader)
 
     def _ids_ever(self, doors: Iterable[DoorId | str]) -> list[DoorId]:
+        from semmap_log.door_log.asked_doors import ids_ever
+
         return ids_ever(doors, self._reader)
 
     def moment(self, time: Time, *, now_ns: int | None = None) -> Moment:

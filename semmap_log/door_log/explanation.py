@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.domain.doors import Door, DoorId, DoorState
 from semmap_log.domain.moments import format_utc

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from semmap_log.common.distinct import distinct
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment
@@ -52,7 +53,7 @@ def parts_of_segment(reader: LogReader, part: LogPart) -> Iterator[LogPart]:
 def _runs(segment: Segment) -> Iterator[LogPart]:
     firsts, ends = numbers_of(segment)
     chunks = np.flatnonzero(segment.spans["events"])
-    starts = np.unique(np.linspace(0, len(chunks), MOST_RUNS, endpoint=False).astype(np.intp))
+    starts = distinct(np.linspace(0, len(chunks), MOST_RUNS, endpoint=False).astype(np.intp))
     spans, rows = segment.spans[chunks], segment.chunks.rows[chunks]
     columns = (
         np.minimum.reduceat(firsts[chunks], starts),

@@ -8,17 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from semmap_log.common.late_answers import answer_of
 from semmap_log.domain.doors import DoorId
-from semmap_log.door_log.asked_doors import names_ever
-from semmap_log.door_log.asked_events import entries
-from semmap_log.door_log.asked_tables import columns_called
-from semmap_log.door_log.log_parts import LogPart, parts_of_segment, segment_parts
-from semmap_log.door_log.unordered_tables import unordered_tables
-from semmap_log.folds.history import HistoryEntry
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
 
 if TYPE_CHECKING:
     from semmap_log.arrow.arrow_sdk import pa
+    from semmap_log.door_log.log_parts import LogPart
+    from semmap_log.folds.history import HistoryEntry
 
 
 class LogQueries(ABC):
@@ -51,14 +47,20 @@ class LogQueries(ABC):
 
     def parts(self) -> Iterator[LogPart]:
         """Yield the ranges of events that lie in one segment each."""
+        from semmap_log.door_log.log_parts import segment_parts
+
         return segment_parts(self._reader)
 
     def parts_within(self, part: LogPart) -> Iterator[LogPart]:
         """Yield the smaller ranges, of a chunk or a few, of one that `parts` gave."""
+        from semmap_log.door_log.log_parts import parts_of_segment
+
         return parts_of_segment(self._reader, part)
 
     def names_ever(self) -> dict[DoorId, set[str]]:
         """Return all names that each door ever had; retracted ones, too."""
+        from semmap_log.door_log.asked_doors import names_ever
+
         return names_ever(self._reader)
 
     def history_in(
@@ -70,6 +72,8 @@ class LogQueries(ABC):
             window: Which events.
             doors: Only those about these; None: all.
         """
+        from semmap_log.door_log.asked_events import entries
+
         return entries(self._reader, window, doors, with_newer=False)
 
     def unordered_tables(
@@ -87,4 +91,7 @@ class LogQueries(ABC):
             columns: Names of columns of `tables`.
             doors: Only events about these need be there; None: all.
         """
+        from semmap_log.door_log.asked_tables import columns_called
+        from semmap_log.door_log.unordered_tables import unordered_tables
+
         return unordered_tables(self._reader, windows, columns_called(columns), doors)

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Final, TypedDict
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import Event
 from semmap_log.domain.keywords import knows_its_keywords, share_keywords
-from semmap_log.door_log.asked_doors import ids_ever
-from semmap_log.door_log.asked_tables import columns_called, event_tables
 from semmap_log.door_log.times import Time
 from semmap_log.io.progress import Progress
 from semmap_log.store.reading.reader import LogReader
@@ -83,6 +81,7 @@ class LogTables(ABC):
             MissingExtraError: pyarrow is not installed.
         """
         from semmap_log.arrow.history_table import joined
+        from semmap_log.door_log.asked_tables import columns_called
 
         columns = columns_called(choice.get("columns"))
         return joined(self.tables(since, until, **choice), columns)
@@ -153,6 +152,9 @@ class LogTables(ABC):
             CommandError: There is no such column.
             UnknownDoorError: No door has such a name, or ever had.
         """
+        from semmap_log.door_log.asked_doors import ids_ever
+        from semmap_log.door_log.asked_tables import columns_called, event_tables
+
         ids = None if doors is None else ids_ever(doors, self._reader)
         return event_tables(
             self._reader,
@@ -180,5 +182,7 @@ class LogTables(ABC):
                 all.
             progress: Told how far the reading is.
         """
+        from semmap_log.door_log.asked_tables import columns_called, event_tables
+
         chosen = columns_called(columns)
         return event_tables(self._reader, window, chosen, limit=limit, progress=progress)

@@ -7,13 +7,14 @@ turns out to be damaged is not used, and the log itself tells the same.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING
 
 from semmap_log.arrow.table_columns import RETRACTED, THEN, Column
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import DoorId
 from semmap_log.door_log.asked_tables import event_tables, names_then
 from semmap_log.errors import StaleIndexError

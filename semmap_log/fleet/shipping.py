@@ -23,8 +23,9 @@ from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.progress import Progress
 from semmap_log.io.url_path import UrlPath
 from semmap_log.store.folder import LogFolder
+from semmap_log.store.form import MANIFEST_NAME
 from semmap_log.store.log_objects import KeptManifest, read_manifest
-from semmap_log.store.manifest import MANIFEST_NAME, Manifest, ShippedSegment, Superseded
+from semmap_log.store.manifest import Manifest, ShippedSegment, Superseded
 from semmap_log.store.object_names import object_name
 from semmap_log.store.reading.manifest_entry import manifest_entry
 from semmap_log.store.reading.reader import LogReader

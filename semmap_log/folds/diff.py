@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from types import MappingProxyType
 from typing import Any
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.common.texts import counted
 from semmap_log.domain import meaning

@@ -10,9 +10,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
-
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.distinct import distinct
 from semmap_log.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
 from semmap_log.costmap_2d.door_layer import DoorLayer, DoorLine
 from semmap_log.costmap_2d.grid import CellWindow, GridGeometry
@@ -92,7 +91,7 @@ class DoorLayerProjection:
     def apply(self, state: DoorLayerState, batch: EventBatch, /) -> DoorLayerState:
         """Fold a batch in; only the doors that it is about are drawn anew."""
         state.map.apply(batch)
-        doors = np.unique(batch.door_ids()[batch.about_doors()])
+        doors = distinct(batch.door_ids()[batch.about_doors()])
         about = [DoorId(door) for door in doors.tolist()]
         state.changed = state.layer.update(
             {door: line_of(state.map.door(door), level=self.level, by=self.by) for door in about}

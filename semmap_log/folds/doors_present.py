@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.distinct import distinct
 from semmap_log.domain.doors import Door, DoorId, DoorState
 from semmap_log.domain.meaning import FIELDS
 from semmap_log.folds.annotations import Annotations
@@ -60,7 +61,7 @@ class DoorsPresent(Mapping[DoorId, Door]):
     def placed_levels(self) -> set[int]:
         """Return the levels of all doors that have a place; none of the doors is made for it."""
         is_placed = ~np.isnan(self._columns["x"])
-        return set(np.unique(self._columns["level"][is_placed]).tolist())
+        return set(distinct(self._columns["level"][is_placed]).tolist())
 
     def in_state(self, state: DoorState) -> list[DoorId]:
         """Return the doors in a state, ids ascending; none of them is made for it."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.distinct import distinct
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.texts import counted
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import SETTING_KINDS, DoorAnnotated, DoorEvent
@@ -88,7 +89,7 @@ class EarlyEvents:
 
     def add_rows(self, door_ids: NDArray[np.uint32], happened_ns: NDArray[np.int64]) -> None:
         """Count events, given the door and the time of each."""
-        for door_id in np.unique(door_ids).tolist():
+        for door_id in distinct(door_ids).tolist():
             times = happened_ns[door_ids == door_id]
             self.add(DoorId(door_id), int(times.min()), len(times))
 

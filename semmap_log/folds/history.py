@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.batches.retraction import Retractions
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.domain.commits import NoteTexts
 from semmap_log.domain.doors import DoorId

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.distinct import distinct
+
 Integers = NDArray[np.integer[Any]]
 
 MAX_TABLE = 2**20
@@ -58,7 +60,7 @@ class LastWritten:
 
     def values(self) -> list[int]:
         """Return what was ever held, each value once."""
-        found: list[int] = np.unique(self._values[:-1]).tolist()
+        found: list[int] = distinct(self._values[:-1]).tolist()
         return found
 
     def at(

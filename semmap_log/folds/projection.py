@@ -30,6 +30,9 @@ from semmap_log.batches.event_batch import EventBatch
 
 S = TypeVar("S")
 
+SAVE_EVERY_S = 10.0
+"""A checkpoint is written at the end, and so often on the way there."""
+
 
 class Projection(Protocol[S]):
     """A fold: these two methods, which look at nothing but what they are given.

@@ -9,14 +9,14 @@ stays, in whatever order they come.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.events import SETTING_KINDS, DoorEvent, Event
 from semmap_log.domain.meaning import REGISTER_OF, REGISTERS, Presence
 
@@ -33,8 +33,7 @@ NOBODY = -1
 """The row of what is about no door: the last one, which is never a door's."""
 
 
-@dataclass(frozen=True, slots=True)
-class Writes:
+class Writes(NamedTuple):
     """What some events of a batch write to one register."""
 
     register: str

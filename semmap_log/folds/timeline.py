@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.late_answers import answer_of
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.common.texts import counted
 from semmap_log.domain.doors import DoorId, DoorState

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import DoorAnnotated
 from semmap_log.folds.door_map import DoorMapState

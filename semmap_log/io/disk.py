@@ -9,8 +9,6 @@ from __future__ import annotations
 import errno
 import os
 import re
-import secrets
-import shutil
 import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -132,6 +130,8 @@ def whole_folder(path: Path) -> Iterator[Path]:
     Raises:
         OutputError: There is something at `path` already: a folder is never replaced.
     """
+    import shutil
+
     if os.path.lexists(path):
         raise OutputError(f"{path}: is there already; remove it, or choose another name.")
     around = _made_beside(path, _make_folder)
@@ -222,7 +222,7 @@ def name_beside(path: Path, suffix: str = TEMPORARY_SUFFIX) -> Path:
 
     The process in it tells whether who drew it still runs; the token keeps threads apart.
     """
-    token = secrets.token_hex(TOKEN_BYTES)
+    token = os.urandom(TOKEN_BYTES).hex()
     return path.with_name(f"{_stem(path)}.{os.getpid()}.{token}{suffix}")
 
 

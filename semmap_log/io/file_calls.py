@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import mmap
 import os
-from importlib.util import find_spec
 from pathlib import Path
 
 from semmap_log.errors import LogAccessError
@@ -40,6 +39,8 @@ def check_can_write(path: Path) -> None:
     Raises:
         LogAccessError: It has not; names what is missing.
     """
+    from importlib.util import find_spec
+
     missing = ["fcntl (locks on files)"] if find_spec("fcntl") is None else []
     missing += [f"os.{name}" for name in _NEEDED if not hasattr(os, name)]
     if not os.supports_dir_fd:

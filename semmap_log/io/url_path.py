@@ -6,13 +6,14 @@ import re
 from pathlib import Path, PurePath, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
+from semmap_log.common.lazily import late_pattern
 from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, NotALogError
 
 SCHEMES = ("s3", "gs", "az", "http", "https")
 """Of stores that are read where they lie; `file` is this machine."""
 
-_URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/+(.*)", re.DOTALL)
+_URL = late_pattern(r"([A-Za-z][A-Za-z0-9+.-]+):/+(.*)", re.DOTALL)
 """Also of a URL that went through `Path`, which makes one slash of two."""
 
 

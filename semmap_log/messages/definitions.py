@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 from types import MappingProxyType
 
+from semmap_log.common.late_dataclass import dataclass
+from semmap_log.common.lazily import late_pattern
 from semmap_log.domain.meaning import REGISTERS
 
 PACKAGE = "semmap_msgs"
@@ -22,10 +23,12 @@ CODES = {
 }  # fmt: skip
 """ROS primitive -> struct code, which is also numpy's, and size in bytes."""
 
-_FIELD = re.compile(r"^(?P<type>[\w/]+)(?P<array>\[(?P<count>\d*)\])? +(?P<name>\w+) *(#.*)?$")
-_COMMENTED = re.compile(r"^[\w/\[\]]+ +(\w+) *(?:# *(.*))?$")
-_CONSTANT = re.compile(r"^\w+ \w+=\S+\s*(#.*)?$")
-_NEXT = re.compile(r"^=+\nMSG: (\S+)\n", re.MULTILINE)
+_TEXTS = Path(__file__).with_name("msg")
+
+_FIELD = late_pattern(r"^(?P<type>[\w/]+)(?P<array>\[(?P<count>\d*)\])? +(?P<name>\w+) *(#.*)?$")
+_COMMENTED = late_pattern(r"^[\w/\[\]]+ +(\w+) *(?:# *(.*))?$")
+_CONSTANT = late_pattern(r"^\w+ \w+=\S+\s*(#.*)?$")
+_NEXT = late_pattern(r"^=+\nMSG: (\S+)\n", re.MULTILINE)
 """What stands before the text of a message that another one holds."""
 
 ROS_NAMES = {"u1": "uint8", "u2": "uint16", "u4": "uint32", "f8": "float64"}
@@ -51,7 +54,7 @@ def type_name(message: str) -> str:
 @cache
 def message_text(name: str) -> str:
     """Return the `.msg` text of one of our messages, as shipped and as written into each log."""
-    text = (files(__package__) / "msg" / f"{name}.msg").read_text(encoding="ascii")
+    text = (_TEXTS / f"{name}.msg").read_text(encoding="ascii")
     return text.replace("@REGISTERS@\n", "".join(_register_lines())) if "@" in text else text
 
 

@@ -8,17 +8,17 @@ strings and unbounded arrays therefore has one size for ever, and n of them are 
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.messages.cdr import CDR_HEADER
 from semmap_log.messages.definitions import CODES, flat_fields, type_name
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Layout:
     """The bytes of a fixed-size message, encapsulation included."""
 

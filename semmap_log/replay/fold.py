@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TypeVar
 
-from semmap_log.folds.projection import Projection
+from semmap_log.folds.projection import SAVE_EVERY_S, Projection
 from semmap_log.io.progress import Progress
 from semmap_log.replay.checkpoint import Checkpoint
 from semmap_log.replay.position import Position
@@ -15,9 +15,6 @@ from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
 
 S = TypeVar("S")
-
-SAVE_EVERY_S = 10.0
-"""A checkpoint is written at the end, and so often on the way there."""
 
 
 def fold(

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.batches.retraction import Retractions
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.events import Retracted
 from semmap_log.io.progress import Progress
 from semmap_log.store.kind_bits import EVENT_BITS, bits_of_kinds

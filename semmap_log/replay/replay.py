@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.io.progress import Progress
-from semmap_log.replay.read_model.events_about import events_about
 from semmap_log.replay.state import state_at
 from semmap_log.store.reading.reader import LogReader, OnPage
 from semmap_log.store.reading.window import Window
@@ -77,6 +76,8 @@ def visible_batches(
         on_page: Called with the records of each batch that comes from the log itself.
         doors: Only events about these; None: all.
     """
+    from semmap_log.replay.read_model.events_about import events_about
+
     limit = scope.limit(reader)
     if limit is not None and limit < 0:
         return

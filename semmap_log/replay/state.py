@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from semmap_log.batches.retraction import Retractions
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.texts import counted
 from semmap_log.errors import KeyframeWarning
 from semmap_log.folds.door_map import DoorMapState

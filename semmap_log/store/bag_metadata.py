@@ -7,11 +7,12 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import PurePath
 
 from mcap.records import Statistics
 
+from semmap_log.common.late_dataclass import dataclass
+from semmap_log.common.lazily import late_pattern
 from semmap_log.messages import type_hash
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import (
@@ -93,7 +94,7 @@ def listed_names(text: str) -> list[str]:
     return names
 
 
-_LISTED = re.compile(r'^    - path: (".*")$', re.MULTILINE)
+_LISTED = late_pattern(r'^    - path: (".*")$', re.MULTILINE)
 
 
 def bag_metadata_text(segments: list[ClosedSegment]) -> str:

@@ -6,12 +6,13 @@ import struct
 import threading
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
+from typing import TYPE_CHECKING
 
 import numpy as np
-from mcap.records import ChunkIndex
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.store import records as mcap
 from semmap_log.store.form import (
     COMPRESS_FROM_BYTES,
@@ -20,6 +21,9 @@ from semmap_log.store.form import (
     ZSTD_LEVEL,
 )
 from semmap_log.store.record_scan import ChunkDamage, heads_of
+
+if TYPE_CHECKING:
+    from mcap.records import ChunkIndex
 
 _BODY = struct.Struct("<QQQI")
 """Start time, end time, uncompressed size, CRC: the head of a Chunk's body."""
@@ -58,6 +62,8 @@ class ChunkFacts:
 
     def index_at(self, offset: int) -> ChunkIndex:
         """Return the summary's ChunkIndex for this chunk at that place in the file."""
+        from mcap.records import ChunkIndex
+
         at = offset + self.chunk_length
         index_offsets: dict[int, int] = {}
         for channel, count in self.counts.items():

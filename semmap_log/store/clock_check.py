@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.moments import format_utc
 

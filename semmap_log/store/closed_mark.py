@@ -11,9 +11,10 @@ read as it is.
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import PurePath
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.texts import command_line
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.folder import LogFolder

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import errno
 import os
-import secrets
 import stat
 import weakref
 from collections.abc import Iterable
@@ -27,10 +26,12 @@ from semmap_log.io.disk import TEMPORARY_SUFFIX
 from semmap_log.io.file_calls import FOLDER, NO_LINK, PLAIN, check_can_write
 from semmap_log.io.made_logs import MadeLog, made_log
 from semmap_log.store.form import LOCK_NAME, is_temporary
-from semmap_log.store.zipped import UnpackedLog, is_zip, refuse_zip, unpacked
+from semmap_log.store.zip_files import is_zip, refuse_zip
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
+
+    from semmap_log.store.zipped import UnpackedLog
 
 _NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL
 _MODE = 0o644
@@ -220,7 +221,7 @@ class LogFolder:
         Raises:
             OSError: As the system says.
         """
-        temporary = f".{name}.{os.getpid()}-{secrets.token_hex(4)}{TEMPORARY_SUFFIX}"
+        temporary = f".{name}.{os.getpid()}-{os.urandom(4).hex()}{TEMPORARY_SUFFIX}"
         return temporary, self.open(temporary, _NEW | os.O_APPEND)
 
     def put_new(self, temporary: str, name: str) -> None:
@@ -323,7 +324,12 @@ class LogFolder:
 
 def _elsewhere(path: Path) -> MadeLog | UnpackedLog | None:
     """Return where the files are that belong to a path which is no folder."""
-    return made_log(path) or (unpacked(path) if is_zip(path) else None)
+    made = made_log(path)
+    if made is not None or not is_zip(path):
+        return made
+    from semmap_log.store.zipped import unpacked
+
+    return unpacked(path)
 
 
 def _synced(fd: int) -> None:

@@ -47,10 +47,11 @@ from __future__ import annotations
 import re
 from bisect import bisect_left
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from semmap_log.common.late_dataclass import dataclass
+from semmap_log.common.lazily import late_pattern
 from semmap_log.domain.events import KINDS, FloorMap
 from semmap_log.io.disk import TEMPORARY_SUFFIX
 from semmap_log.messages import ros_type, type_name
@@ -82,6 +83,8 @@ LOCK_NAME = ".lock"
 BAG_METADATA_NAME = "metadata.yaml"
 CLOSED_MARK_NAME = "closed.json"
 """How far the log reached when its last segment was closed: `closed_mark`."""
+MANIFEST_NAME = "manifest.json"
+"""Which segments lie in a store: `manifest`."""
 REMOVED_NAME = "shipped.json"
 """Which segments were removed from the disk once they were shipped: `removed_part`."""
 KEPT_SUFFIX = ".kept"
@@ -121,7 +124,7 @@ FLOOR_MAP_CHANNEL = 100
 VOLATILE, TRANSIENT_LOCAL = "volatile", "transient_local"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Topic:
     """A channel of every segment."""
 
@@ -227,7 +230,7 @@ def stem_of(name: str) -> str:
     return _NUMBER.sub("", name).removesuffix(".mcap")
 
 
-_NUMBER = re.compile(r"_(\d{6,})\.mcap$")
+_NUMBER = late_pattern(r"_(\d{6,})\.mcap$")
 
 
 def offered_qos(durability: str) -> str:

@@ -6,12 +6,13 @@ import base64
 import hashlib
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from mcap.records import Metadata
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.store.form import (
     DIGEST_KEY,
     FORMAT_MINOR,
@@ -20,6 +21,9 @@ from semmap_log.store.form import (
     LOG_METADATA,
 )
 from semmap_log.store.newer import NOTHING_NEWER, Newer
+
+if TYPE_CHECKING:
+    from mcap.records import Metadata
 
 
 class OtherVersionError(ValueError):
@@ -229,6 +233,8 @@ def _digest(entries: Mapping[str, str]) -> str:
 
 
 def _signed(name: str, entries: dict[str, str]) -> Metadata:
+    from mcap.records import Metadata
+
     return Metadata(name=name, metadata={**entries, DIGEST_KEY: _digest(entries)})
 
 

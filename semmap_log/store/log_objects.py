@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.store.bag_metadata import listed_names
-from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
-from semmap_log.store.manifest import MANIFEST_NAME, Manifest, manifest_in
+from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME, MANIFEST_NAME
+from semmap_log.store.manifest import Manifest, manifest_in
 
 
 def log_objects(store: ObjectStore) -> list[ObjectStatus]:

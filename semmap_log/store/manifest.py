@@ -9,23 +9,22 @@ compared then.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import PurePath
 from typing import Any
 
+from semmap_log.common.late_dataclass import dataclass
+from semmap_log.common.lazily import late_pattern
 from semmap_log.errors import CorruptLogError, NewerLogError
 from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.form import HASH_BYTES, NO_HASH, count_events
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.sealed_json import sealed, unsealed
 
-MANIFEST_NAME = "manifest.json"
 _FORMAT = 1
-_NAME = re.compile(r"[0-9A-Za-z_-][0-9A-Za-z._-]*\.mcap")
-_SHA256 = re.compile(r"[0-9a-f]{64}")
+_NAME = late_pattern(r"[0-9A-Za-z_-][0-9A-Za-z._-]*\.mcap")
+_SHA256 = late_pattern(r"[0-9a-f]{64}")
 
 
 @dataclass(frozen=True, slots=True)

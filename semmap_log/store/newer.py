@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import Any
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, Schema
 
 from semmap_log.domain.events import KINDS
 from semmap_log.store import records as mcap
@@ -58,6 +57,8 @@ class Newer:
     @cached_property
     def names(self) -> dict[int, str]:
         """What the kinds are called, such as `DoorLocked`: the last part of the schema's name."""
+        from mcap.records import Schema
+
         told = {number: str(_read(Schema, record, "name")) for number, record in self.schemas}
         names = {number: name.rpartition("/")[2] for number, name in told.items()}
         return {n: name for n, name in names.items() if _is_name(name)}
@@ -65,6 +66,8 @@ class Newer:
     @cached_property
     def topics(self) -> dict[int, tuple[str, str, str, str]]:
         """Topic, type, offered QoS and hash of the type of each channel; one line each."""
+        from mcap.records import Channel, Schema
+
         types = {number: _read(Schema, record, "name") for number, record in self.schemas}
         told: dict[int, tuple[str, str, str, str]] = {}
         for number, record in self.channels:
@@ -82,6 +85,8 @@ class Newer:
     @cached_property
     def harmless(self) -> frozenset[int]:
         """The kinds that change no answer about other events."""
+        from mcap.records import Channel
+
         return frozenset(
             number
             for number, record in self.channels

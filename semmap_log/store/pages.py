@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch, SourcesOf
 from semmap_log.batches.event_columns import LazyColumns
+from semmap_log.common.distinct import distinct
 from semmap_log.common.lazily import computed_once
 from semmap_log.domain.commits import Commit, Durability, Note
 from semmap_log.domain.events import DOOR_KINDS, KINDS, Event, FloorMap, UnknownEvent, unknown_kind
@@ -122,7 +123,7 @@ class Page:
     @property
     def levels(self) -> set[int]:
         """Levels whose floor map is here."""
-        channels = np.unique(self.heads["channel_id"])
+        channels = distinct(self.heads["channel_id"])
         return set((channels[channels >= FLOOR_MAP_CHANNEL] - FLOOR_MAP_CHANNEL).tolist())
 
     def events(

@@ -6,12 +6,14 @@ Every record is `opcode u8, length u64, body`, little endian.
 from __future__ import annotations
 
 import struct
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import McapRecord
+
+if TYPE_CHECKING:
+    from mcap.records import McapRecord
 
 MAGIC = b"\x89MCAP0\r\n"
 FRAME = struct.Struct("<BQ")

@@ -10,14 +10,17 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.io.url_path import UrlPath, place_of
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import KEPT_SUFFIX, REMOVED_NAME
-from semmap_log.store.manifest import Manifest, ShippedSegment, manifest_in
 from semmap_log.store.sealed_json import sealed, unsealed
+
+if TYPE_CHECKING:
+    from semmap_log.store.manifest import Manifest, ShippedSegment
 
 WITH_VARIABLE = "SEMMAP_LOG_WITH"
 """Names the URL at which segments are read that were removed from the disk."""
@@ -80,6 +83,8 @@ def read_removed_part(folder: LogFolder) -> RemovedPart | None:
     Raises:
         CorruptLogError: What says so is not what was written.
     """
+    from semmap_log.store.manifest import manifest_in
+
     try:
         data = folder.read_bytes(REMOVED_NAME)
     except (FileNotFoundError, NotADirectoryError):

@@ -12,7 +12,6 @@ Whoever packed it is a stranger: all files together may hold a hundred times the
 from __future__ import annotations
 
 import os
-import shlex
 import shutil
 import stat
 import tempfile
@@ -26,7 +25,6 @@ from typing import BinaryIO
 
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.io.file_calls import open_plainly
-from semmap_log.io.made_logs import refuse_made
 from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME, KEPT_SUFFIX, REMOVED_NAME
 
 FREE_BYTES = 128 * 2**20
@@ -35,8 +33,6 @@ MOST_LIST_BYTES = 4 * 2**20
 """Of the list of files at the zip's end, which is held in memory."""
 PIECE_BYTES = 2**20
 
-_MAGIC = (b"PK\3\4", b"PK\5\6")
-"""Of a zip that holds something, and of one that holds nothing."""
 _KNOWN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 1
 
@@ -67,17 +63,6 @@ _unpacked: weakref.WeakValueDictionary[Version, UnpackedLog] = weakref.WeakValue
 """What is being read: asked twice, a zip is unpacked once."""
 
 
-def is_zip(path: Path) -> bool:
-    """Tell whether a path leads to a zip file, by its first bytes."""
-    try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            return False
-        with path.open("rb") as file:
-            return file.read(len(_MAGIC[0])) in _MAGIC
-    except OSError:
-        return False
-
-
 def unpacked(path: Path) -> UnpackedLog:
     """Return the log in a zip file, unpacked now or before.
 
@@ -90,20 +75,6 @@ def unpacked(path: Path) -> UnpackedLog:
     if found is None:
         found = _unpacked[version] = UnpackedLog(path)
     return found
-
-
-def refuse_zip(path: Path) -> None:
-    """Keep whoever wants to write from a zipped log, and from one that is made of others.
-
-    Raises:
-        LogAccessError: It is one.
-    """
-    refuse_made(path)
-    if is_zip(path):
-        raise LogAccessError(
-            f"{path}: a log in a zip file can only be read. To write to it, unpack it first, "
-            f"for example: unzip {shlex.quote(str(path))}"
-        )
 
 
 def _unpack(path: Path, folder: Path) -> None:

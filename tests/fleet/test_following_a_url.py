@@ -19,7 +19,7 @@ from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.io.url_path import UrlPath
 from semmap_log.replay.care import verify
 from semmap_log.store.compaction import compact
-from semmap_log.store.manifest import MANIFEST_NAME
+from semmap_log.store.form import MANIFEST_NAME
 from semmap_log.store.reading.following import FollowedCommit
 from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
 import shutil
 import threading
 from collections.abc import Callable
@@ -405,7 +404,7 @@ def test_a_temporary_file_that_somebody_foresaw_is_not_written_to(
     Nothing is made where something is.
     """
     path = made(tmp_path / "log")
-    monkeypatch.setattr(secrets, "token_hex", lambda _: "beef")
+    monkeypatch.setattr(os, "urandom", lambda _: b"\xbe\xef")
     link(path / f".closed.json.{os.getpid()}-beef.tmp", victim)
 
     with pytest.raises(FileExistsError):

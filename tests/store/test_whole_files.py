@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
 import stat
 import subprocess
 import sys
@@ -41,8 +40,8 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """What is drawn for names from now on; behind that, as always."""
 
     def draw(*tokens: str) -> None:
-        usual, some = secrets.token_hex, iter(tokens)
-        monkeypatch.setattr(secrets, "token_hex", lambda n: next(some, None) or usual(n))
+        usual, some = os.urandom, map(bytes.fromhex, tokens)
+        monkeypatch.setattr(os, "urandom", lambda n: next(some, None) or usual(n))
 
     return draw
 

@@ -135,6 +135,16 @@ CHECKSUMS = (
 COMPUTED_ONCE = (
     guard("values that are computed without a lock", "computed_once.__init__",
           "self.lock = nullcontext()", "", "test_computed_once"),
+    guard("a late dataclass's slots are shadowed by no default", "_Recipe.__init__",
+          "name not in fields", "name not in slots", "test_late_dataclass"),
+    guard("what was made, and wrapped, is not made again", "_Recipe.follow",
+          "isinstance(held, _Late)", "(name in _FIRST or isinstance(held, _Late))",
+          "test_keywords"),
+    guard("numbers of a column, each once", "distinct.distinct",
+          "ascending[:-1]", "ascending[1:]", "test_distinct"),
+    guard("what is counted of a segment", "Statistics.read",
+          "counts[channel] = stream.read8()", "counts[channel] = stream.count",
+          "test_opening_records"),
 )  # fmt: skip
 
 SIZES = (

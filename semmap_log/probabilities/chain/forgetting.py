@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.chain.markov_chain import Nodes, Rates
 from semmap_log.probabilities.chain.nodes import Looks

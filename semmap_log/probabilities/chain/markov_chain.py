@@ -8,11 +8,11 @@ that change; forward and backward passes are Baum and Welch's.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.probabilities.chain.matrix_scan import states
 
 Reals = NDArray[np.float64]

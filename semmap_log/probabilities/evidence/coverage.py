@@ -6,11 +6,12 @@ A patrol by day tells nothing of the night; whoever reads a probability must be 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.distinct import distinct
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.texts import counted
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
@@ -33,7 +34,7 @@ class Coverage:
     @classmethod
     def of(cls, evidence: DoorEvidence, clock: LocalClock) -> Coverage:
         """Return where the evidence lies on the building's clocks."""
-        hours = np.unique(_hours(evidence, clock)) % (DAYS * HOURS)
+        hours = distinct(_hours(evidence, clock)) % (DAYS * HOURS)
         return cls(np.bincount(hours, minlength=DAYS * HOURS).reshape(WEEK))
 
     @property

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.distinct import distinct
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import STATE_KINDS, Event, field_names
 from semmap_log.folds.door_changes import STATE, STATE_CHANGE, THERE, chosen_of, fill, known_states
@@ -92,7 +93,7 @@ class Reports:
 
     def door_ids(self) -> NDArray[np.uint32]:
         """Return which doors there are reports about, ascending."""
-        return np.unique(self._rows["door_id"][: self._count])
+        return distinct(self._rows["door_id"][: self._count])
 
     def about(self, door_id: DoorId) -> Rows:
         """Return what is said of a door, in the order of the fold: by time, then by number."""
@@ -107,7 +108,7 @@ class Reports:
 
     def newer(self, count: int) -> NDArray[np.uint32]:
         """Return which doors the reports behind the first `count` are about."""
-        return np.unique(self._rows["door_id"][count : self._count])
+        return distinct(self._rows["door_id"][count : self._count])
 
     def earliest_ns(self, count: int) -> int:
         """Return the least time of the reports behind the first `count`; without any, no time."""

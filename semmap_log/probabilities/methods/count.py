@@ -8,11 +8,11 @@ openings, however rarely it is open. Readings of noisy sensors are corrected by 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import HOUR_NS
 from semmap_log.probabilities.evidence.evidence import DoorEvidence

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.probabilities.chain.forgetting import Forgetting
 from semmap_log.probabilities.chain.markov_chain import Steps, filtered
 from semmap_log.probabilities.chain.matrix_scan import states

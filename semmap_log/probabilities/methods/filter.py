@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.distinct import distinct
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.lazily import computed_once
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import SECOND_NS
@@ -79,7 +80,7 @@ class DoorFilter:
         known_ns = np.minimum(known_ns, times_ns)
         p_open, variance, is_known, days = self.schedule.expect(times_ns, known_ns)
         epochs = self._epochs_of(known_ns)
-        for number in np.unique(epochs).tolist():
+        for number in distinct(epochs).tolist():
             asked = epochs == number
             epoch = self._epoch(number)
             times, known = times_ns[asked], known_ns[asked]

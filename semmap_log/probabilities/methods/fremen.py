@@ -13,11 +13,11 @@ three years cost as much as their changes of state, not as their minutes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.evidence.evidence import DoorEvidence

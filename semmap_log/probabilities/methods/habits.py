@@ -9,11 +9,11 @@ Old days count less, by several half-lives at once; which table is right, `avera
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P
 

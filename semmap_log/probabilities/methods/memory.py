@@ -10,11 +10,11 @@ before are all that it takes.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.lazily import computed_once
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.chain.forgetting import Forgetting

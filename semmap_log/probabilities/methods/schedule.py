@@ -7,12 +7,12 @@ tends to as the moment that it foretells moves away.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.evidence.day_tables import DayTables, day_tables
 from semmap_log.probabilities.evidence.evidence import DoorEvidence

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -16,8 +15,6 @@ from semmap_log.store.reading.reader import LogReader, OnPage
 from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
-
-_log = logging.getLogger("semmap_log")
 
 FEW_CHUNKS = 2
 """So few of a segment are read from the log sooner than a table is opened."""
@@ -162,4 +159,6 @@ def _rows(
 
 def not_used(error: StaleIndexError) -> None:
     """Tell who wants to know that a table is not used."""
-    _log.info("%s It is not used; the log itself is read.", error)
+    import logging
+
+    logging.getLogger("semmap_log").info("%s It is not used; the log itself is read.", error)

@@ -6,11 +6,13 @@ import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 import numpy as np
 
+from semmap_log.common.late_dataclass import dataclass
+from semmap_log.common.lazily import late_pattern
 from semmap_log.errors import (
     LogAccessError,
     LogError,
@@ -285,7 +287,7 @@ def _make(folder: Path, segment: Segment, pause: Callable[[], None] | None) -> i
     return count
 
 
-_OURS = re.compile(
+_OURS = late_pattern(
     rf"(?P<stem>.+_\d{{6,}})\.(?:json|(?:{'|'.join(PARTS)})\.parquet)"
     rf"(?P<is_left>\.\d+{re.escape(TEMPORARY_SUFFIX)})?",
     re.DOTALL,

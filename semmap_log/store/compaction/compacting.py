@@ -22,7 +22,7 @@ from semmap_log.store.reading.segment_reading import statistics_of
 from semmap_log.store.reading.segment_scan import Segment, open_segment
 from semmap_log.store.removed_part import read_removed_part
 from semmap_log.store.segment import SegmentWriter
-from semmap_log.store.zipped import refuse_zip
+from semmap_log.store.zip_files import refuse_zip
 
 
 @dataclass(frozen=True, slots=True)

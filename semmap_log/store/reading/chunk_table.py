@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any, overload
 
@@ -15,6 +14,8 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
+from semmap_log.common.distinct import distinct
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.errors import CorruptLogError
 from semmap_log.io.byte_source import ByteSource
 from semmap_log.store import records as mcap
@@ -348,7 +349,7 @@ def _rows_of_indexes(
     for name in ("stored_size", "size"):
         rows[name] = tail[name]
     name_sizes = lengths - _INDEX_FIXED_BYTES - head["map_size"].astype(np.int64)
-    for size in np.unique(name_sizes).tolist():
+    for size in distinct(name_sizes).tolist():
         if not 0 <= size <= ROW["compression"].itemsize:
             raise ChunkDamage("a ChunkIndex names an unknown compression")
         if size:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import PurePath
 
 from mcap.opcode import Opcode
-from mcap.records import Statistics
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.errors import CorruptLogError
 from semmap_log.io.byte_source import ByteSource, blocks
 from semmap_log.store import records as mcap
+from semmap_log.store.opening_records import Statistics
 from semmap_log.store.reading.chunk_table import LEAST_INDEX_BYTES, ChunkTable, rows_of_indexes
 from semmap_log.store.record_scan import ChunkDamage
 
@@ -99,9 +99,10 @@ class ClosedSummary:
         """
         start, record = self.group(Opcode.STATISTICS)
         try:
-            return mcap.read_record(Statistics, record[mcap.FRAME.size :])
+            found: Statistics = mcap.read_record(Statistics, record[mcap.FRAME.size :])
         except ValueError as error:
             raise CorruptLogError(self.path, start, f"its summary: {error}") from None
+        return found
 
 
 _USUAL_BYTES = 2**15

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Metadata, MetadataIndex
 from numpy.typing import NDArray
 
 from semmap_log.errors import CorruptLogError
@@ -16,6 +15,7 @@ from semmap_log.store import records as mcap
 from semmap_log.store.chunks import NO_SPAN
 from semmap_log.store.form import INDEX_METADATA
 from semmap_log.store.header import read_index
+from semmap_log.store.opening_records import Metadata, MetadataIndex
 from semmap_log.store.pages import Page, kinds_of
 from semmap_log.store.reading.closed_summary import ClosedSummary
 from semmap_log.store.record_scan import frames

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.commits import Durability
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL

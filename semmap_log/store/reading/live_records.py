@@ -7,7 +7,7 @@ are never looked at. Before a chunk with the first floor map of a level stands i
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import PurePath
 
 import numpy as np
@@ -15,6 +15,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel
 from numpy.typing import NDArray
 
+from semmap_log.common.distinct import distinct
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.io.byte_source import ByteSource
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import StoredChunk, read_chunk_head
@@ -147,7 +149,7 @@ def _messages(
         behind = chunk.offset + chunk.length
         window.get(behind, behind + _most_index_bytes(chunk.size))
         offsets = scan_one(window.data, behind - window.start, records).offsets
-        channels = len(np.unique(heads_of(records, offsets)["channel_id"]))
+        channels = len(distinct(heads_of(records, offsets)["channel_id"]))
     else:
         offsets = walk(records)
         channel_at = _CHANNEL_ID.unpack_from

@@ -11,13 +11,14 @@ writer leaves which lost its power: sectors of unsynced commits are missing, in 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import PurePath
 
 import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.io.byte_source import ByteSource
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.pages import Page

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, NotALogError
 from semmap_log.io.byte_source import ByteSource
 from semmap_log.io.made_logs import is_called_as_made
 from semmap_log.io.url_path import UrlPath
-from semmap_log.store.bag_metadata import listed_names
 from semmap_log.store.closed_mark import ClosedMark, read_mark
 from semmap_log.store.folder import LogFolder, Version
 from semmap_log.store.form import (
@@ -18,7 +18,6 @@ from semmap_log.store.form import (
     REMOVED_NAME,
     has_name_of_file,
 )
-from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.reading.mapped_file import map_file
 from semmap_log.store.reading.segment_store import Listing
 from semmap_log.store.removed_part import (
@@ -27,6 +26,9 @@ from semmap_log.store.removed_part import (
     read_removed_part,
     rest_of_environment,
 )
+
+if TYPE_CHECKING:
+    from semmap_log.store.manifest import ShippedSegment
 
 
 class LocalSegments:
@@ -136,6 +138,8 @@ class LocalSegments:
 
     def closed_names(self) -> list[str]:
         """Return the closed segments that metadata.yaml lists: in a log without closed.json."""
+        from semmap_log.store.bag_metadata import listed_names
+
         try:
             text = self.folder.read_bytes(BAG_METADATA_NAME).decode("utf-8", "replace")
         except OSError:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import stat
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, NotALogError, UnreadableLogError
 from semmap_log.io.byte_source import Identity

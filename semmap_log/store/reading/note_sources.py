@@ -6,11 +6,13 @@ Nothing is looked up before somebody asks: most folds never do.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.distinct import distinct
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.lazily import computed_once
 from semmap_log.domain.commits import NO_TEXTS, Commit, NoteTexts
 from semmap_log.errors import CorruptLogError
@@ -217,7 +219,7 @@ def _told_by(page: Page, notes: NDArray[np.intp]) -> tuple[NDArray[np.intp], lis
     codes = np.zeros(len(notes), np.intp)
     texts = {NO_TEXTS: 0}
     lengths = page.heads["length"][notes]
-    for length in np.unique(lengths).tolist():
+    for length in distinct(lengths).tolist():
         mine = np.flatnonzero(lengths == length)
         size = length - mcap.MESSAGE_BODY_HEAD
         bodies = page.offsets[notes[mine]] + mcap.MESSAGE.size

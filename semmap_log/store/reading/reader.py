@@ -6,9 +6,9 @@ import warnings
 from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterator
 from copy import copy
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path, PurePath
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,8 +46,7 @@ OnPage = Callable[[Segment, Page], None]
 """Called with the records in which the events of the next batch lie."""
 
 
-@dataclass(frozen=True, slots=True)
-class ChunkPlace:
+class ChunkPlace(NamedTuple):
     """A place between two chunks of a log."""
 
     segment: int

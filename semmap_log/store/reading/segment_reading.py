@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache, partial
 from itertools import repeat, tee
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.io.prefetch import ahead
-from semmap_log.store.bag_metadata import ClosedSegment, tells_of_newer
 from semmap_log.store.chunks import StoredChunk
 from semmap_log.store.form import CHUNK_BYTES, count_events
 from semmap_log.store.kind_bits import COMMIT_BIT, UNKNOWN_BIT
@@ -27,6 +27,9 @@ from semmap_log.store.reading.segment_head import last_commit_in
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import numbers_of
 from semmap_log.store.record_scan import ChunkDamage
+
+if TYPE_CHECKING:
+    from semmap_log.store.bag_metadata import ClosedSegment
 
 
 def pages_of(segment: Segment, first_chunk: int = 0) -> Iterator[Page]:
@@ -144,14 +147,14 @@ whole chunk and a fifth of one: twice that is a page."""
 MANY_CHUNKS = 32
 """Fewer are checked one by one sooner than all the data of their segment are."""
 
-FEW_CHUNKS = 3
+FEW_BYTES = 3 * CHUNK_BYTES
 """So few are unpacked at once: to hand them to other threads would take longer."""
 
 
 def _unpacked(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[ChunkTable, Unpacked | None]]:
     """Yield chunks in groups, with the records of compressed ones, which other threads unpack."""
     groups = _groups(segment, chunks)
-    if len(chunks) <= FEW_CHUNKS or chunks.are_plain.all():
+    if int(chunks.rows["size"].sum()) <= FEW_BYTES or chunks.are_plain.all():
         yield from zip(groups, repeat(None))
         return
     mine, theirs = tee(groups)
@@ -193,6 +196,8 @@ def statistics_of(segment: Segment) -> ClosedSegment:
     Raises:
         CorruptLogError: Its summary is damaged.
     """
+    from semmap_log.store.bag_metadata import ClosedSegment, tells_of_newer
+
     said = segment.statistics
     is_newer = tells_of_newer(segment.header, said.channel_message_counts)
     header = segment.full_header if is_newer else segment.header

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path, PurePath
+from typing import TYPE_CHECKING
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Header, Metadata, Statistics
 from numpy.typing import NDArray
 
 from semmap_log.common.lazily import computed_once
@@ -20,11 +20,11 @@ from semmap_log.errors import CorruptLogError, LogError, NewerLogError, NotALogE
 from semmap_log.io.byte_source import ByteSource
 from semmap_log.store import records as mcap
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import LOG_METADATA, PROFILE
+from semmap_log.store.form import LOG_METADATA, MANIFEST_NAME, PROFILE
 from semmap_log.store.header import OtherVersionError, SegmentHeader
 from semmap_log.store.kind_bits import UNKNOWN_BIT, bits_of_counts
-from semmap_log.store.manifest import MANIFEST_NAME, ShippedSegment
 from semmap_log.store.newer import Newer
+from semmap_log.store.opening_records import Header, Metadata, Statistics
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.closed_summary import (
     FOOTER_BYTES,
@@ -34,10 +34,13 @@ from semmap_log.store.reading.closed_summary import (
     read_summary,
 )
 from semmap_log.store.reading.happened_spans import spans_of_summary, total_span
-from semmap_log.store.reading.live_scan import LiveScan, go_on, head_records, scan_live
 from semmap_log.store.reading.mapped_file import map_file
 from semmap_log.store.reading.segment_head import last_commit_in, stored_head
 from semmap_log.store.record_scan import frames
+
+if TYPE_CHECKING:
+    from semmap_log.store.manifest import ShippedSegment
+    from semmap_log.store.reading.live_scan import LiveScan
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,8 @@ class Segment:
         Raises:
             UnreadableLogError: It cannot be read.
         """
+        from semmap_log.store.reading.live_scan import head_records
+
         return Newer.of(head_records(self.source, self.head_end))
 
     @property
@@ -316,6 +321,8 @@ def segment_in(path: PurePath, source: ByteSource, *, earlier: Segment | None = 
     header, head_end = read_head(path, source, ends[: min(_USUAL_HEAD_BYTES, source.size)])
     if is_footer(ends[-FOOTER_BYTES:]):
         return Segment(path, header, source, head_end, live=None)
+    from semmap_log.store.reading.live_scan import go_on, scan_live
+
     live = _known_scan(earlier, source, header)
     source.will_need(0 if live is None else min(live.at, source.size), source.size)
     if live is None:

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from pathlib import PurePath
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from semmap_log.io.byte_source import ByteSource
 from semmap_log.store.closed_mark import ClosedMark
-from semmap_log.store.manifest import ShippedSegment
+
+if TYPE_CHECKING:
+    from semmap_log.store.manifest import ShippedSegment
 
 Listing = list[tuple[str, Hashable]]
 """The name of each segment file, by name, and what tells it from another file of that name."""

@@ -28,7 +28,7 @@ from semmap_log.store.verification.file_place import DiskPlace
 from semmap_log.store.verification.folder_files import arrange
 from semmap_log.store.verification.keyframe_place import NewKeyframeCheck
 from semmap_log.store.writing.keyframe_source import KeyframeSource, NewKeyframeSource
-from semmap_log.store.zipped import refuse_zip
+from semmap_log.store.zip_files import refuse_zip
 
 MOST_NAMED = 20
 """Losses that the note of the new log's last commit names one by one."""

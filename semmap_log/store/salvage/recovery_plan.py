@@ -19,7 +19,7 @@ from semmap_log.store.salvage.rewriting import Rewriter
 from semmap_log.store.verification import Progress, Severity, Verification, Verifier, WholeCommit
 from semmap_log.store.verification.file_bytes import Vanished
 from semmap_log.store.verification.keyframe_place import NewKeyframeCheck
-from semmap_log.store.zipped import refuse_zip
+from semmap_log.store.zip_files import refuse_zip
 
 
 @dataclass(frozen=True, slots=True)

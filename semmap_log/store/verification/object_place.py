@@ -12,9 +12,9 @@ from semmap_log.errors import LogAccessError, LogError, ObjectChangedError
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.io.url_path import UrlPath
 from semmap_log.store.closed_mark import MOST_BYTES, ClosedMark, mark_in
-from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
+from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME, MANIFEST_NAME
 from semmap_log.store.log_objects import KeptManifest, log_objects, objects_named, read_manifest
-from semmap_log.store.manifest import MANIFEST_NAME, ShippedSegment
+from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.manifest_differences import differences
 from semmap_log.store.verification.file_bytes import WINDOW_BYTES, Vanished
 

@@ -45,7 +45,8 @@ from semmap_log.store.verification.keyframe_place import KeyframePlace, NewKeyfr
 from semmap_log.store.verification.object_place import ObjectPlace
 from semmap_log.store.verification.pieces import Piece
 from semmap_log.store.verification.walk import Flaw, Gap, SegmentWalk
-from semmap_log.store.zipped import is_zip, unpacked
+from semmap_log.store.zip_files import is_zip
+from semmap_log.store.zipped import unpacked
 
 Progress = Callable[[int, int], None]
 """Called with (bytes done, bytes in all)."""

@@ -21,7 +21,7 @@ from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_folder import check_is_log
 from semmap_log.store.writing.keyframe_source import K_co, NewKeyframeSource
 from semmap_log.store.writing.writer import Environment, LogWriter
-from semmap_log.store.zipped import refuse_zip
+from semmap_log.store.zip_files import refuse_zip
 
 
 @dataclass(frozen=True, slots=True)
