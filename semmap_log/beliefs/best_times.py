@@ -73,6 +73,7 @@ def best_time(
     *,
     at: Time = None,
     known_at: Time = None,
+    as_happened: bool = False,
     estimator: str | None = None,
     tz: str | None = None,
     most: int = MOST_WINDOWS,
@@ -87,6 +88,8 @@ def best_time(
         at: The moment asked from, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
             too. Without either that is the log's end.
+        as_happened: As if each event had been recorded when it happened, whatever was imported or
+            told later: see `belief_query.ask`.
         estimator: None: `filter` for the next hours, `schedule` for the typical week.
         tz: IANA zone of the building's clocks; None: the log's.
         most: How many windows of each kind.
@@ -101,6 +104,7 @@ def best_time(
         log,
         at=at,
         known_at=known_at,
+        as_happened=as_happened,
         estimator=estimator or default_estimator(),
         tz=tz,
         doors=[door],

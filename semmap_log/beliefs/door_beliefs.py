@@ -75,6 +75,7 @@ def probabilities(
     *,
     at: Time = None,
     known_at: Time = None,
+    as_happened: bool = False,
     horizon_ns: int = 0,
     estimator: str | None = None,
     tz: str | None = None,
@@ -88,6 +89,8 @@ def probabilities(
         at: The moment asked from, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
             too. Without either that is the log's end.
+        as_happened: As if each event had been recorded when it happened, whatever was imported or
+            told later: see `belief_query.ask`.
         horizon_ns: How long after it.
         estimator: None: `filter` up to a day ahead, `schedule` beyond.
         tz: IANA zone of the building's clocks; None: the log's.
@@ -101,8 +104,9 @@ def probabilities(
     """
     chosen = estimator or default_estimator(horizon_ns)
     asked = ask(
-        log, at=at, known_at=known_at, estimator=chosen, tz=tz, doors=doors, progress=progress
-    )
+        log, at=at, known_at=known_at, as_happened=as_happened, estimator=chosen, tz=tz,
+        doors=doors, progress=progress,
+    )  # fmt: skip
     if not 0 <= asked.known_ns + horizon_ns <= MAX_TIME_NS:
         days = horizon_ns / (24 * HOUR_NS)
         raise MomentError(f"horizon: expected one that ends before 2262, got {days:g} days.")

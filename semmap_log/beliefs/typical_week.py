@@ -104,6 +104,7 @@ def typical_weeks(
     *,
     at: Time = None,
     known_at: Time = None,
+    as_happened: bool = False,
     estimator: str | None = None,
     tz: str | None = None,
     doors: Iterable[DoorId | str] | None = None,
@@ -116,6 +117,8 @@ def typical_weeks(
         at: The moment asked from, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
             too. Without either that is the log's end.
+        as_happened: As if each event had been recorded when it happened, whatever was imported or
+            told later: see `belief_query.ask`.
         estimator: None: `schedule`. Another is asked for the week that comes.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these (id, name, or level/name); None: all that are in the map then.
@@ -128,8 +131,9 @@ def typical_weeks(
     """
     chosen = estimator or LATER
     asked = ask(
-        log, at=at, known_at=known_at, estimator=chosen, tz=tz, doors=doors, progress=progress
-    )
+        log, at=at, known_at=known_at, as_happened=as_happened, estimator=chosen, tz=tz,
+        doors=doors, progress=progress,
+    )  # fmt: skip
     return [typical_week(asked, door) for door in asked.doors]
 
 
