@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.common.late_dataclass import dataclass
+from semmap_log.beliefs.sensor_warnings import warn_of_sensors
 from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.moments import Moment
@@ -20,6 +21,7 @@ from semmap_log.io.progress import Progress
 from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
 from semmap_log.probabilities.estimator import Estimator
 from semmap_log.probabilities.estimators import by_name
+from semmap_log.probabilities.evidence.sensor_doubts import SensorDoubt
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock
 
@@ -65,6 +67,11 @@ class BeliefQuery:
             everything.counts(door.door_id, until_ns),
             self.clock,
         )
+
+    def sensor_doubts(self, log: DoorLog) -> list[SensorDoubt]:
+        """Return the sensors that are not as accurate as declared, having warned of each."""
+        asked = [door.door_id for door in self.doors]
+        return warn_of_sensors(log, self.beliefs.evidence, asked, self.known_ns)
 
     def prepare(self) -> None:
         """Work out for all the doors at once what their forecasts need."""

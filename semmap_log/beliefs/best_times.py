@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -18,6 +19,7 @@ from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.io.progress import Progress
 from semmap_log.probabilities.estimator import StateModel
 from semmap_log.probabilities.evidence.coverage import HOURS, WeekMask
+from semmap_log.probabilities.evidence.sensor_doubts import SensorDoubt
 from semmap_log.probabilities.local_clock import HOUR_S
 
 State = Literal["open", "closed"]
@@ -63,6 +65,8 @@ class BestTime:
     wait_s: float | None
     """How long it takes on average until the door is in that state; None: that is not known, or
     the estimator does not tell."""
+    sensor_doubts: Sequence[SensorDoubt] = ()
+    """Sensors that are not as accurate as declared: the numbers are off."""
 
 
 @knows_keywords
@@ -127,6 +131,7 @@ def best_time(
         ),
         never_seen=~week.is_seen,
         wait_s=_wait_s(near, now, state) if week.is_known else None,
+        sensor_doubts=near.sensor_doubts(log),
     )
 
 

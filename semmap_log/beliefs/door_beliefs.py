@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import MomentError
 from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.io.progress import Progress
+from semmap_log.probabilities.evidence.sensor_doubts import SensorDoubt
 
 NEAR_NS = 24 * HOUR_NS
 """So far ahead the last sightings still tell something; beyond, only habits do."""
@@ -63,10 +64,19 @@ class DoorBelief(ShownAsTable):
 class DoorBeliefs(list[DoorBelief], ShownAsTable):
     """Beliefs of one moment, ids ascending."""
 
-    def __init__(self, beliefs: Iterable[DoorBelief], *, tz: str) -> None:
-        """Take beliefs, and the IANA zone of the building's clocks."""
+    def __init__(
+        self, beliefs: Iterable[DoorBelief], *, tz: str, sensor_doubts: Sequence[SensorDoubt] = ()
+    ) -> None:
+        """Take beliefs.
+
+        Args:
+            beliefs: One a door.
+            tz: IANA zone of the building's clocks.
+            sensor_doubts: Sensors that are not as accurate as declared: the beliefs are off.
+        """
         super().__init__(beliefs)
         self.tz = tz
+        self.sensor_doubts = sensor_doubts
 
 
 @knows_keywords
@@ -112,7 +122,7 @@ def probabilities(
         raise MomentError(f"horizon: expected one that ends before 2262, got {days:g} days.")
     asked.prepare()
     told = (belief(asked, door, horizon_ns) for door in asked.doors)
-    return DoorBeliefs(told, tz=tz or log.info.timezone)
+    return DoorBeliefs(told, tz=tz or log.info.timezone, sensor_doubts=asked.sensor_doubts(log))
 
 
 def belief(asked: BeliefQuery, door: Door, horizon_ns: int = 0) -> DoorBelief:

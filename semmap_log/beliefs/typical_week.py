@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -17,6 +17,7 @@ from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.io.progress import Progress
 from semmap_log.probabilities.evidence.coverage import WEEK, WeekMask
+from semmap_log.probabilities.evidence.sensor_doubts import SensorDoubt
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import HOUR_S
 
@@ -98,6 +99,13 @@ class TypicalWeek:
         return self.hours.averaged(1)
 
 
+class TypicalWeeks(list[TypicalWeek]):
+    """The weeks of some doors, ids ascending."""
+
+    sensor_doubts: Sequence[SensorDoubt] = ()
+    """Sensors that are not as accurate as declared: the numbers are off."""
+
+
 @knows_keywords
 def typical_weeks(
     log: DoorLog,
@@ -109,7 +117,7 @@ def typical_weeks(
     tz: str | None = None,
     doors: Iterable[DoorId | str] | None = None,
     progress: Progress | None = None,
-) -> list[TypicalWeek]:
+) -> TypicalWeeks:
     """Return the typical week of each door, ids ascending.
 
     Args:
@@ -134,7 +142,9 @@ def typical_weeks(
         log, at=at, known_at=known_at, as_happened=as_happened, estimator=chosen, tz=tz,
         doors=doors, progress=progress,
     )  # fmt: skip
-    return [typical_week(asked, door) for door in asked.doors]
+    found = TypicalWeeks(typical_week(asked, door) for door in asked.doors)
+    found.sensor_doubts = asked.sensor_doubts(log)
+    return found
 
 
 def typical_week(asked: BeliefQuery, door: Door) -> TypicalWeek:

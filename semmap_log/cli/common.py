@@ -231,7 +231,9 @@ def refuse_untold(
     from semmap_log.errors import UnknownDoorError
 
     if later := known_later(opened, at, known_at, door=door, remedy=remedy or AT_ALONE):
-        who = "no door is" if door is None else f"door {opened.door_labels().get(door, door)} is not"
+        who = (
+            "no door is" if door is None else f"door {opened.door_labels().get(door, door)} is not"
+        )
         raise UnknownDoorError(f"{who} in the map then. {later}")
 
 

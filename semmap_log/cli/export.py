@@ -21,9 +21,9 @@ from semmap_log.cli.common import (
     progress,
     range_of,
     refuse_nan,
+    refuse_untold_map,
     say,
     size_of,
-    refuse_untold_map,
 )
 
 if TYPE_CHECKING:

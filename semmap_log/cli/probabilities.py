@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import (
-    as_happened_line,
     AsHappened,
     AsJson,
     At,
     KnownAt,
     LogPath,
+    as_happened_line,
     console,
     print_json,
     progress,

@@ -9,7 +9,6 @@ from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.replay.read_model.events_about import about
 from semmap_log.store.reading.window import Window
 
-
 AT_ALONE = 'with all that is known today, ask --at "{then}" alone'
 """What to do about it, where a map is asked for; `{then}` is the moment."""
 

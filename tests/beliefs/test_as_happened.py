@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import warnings
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -71,8 +72,10 @@ def told(draw: st.DrawFn) -> list[Event]:
 
 def imported(path: Path, events: list[Event], retracted: set[int], order: list[int]) -> sl.DoorLog:
     """Return a log that was told everything long after, the doors first, and took some back."""
-    shuffled = sorted(range(len(events)),
-                      key=lambda i: (not isinstance(events[i], DoorAdded), order[i % len(order)], i))  # fmt: skip
+    shuffled = sorted(
+        range(len(events)),
+        key=lambda i: (not isinstance(events[i], DoorAdded), order[i % len(order)], i),
+    )
     with sl.create(path, tz="UTC", clock=SteadyClock(IMPORTED_NS)) as log:
         for place in shuffled:
             number = log.append([events[place]]).first_event
@@ -97,25 +100,27 @@ def told_at_once(path: Path, events: list[Event]) -> sl.DoorLog:
     order=st.lists(st.integers(0, 99), min_size=1, max_size=9),
     taken_back=st.integers(0, 2**32 - 1),
     hour=st.integers(0, 22 * 24),
-    estimator=st.sampled_from(ESTIMATORS),
-    ahead_h=st.sampled_from([0, 2, 100]),
+    how=st.tuples(st.sampled_from(ESTIMATORS), st.sampled_from([0, 2, 100])),
 )
 def test_beliefs_are_those_of_a_log_that_was_told_at_once(
-    events: list[Event], order: list[int], taken_back: int, hour: int, estimator: str, ahead_h: int
+    events: list[Event], order: list[int], taken_back: int, hour: int, how: tuple[str, int]
 ) -> None:
     """
     Bit for bit, with names and doors of that time; what is retracted today was never there.
     """
     rng = np.random.default_rng(taken_back)
-    retracted = {i for i, event in enumerate(events)
-                 if isinstance(event, (DoorObserved, DoorPassed)) and rng.random() < 0.2}  # fmt: skip
+    retracted = {
+        place
+        for place, event in enumerate(events)
+        if isinstance(event, (DoorObserved, DoorPassed)) and rng.random() < 0.2
+    }
     kept = [event for i, event in enumerate(events) if i not in retracted]
     moment = f"@{FIRST_NS + hour * HOUR_NS + SECOND_NS}"  # the clock ticks while it is told
     with TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         late = imported(Path(folder, "late"), events, retracted, order)
         soon = told_at_once(Path(folder, "soon"), kept)
-        asked = {"estimator": estimator, "horizon_ns": ahead_h * HOUR_NS}
+        asked = {"estimator": how[0], "horizon_ns": how[1] * HOUR_NS}
 
         found = [
             probabilities(late, at=moment, as_happened=True, **asked),
@@ -185,8 +190,6 @@ def test_numbers_as_happened_are_applied(late: sl.DoorLog, tmp_path: Path) -> No
     """
     The map has from that moment on what would have been believed then.
     """
-    import shutil
-
     shutil.copytree(late.path, tmp_path / "log")
     with sl.append(tmp_path / "log") as log:
         done = apply_probabilities(log, known_at="2026-03-10T12:00", as_happened=True)

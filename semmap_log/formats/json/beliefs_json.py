@@ -13,6 +13,7 @@ from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.beliefs.typical_week import By, TypicalWeek
 from semmap_log.domain.doors import Door
 from semmap_log.domain.moments import SECOND_NS, format_utc
+from semmap_log.formats.json.sensors_json import doubts_to_json
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_words
 from semmap_log.probabilities.forecast import INTERVAL
 
@@ -33,6 +34,7 @@ def beliefs_to_json(
         "estimator": first.estimator if first else None,
         "interval": INTERVAL,
         "doors": [belief_to_json(belief) for belief in beliefs],
+        "sensor_doubts": doubts_to_json(getattr(beliefs, "sensor_doubts", ())),
     }
 
 
@@ -65,6 +67,7 @@ def weeks_to_json(
         "estimator": first.estimator if first else None,
         "interval": INTERVAL,
         "doors": [_week(week, by) for week in weeks],
+        "sensor_doubts": doubts_to_json(getattr(weeks, "sensor_doubts", ())),
     }
 
 
@@ -89,6 +92,7 @@ def best_time_to_json(found: BestTime, *, known_at_ns: int | None = None) -> dic
         "of_the_week": [_window(window) for window in found.of_the_week],
         "next": [_window(window) for window in found.next_ones],
         "evidence": _evidence(now.evidence, now.known_ns),
+        "sensor_doubts": doubts_to_json(found.sensor_doubts),
     }
 
 

@@ -134,8 +134,8 @@ def _level(
     Where an hour was never seen, its neighbours speak for it, and far from all of them the day.
     """
     # Not `@`: it sums in another order where there is one row than where there are more.
-    beside = [np.einsum("...h,hk->...k", part, _NEIGHBOURS) for part in (opened, known)]
-    near = _toward(*beside, coarser, weight_days)
+    beside = np.einsum("...h,hk->...k", np.stack([opened, known]), _NEIGHBOURS)
+    near = _toward(beside[0], beside[1], coarser, weight_days)
     days = known + weight_days * beside[1] / (beside[1] + weight_days)
     return _toward(opened, known, near, weight_days), days
 
