@@ -119,6 +119,25 @@ def test_no_last_digit_depends_on_the_future(
     assert_same(*(learnt.predict(DOORS[0], times_ns, known_ns) for learnt in same))
 
 
+@pytest.mark.parametrize("name", list(ESTIMATORS))
+def test_before_a_door_was_seen_it_matters_to_nobody_when_it_will_be(name: str) -> None:
+    """
+    Days are counted from the first sighting: where there is none yet, only the prior speaks.
+    """
+    first_ns, cut_ns, seen_ns = (int(hours_ns(hours)) for hours in (9.5, 60.2, 80.7))
+    evidence = Evidence()
+    evidence.apply(EventBatch.of(DoorAdded, happened_ns=np.array([first_ns]), door_id=DOORS[0]))
+    evidence.apply(
+        EventBatch.of(DoorObserved, happened_ns=np.array([seen_ns]), door_id=DOORS[0], state=1,
+                      accuracy_open=0.95, accuracy_closed=0.6)
+    )  # fmt: skip
+    known_ns = np.array([first_ns, first_ns + 10**9, cut_ns])
+    times_ns = known_ns + 40 * 60 * 10**9
+    whole, cut = (by_name(name).learn(evidence.up_to(ns), VIENNA) for ns in (None, cut_ns))
+
+    assert_same(*(learnt.predict(DOORS[0], times_ns, known_ns) for learnt in (whole, cut)))
+
+
 def assert_same(found: Forecast, expected: Forecast) -> None:
     """Assert that two forecasts are the same bit for bit."""
     for name in ("p_open", "low", "high", "is_known", "effective_days"):

@@ -102,12 +102,12 @@ def sensor_doubts(
     for codes in kinds.values():
         of_kind = rows[np.isin(rows["sensor"], codes)] if len(kinds) > 1 else rows
         if len(of_kind) >= FEWEST:
-            doubt = _judged(of_kind, sensors[codes[0]], passages)
+            doubt = _doubt_of(of_kind, sensors[codes[0]], passages)
             found += [] if doubt is None else [doubt]
     return found
 
 
-def _judged(rows: Rows, sensor: Sensor, passages: Rows) -> SensorDoubt | None:
+def _doubt_of(rows: Rows, sensor: Sensor, passages: Rows) -> SensorDoubt | None:
     """Return what is wrong with one sensor's declared accuracies; None: nothing, for all we know.
 
     Args:

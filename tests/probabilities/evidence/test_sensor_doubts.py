@@ -1,4 +1,4 @@
-"""A declared accuracy is doubted where readings contradict it, and never because a door flickers."""
+"""A declared accuracy is doubted where readings contradict it, not because a door flickers."""
 
 from __future__ import annotations
 
