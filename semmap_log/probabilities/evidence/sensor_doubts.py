@@ -6,7 +6,7 @@ Each source of knowledge is used in the one direction in which doors cannot feig
   sensor errs there, 1 - accuracy_closed, whatever the door does. Less often: the sensor is better
   than declared. The same of open.
 - *Repeats*: of three readings of one visit the middle one differs from both others as often as the
-  sensor errs. More often, also in the quieter half of the doors and hours, of those at which doors
+  sensor errs. More often, also in the quietest third of the doors and hours, of those at which doors
   stay as they are: it is worse than declared. A door that moves while it is looked at is no reason,
   nor is one door alone. Readings that err together differ less often, which is no reason either.
 - *Passages*: who goes through has an open door. Readings within a few seconds that say closed more

@@ -24,6 +24,8 @@ BEYOND_DOUBT = 6.9
 """Nats: under what is declared the evidence is as unlikely as exp(-6.9) = 1e-3, at most."""
 ALSO_WITHOUT_ONE = 3.0
 """And so unlikely, 0.05, without the door that says it loudest."""
+QUIET_SHARE = 0.1
+"""And it errs in the quietest third of the hours, too: so much of what it errs in all of them."""
 FEWEST = 30
 """A door with fewer occasions does not count."""
 LEAST_EFFECT = 0.02
@@ -77,8 +79,9 @@ def by_repeats(triples: Triples, right: float, other: float) -> Seen | None:
     expected = (1 - mixed) * (1 - right) + feigned
     share = odd / counts
     quieter = np.argsort(share / expected, kind="stable")
-    half = quieter[np.cumsum(counts[quieter]) <= counts.sum() / 2]
-    if odd[half].sum() <= (counts * expected)[half].sum():
+    third = quieter[np.cumsum(counts[quieter]) <= counts.sum() / 3]
+    excess = odd - counts * expected
+    if excess[third].sum() <= counts[third].sum() / counts.sum() * QUIET_SHARE * excess.sum():
         return None
     surprise = np.where(share > expected, counts * _divergence(share, expected), 0.0)
     door = np.unique(triples.door_id, return_inverse=True)[1]

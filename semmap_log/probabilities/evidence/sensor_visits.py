@@ -17,12 +17,12 @@ Flags = NDArray[np.bool_]
 
 STEADY = 0.8
 """Hours count in which so many visits, between two that agree on a state, agree with them."""
-FEW_BY_CHANCE = 3
+FEW_BY_CHANCE = 4
 """So many that do not agree are thought beside: a few of a restless door may agree by chance."""
-FEWEST_OF_HOURS = 12
+FEWEST_OF_HOURS = 20
 """Some hours of a door with fewer occasions do not count."""
-UNITS = 12
-"""Parts of a week: see `_unit`."""
+UNITS = 6
+"""Parts of a day."""
 
 
 class SensorVisits(NamedTuple):
@@ -59,7 +59,7 @@ class SensorVisits(NamedTuple):
 class Triples(NamedTuple):
     """Three readings in a row of a visit, where the visits before and after agree on a state.
 
-    A row of the counts is a unit: a door at some hours, of working days or of weekends.
+    A row of the counts is a unit: a door at some hours of the day.
     """
 
     door_id: NDArray[np.uint32]
@@ -116,7 +116,5 @@ class Triples(NamedTuple):
 
 
 def _unit(times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return which part of the week times lie in: of six parts of a day, on weekends or not."""
-    hours = times_ns // HOUR_NS
-    is_weekend = (hours // 24 + 3) % 7 >= 5
-    return hours % 24 // 4 + 6 * is_weekend
+    """Return which part of the day times lie in."""
+    return times_ns // (24 * HOUR_NS // UNITS) % UNITS

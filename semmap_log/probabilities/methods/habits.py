@@ -133,16 +133,10 @@ def _level(
 
     Where an hour was never seen, its neighbours speak for it, and far from all of them the day.
     """
-    beside = _beside(opened), _beside(known)
+    beside = opened @ _NEIGHBOURS, known @ _NEIGHBOURS
     near = _toward(*beside, coarser, weight_days)
     days = known + weight_days * beside[1] / (beside[1] + weight_days)
     return _toward(opened, known, near, weight_days), days
-
-
-def _beside(table: Tables) -> Tables:
-    """Return sums over the hours beside each; not by `@`, whose order depends on the rows."""
-    found: Tables = np.einsum("...h,hk->...k", table, _NEIGHBOURS)
-    return found
 
 
 def _toward(opened: Tables, known: Tables, coarser: Tables, weight_days: float) -> Tables:
