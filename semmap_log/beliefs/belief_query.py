@@ -21,9 +21,9 @@ from semmap_log.io.progress import Progress
 from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
 from semmap_log.probabilities.estimator import Estimator
 from semmap_log.probabilities.estimators import by_name
-from semmap_log.probabilities.evidence.sensor_doubts import SensorDoubt
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
 AS_HAPPENED = (
     "for what would have been believed had each event been recorded when it happened, ask "

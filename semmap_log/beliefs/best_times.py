@@ -19,8 +19,8 @@ from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.io.progress import Progress
 from semmap_log.probabilities.estimator import StateModel
 from semmap_log.probabilities.evidence.coverage import HOURS, WeekMask
-from semmap_log.probabilities.evidence.sensor_doubts import SensorDoubt
 from semmap_log.probabilities.local_clock import HOUR_S
+from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
 State = Literal["open", "closed"]
 

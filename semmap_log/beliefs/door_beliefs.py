@@ -17,7 +17,7 @@ from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import MomentError
 from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.io.progress import Progress
-from semmap_log.probabilities.evidence.sensor_doubts import SensorDoubt
+from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
 NEAR_NS = 24 * HOUR_NS
 """So far ahead the last sightings still tell something; beyond, only habits do."""

@@ -28,9 +28,9 @@ from semmap_log.errors import EstimatorError
 from semmap_log.io.progress import Progress
 from semmap_log.probabilities.estimator import Estimator, LearntModel
 from semmap_log.probabilities.evidence.evidence import Evidence, EvidenceProjection
-from semmap_log.probabilities.evidence.sensor_doubts import SensorDoubt
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.scores import Reliability, Scores, mean_scores, scores
+from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
 LEAST_SAMPLES = (200, 100)
 """A door with fewer samples to learn from, or to be forecast, is left out."""

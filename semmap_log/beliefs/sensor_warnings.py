@@ -15,7 +15,7 @@ from semmap_log.domain.doors import DoorId
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import SensorWarning
 from semmap_log.probabilities.evidence.evidence import Evidence
-from semmap_log.probabilities.evidence.sensor_doubts import SensorDoubt, sensor_doubts
+from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt, sensor_doubts
 
 
 def warn_of_sensors(

@@ -17,9 +17,9 @@ from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.io.progress import Progress
 from semmap_log.probabilities.evidence.coverage import WEEK, WeekMask
-from semmap_log.probabilities.evidence.sensor_doubts import SensorDoubt
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import HOUR_S
+from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
 WEEK_HOURS = WEEK[0] * WEEK[1]
 

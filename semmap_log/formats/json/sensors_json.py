@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from semmap_log.probabilities.evidence.sensor_doubts import SensorDoubt
-from semmap_log.probabilities.evidence.sensor_shares import Seen
+from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
+from semmap_log.probabilities.sensors.sensor_shares import Seen
 
 ROUNDED = 4
 

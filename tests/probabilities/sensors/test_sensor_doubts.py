@@ -9,7 +9,7 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAdded, DoorObserved, DoorPassed
 from semmap_log.probabilities.evidence.evidence import Evidence
-from semmap_log.probabilities.evidence.sensor_doubts import SensorDoubt, sensor_doubts
+from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt, sensor_doubts
 
 SECOND_NS = 10**9
 FIRST_NS = 1_772_323_200 * SECOND_NS
@@ -186,7 +186,9 @@ def test_one_door_alone_may_flicker() -> None:
     """
     Its readings differ as those of a bad sensor would: no other door says so.
     """
-    alone = [patrolled(["office"], seed, right=(0.8, 0.8)) for seed in SEEDS]
+    how = {"right": (0.8, 0.8), "declared": (0.95, 0.95), "repeats": 9}
+
+    alone = [patrolled(["office"], seed, **how) for seed in SEEDS]
 
     assert [[]] * len(SEEDS) == alone
 

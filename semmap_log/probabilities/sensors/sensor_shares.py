@@ -15,8 +15,8 @@ from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.beta import beta_interval
 from semmap_log.probabilities.evidence.reports import Rows
-from semmap_log.probabilities.evidence.sensor_visits import SensorVisits, Triples
 from semmap_log.probabilities.evidence.visits import LEAST_ACCURACY
+from semmap_log.probabilities.sensors.sensor_visits import SensorVisits, Triples
 
 Reals = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ Each source of knowledge is used in the one direction in which doors cannot feig
   sensor errs there, 1 - accuracy_closed, whatever the door does. Less often: the sensor is better
   than declared. The same of open.
 - *Repeats*: of three readings of one visit the middle one differs from both others as often as the
-  sensor errs. More often, also in the quietest third of the doors and hours, of those at which doors
-  stay as they are: it is worse than declared. A door that moves while it is looked at is no reason,
-  nor is one door alone. Readings that err together differ less often, which is no reason either.
+  sensor errs. More often, also in the quietest third of those hours at which doors stay as they
+  are: it is worse than declared. A door that moves while it is looked at is no reason, nor is one
+  door alone. Readings that err together differ less often, which is no reason either.
 - *Passages*: who goes through has an open door. Readings within a few seconds that say closed more
   often than the sensor may err: it is worse.
 """
@@ -25,15 +25,15 @@ from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorPassed
 from semmap_log.probabilities.evidence.evidence import Evidence
 from semmap_log.probabilities.evidence.reports import Rows, Sensor
-from semmap_log.probabilities.evidence.sensor_shares import (
+from semmap_log.probabilities.evidence.visits import LEAST_ACCURACY, MOST_ACCURACY
+from semmap_log.probabilities.sensors.sensor_shares import (
     FEWEST,
     Seen,
     by_neighbours,
     by_passages,
     by_repeats,
 )
-from semmap_log.probabilities.evidence.sensor_visits import SensorVisits, Triples
-from semmap_log.probabilities.evidence.visits import LEAST_ACCURACY, MOST_ACCURACY
+from semmap_log.probabilities.sensors.sensor_visits import SensorVisits, Triples
 
 Reals = NDArray[np.float64]
 
