@@ -161,9 +161,6 @@ ASKED = (
 )  # fmt: skip
 
 SENSORS = (
-    guard("one door may flicker", "by_repeats",
-          "len(np.unique(triples.door_id)) < 2", "len(np.unique(triples.door_id)) < 1",
-          "test_sensor_doubts"),
     guard("doors that stay as they are", "Triples.usable",
           "self.both >= STEADY * occasions", "self.both >= 0 * occasions", "test_sensor_doubts"),
     guard("a sensor errs in quiet hours, too", "by_repeats",
