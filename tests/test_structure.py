@@ -264,17 +264,10 @@ STARTS = [
     ("_verb('replay', sys.argv[1])", CORE | {"typer", "rich"}, 128),
     ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 133),
     ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 128),
-    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 162),
+    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 166),
     ("_verb('why', sys.argv[1], '1', '--json')", CORE | {"typer"}, 175),
     ("_verb('--help')", {"typer"}, 21),
     ("_verb('--version')", {"typer"}, 21),
-    ("_verb('replay', sys.argv[1])", CORE | {"typer", "rich"}, 160),
-    ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 160),
-    ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 185),
-    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 200),
-    ("_verb('why', sys.argv[1], '1', '--json')", CORE | {"typer"}, 200),
-    ("_verb('--help')", {"typer"}, 25),
-    ("_verb('--version')", {"typer"}, 25),
 ]  # fmt: skip
 """What a program does -> which third parties it loads, and at most how many modules of ours.
 

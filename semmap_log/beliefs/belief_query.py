@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.common.late_dataclass import dataclass
-from semmap_log.beliefs.sensor_warnings import warn_of_sensors
 from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.moments import Moment
@@ -23,8 +23,12 @@ from semmap_log.probabilities.estimator import Estimator
 from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock
-from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
+if TYPE_CHECKING:
+    from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
+
+FEWEST_WORDS = 30
+"""Of so few nobody can tell how often a sensor errs: what would judge it is not even loaded."""
 AS_HAPPENED = (
     "for what would have been believed had each event been recorded when it happened, ask "
     '--at "{then}" --as-happened (in Python: as_happened=True)'
@@ -70,6 +74,10 @@ class BeliefQuery:
 
     def sensor_doubts(self, log: DoorLog) -> list[SensorDoubt]:
         """Return the sensors that are not as accurate as declared, having warned of each."""
+        if len(self.beliefs.evidence) < FEWEST_WORDS:
+            return []
+        from semmap_log.beliefs.sensor_warnings import warn_of_sensors
+
         asked = [door.door_id for door in self.doors]
         return warn_of_sensors(log, self.beliefs.evidence, asked, self.known_ns)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,9 @@ from semmap_log.io.progress import Progress
 from semmap_log.probabilities.estimator import StateModel
 from semmap_log.probabilities.evidence.coverage import HOURS, WeekMask
 from semmap_log.probabilities.local_clock import HOUR_S
-from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
+
+if TYPE_CHECKING:
+    from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
 State = Literal["open", "closed"]
 

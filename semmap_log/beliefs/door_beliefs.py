@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import MomentError
 from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.io.progress import Progress
-from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
+
+if TYPE_CHECKING:
+    from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
 NEAR_NS = 24 * HOUR_NS
 """So far ahead the last sightings still tell something; beyond, only habits do."""

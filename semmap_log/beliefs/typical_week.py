@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,9 @@ from semmap_log.io.progress import Progress
 from semmap_log.probabilities.evidence.coverage import WEEK, WeekMask
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import HOUR_S
-from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
+
+if TYPE_CHECKING:
+    from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
 WEEK_HOURS = WEEK[0] * WEEK[1]
 

@@ -16,11 +16,11 @@ Each source of knowledge is used in the one direction in which doors cannot feig
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorPassed
 from semmap_log.probabilities.evidence.evidence import Evidence
