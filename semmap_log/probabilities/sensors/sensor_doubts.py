@@ -20,6 +20,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.distinct import distinct, placed
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorPassed
@@ -134,13 +135,13 @@ def _doubt_of(rows: Rows, sensor: Sensor, passages: Rows) -> SensorDoubt | None:
     too_sure = max(0.0, float((_trust(right) - _trust(found)).max()))
     if max(abs(off), too_sure) < LEAST_OFF:
         return None
-    doors = len(np.unique(rows["door_id"]))
+    doors = len(distinct(rows["door_id"]))
     return SensorDoubt(sensor, seen[0], seen[1], len(rows), doors, off, too_sure, door_id)
 
 
 def _off(visits: SensorVisits, declared: Reals, seen: Reals) -> tuple[float, DoorId]:
     """Return by how much a door's share open differs, at the door where that is most."""
-    doors, door = np.unique(visits.door_id, return_inverse=True)
+    doors, door = placed(visits.door_id)
     share = np.bincount(door, visits.share) / np.bincount(door)
     off = _corrected(share, seen) - _corrected(share, declared)
     most = int(np.argmax(np.abs(off)))

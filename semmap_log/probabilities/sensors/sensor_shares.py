@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.distinct import distinct, placed
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.beta import beta_interval
@@ -55,7 +56,7 @@ def by_neighbours(visits: SensorVisits, right: float, *, is_open: bool) -> Seen 
     odd, of_door = odd[alone], doors[1:-1][alone]
     # Occasions overlap: two in a row lean on each other's readings, 1 + 2 q (1 - q) of a binomial.
     overlap = 1 + 2 * right * (1 - right)
-    parts = [odd, *(odd[of_door == door] for door in np.unique(of_door))]
+    parts = [odd, *(odd[of_door == door] for door in distinct(of_door))]
     for index, part in enumerate(parts):
         if len(part) < FEWEST:
             continue
@@ -69,7 +70,7 @@ def by_neighbours(visits: SensorVisits, right: float, *, is_open: bool) -> Seen 
 def by_repeats(triples: Triples, right: float, other: float) -> Seen | None:
     """Return how often a sensor differs from itself, if that is more often than declared."""
     triples = triples.only(triples.usable)
-    if len(np.unique(triples.door_id)) < 2:  # one door may flicker
+    if len(distinct(triples.door_id)) < 2:  # one door may flicker
         return None
     counts, odd = triples.both, triples.odd
     mixed = _mixed(counts, triples.others, right, other)
@@ -84,7 +85,7 @@ def by_repeats(triples: Triples, right: float, other: float) -> Seen | None:
     if excess[third].sum() <= counts[third].sum() / counts.sum() * QUIET_SHARE * excess.sum():
         return None
     surprise = np.where(share > expected, counts * _divergence(share, expected), 0.0)
-    door = np.unique(triples.door_id, return_inverse=True)[1]
+    door = placed(triples.door_id)[1]
     rest = door != np.argmax(np.bincount(door, surprise))
     for chosen, wanted in ((rest | True, BEYOND_DOUBT), (rest, ALSO_WITHOUT_ONE)):
         weight = counts[chosen] / counts[chosen].sum()
@@ -125,7 +126,7 @@ def by_passages(rows: Rows, passages: Rows, right: float) -> Seen | None:
 
 def _near(rows: Rows, passages: Rows) -> Iterator[Reals]:
     """Yield, door by door, the share of readings near each passage that say closed."""
-    for door_id in np.unique(passages["door_id"]):
+    for door_id in distinct(passages["door_id"]):
         own = rows[rows["door_id"] == door_id]
         at_ns = passages["folds_ns"][passages["door_id"] == door_id]
         closed = np.append(0, np.cumsum(own["state"] == DoorState.CLOSED))

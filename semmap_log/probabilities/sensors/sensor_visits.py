@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.distinct import placed
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import HOUR_NS
 from semmap_log.probabilities.evidence.reports import Rows
@@ -85,7 +86,7 @@ class Triples(NamedTuple):
         says = (rows["state"] == DoorState.OPEN) == is_open
         first, middle, last = says[start], says[start + 1], says[start + 2]
         unit = rows["door_id"][start].astype(np.int64) * UNITS + _unit(rows["folds_ns"][start])
-        units, place = np.unique(unit, return_inverse=True)
+        units, place = placed(unit)
 
         def count(chosen: Flags) -> NDArray[np.int64]:
             return np.bincount(place[chosen], minlength=len(units))
