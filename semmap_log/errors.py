@@ -34,12 +34,14 @@
     ├── RosError                    ROS is not there, or what was asked of it is not
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
-and four warnings:
+and six warnings:
 
     KeyframeWarning                 a cache in the log cannot be used; answers only take longer
     NewerLogWarning                 events of a later version are left out; they change no answer
     EarlyEventsWarning              what was appended had happened before its door was added
     LevelNameWarning                a level's name is the number of another; the name counts
+    KnownLaterWarning               nothing was known at a moment that the log was told of later
+    SensorWarning                   what a sensor read contradicts the accuracies declared for it
 
 Messages say where, what was expected, what was got and, where it helps, what to do.
 """
@@ -310,3 +312,11 @@ class EarlyEventsWarning(UserWarning):
 
 class LevelNameWarning(UserWarning):
     """A text was taken for the level of that name, and is the number of another level."""
+
+
+class KnownLaterWarning(UserWarning):
+    """At a moment nothing was known: what the log tells of that time was recorded later."""
+
+
+class SensorWarning(UserWarning):
+    """What a sensor read contradicts the accuracies that are declared for it: P(open) is off."""

@@ -200,7 +200,7 @@ def test_no_way_to_look_at_a_log_leans_on_another(path: Path) -> None:
 PROBABILITIES_ORDER = [
     {"local_clock", "forecast"},
     {"beta", "scores", "evidence"},
-    {"estimator", "chain"},
+    {"estimator", "chain", "sensors"},
     {"methods"},
     {"estimators"},
     {"belief_fold"},
@@ -264,7 +264,7 @@ STARTS = [
     ("_verb('replay', sys.argv[1])", CORE | {"typer", "rich"}, 128),
     ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 133),
     ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 128),
-    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 162),
+    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 166),
     ("_verb('why', sys.argv[1], '1', '--json')", CORE | {"typer"}, 175),
     ("_verb('--help')", {"typer"}, 21),
     ("_verb('--version')", {"typer"}, 21),

@@ -46,6 +46,7 @@ def apply_probabilities(
     *,
     at: Time = None,
     known_at: Time = None,
+    as_happened: bool = False,
     horizon_ns: int = 0,
     estimator: str | None = None,
     tz: str | None = None,
@@ -64,6 +65,7 @@ def apply_probabilities(
         log: The log to ask, and to write to.
         at: As `probabilities`.
         known_at: As `probabilities`.
+        as_happened: As `probabilities`.
         horizon_ns: As `probabilities`.
         estimator: As `probabilities`.
         tz: As `probabilities`.
@@ -81,10 +83,11 @@ def apply_probabilities(
     """
     asked = list(doors) if doors is not None else None
     words = (at, horizon_ns, estimator, tz, asked, note)
-    content = content_of("probabilities", *words, *([] if known_at is None else [known_at]))
+    then = [] if known_at is None else [known_at]
+    content = content_of("probabilities", *words, *then, *(["as happened"] * as_happened))
     beliefs = probabilities(
-        log, at=at, known_at=known_at, horizon_ns=horizon_ns, estimator=estimator, tz=tz,
-        doors=asked, progress=progress,
+        log, at=at, known_at=known_at, as_happened=as_happened, horizon_ns=horizon_ns,
+        estimator=estimator, tz=tz, doors=asked, progress=progress,
     )  # fmt: skip
     known = [belief for belief in beliefs if belief.is_known]
     unknown = [belief for belief in beliefs if not belief.is_known]

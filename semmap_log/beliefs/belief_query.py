@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,17 @@ from semmap_log.probabilities.estimator import Estimator
 from semmap_log.probabilities.estimators import by_name
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock
+
+if TYPE_CHECKING:
+    from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
+
+FEWEST_WORDS = 30
+"""Of so few nobody can tell how often a sensor errs: what would judge it is not even loaded."""
+AS_HAPPENED = (
+    "for what would have been believed had each event been recorded when it happened, ask "
+    '--at "{then}" --as-happened (in Python: as_happened=True)'
+)
+"""What to do where beliefs are asked for, and what the log tells of that time came later."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +72,15 @@ class BeliefQuery:
             self.clock,
         )
 
+    def sensor_doubts(self, log: DoorLog) -> list[SensorDoubt]:
+        """Return the sensors that are not as accurate as declared, having warned of each."""
+        if len(self.beliefs.evidence) < FEWEST_WORDS:
+            return []
+        from semmap_log.beliefs.sensor_warnings import warn_of_sensors
+
+        asked = [door.door_id for door in self.doors]
+        return warn_of_sensors(log, self.beliefs.evidence, asked, self.known_ns)
+
     def prepare(self) -> None:
         """Work out for all the doors at once what their forecasts need."""
         self.beliefs.prepare([door.door_id for door in self.doors], self.known_ns)
@@ -75,6 +96,7 @@ def ask(
     *,
     at: Time,
     known_at: Time = None,
+    as_happened: bool = False,
     estimator: str,
     tz: str | None,
     doors: Iterable[DoorId | str] | None,
@@ -87,6 +109,9 @@ def ask(
         at: The moment, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits. Without `at` it is the moment,
             too; without either that is the log's end.
+        as_happened: As if each event had been recorded when it happened: what was told later, as
+            by an import, counts from then on, names and annotations, too. What is retracted today
+            was never there.
         estimator: Its name.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these; None: all that are in the map then.
@@ -98,8 +123,10 @@ def ask(
         MomentError: The time or the zone cannot be read.
     """
     happened, known = log.moment(at), log.moment(known_at)
-    door_map = log.replay(at=happened, known_at=known)
     moment_ns = moment_asked_ns(log, happened, known)
+    if as_happened:
+        happened, known = _when_all_is_told_at_once(log, happened, known), Moment()
+    door_map = log.replay(at=happened, known_at=known)
     chosen = (
         door_map.doors
         if doors is None
@@ -124,6 +151,12 @@ def ask(
     )
 
 
+def _when_all_is_told_at_once(log: DoorLog, at: Moment, known_at: Moment) -> Moment:
+    """Return up to when what happened counts, were it known at once: both moments bound it."""
+    bounds = [ns for ns in (log.instant(at), log.instant(known_at)) if ns is not None]
+    return Moment(ns=min(bounds)) if bounds else Moment()
+
+
 def _door_then(
     log: DoorLog, door: DoorId | str, door_map: DoorMap, at: Moment, known_at: Moment
 ) -> DoorId:
@@ -139,7 +172,7 @@ def _door_then(
             ever = log.resolve_ever(door)
         except UnknownDoorError:
             raise error from None
-        later = known_later(log, at, known_at, door=ever)
+        later = known_later(log, at, known_at, door=ever, remedy=AS_HAPPENED)
         raise UnknownDoorError(f"{error} {later}".strip()) from None
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ from semmap_log.io.progress import Progress
 from semmap_log.probabilities.estimator import StateModel
 from semmap_log.probabilities.evidence.coverage import HOURS, WeekMask
 from semmap_log.probabilities.local_clock import HOUR_S
+
+if TYPE_CHECKING:
+    from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
 State = Literal["open", "closed"]
 
@@ -63,6 +67,8 @@ class BestTime:
     wait_s: float | None
     """How long it takes on average until the door is in that state; None: that is not known, or
     the estimator does not tell."""
+    sensor_doubts: Sequence[SensorDoubt] = ()
+    """Sensors that are not as accurate as declared: the numbers are off."""
 
 
 @knows_keywords
@@ -73,6 +79,7 @@ def best_time(
     *,
     at: Time = None,
     known_at: Time = None,
+    as_happened: bool = False,
     estimator: str | None = None,
     tz: str | None = None,
     most: int = MOST_WINDOWS,
@@ -87,6 +94,8 @@ def best_time(
         at: The moment asked from, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
             too. Without either that is the log's end.
+        as_happened: As if each event had been recorded when it happened, whatever was imported or
+            told later: see `belief_query.ask`.
         estimator: None: `filter` for the next hours, `schedule` for the typical week.
         tz: IANA zone of the building's clocks; None: the log's.
         most: How many windows of each kind.
@@ -101,6 +110,7 @@ def best_time(
         log,
         at=at,
         known_at=known_at,
+        as_happened=as_happened,
         estimator=estimator or default_estimator(),
         tz=tz,
         doors=[door],
@@ -123,6 +133,7 @@ def best_time(
         ),
         never_seen=~week.is_seen,
         wait_s=_wait_s(near, now, state) if week.is_known else None,
+        sensor_doubts=near.sensor_doubts(log),
     )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import MomentError
 from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.io.progress import Progress
+
+if TYPE_CHECKING:
+    from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
 NEAR_NS = 24 * HOUR_NS
 """So far ahead the last sightings still tell something; beyond, only habits do."""
@@ -63,10 +67,19 @@ class DoorBelief(ShownAsTable):
 class DoorBeliefs(list[DoorBelief], ShownAsTable):
     """Beliefs of one moment, ids ascending."""
 
-    def __init__(self, beliefs: Iterable[DoorBelief], *, tz: str) -> None:
-        """Take beliefs, and the IANA zone of the building's clocks."""
+    def __init__(
+        self, beliefs: Iterable[DoorBelief], *, tz: str, sensor_doubts: Sequence[SensorDoubt] = ()
+    ) -> None:
+        """Take beliefs.
+
+        Args:
+            beliefs: One a door.
+            tz: IANA zone of the building's clocks.
+            sensor_doubts: Sensors that are not as accurate as declared: the beliefs are off.
+        """
         super().__init__(beliefs)
         self.tz = tz
+        self.sensor_doubts = sensor_doubts
 
 
 @knows_keywords
@@ -75,6 +88,7 @@ def probabilities(
     *,
     at: Time = None,
     known_at: Time = None,
+    as_happened: bool = False,
     horizon_ns: int = 0,
     estimator: str | None = None,
     tz: str | None = None,
@@ -88,6 +102,8 @@ def probabilities(
         at: The moment asked from, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
             too. Without either that is the log's end.
+        as_happened: As if each event had been recorded when it happened, whatever was imported or
+            told later: see `belief_query.ask`.
         horizon_ns: How long after it.
         estimator: None: `filter` up to a day ahead, `schedule` beyond.
         tz: IANA zone of the building's clocks; None: the log's.
@@ -101,14 +117,15 @@ def probabilities(
     """
     chosen = estimator or default_estimator(horizon_ns)
     asked = ask(
-        log, at=at, known_at=known_at, estimator=chosen, tz=tz, doors=doors, progress=progress
-    )
+        log, at=at, known_at=known_at, as_happened=as_happened, estimator=chosen, tz=tz,
+        doors=doors, progress=progress,
+    )  # fmt: skip
     if not 0 <= asked.known_ns + horizon_ns <= MAX_TIME_NS:
         days = horizon_ns / (24 * HOUR_NS)
         raise MomentError(f"horizon: expected one that ends before 2262, got {days:g} days.")
     asked.prepare()
     told = (belief(asked, door, horizon_ns) for door in asked.doors)
-    return DoorBeliefs(told, tz=tz or log.info.timezone)
+    return DoorBeliefs(told, tz=tz or log.info.timezone, sensor_doubts=asked.sensor_doubts(log))
 
 
 def belief(asked: BeliefQuery, door: Door, horizon_ns: int = 0) -> DoorBelief:

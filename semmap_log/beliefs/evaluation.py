@@ -7,10 +7,11 @@ samples a minute apart within the known time, the first part teaches, the last i
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from semmap_log.beliefs.patrol import Patrol, visited
 from semmap_log.beliefs.protocol import Protocol
+from semmap_log.beliefs.sensor_warnings import warn_of_sensors
 from semmap_log.beliefs.trials import (
     StateIntervals,
     Trials,
@@ -29,6 +30,7 @@ from semmap_log.probabilities.estimator import Estimator, LearntModel
 from semmap_log.probabilities.evidence.evidence import Evidence, EvidenceProjection
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.scores import Reliability, Scores, mean_scores, scores
+from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
 LEAST_SAMPLES = (200, 100)
 """A door with fewer samples to learn from, or to be forecast, is left out."""
@@ -62,6 +64,9 @@ class Evaluation:
     """Doors with too little known time, and how much they have."""
     reliability: Mapping[str, Reliability]
     """Estimator -> what came where so much was said, all doors together."""
+    sensor_doubts: Sequence[SensorDoubt] = ()
+    """Sensors that are not as accurate as declared: forecasts, and what they are held against, are
+    off alike."""
 
     @property
     def mean(self) -> Mapping[str, Scores]:
@@ -146,7 +151,8 @@ def evaluate_all(
     for test in tests.values():
         test.take(chosen, str(log.path))
     _run(tests, estimators, evidence=evidence, stretches=stretches, clock=clock, progress=progress)
-    return {name: test.evaluation() for name, test in tests.items()}
+    doubts = warn_of_sensors(log, evidence, chosen, evidence.latest_ns)
+    return {name: replace(test.evaluation(), sensor_doubts=doubts) for name, test in tests.items()}
 
 
 def _run(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, Literal
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from semmap_log.io.progress import Progress
 from semmap_log.probabilities.evidence.coverage import WEEK, WeekMask
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import HOUR_S
+
+if TYPE_CHECKING:
+    from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
 WEEK_HOURS = WEEK[0] * WEEK[1]
 
@@ -98,17 +101,25 @@ class TypicalWeek:
         return self.hours.averaged(1)
 
 
+class TypicalWeeks(list[TypicalWeek]):
+    """The weeks of some doors, ids ascending."""
+
+    sensor_doubts: Sequence[SensorDoubt] = ()
+    """Sensors that are not as accurate as declared: the numbers are off."""
+
+
 @knows_keywords
 def typical_weeks(
     log: DoorLog,
     *,
     at: Time = None,
     known_at: Time = None,
+    as_happened: bool = False,
     estimator: str | None = None,
     tz: str | None = None,
     doors: Iterable[DoorId | str] | None = None,
     progress: Progress | None = None,
-) -> list[TypicalWeek]:
+) -> TypicalWeeks:
     """Return the typical week of each door, ids ascending.
 
     Args:
@@ -116,6 +127,8 @@ def typical_weeks(
         at: The moment asked from, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
             too. Without either that is the log's end.
+        as_happened: As if each event had been recorded when it happened, whatever was imported or
+            told later: see `belief_query.ask`.
         estimator: None: `schedule`. Another is asked for the week that comes.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these (id, name, or level/name); None: all that are in the map then.
@@ -128,9 +141,12 @@ def typical_weeks(
     """
     chosen = estimator or LATER
     asked = ask(
-        log, at=at, known_at=known_at, estimator=chosen, tz=tz, doors=doors, progress=progress
-    )
-    return [typical_week(asked, door) for door in asked.doors]
+        log, at=at, known_at=known_at, as_happened=as_happened, estimator=chosen, tz=tz,
+        doors=doors, progress=progress,
+    )  # fmt: skip
+    found = TypicalWeeks(typical_week(asked, door) for door in asked.doors)
+    found.sensor_doubts = asked.sensor_doubts(log)
+    return found
 
 
 def typical_week(asked: BeliefQuery, door: Door) -> TypicalWeek:

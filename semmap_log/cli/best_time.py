@@ -8,14 +8,17 @@ from typing import Annotated
 import typer
 
 from semmap_log.cli.common import (
+    AsHappened,
     AsJson,
     At,
     DoorName,
     KnownAt,
     LogPath,
+    as_happened_line,
     console,
     print_json,
     progress,
+    refuse_untold,
 )
 from semmap_log.cli.probabilities import Estimator, Zone
 
@@ -36,6 +39,7 @@ def run(
     ] = State.open,
     at: At = None,
     known_at: KnownAt = None,
+    as_happened: AsHappened = False,
     estimator: Estimator = None,
     tz: Zone = None,
     most: Annotated[
@@ -47,7 +51,8 @@ def run(
 
     Neighbouring hours that are about as good are one row. Hours of the week in which the door was
     never seen are left out. The expected wait is how long it takes on average, from now on, until
-    the door is in that state.
+    the door is in that state. What was imported counts as recorded when it was imported: of a
+    time before that, ask --at, or --known-at with --as-happened.
 
     \b
     Examples:
@@ -57,15 +62,22 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.beliefs.best_times import best_time
+    from semmap_log.errors import UnknownDoorError
     from semmap_log.formats.json.beliefs_json import best_time_to_json
     from semmap_log.views.best_time_table import best_time_table
 
     opened = sl.read(log)
     with progress("Reading") as told:
-        found = best_time(
-            opened, door, state.value, at=at, known_at=known_at, estimator=estimator, tz=tz,
-            most=most, progress=told,
-        )  # fmt: skip
+        try:
+            found = best_time(
+                opened, door, state.value, at=at, known_at=known_at, as_happened=as_happened,
+                estimator=estimator, tz=tz, most=most, progress=told,
+            )  # fmt: skip
+        except UnknownDoorError:
+            if not as_happened:
+                line = as_happened_line("best-time", log, door)
+                refuse_untold(opened, at, known_at, door=opened.resolve_ever(door), remedy=line)
+            raise
     if as_json:
         print_json(best_time_to_json(found, known_at_ns=opened.moment(known_at).ns))
         return

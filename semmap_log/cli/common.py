@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import Enum
 from functools import wraps
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -99,6 +99,10 @@ At = Annotated[
 KnownAt = Annotated[
     str | None,
     typer.Option("--known-at", metavar="TIME", help="Only what had been recorded by then."),
+]
+AsHappened = Annotated[
+    bool,
+    typer.Option("--as-happened", help="As if each event had been recorded when it happened."),
 ]
 UpToEvent = Annotated[
     int | None, typer.Option("--event", metavar="N", help="Only events up to this number.")
@@ -201,6 +205,56 @@ def tell_of_later(
 
     if later := known_later(opened, at, known_at, door=door):
         say(later)
+
+
+def refuse_untold(
+    opened: DoorLog,
+    at: Time,
+    known_at: Time,
+    *,
+    door: DoorId | None = None,
+    remedy: str | None = None,
+) -> None:
+    """Refuse to answer that there is nothing where what happened then was only told later.
+
+    Args:
+        opened: The log.
+        at: As it was asked.
+        known_at: As it was asked.
+        door: Which is not in the map then; None: none is.
+        remedy: What to do: see `known_later`; None: as for a map.
+
+    Raises:
+        UnknownDoorError: Why no door is in the map then, and what to do.
+    """
+    from semmap_log.door_log.known_later import AT_ALONE, known_later
+    from semmap_log.errors import UnknownDoorError
+
+    if later := known_later(opened, at, known_at, door=door, remedy=remedy or AT_ALONE):
+        who = (
+            "no door is" if door is None else f"door {opened.door_labels().get(door, door)} is not"
+        )
+        raise UnknownDoorError(f"{who} in the map then. {later}")
+
+
+def as_happened_line(verb: str, *words: str | PurePath) -> str:
+    """Return what to do where beliefs of a time were asked for that was told of later."""
+    from semmap_log.common.texts import command_line
+
+    return (
+        "for what would have been believed had each event been recorded when it happened, type: "
+        f'{command_line(verb, *words)} --at "{{then}}" --as-happened'
+    )
+
+
+def refuse_untold_map(opened: DoorLog, at: Time, known_at: Time, event: int | None = None) -> None:
+    """Refuse a moment at which no door is in the map, where what happened then was told later.
+
+    Raises:
+        UnknownDoorError: As `refuse_untold`.
+    """
+    if (at, known_at) != (None, None) and not opened.replay(at, known_at, event).doors:
+        refuse_untold(opened, at, known_at)
 
 
 def size_of(size: int) -> str:

@@ -23,6 +23,7 @@ from semmap_log.cli.common import (
     progress,
     range_of,
     refuse_nan,
+    refuse_untold_map,
     say,
     size_of,
     tell_how_to_begin,
@@ -188,6 +189,7 @@ def run(
         _say_recorded(out, done, as_json=as_json)
         return
     scope = opened.scope(at, known_at, event)
+    refuse_untold_map(opened, at, known_at, event)
     costmap = costmap_at(
         opened, options, at=scope.at_ns, known_at=scope.known_at_ns, event=scope.event, floor=floor
     )

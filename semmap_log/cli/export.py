@@ -21,9 +21,9 @@ from semmap_log.cli.common import (
     progress,
     range_of,
     refuse_nan,
+    refuse_untold_map,
     say,
     size_of,
-    tell_of_later,
 )
 
 if TYPE_CHECKING:
@@ -168,6 +168,7 @@ def run(
         _write_bag(opened, out, options, range_of(opened, since, until), as_json=as_json)
         return
     scope = opened.scope(at, known_at, event)
+    refuse_untold_map(opened, at, known_at, event)
     with progress("Exporting") as told:
         done = export(
             opened,
@@ -187,8 +188,6 @@ def run(
     for text in done.notes:
         say(text)
     say(f"{out}: {done.what}.")
-    if known_at is not None and not opened.replay(at, known_at, event).doors:
-        tell_of_later(opened, at, known_at)
 
 
 def _write_bag(

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, LogPath, console, print_json, progress, say
+from semmap_log.cli.common import (
+    AsJson,
+    LogPath,
+    console,
+    print_json,
+    progress,
+    refuse_untold_map,
+    say,
+)
 from semmap_log.cli.patrol_following import follow as follow_round
 from semmap_log.cli.plain_streams import json_text, write_line
 from semmap_log.cli.probabilities import PLOTS, Estimator, Zone
@@ -128,6 +136,7 @@ def run(
         raise typer.BadParameter(f"expected a name that ends in .png or .svg, got {plot}",
                                  param_hint="--plot")  # fmt: skip
     opened = sl.read(log)
+    refuse_untold_map(opened, start, None)
     if plot is not None:
         refuse_own_folder(opened.path, plot)
     options = PatrolOptions(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,13 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import (
+    AsHappened,
     AsJson,
     At,
     KnownAt,
     LogPath,
+    as_happened_line,
     console,
     print_json,
     progress,
+    refuse_untold,
     say,
     takes_about,
     tell_how_to_begin,
@@ -26,6 +29,7 @@ from semmap_log.cli.common import (
 if TYPE_CHECKING:
     from semmap_log.beliefs.applying import Applied
     from semmap_log.beliefs.typical_week import TypicalWeek
+    from semmap_log.door_log.door_log import DoorLog
     from semmap_log.door_log.door_log_writer import About
 
 
@@ -64,6 +68,7 @@ def run(
     *,
     at: At = None,
     known_at: KnownAt = None,
+    as_happened: AsHappened = False,
     horizon: Annotated[
         str, typer.Option("--horizon", metavar="2h", help="How long after that moment.")
     ] = "",
@@ -84,10 +89,13 @@ def run(
     """Show how likely each door is open, how sure that is, and on what evidence.
 
     Nothing counts but what had happened by the moment asked from: --at, with all that is known
-    today, or --known-at, with what had been recorded by then. A door of which too little is known
-    is UNKNOWN. In brackets: a 90 % interval of P(open), somewhat
-    narrow where little was seen. --by shows typical times instead, in cells of which never-seen
-    ones are left empty.
+    today, or --known-at, with what had been recorded by then. With --as-happened each event counts
+    as recorded when it happened: what would have been believed then, had it been told at once, as
+    `evaluate` asks; in a log that was imported, nothing else is known of the past.
+
+    A door of which too little is known is UNKNOWN. In brackets: a 90 % interval of P(open),
+    somewhat narrow where little was seen. --by shows typical times instead, in cells of which
+    never-seen ones are left empty.
 
     --apply writes P(open) and P(closed) into the log, one commit, for doors that are known and
     whose numbers differ: replay, costmap --by belief and the thesis's YAML have them then. They
@@ -99,6 +107,7 @@ def run(
       semmap-log probabilities office front --horizon 2h
       semmap-log probabilities office --at "yesterday 14:00" --json
       semmap-log probabilities office --known-at 2026-03-01T14:02
+      semmap-log probabilities imported --at 2026-03-01T14:02 --as-happened
       semmap-log probabilities office front side --by week
       semmap-log probabilities office --plot weeks.png
       semmap-log probabilities office --apply --actor night-job
@@ -114,7 +123,8 @@ def run(
         raise typer.BadParameter(f"expected a name that ends in .png or .svg, got {plot}",
                                  param_hint="--plot")  # fmt: skip
     asked: dict[str, Any] = {
-        "at": at, "known_at": known_at, "estimator": estimator, "tz": tz, "doors": doors or None
+        "at": at, "known_at": known_at, "as_happened": as_happened, "estimator": estimator,
+        "tz": tz, "doors": doors or None,
     }  # fmt: skip
     if typical:
         _show_typical(log, asked, by, plot, as_json=as_json)
@@ -128,6 +138,8 @@ def run(
             beliefs = applied.beliefs
         else:
             beliefs = probabilities(opened, **asked, progress=told)
+    if not beliefs:
+        _refuse_untold(opened, asked)
     zone = opened.info.timezone if tz is None else tz
     if as_json:
         print_json(
@@ -138,10 +150,34 @@ def run(
     from semmap_log.views.belief_table import belief_table
 
     console().print(belief_table(beliefs, tz=zone))
-    if all(belief.evidence.is_empty for belief in beliefs):
-        tell_of_later(opened, asked["at"], asked["known_at"])
+    if all(belief.evidence.is_empty for belief in beliefs) and not as_happened:
+        tell_of_later(opened, at, known_at)
     if applied is not None:
         _tell(applied)
+
+
+def _refuse_untold(opened: DoorLog, asked: Mapping[str, Any]) -> None:
+    """Refuse to answer that no door was in the map at a moment that was asked about.
+
+    Raises:
+        UnknownDoorError: Why there was none, and what to type.
+    """
+    from semmap_log.common.texts import command_line
+    from semmap_log.domain.moments import format_local
+    from semmap_log.errors import UnknownDoorError
+
+    moment = asked["at"] or asked["known_at"]
+    since_ns = opened.since_ever_ns()
+    if moment is None or since_ns is None:
+        return
+    known_at = None if asked["as_happened"] else asked["known_at"]
+    remedy = as_happened_line("probabilities", opened.path, *(asked["doors"] or ()))
+    refuse_untold(opened, moment, known_at, remedy=remedy)
+    since = format_local(since_ns, opened.info.timezone)
+    raise UnknownDoorError(
+        f"no door is in the map then: the log tells of nothing before {since}, or its doors were "
+        f"removed by then; ask for a later time, or look at: {command_line('info', opened.path)}"
+    )
 
 
 def _refuse_useless(about: About, *, horizon: str, typical: bool, apply: bool) -> None:
@@ -171,6 +207,8 @@ def _show_typical(
         refuse_own_folder(opened.path, plot)
     with progress("Reading") as told:
         weeks = typical_weeks(opened, **asked, progress=told)
+    if not weeks:
+        _refuse_untold(opened, asked)
     which = by or By.week
     if plot is not None:
         _plot(weeks, plot, which)
@@ -185,8 +223,6 @@ def _show_typical(
         )
         return
     _print_weeks(weeks, which)
-    if not weeks:
-        tell_of_later(opened, asked["at"], asked["known_at"])
 
 
 def _plot(weeks: Sequence[TypicalWeek], plot: Path, by: By) -> None:

@@ -11,6 +11,7 @@ from semmap_log.cli.common import (
     console,
     print_json,
     progress,
+    refuse_untold,
     tell_how_to_begin,
     tell_of_later,
 )
@@ -47,6 +48,8 @@ def run(
     tell_how_to_begin(opened)
     with progress("Reading") as told:
         door_map = opened.replay(at, known_at, event, progress=told)
+    if not door_map.doors and event is None:
+        refuse_untold(opened, at, known_at)
     if as_json:
         print_json(door_map_to_json(door_map))
         return

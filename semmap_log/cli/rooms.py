@@ -15,6 +15,7 @@ from semmap_log.cli.common import (
     UpToEvent,
     console,
     print_json,
+    refuse_untold_map,
     say,
     tell_how_to_begin,
 )
@@ -71,6 +72,7 @@ def run(
     opened = sl.read(log)
     tell_how_to_begin(opened)
     scope = opened.scope(at, known_at, event)
+    refuse_untold_map(opened, at, known_at, event)
     plan = room_plan(opened, at=scope.at_ns, known_at=scope.known_at_ns, event=scope.event)
     number = None if level is None else resolve_level(level, plan.door_map)
     _refuse_no_plan(plan, number)

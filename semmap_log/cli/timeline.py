@@ -14,6 +14,7 @@ from semmap_log.cli.common import (
     print_json,
     progress,
     range_of,
+    refuse_untold,
     say,
     tell_of_later,
 )
@@ -50,6 +51,8 @@ def run(
     door_id = opened.resolve_ever(door)
     with progress("Reading") as told:
         found = opened.timeline(door_id, at, known_at, since=start, until=end, progress=told)
+    if not len(found):
+        refuse_untold(opened, at, known_at, door=door_id)
     if as_json:
         print_json(timeline_to_json(found, name=opened.door_names().get(door_id)))
         return

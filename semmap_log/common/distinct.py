@@ -19,3 +19,9 @@ def distinct(numbers: NDArray[I]) -> NDArray[I]:
     is_first = np.ones(len(ascending), np.bool_)
     np.not_equal(ascending[1:], ascending[:-1], out=is_first[1:])
     return ascending[is_first]
+
+
+def placed(numbers: NDArray[I]) -> tuple[NDArray[I], NDArray[np.intp]]:
+    """Return the different whole numbers of a column, ascending, and which of them each one is."""
+    found = distinct(numbers)
+    return found, np.searchsorted(found, numbers)

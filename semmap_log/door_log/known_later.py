@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import Moment, format_local
-from semmap_log.door_log.backdating import remedy
+from semmap_log.door_log.backdating import remedy as remedy_of_early
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.replay.read_model.events_about import about
 from semmap_log.store.reading.window import Window
 
+AT_ALONE = 'with all that is known today, ask --at "{then}" alone'
+"""What to do about it, where a map is asked for; `{then}` is the moment."""
 
-def known_later(log: DoorLog, at: Time, known_at: Time, *, door: DoorId | None = None) -> str:
+
+def known_later(
+    log: DoorLog,
+    at: Time,
+    known_at: Time,
+    *,
+    door: DoorId | None = None,
+    remedy: str = AT_ALONE,
+) -> str:
     """Return why the log knows so little of the time that is asked about, and what to do.
 
     What it tells of that time was recorded later, or is of doors that were added later; "" where
@@ -21,6 +31,7 @@ def known_later(log: DoorLog, at: Time, known_at: Time, *, door: DoorId | None =
         at: As it was asked.
         known_at: As it was asked; None: then all is known.
         door: Only what is told of it; None: of anything.
+        remedy: What to do where it was recorded later; `{then}` in it is the moment.
 
     Raises:
         MomentError: A time cannot be read.
@@ -43,8 +54,8 @@ def known_later(log: DoorLog, at: Time, known_at: Time, *, door: DoorId | None =
     recorded = format_local(int(first.recorded_ns[0]), log.info.timezone)
     then = format_local(moment_ns, log.info.timezone)
     return (
-        f"What the log tells of that time was recorded later, from {recorded} on, as by an import; "
-        f'with all that is known today, ask --at "{then}" alone.'
+        f"What the log tells of that time was recorded later, from {recorded} on "
+        f"(event {int(first.number[0])}), as by an import; {remedy.replace('{then}', then)}."
     )
 
 
@@ -70,4 +81,4 @@ def _told_of_early(log: DoorLog, moment_ns: int, door: DoorId | None) -> str:
     if not early.counts or min(early.first_ns.values()) > moment_ns:
         return ""
     since = format_local(min(early.first_ns.values()), log.info.timezone)
-    return f"{early.in_words(log.door_labels(), since)}; {remedy(log.path)}"
+    return f"{early.in_words(log.door_labels(), since)}; {remedy_of_early(log.path)}"

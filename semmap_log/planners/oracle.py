@@ -15,6 +15,7 @@ from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import Retracted
 from semmap_log.domain.moments import Moment, format_wall
 from semmap_log.door_log.door_log import DoorLog
+from semmap_log.door_log.known_later import known_later
 from semmap_log.door_log.state_reason import what_set
 from semmap_log.errors import MomentError, QuestionError, SemmapError, UnknownDoorError
 from semmap_log.planners.actions import AskedDoors, act
@@ -123,7 +124,7 @@ class Oracle:
         try:
             return self._look_up(asked)
         except UnknownDoorError as error:
-            return nothing(asked, str(error))
+            return nothing(asked, f"{error} {self._told_later(asked)}".strip())
         except MomentError as error:
             problem = f"{error} What has blanks in it stands in quotes."
             raise QuestionError(f"{asked.question.form}: {problem}") from error
@@ -187,6 +188,15 @@ class Oracle:
             end(time_is_over(asked))
         answered.wait()
         return answers[0]
+
+    def _told_later(self, asked: AskedQuestion) -> str:
+        """Return why so little was known then, if that was asked: it was told later."""
+        if asked.known_at is None:
+            return ""
+        log = self._doors.log
+        now_ns = max(self._clock_ns(), self._now.view.door_map.latest_ns)
+        when, known_at = (log.moment(t, now_ns=now_ns) for t in (asked.when, asked.known_at))
+        return known_later(log, when, known_at, remedy='ask "{then}" without AT')
 
     def _look_up(self, asked: AskedQuestion) -> Answer:
         """Return what the log tells of a question of another moment, or of what is likely."""

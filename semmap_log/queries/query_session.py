@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -9,6 +10,8 @@ import numpy as np
 
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.door_log.door_log import DoorLog, Time
+from semmap_log.door_log.known_later import known_later
+from semmap_log.errors import KnownLaterWarning
 from semmap_log.queries.duckdb_sdk import duckdb
 from semmap_log.queries.log_views import log_views
 from semmap_log.queries.moment_rows import BELIEF_SCHEMA, DOOR_SCHEMA, belief_table, door_table
@@ -65,7 +68,7 @@ def _add_log(
         _Function("doors_at", ("moment",), DOOR_SCHEMA,
                   lambda at: door_table(log.replay(at=at))),
         _Function("doors_known_at", ("moment",), DOOR_SCHEMA,
-                  lambda at: door_table(log.replay(known_at=at))),
+                  _KnownThen(log).table),
         _Function("beliefs", ("moment := 'now'", "horizon := NULL"), BELIEF_SCHEMA,
                   lambda at, horizon: belief_table(log, at, horizon)),
     )  # fmt: skip
@@ -84,6 +87,24 @@ class _Function(NamedTuple):
     rows: pa.Schema
     make: Callable[..., pa.Table]
     """Called with the moment, and the text of each other argument."""
+
+
+class _KnownThen:
+    """The doors as they were known; it says once if they were only told of later."""
+
+    def __init__(self, log: DoorLog) -> None:
+        self._log = log
+        self._has_said = False
+
+    def table(self, known_at: Time) -> pa.Table:
+        """Return them at a moment."""
+        found = self._log.replay(known_at=known_at)
+        if not found.doors and not self._has_said:
+            remedy = "with all that is known today, ask doors_at('{then}')"
+            if later := known_later(self._log, None, known_at, remedy=remedy):
+                self._has_said = True
+                warnings.warn(f"doors_known_at: {later}", KnownLaterWarning, stacklevel=2)
+        return door_table(found)
 
 
 Make = Callable[[tuple[Any, ...]], pa.Table]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import shutil
 from pathlib import Path
 
@@ -275,26 +276,46 @@ def test_who_asks_about_a_time_that_was_imported_later_is_told_why_nothing_is_kn
     told = capsys.readouterr()
     assert 0 == run("probabilities", "log", "--at", "2024-05-19")
     now = capsys.readouterr()
-    assert 0 == run("probabilities", "log", "--known-at", "2024-05-19", "--by", "hour")
+    assert 1 == run("probabilities", "log", "--known-at", "2024-05-19", "--by", "hour")
     by_hour = capsys.readouterr()
+    typed = 'semmap-log probabilities log --at "2024-05-19 00:00:00+00:00" --as-happened'
+    assert 0 == run(*shlex.split(typed)[1:])
+    as_happened = capsys.readouterr()
 
-    assert 0 == code
-    assert "No door is in the map then" in told.out
+    assert 1 == code
     for text in (told.err, by_hour.err):
+        assert "no door is in the map then" in text
         assert "recorded later, from 20" in text
-        assert 'ask --at "2024-05-19 00:00:00+00:00"' in text
+        assert "(event 0)" in text
+        assert f"type: {typed}." in text
     assert "front" in now.out
+    assert now.out == as_happened.out
     assert "" == now.err
     for verb in (("replay", "log"), ("timeline", "log", "front"), ("export", "log", "doors.csv")):
-        assert 0 == run(*verb, "--known-at", "2024-05-19")
+        assert 1 == run(*verb, "--known-at", "2024-05-19")
         assert 'ask --at "2024-05-19 00:00:00+00:00" alone' in capsys.readouterr().err
         assert 0 == run(*verb, "--at", "2024-05-19")
         assert "recorded later" not in capsys.readouterr().err
     for verb in (("probabilities", "log", "front"), ("best-time", "log", "front")):
         assert 1 == run(*verb, "--known-at", "2024-05-19")
-        assert 'ask --at "2024-05-19 00:00:00+00:00"' in capsys.readouterr().err
+        assert '--at "2024-05-19 00:00:00+00:00" --as-happened' in capsys.readouterr().err
         assert 0 == run(*verb, "--at", "2024-05-19")
+        assert 0 == run(*verb, "--known-at", "2024-05-19", "--as-happened")
         capsys.readouterr()
+
+
+@pytest.mark.parametrize("more", [["--json"], ["--by", "week", "--json"], ["--apply", "--json"]])
+def test_a_machine_is_told_too_that_nothing_was_known_then(
+    folder: Path, capsys: pytest.CaptureFixture[str], more: list[str]
+) -> None:
+    """
+    An empty list of doors, with exit code 0, would be taken for an answer.
+    """
+    assert 1 == run("probabilities", "log", "--at", "2026-01-01", *more)
+
+    error = json.loads(capsys.readouterr().out)["error"]
+    assert "UnknownDoorError" == error["kind"]
+    assert "nothing before 2026-03-0" in error["message"]
 
 
 def test_a_door_of_which_nothing_was_told_later_is_not_said_to_be_one(
@@ -311,7 +332,7 @@ def test_a_door_of_which_nothing_was_told_later_is_not_said_to_be_one(
         log.observe("front", "open", at=log.event(2).happened_ns)
 
     for door, hints in (("front", 1), ("side", 0)):
-        assert 0 == run("timeline", "log", door, "--known-at", "event:3")
+        assert 0 == run("timeline", "log", door, "--known-at", "event:3"), door
         assert hints == capsys.readouterr().err.count("recorded later")
 
 

@@ -145,6 +145,32 @@ METHODS = (
           "words == len(self.evidence)", "True", "test_belief_fold"),
 )  # fmt: skip
 
+UNMOVED = (
+    guard("fremen's last stretch ends with what is known", "_Sums.spectrum",
+          "_turned(omega * self._cut_s)", "at_edges[self._end][self._last]", "test_no_peeking"),
+    guard("nothing was seen: the schedule alone", "DoorFilter.predict",
+          "belief.seen_ns <= NEVER", "belief.seen_ns < NEVER", "test_no_peeking"),
+)  # fmt: skip
+
+ASKED = (
+    guard("as happened: both moments bound it", "_when_all_is_told_at_once",
+          "min(bounds)", "max(bounds)", "test_as_happened"),
+    guard("as happened: nothing is unknown because it came late", "belief_query.ask",
+          "(_when_all_is_told_at_once(log, happened, known), Moment())",
+          "(_when_all_is_told_at_once(log, happened, known), known)", "test_as_happened"),
+)  # fmt: skip
+
+SENSORS = (
+    guard("doors that stay as they are", "Triples.usable",
+          "self.both >= STEADY * occasions", "self.both >= 0 * occasions", "test_sensor_doubts"),
+    guard("a sensor errs in quiet hours, too", "by_repeats",
+          "excess[third].sum() <= counts[third].sum() / counts.sum() * QUIET_SHARE * excess.sum()",
+          "False", "test_sensor_doubts"),
+    guard("readings of a visit may err together", "by_neighbours",
+          "len(part) / _together(part) / overlap", "len(part) * 10.0", "test_sensor_doubts"),
+    guard("only near a passage", "NEAR_PASSAGE_NS", "3", "3000", "test_sensor_doubts"),
+)  # fmt: skip
+
 FIGURES = (
     guard("a certain forecast is in the last bin", "Reliability.of",
           "np.minimum((p * BINS).astype(np.int64), BINS - 1)", "(p * BINS).astype(np.int64)",
@@ -168,4 +194,14 @@ FIGURES = (
           "test_applying"),
 )  # fmt: skip
 
-BELIEFS = (*EVIDENCE, *CLOCKS, *CHAINS, *TABLES_OF_HABITS, *METHODS, *FIGURES)
+BELIEFS = (
+    *EVIDENCE,
+    *CLOCKS,
+    *CHAINS,
+    *TABLES_OF_HABITS,
+    *METHODS,
+    *UNMOVED,
+    *ASKED,
+    *SENSORS,
+    *FIGURES,
+)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from semmap_log.domain.doors import Door
 from semmap_log.domain.moments import SECOND_NS, format_utc
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_words
 from semmap_log.probabilities.forecast import INTERVAL
+
+if TYPE_CHECKING:
+    from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
 ROUNDED = 6
 """Digits of probabilities."""
@@ -33,6 +36,7 @@ def beliefs_to_json(
         "estimator": first.estimator if first else None,
         "interval": INTERVAL,
         "doors": [belief_to_json(belief) for belief in beliefs],
+        "sensor_doubts": _doubts(getattr(beliefs, "sensor_doubts", ())),
     }
 
 
@@ -65,6 +69,7 @@ def weeks_to_json(
         "estimator": first.estimator if first else None,
         "interval": INTERVAL,
         "doors": [_week(week, by) for week in weeks],
+        "sensor_doubts": _doubts(getattr(weeks, "sensor_doubts", ())),
     }
 
 
@@ -89,7 +94,16 @@ def best_time_to_json(found: BestTime, *, known_at_ns: int | None = None) -> dic
         "of_the_week": [_window(window) for window in found.of_the_week],
         "next": [_window(window) for window in found.next_ones],
         "evidence": _evidence(now.evidence, now.known_ns),
+        "sensor_doubts": _doubts(found.sensor_doubts),
     }
+
+
+def _doubts(doubts: Sequence[SensorDoubt]) -> list[dict[str, Any]]:
+    if not doubts:
+        return []
+    from semmap_log.formats.json.sensors_json import doubts_to_json
+
+    return doubts_to_json(doubts)
 
 
 def _door(door: Door, level_name: str) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from semmap_log.beliefs.protocol import Protocol
 from semmap_log.beliefs.sensor_calibration import Calibration, DoorCalibration, SensorHits
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import SECOND_NS
+from semmap_log.formats.json.sensors_json import doubts_to_json
 from semmap_log.probabilities.scores import Scores
 
 
@@ -48,6 +49,7 @@ def evaluation_to_json(
             {"door_id": door_id, "name": named.get(door_id), "reason": reason}
             for door_id, reason in evaluation.left_out.items()
         ],
+        "sensor_doubts": doubts_to_json(evaluation.sensor_doubts),
     }
 
 

@@ -1,17 +1,22 @@
 """Products of many 2 x 2 matrices, one after another, without a loop over all of them.
 
-The sequence is cut into as many blocks as each is long, and all blocks are multiplied side by side;
-then their products are chained. It is the two-level form of a parallel prefix sum (Blelloch 1990).
+The sequence is cut into blocks that are multiplied side by side; then their products are chained.
+It is the two-level form of a parallel prefix sum (Blelloch 1990). Where the cuts are does not
+depend on how many matrices follow, so that what stands at a place is the same to the last digit.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 Matrices = NDArray[np.float64]
+
+FIRST_LENGTH = 8
+"""Of the first blocks; 4 n matrices on they are twice as long, and so on: about as many blocks as
+each is long."""
 
 
 def states(matrices: Matrices, first: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -22,12 +27,28 @@ def states(matrices: Matrices, first: NDArray[np.float64]) -> NDArray[np.float64
         first: (2,), what stands before the first.
 
     Returns:
-        (2, n): matrix i x ... x matrix 0 x first, each scaled to the sum 1.
+        (2, n): matrix i x ... x matrix 0 x first, each scaled to the sum 1. It is the same whatever
+        matrices come behind i.
     """
+    found = np.empty((2, matrices.shape[2]))
+    for start, end, length in _parts(matrices.shape[2]):
+        found[:, start:end] = _of_part(matrices[:, :, start:end], first, length)
+        first = found[:, end - 1]
+    return found
+
+
+def _parts(count: int) -> Iterator[tuple[int, int, int]]:
+    """Yield (start, end, how long a block is) of parts that double the length of their blocks."""
+    start, length = 0, FIRST_LENGTH
+    while start < count:
+        end = max(4 * start, FIRST_LENGTH**2)
+        yield start, min(end, count), length
+        length, start = length if start == 0 else 2 * length, end
+
+
+def _of_part(matrices: Matrices, first: NDArray[np.float64], length: int) -> NDArray[np.float64]:
+    """Return `states` of some matrices, in blocks of that length."""
     count = matrices.shape[2]
-    if not count:
-        return np.empty((2, 0))
-    length = math.isqrt(count - 1) + 1
     blocks = -(-count // length)
     padded = np.zeros((2, 2, blocks * length))
     padded[0, 0] = padded[1, 1] = 1.0
@@ -38,20 +59,26 @@ def states(matrices: Matrices, first: NDArray[np.float64]) -> NDArray[np.float64
     starts = _chained(products[-1], first)
     found = products[:, :, 0] * starts[0] + products[:, :, 1] * starts[1]
     vectors = found.transpose(1, 2, 0).reshape(2, -1)[:, :count]
-    scaled: NDArray[np.float64] = vectors / vectors.sum(0)
+    scaled: NDArray[np.float64] = vectors / (vectors[0] + vectors[1])
     return scaled
 
 
 def _products(steps: Matrices) -> Matrices:
     """Return (length, 2, 2, blocks): in each block, the product up to each step, scaled."""
     found = np.empty_like(steps)
-    found[0] = steps[0] / steps[0].sum((0, 1))
+    found[0] = steps[0] / _total(steps[0])
     for i in range(1, len(steps)):
         here, before, after = steps[i], found[i - 1], found[i]
         np.multiply(here[:, 0, None], before[0], out=after)
         after += here[:, 1, None] * before[1]
-        after /= after.sum((0, 1))
+        after /= _total(after)
     return found
+
+
+def _total(matrices: Matrices) -> NDArray[np.float64]:
+    """Return (blocks,): the sum of each; in this order, however many there are."""
+    total: NDArray[np.float64] = matrices[0, 0] + matrices[0, 1] + matrices[1, 0] + matrices[1, 1]
+    return total
 
 
 def _chained(products: Matrices, first: NDArray[np.float64]) -> NDArray[np.float64]:

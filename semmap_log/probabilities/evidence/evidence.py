@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from semmap_log.domain.meaning import Presence
 from semmap_log.folds.door_changes import are_sightings, of_presence
 from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.probabilities.evidence.known_intervals import known_intervals
-from semmap_log.probabilities.evidence.reports import Reports, Rows, Sensors
+from semmap_log.probabilities.evidence.reports import Reports, Rows, Sensor, Sensors
 from semmap_log.probabilities.evidence.visits import MOST_ACCURACY, llr_of, visits_of
 
 Times = NDArray[np.int64]
@@ -167,6 +167,23 @@ class Evidence:
             visits=int(np.count_nonzero(known.evidence.up_to(until_ns).is_visit)),
             last_seen_ns=int(tells["folds_ns"][-1]) if len(tells) else None,
         )
+
+    def readings(
+        self, door_ids: Iterable[DoorId], until_ns: int, *, most: int
+    ) -> tuple[Rows, list[Sensor]]:
+        """Return what was read of some doors, each by itself, and the sensors by their places.
+
+        Args:
+            door_ids: The doors.
+            until_ns: What comes after does not count.
+            most: Only so many: the latest.
+
+        Returns:
+            Sightings that say open or closed, by door, then in order, as `reports.REPORT`.
+        """
+        rows = self._reports.latest(np.array(list(door_ids), np.uint32), until_ns, most)
+        tells = np.isin(rows["state"], (DoorState.OPEN, DoorState.CLOSED)) & are_sightings(rows)
+        return rows[tells], self._reports.known_sensors()
 
     def dump(self) -> bytes:
         """Return it as bytes."""

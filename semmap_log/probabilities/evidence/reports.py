@@ -114,6 +114,25 @@ class Reports:
         """Return the least time of the reports behind the first `count`; without any, no time."""
         return int(self._rows["folds_ns"][count : self._count].min(initial=MAX_TIME_NS))
 
+    def latest(self, door_ids: NDArray[np.integer[Any]], until_ns: int, most: int) -> Rows:
+        """Return what was said of some doors up to a time, by door, then time, then number.
+
+        Args:
+            door_ids: The doors.
+            until_ns: That moment included.
+            most: Only so many of all their reports: the latest.
+        """
+        rows = self._rows[: self._count]
+        chosen = np.flatnonzero((rows["folds_ns"] <= until_ns) & np.isin(rows["door_id"], door_ids))
+        if len(chosen) > most:
+            chosen = chosen[np.argsort(rows["folds_ns"][chosen], kind="stable")[-most:]]
+        rows = rows.take(chosen)
+        return rows.take(np.lexsort((rows["number"], rows["folds_ns"], rows["door_id"])))
+
+    def known_sensors(self) -> list[Sensor]:
+        """Return the sensors by their places, as `REPORT` has them, each with its name."""
+        return list(self._sensors)
+
     def sensors(self) -> Sensors:
         """Return the sensors by their places, as `REPORT` has them."""
         if self._as_columns is not None and len(self._as_columns.identity) == len(self._sensors):

@@ -86,6 +86,7 @@ class DoorFilter:
             times, known = times_ns[asked], known_ns[asked]
             belief = self._belief(epoch, known)
             kept = epoch.forgetting.kept(belief.told_ns, times, self._clock)
+            kept[belief.seen_ns <= NEVER] = 0.0  # nothing was seen: the schedule alone speaks
             deviation = belief.p_open - self.schedule.p_open(belief.told_ns, known)
             p_open[asked] += kept * deviation
             held = belief.is_held

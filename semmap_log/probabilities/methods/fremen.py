@@ -201,18 +201,20 @@ class _Sums:
     def spectrum(self, omega: float) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return the integral of exp(i omega t), (u,): where the door was open, and everywhere."""
         at_edges = _turned(omega * self._edges_s)
-        at_ends = at_edges[self._end]
-        each = (at_ends - at_edges[self._start]) / (1j * omega)
+        at_starts = at_edges[self._start]
+        each = (at_edges[self._end] - at_starts) / (1j * omega)
         visits = SAMPLE_S * _turned(omega * self._visit_s)
         of_states = _before(visits * self._known.reads_open)[self._visit]
         of_all = _before(visits)[self._visit]
         if not len(each):
             return of_states, of_all
-        to_come = (at_ends[self._last] - _turned(omega * self._cut_s)) / (1j * omega)
-        to_come *= self._stretch > 0
+        # The last stretch counts up to its cut, and is never added whole and cut back: where it
+        # ends is later knowledge, which would move the last digit.
+        last = (_turned(omega * self._cut_s) - at_starts[self._last]) / (1j * omega)
+        last *= self._stretch > 0
         is_open = self._known.is_open
-        of_states += _before(each * is_open)[self._stretch] - to_come * is_open[self._last]
-        of_all += _before(each)[self._stretch] - to_come
+        of_states += _before(each * is_open)[self._last] + last * is_open[self._last]
+        of_all += _before(each)[self._last] + last
         return of_states, of_all
 
 

@@ -69,6 +69,8 @@ class DoorSchedule:
         spread = np.einsum("rlt,rtwh->rlwh", worth, by_table.p_open**2) - self._p_open**2
         by_chance = self._p_open * (1 - self._p_open) / (self._days + 1)
         self._variance: Table = by_chance + np.maximum(spread, 0)
+        # Of the first midnight nothing is known: the same, bit for bit, as where nothing ever is.
+        self._p_open[0], self._variance[0], self._days[0] = PRIOR_P, PRIOR_P**2, 0.0
 
     def p_open(self, times_ns: Times, known_ns: Times) -> Probabilities:
         """Return P(open) alone: see `LearntModel.predict`."""

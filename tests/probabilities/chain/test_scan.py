@@ -39,3 +39,15 @@ def test_products_of_very_many_stay_finite() -> None:
 
     np.testing.assert_allclose(found.sum(0), 1.0)
     assert np.isfinite(found).all()
+
+
+def test_what_follows_changes_no_digit() -> None:
+    """
+    What stands at a place is the same bit for bit, however many matrices come behind it.
+    """
+    rng = np.random.default_rng(7)
+    matrices, first = rng.random((2, 2, 700)) ** 4, np.array([0.2, 0.8])
+    whole = states(matrices, first)
+
+    for count in (1, 2, 7, 8, 9, 63, 64, 65, 70, 255, 256, 257, 300, 699):
+        np.testing.assert_array_equal(states(matrices[:, :, :count], first), whole[:, :count])
