@@ -1,1 +1,1 @@
-"""Doors whose chances are known exactly, to hold estimators against: see `tools/eval_sim_doors.py`."""
+"""Doors whose chances are known exactly, to hold estimators against: `eval_sim_doors`."""

@@ -1,8 +1,8 @@
-"""Kinds of doors: office hours, ward, slot, weekend, flicker, sticky; and doors without any hours."""
+"""Kinds of doors: office hours, ward, slot, weekend, flicker, sticky; and doors without hours."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
@@ -21,8 +21,9 @@ class _Week:
         self.share, self.pace = np.full(SLOTS, share), np.full(SLOTS, pace)
 
     def hours(
-        self, days: range | list[int], start: float, end: float, share: float, pace: float
+        self, days: Iterable[int], start: float, end: float, share: float, pace: float
     ) -> _Week:
+        """Return the week with other hours on some days."""
         for day in days:
             slots = slice(round(day * 48 + 2 * start), round(day * 48 + 2 * end))
             self.share[slots], self.pace[slots] = share, pace
@@ -35,10 +36,8 @@ class _Week:
 def _office(rng: np.random.Generator) -> WeekChain:
     """Closed at night and at weekends; in and out by day."""
     start, end = rng.choice([7.5, 8.0, 9.0]), rng.choice([16.0, 17.0, 18.0])
-    week = _Week(0.01, 0.3).hours(
-        WORKING_DAYS, start, end, rng.uniform(0.5, 0.9), rng.uniform(1, 4)
-    )
-    return week.chain()
+    share, pace = rng.uniform(0.5, 0.9), rng.uniform(1, 4)
+    return _Week(0.01, 0.3).hours(WORKING_DAYS, start, end, share, pace).chain()
 
 
 def _ward(rng: np.random.Generator) -> WeekChain:
@@ -55,13 +54,12 @@ def _slot(rng: np.random.Generator) -> WeekChain:
 
 def _weekend(rng: np.random.Generator) -> WeekChain:
     """Open at weekends."""
-    return (
-        _Week(0.03, 0.3).hours([5, 6], 10, 18, rng.uniform(0.6, 0.9), rng.uniform(0.5, 2)).chain()
-    )
+    share, pace = rng.uniform(0.6, 0.9), rng.uniform(0.5, 2)
+    return _Week(0.03, 0.3).hours([5, 6], 10, 18, share, pace).chain()
 
 
 def _flicker(rng: np.random.Generator) -> WeekChain:
-    """Opens and closes every few minutes by day, a spring shuts it."""
+    """Opens and closes every few minutes by day; a spring shuts it."""
     week = _Week(0.02, 1.0)
     return week.hours(EVERY_DAY, 7, 20, rng.uniform(0.1, 0.4), rng.uniform(8, 20)).chain()
 

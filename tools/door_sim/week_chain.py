@@ -7,11 +7,13 @@ known at some time, and the mean wait are the solutions of the chain's equations
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.beliefs.trials import StateIntervals
+from semmap_log.probabilities.chain.markov_chain import Steps, filtered
 
 Reals = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -54,12 +56,32 @@ class WeekChain:
         slot = _slot(hours)
         return self._after(slot, self._at_slots()[slot], hours % SLOT_H)
 
-    def p_open_later(self, times_ns: Times, known_ns: Times, is_open: NDArray[np.bool_]) -> Reals:
-        """Return P(open) of a door whose state was known at a time before, (n,)."""
-        started, ended = _hours(known_ns), _hours(times_ns)
-        kept = np.exp(self._through(started) - self._through(ended))
-        expected, before = self.p_open(times_ns), self.p_open(known_ns)
-        return expected + kept * (is_open - before)
+    def p_open_later(self, times_ns: Times, known_ns: Times, p_then: NDArray[Any]) -> Reals:
+        """Return P(open) of a door of which it was known at a time before, (n,).
+
+        Args:
+            times_ns: (n,).
+            known_ns: (n,), before them.
+            p_then: (n,), P(open) at those; 0 or 1 where the state was known.
+        """
+        kept = self._kept(known_ns, times_ns)
+        return self.p_open(times_ns) + kept * (p_then - self.p_open(known_ns))
+
+    def p_open_by(self, seen_ns: Times, llr: Reals, known_ns: Times) -> Reals:
+        """Return P(open) at times of a door that was seen at others, (n,), the last one included.
+
+        Args:
+            seen_ns: (k,), ascending.
+            llr: (k,), what each says, nats.
+            known_ns: (n,).
+        """
+        before_ns = np.append(seen_ns[:1], seen_ns[:-1])
+        here, kept = self.p_open(seen_ns), self._kept(before_ns, seen_ns)
+        kept[0] = 0.0
+        from_closed = np.clip(here - kept * self.p_open(before_ns), 0, 1)
+        after, _ = filtered(Steps(from_closed, np.clip(from_closed + kept, 0, 1)), llr)
+        last = np.maximum(np.searchsorted(seen_ns, known_ns, "right") - 1, 0)
+        return self.p_open_later(known_ns, seen_ns[last], after[last])
 
     def wait_h(self, times_ns: Times, is_open: NDArray[np.bool_]) -> Reals:
         """Return the mean wait until the door is open, hours, (n,): 0 where it is.
@@ -117,6 +139,11 @@ class WeekChain:
     def _after(self, slot: NDArray[np.intp], p_open: Reals, hours: Reals) -> Reals:
         share = self.opening[slot] / np.maximum(self.relaxation[slot], 1e-300)
         found: Reals = share + np.exp(-self.relaxation[slot] * hours) * (p_open - share)
+        return found
+
+    def _kept(self, from_ns: Times, to_ns: Times) -> Reals:
+        """Return what is left of a deviation."""
+        found: Reals = np.exp(self._through(_hours(from_ns)) - self._through(_hours(to_ns)))
         return found
 
     def _through(self, hours: Reals) -> Reals:

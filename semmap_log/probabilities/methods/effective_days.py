@@ -34,8 +34,8 @@ HALF_LIFE_D = 56.0
 WARM_UP_D = 3.0
 """Residuals of the first days tell of bad forecasts: day d counts d / (d + that)."""
 PRIOR_FORGETS_H, PRIOR_WEIGHT = 24.0, 2.4
-"""Until residuals tell, deviations are forgotten so slowly; it counts as ten hours of a door that is
-as likely open as closed: a door that never changed has not shown how long it stays."""
+"""Until residuals tell, deviations are forgotten so slowly; it counts as ten hours of a door
+that is as likely open as closed: a door that never changed has not shown how long it stays."""
 FAST, LEAST_SIGNAL = 0.2, 0.1
 """Where residuals an hour apart hardly hang together, what is far apart has that share of it."""
 FEW_TIMES = 2.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,7 +36,7 @@ def noise_of(evidence: DoorEvidence, tables: DayTables, clock: LocalClock) -> Re
     )
     errs = (when_open * (1 - when_open) + when_closed * (1 - when_closed)) / 2
 
-    def so_far(of_days: Reals) -> Reals:
+    def so_far(of_days: NDArray[Any]) -> Reals:
         return np.append(0.0, np.cumsum(of_days))
 
     def by_day(of_visits: Reals) -> Reals:

@@ -1,4 +1,4 @@
-"""Hours of the week that are not like their hour of other days: a door that opens on Wednesdays only.
+"""Hours of the week that are not like that hour of other days: a door that opens on Wednesdays.
 
 Tables that are shrunk toward the hour of any day (`habits`) need months to believe in such a slot.
 Here each cell of the week may have a rate of its own, by itself or with the hour before or behind
@@ -131,8 +131,8 @@ class _Trials(NamedTuple):
 
     def gain(self, p_open: Tables, other: Tables) -> Tables:
         """Return by how much one foretold the days better, nats, (days, leads, 24, ...)."""
-        found = self.opened * np.log(p_open / other)
-        found += self.closed * np.log((1 - p_open) / (1 - other))
+        of_open, of_closed = np.log(p_open / other), np.log((1 - p_open) / (1 - other))
+        found = self.opened * of_open + self.closed * of_closed
         return np.where(self.is_known[..., None, None], found, 0.0)
 
     def weeks_before(self, row: Places, weekday: Places) -> Places:
@@ -142,7 +142,7 @@ class _Trials(NamedTuple):
 
 
 def _blocks(cells: Tables) -> Tables:
-    """Return (..., 24, blocks): the mean over each block's hours, at the cell that it counts from."""
+    """Return (..., 24, blocks): the mean over each block's hours, at the cell it counts from."""
     means = [np.mean([np.roll(cells, -hour, -1) for hour in block], axis=0) for block in BLOCKS]
     return np.stack(means, axis=-1)
 
@@ -156,7 +156,7 @@ def _pooled(gain: Tables) -> Tables:
         ],
         axis=-1,
     )
-    return np.clip(found, -_MOST_NATS, MOST_GAIN)
+    return np.asarray(np.clip(found, -_MOST_NATS, MOST_GAIN), np.float64)
 
 
 def _weights(gain: Tables, trials: _Trials) -> Tables:
