@@ -8,11 +8,12 @@ expected of the chain that explains them (`rates`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.probabilities.chain.markov_chain import Rates, passage
 from semmap_log.probabilities.chain.nodes import LOOK_NS, held_at, looks
 from semmap_log.probabilities.chain.rates import happened
