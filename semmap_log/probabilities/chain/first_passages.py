@@ -17,15 +17,14 @@ from semmap_log.common.late_dataclass import dataclass
 from semmap_log.probabilities.chain.markov_chain import Rates, passage
 from semmap_log.probabilities.chain.nodes import LOOK_NS, held_at, looks
 from semmap_log.probabilities.chain.rates import happened
+from semmap_log.probabilities.evidence.coverage import WEEK
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
+from semmap_log.probabilities.local_clock import HOUR_S, WORKING_DAYS, LocalClock
 
 Reals = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 HALF_LIFE_D = 56.0
-WEEK = (7, 24)
-WORKING_DAYS = 5
 START_PER_H = 0.25
 """A door of which nothing is known."""
 CHANGES = 0.2

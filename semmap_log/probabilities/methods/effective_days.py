@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.forecast import LEAST, MOST
+from semmap_log.probabilities.local_clock import DAYS_IN_WEEK
 from semmap_log.probabilities.methods.averaging import Weights
 from semmap_log.probabilities.methods.habits import (
-    DAYS_IN_WEEK,
     HALF_LIVES_D,
     KINDS,
     Habits,

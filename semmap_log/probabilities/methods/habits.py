@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P
+from semmap_log.probabilities.local_clock import DAYS_IN_WEEK, WORKING_DAYS
 
 Tables = NDArray[np.float64]
 
@@ -30,7 +31,6 @@ HOUR_DAYS, WEEK_DAYS = 2.0, 4.0
 """How many days the coarser table counts, where a finer one has evidence of its own."""
 NEIGHBOURS_H = 1.5
 """The hours beside one count e^(-distance / that)."""
-WORKING_DAYS, DAYS_IN_WEEK = 5, 7
 
 
 @dataclass(frozen=True, slots=True)

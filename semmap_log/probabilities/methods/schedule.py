@@ -17,11 +17,11 @@ from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.evidence.day_tables import DayTables, day_tables
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import PRIOR_P, Forecast, Probabilities
-from semmap_log.probabilities.local_clock import DAY_S, HOUR_S, LocalClock
+from semmap_log.probabilities.local_clock import DAY_S, DAYS_IN_WEEK, HOUR_S, LocalClock
 from semmap_log.probabilities.methods.averaging import lead_of, weights
 from semmap_log.probabilities.methods.by_door import LearntByDoor
 from semmap_log.probabilities.methods.effective_days import lasting_of, variances
-from semmap_log.probabilities.methods.habits import DAYS_IN_WEEK, habits
+from semmap_log.probabilities.methods.habits import habits
 from semmap_log.probabilities.methods.sensor_noise import noise_of
 from semmap_log.probabilities.methods.slots import slots
 
