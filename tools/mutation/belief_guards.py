@@ -134,7 +134,7 @@ METHODS = (
     guard("errors of a sensor do not outvote a slot", "_Trials.of",
           "np.maximum(tables.open_h[:, None, :, None], 0.0)", "tables.open_h[:, None, :, None]",
           "test_slots"),
-    guard("a habit that ends takes its slots along", "slots._heard",
+    guard("slots that foretell well are heard", "slots._heard",
           "found[day] * grows", "found[day]", "test_slots"),
     guard("what lasts proves less", "effective_days.variances",
           "p_open * (1 - p_open) * less", "p_open * (1 - p_open)", "test_effective_days"),

@@ -132,7 +132,9 @@ def lasting_of(by_table: Habits, tables: DayTables, noise: Reals) -> Lasting:
     first = np.minimum(near * np.exp(per_h * np.mean(NEAR_H)), 1.2)
     of_days = first / np.expm1(24 * per_h)
     of_day = (alone + 2 * first / np.expm1(per_h)) / 24
-    return Lasting(alone + 2 * of_days, of_day, noise)
+    of_hour = alone + 2 * of_days
+    of_hour[0] = of_day[0] = 1.0  # nothing is known yet
+    return Lasting(of_hour, of_day, noise)
 
 
 def _forgot(lags_h: tuple[int, ...]) -> float:

@@ -35,6 +35,7 @@ def test_rates_of_a_door_without_hours_come_back(*, until_open: bool) -> None:
 
     assert (1 / 5 if until_open else 1 / 2) == pytest.approx(found.per_h.mean(), rel=0.15)
     assert found.is_seen_between
+    assert found.count < 1 / (1 - 0.5 ** (1 / 56)), "days, discounted, however many there were"
 
 
 def test_a_burst_of_openings_is_one() -> None:

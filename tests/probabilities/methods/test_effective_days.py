@@ -9,9 +9,13 @@ import pytest
 from door_sim.kinds import without_hours
 from eval_sim_doors import intervals, told
 
+from semmap_log.probabilities.evidence.day_tables import day_tables
 from semmap_log.probabilities.local_clock import LocalClock
-from semmap_log.probabilities.methods.effective_days import _joint
+from semmap_log.probabilities.methods.averaging import weights
+from semmap_log.probabilities.methods.effective_days import _joint, lasting_of, variances
+from semmap_log.probabilities.methods.habits import habits
 from semmap_log.probabilities.methods.schedule import DoorSchedule
+from semmap_log.probabilities.methods.sensor_noise import noise_of
 from tests.probabilities.known import HOUR_NS, evidence, hours_ns
 
 DOORS = range(16)
@@ -70,6 +74,43 @@ def test_a_day_of_noisy_readings_proves_less_than_a_known_one() -> None:
         widths.append(float((said.high - said.low).mean()))
 
     assert widths[0] < widths[1]
+
+
+@pytest.mark.parametrize(("a_visit_h", "noise"), [(1.0, 0.09), (0.5, 0.045)])
+def test_readings_err_by_chance(a_visit_h: float, noise: float) -> None:
+    """
+    A corrected reading of an accuracy of .9 errs by .09 / .64, and counts as .64 of an hour; two
+    an hour still tell no more than that hour.
+    """
+    visits = [(h * a_visit_h + 0.25, h % 3 == 0) for h in range(round(14 * 24 / a_visit_h))]
+    known = evidence(visits=visits).up_to(int(hours_ns(14 * 24)) - 1)
+    tables = day_tables(known, UTC)
+
+    found = noise_of(known, tables, UTC)
+
+    assert 0 == found[0]
+    assert noise == pytest.approx(found[-1])
+    by_table = habits(tables)
+    worth = weights(by_table, tables)
+    wide, narrow = (
+        variances(by_table, tables, worth, lasting_of(by_table, tables, found)._replace(noise=of))
+        for of in (found, 0 * found)
+    )
+    assert (wide[-1] > narrow[-1]).all()
+
+
+def test_what_is_known_has_no_errors() -> None:
+    """
+    Stretches alone; and beside them as many visits: noise, but less.
+    """
+    stretches = [(24.0 * d, 24.0 * d + 12, False) for d in range(14)]
+    visits = [(24.0 * d + h + 0.5, False) for d in range(14) for h in range(12, 24)]
+    alone, both = (
+        evidence(stretches, of).up_to(int(hours_ns(14 * 24)) - 1) for of in ((), visits)
+    )
+
+    assert not noise_of(alone, day_tables(alone, UTC), UTC).any()
+    assert 0 < noise_of(both, day_tables(both, UTC), UTC)[-1] < 0.06
 
 
 def test_tables_err_together_as_far_as_the_surer_one_errs() -> None:
