@@ -264,8 +264,8 @@ STARTS = [
     ("_verb('replay', sys.argv[1])", CORE | {"typer", "rich"}, 128),
     ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 133),
     ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 128),
-    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 166),
-    ("_verb('why', sys.argv[1], '1', '--json')", CORE | {"typer"}, 175),
+    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 170),
+    ("_verb('why', sys.argv[1], '1', '--json')", CORE | {"typer"}, 177),
     ("_verb('--help')", {"typer"}, 21),
     ("_verb('--version')", {"typer"}, 21),
 ]  # fmt: skip

@@ -67,6 +67,9 @@ class BestTime:
     wait_s: float | None
     """How long it takes on average until the door is in that state; None: that is not known, or
     the estimator does not tell."""
+    wait_interval_s: tuple[float, float] | None
+    """The ends of its 90 % interval, as few changes leave it open; from 0: visits lie too far apart
+    to tell how fast the door changes."""
     sensor_doubts: Sequence[SensorDoubt] = ()
     """Sensors that are not as accurate as declared: the numbers are off."""
 
@@ -122,6 +125,7 @@ def best_time(
     coming = _Coming.of(near, asked_for, week.is_seen)
     most = most if week.is_known else 0
     now = belief(near, asked_for)
+    wait = _wait_s(near, now, state) if week.is_known else None
     return BestTime(
         state=state,
         now=now,
@@ -132,18 +136,24 @@ def best_time(
             coming.windows(coming.said, state, most), key=lambda window: window.start_ns
         ),
         never_seen=~week.is_seen,
-        wait_s=_wait_s(near, now, state) if week.is_known else None,
+        wait_s=wait and wait[0],
+        wait_interval_s=wait and wait[1],
         sensor_doubts=near.sensor_doubts(log),
     )
 
 
-def _wait_s(asked: BeliefQuery, now: DoorBelief, state: State) -> float | None:
-    """Return the expected wait, if the estimator follows the door's state over time."""
+def _wait_s(
+    asked: BeliefQuery, now: DoorBelief, state: State
+) -> tuple[float, tuple[float, float]] | None:
+    """Return the expected wait and its interval, if the estimator follows the door's state."""
     learnt = asked.beliefs.learnt(asked.known_ns)
     if not isinstance(learnt, StateModel) or not now.is_known:
         return None
-    seconds = learnt.wait_s(now.door.door_id, asked.known_ns, until_open=state == "open")
-    return seconds if math.isfinite(seconds) else None
+    door_id, until_open = now.door.door_id, state == "open"
+    seconds = learnt.wait_s(door_id, asked.known_ns, until_open=until_open)
+    if not math.isfinite(seconds):
+        return None
+    return seconds, learnt.wait_interval_s(door_id, asked.known_ns, until_open=until_open)
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,6 +77,11 @@ class StateModel(Protocol):
         else at `at_ns`. With `is_other` the door is not so then, for sure.
         """
 
+    def wait_interval_s(
+        self, door_id: DoorId, at_ns: int, *, until_open: bool = True
+    ) -> tuple[float, float]:
+        """Return the ends of the 90 % interval of that expected wait; 0: it may be any pace."""
+
 
 class Estimator(Protocol):
     """A method; its settings are its fields, and the same evidence gives the same forecasts."""

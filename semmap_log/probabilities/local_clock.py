@@ -15,6 +15,7 @@ from semmap_log.domain.moments import SECOND_NS, zone
 
 Times = NDArray[np.int64]
 HOUR_S, DAY_S, WEEK_S = 3_600, 86_400, 604_800
+WORKING_DAYS, DAYS_IN_WEEK = 5, 7
 _MONDAY_S = 4 * DAY_S
 """1970-01-05, a Monday: weeks are counted from there."""
 

@@ -67,13 +67,24 @@ def _of_week(window: LikelyHours) -> str:
     return f"{DAY_NAMES[first // HOURS]} {first % HOURS:02}:00 to {until}"
 
 
+def _wait(found: BestTime) -> str:
+    """Return `2 h 10 min (1 h 40 min to 3 h)`, the interval where there is a wait."""
+    assert found.wait_s is not None
+    assert found.wait_interval_s is not None
+    mean, least, most = (
+        duration(round(seconds) * SECOND_NS) for seconds in (found.wait_s, *found.wait_interval_s)
+    )
+    if least == most:
+        return mean
+    return f"{mean} ({least} to {most})" if found.wait_interval_s[0] else f"{mean} (up to {most})"
+
+
 def _notes(found: BestTime) -> list[str]:
     now = found.now
     said = with_interval(now.p_open, now.low, now.high) if now.is_known else "UNKNOWN"
     notes = [f"now, {moment_in_words(now.known_ns, found.tz)} ({found.tz}): P(open) {said}"]
     if found.wait_s is not None:
-        wait = duration(round(found.wait_s) * SECOND_NS)
-        notes.append(f"expected wait until {found.state}: {wait}")
+        notes.append(f"expected wait until {found.state}: {_wait(found)}")
     if found.never_seen.any():
         notes.append(f"left out, never seen then: {spans_in_short(found.never_seen)}")
     return notes

@@ -76,7 +76,7 @@ PLANNING = (
           "found[1] | {door}", "found[1]", "planning.test_trip_policy"),
     guard("trip: no way by the outside", "doors_on_ways._doors_of_pairs",
           "OUTSIDE not in pair or OUTSIDE in ends", "True", "planning.test_doors_on_ways"),
-    guard("trip: who waits only so long", "DoorFilter.wait_s",
+    guard("trip: who waits only so long", "DoorFilter._mean_wait_s",
           "np.clip(most_s - np.arange(len(rate)) * step_s, 0.0, step_s)",
           "np.full(len(rate), step_s)", "probabilities.methods.test_waiting"),
     guard("patrol learning: the tour goes on where it stopped",

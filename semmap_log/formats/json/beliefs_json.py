@@ -91,6 +91,9 @@ def best_time_to_json(found: BestTime, *, known_at_ns: int | None = None) -> dic
             "is_known": now.is_known,
         },
         "wait_s": None if found.wait_s is None else round(found.wait_s, 1),
+        "wait_interval_s": (
+            None if found.wait_interval_s is None else [round(s, 1) for s in found.wait_interval_s]
+        ),
         "of_the_week": [_window(window) for window in found.of_the_week],
         "next": [_window(window) for window in found.next_ones],
         "evidence": _evidence(now.evidence, now.known_ns),

@@ -76,7 +76,7 @@ def learn_rates(
             break
         last = likelihood
         weight_s = 0.0 if prior is None else PRIOR_S
-        better = _likeliest(_happened(nodes, rates, along, count), expected, weight_s)
+        better = _likeliest(happened(nodes, rates, along, count), expected, weight_s)
         kept = ~np.repeat(learns, bins)
         rates = Rates(
             np.where(kept, rates.opening, better.opening),
@@ -99,7 +99,7 @@ def _likeliest(happened: Reals, expected: Rates, weight_s: float) -> Rates:
     )
 
 
-def _happened(nodes: Nodes, rates: Rates, along: ChainLikelihoods, count: int) -> Reals:
+def happened(nodes: Nodes, rates: Rates, along: ChainLikelihoods, count: int) -> Reals:
     """Return (4, count): openings, closings, seconds closed and seconds open to expect, by bin."""
     inner = np.flatnonzero(~nodes.begins)
     before, gap_s = nodes.bin[inner - 1], nodes.gap_s[inner]

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.probabilities.evidence.day_tables import DayTables
-from semmap_log.probabilities.methods.habits import DAYS_IN_WEEK, Habits
+from semmap_log.probabilities.local_clock import DAYS_IN_WEEK
+from semmap_log.probabilities.methods.habits import Habits
 
 Weights = NDArray[np.float64]
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
+from semmap_log.common.lazily import computed_once
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import HOUR_NS
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
@@ -21,7 +22,7 @@ from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.by_door import LearntByDoor
 from semmap_log.probabilities.methods.habits import PRIOR_DAYS
-from semmap_log.probabilities.methods.schedule import LEAST_H
+from semmap_log.probabilities.methods.schedule import LEAST_H, DoorSchedule
 
 Times = NDArray[np.int64]
 Reals = NDArray[np.float64]
@@ -31,12 +32,17 @@ class DoorCount:
     """What was counted of one door, at any time."""
 
     def __init__(self, evidence: DoorEvidence, clock: LocalClock) -> None:
-        self._evidence = evidence
+        self._evidence, self._clock = evidence, clock
         first = evidence.is_visit
         self._visits_ns = evidence.seen_ns[first]
         weight, is_open = _of_visits(evidence, clock)
         self._visits_h = np.append(0.0, np.cumsum(weight))
         self._visits_open_h = np.append(0.0, np.cumsum(is_open))
+
+    @computed_once
+    def _schedule(self) -> DoorSchedule:
+        """Tells how long the door stays as it is: so much less do hours in a row prove."""
+        return DoorSchedule(self._evidence, self._clock)
 
     def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
         """Return forecasts: see `LearntModel.predict`."""
@@ -45,15 +51,15 @@ class DoorCount:
             self._evidence.start_ns, self._evidence.end_ns, self._evidence.is_open,
         )  # fmt: skip
         visit = np.searchsorted(self._visits_ns, until_ns, "right")
-        known_ns = covered_ns(start_ns, end_ns, until_ns)
+        held_ns = covered_ns(start_ns, end_ns, until_ns)
         open_ns = covered_ns(start_ns[is_open], end_ns[is_open], until_ns)
-        known_h = self._visits_h[visit] + known_ns / HOUR_NS
+        known_h = self._visits_h[visit] + held_ns / HOUR_NS
         open_h = self._visits_open_h[visit] + open_ns / HOUR_NS
         days = known_h / 24
         p_open = (open_h / 24 + PRIOR_DAYS * PRIOR_P) / (days + PRIOR_DAYS)
         p_open = np.where(known_h >= LEAST_H, open_h / np.maximum(known_h, LEAST_H), p_open)
         p_open = np.clip(p_open, LEAST, MOST)
-        variance = p_open * (1 - p_open) / (days + 1)
+        variance = self._schedule.day_variance(p_open, days, until_ns)
         return Forecast.around(p_open, variance, known_h >= LEAST_H, days)
 
 

@@ -19,11 +19,12 @@ from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.lazily import computed_once
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import SECOND_NS
+from semmap_log.probabilities.chain.first_passages import Passages, first_passages
 from semmap_log.probabilities.chain.forgetting import Forgetting, forgettings_of
 from semmap_log.probabilities.chain.nodes import LOOK_NS, Looks, held_at, looks, training_set
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import LEAST, MOST, Forecast
-from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
 from semmap_log.probabilities.methods.by_door import LearntByDoor
 from semmap_log.probabilities.methods.epoch import NEVER, Belief, Epoch, believed
 from semmap_log.probabilities.methods.memory import Memory
@@ -65,6 +66,7 @@ class DoorFilter:
         self._rates = rates
         self._first_day = int(self._days(np.array([evidence.first_ns]))[0])
         self._epochs: dict[int, Epoch] = {}
+        self._passed: dict[tuple[int, bool], Passages] = {}
 
     @computed_once
     def schedule(self) -> DoorSchedule:
@@ -115,8 +117,8 @@ class DoorFilter:
     ) -> float:
         """Return how long it will take, on average, until the door is open, or closed; seconds.
 
-        It is the mean first passage of the chain: through time t survive e^(-H(t)) of the doors
-        that are not so yet, H being the sum of their rates.
+        It is the mean first passage: through time t survive e^(-H(t)) of the doors that are not so
+        yet, H being the sum of their rates.
 
         Args:
             at_ns: From then on.
@@ -126,24 +128,45 @@ class DoorFilter:
             is_other: It is found closed, or open, then: there is a wait for sure.
         """
         told_ns = at_ns if known_ns is None else min(known_ns, at_ns)
+        per_h = self._passages(told_ns, until_open).per_h
+        waited_s = self._mean_wait_s(at_ns, per_h, most_s)
+        return waited_s if is_other else self._waits(at_ns, told_ns, until_open) * waited_s
+
+    def wait_interval_s(self, at_ns: int, *, until_open: bool) -> tuple[float, float]:
+        """Return the ends of the 90 % interval of that mean, as few passages leave it open."""
+        passages, waits = self._passages(at_ns, until_open), self._waits(at_ns, at_ns, until_open)
+        longest, shortest = (
+            0.0 if np.isinf(factor) else self._mean_wait_s(at_ns, factor * passages.per_h)
+            for factor in passages.bounds
+        )
+        return waits * shortest, waits * longest
+
+    def _waits(self, at_ns: int, told_ns: int, until_open: bool) -> float:  # noqa: FBT001 - private
+        """Return how likely there is a wait at all."""
+        here = float(self.predict(np.array([at_ns]), np.array([told_ns])).p_open[0])
+        return 1 - here if until_open else here
+
+    def _mean_wait_s(self, at_ns: int, per_h: Reals, most_s: float | None = None) -> float:
         steps_ns = at_ns + np.arange(WAIT_D * 48, dtype=np.int64) * LOOK_NS
-        told = np.full(len(steps_ns), told_ns)
-        forgetting = self._epoch(self.epoch_at(told_ns)).forgetting
-        here = self.predict(steps_ns[:1], told[:1]).p_open[0]
-        expected = self.schedule.p_open(steps_ns, told)
         step_s = LOOK_NS / SECOND_NS
-        # What changes faster than it is looked at may do so at any pace: looks do not tell which.
-        relaxation = np.minimum(forgetting.rates.relaxation, 1 / step_s)
-        rate = relaxation[self._clock.hour_of(steps_ns) % 24]
-        rate = rate * (expected if until_open else 1 - expected)
+        hour = self._clock.hour_of(steps_ns + LOOK_NS // 2)
+        rate = per_h[hour // 24 % 7, hour % 24] / HOUR_S
         if most_s is None:
             left = np.exp(-np.append(0.0, np.cumsum(rate * step_s)))
-            waited_s = float(((left[:-1] - left[1:]) / rate).sum() + left[-1] / rate.mean())
-        else:
-            lasts_s = np.clip(most_s - np.arange(len(rate)) * step_s, 0.0, step_s)
-            left = np.exp(-np.append(0.0, np.cumsum(rate * lasts_s)))
-            waited_s = float(((left[:-1] - left[1:]) / rate).sum())
-        return waited_s if is_other else float(1 - here if until_open else here) * waited_s
+            return float(((left[:-1] - left[1:]) / rate).sum() + left[-1] / rate.mean())
+        lasts_s = np.clip(most_s - np.arange(len(rate)) * step_s, 0.0, step_s)
+        left = np.exp(-np.append(0.0, np.cumsum(rate * lasts_s)))
+        return float(((left[:-1] - left[1:]) / rate).sum())
+
+    def _passages(self, told_ns: int, until_open: bool) -> Passages:  # noqa: FBT001 - private
+        """Return how soon it passes to that state, as the last midnight knew it."""
+        midnight_ns = int(self._clock.midnights_ns(self._days(np.array([told_ns])))[0])
+        key = midnight_ns, until_open
+        if key not in self._passed:
+            known = self._evidence.up_to(midnight_ns - 1)
+            rates = self._epoch(self.epoch_at(told_ns)).forgetting.rates
+            self._passed[key] = first_passages(known, self._clock, rates, until_open=until_open)
+        return self._passed[key]
 
     def _belief(self, epoch: Epoch, known_ns: Times) -> Belief:
         """Return what was believed at each time; where the state is known, that."""
@@ -278,6 +301,14 @@ class LearntFilter(LearntByDoor[DoorFilter]):
         return self.door(door_id).wait_s(
             at_ns, until_open=until_open, most_s=most_s, known_ns=known_ns, is_other=is_other
         )
+
+    def wait_interval_s(
+        self, door_id: DoorId, at_ns: int, *, until_open: bool = True
+    ) -> tuple[float, float]:
+        """Return the ends of the 90 % interval of the expected wait, seconds; NaN: not known."""
+        if door_id not in self.evidence:
+            return math.nan, math.nan
+        return self.door(door_id).wait_interval_s(at_ns, until_open=until_open)
 
 
 @dataclass(frozen=True, slots=True)

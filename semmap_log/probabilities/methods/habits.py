@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P
+from semmap_log.probabilities.local_clock import DAYS_IN_WEEK, WORKING_DAYS
 
 Tables = NDArray[np.float64]
 
@@ -30,7 +31,6 @@ HOUR_DAYS, WEEK_DAYS = 2.0, 4.0
 """How many days the coarser table counts, where a finer one has evidence of its own."""
 NEIGHBOURS_H = 1.5
 """The hours beside one count e^(-distance / that)."""
-WORKING_DAYS, DAYS_IN_WEEK = 5, 7
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +56,10 @@ def habits(tables: DayTables) -> Habits:
     Args:
         tables: Of whole days.
     """
-    sums = _weekly_sums(tables)
-    undiscounted = _mean(_discounted(sums, np.inf), np.full(len(sums) + 1, PRIOR_P))
+    sums = weekly_sums(tables)
+    undiscounted = _mean(discounted(sums, np.inf), np.full(len(sums) + 1, PRIOR_P))
     by_half_life = [
-        _shrunk(_discounted(sums, half_life), undiscounted) for half_life in HALF_LIVES_D
+        _shrunk(discounted(sums, half_life), undiscounted) for half_life in HALF_LIVES_D
     ]
     p_open = np.concatenate([p for p, _ in by_half_life], axis=1)
     days = np.concatenate([n for _, n in by_half_life], axis=1)
@@ -71,7 +71,7 @@ def habits(tables: DayTables) -> Habits:
     )
 
 
-def _weekly_sums(tables: DayTables) -> Tables:
+def weekly_sums(tables: DayTables) -> Tables:
     """Return (days, 2, 7, 24): hours open and known of each day, at its weekday."""
     rows = np.arange(len(tables))
     sums = np.zeros((len(tables), 2, DAYS_IN_WEEK, 24))
@@ -80,7 +80,7 @@ def _weekly_sums(tables: DayTables) -> Tables:
     return sums
 
 
-def _discounted(sums: Tables, half_life_d: float) -> Tables:
+def discounted(sums: Tables, half_life_d: float) -> Tables:
     """Return (days + 1, 2, 7, 24): at each midnight, the days before it, old ones discounted."""
     keep = 0.5 ** (1.0 / half_life_d)
     found = np.zeros((len(sums) + 1, *sums.shape[1:]))

@@ -1,0 +1,1 @@
+"""Doors whose chances are known exactly, to hold estimators against: `eval_sim_doors`."""
