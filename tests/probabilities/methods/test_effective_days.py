@@ -105,9 +105,7 @@ def test_what_is_known_has_no_errors() -> None:
     """
     stretches = [(24.0 * d, 24.0 * d + 12, False) for d in range(14)]
     visits = [(24.0 * d + h + 0.5, False) for d in range(14) for h in range(12, 24)]
-    alone, both = (
-        evidence(stretches, of).up_to(int(hours_ns(14 * 24)) - 1) for of in ((), visits)
-    )
+    alone, both = (evidence(stretches, of).up_to(int(hours_ns(14 * 24)) - 1) for of in ((), visits))
 
     assert not noise_of(alone, day_tables(alone, UTC), UTC).any()
     assert 0 < noise_of(both, day_tables(both, UTC), UTC)[-1] < 0.06
