@@ -144,7 +144,7 @@ def test_nothing_else_takes_any_keyword() -> None:
     for module in pkgutil.walk_packages([str(package)], "semmap_log."):
         path = package.parent / Path(*module.name.split("."))
         path = path / "__init__.py" if module.ispkg else path.with_suffix(".py")
-        if ".cli" in module.name:
+        if ".cli" in module.name or not path.exists():  # what is compiled has no such functions
             continue
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.FunctionDef) and node.args.kwarg is not None:

@@ -21,7 +21,7 @@ PACKAGE = Path(__file__).parents[1] / "semmap_log"
 ORDER = [
     {"common"},
     {"errors"},
-    {"io"},
+    {"io", "loops"},
     {"domain"},
     {"events"},
     {"messages"},
@@ -256,18 +256,18 @@ CORE = {"numpy", "mcap", "zstandard"}
 
 STARTS = [
     ("import semmap_log", set(), 9),
-    ("import semmap_log as sl; sl.read(sys.argv[1]).replay()", CORE, 92),
-    *((f"_verb({verb}, '--json')", CORE | {"typer"}, 125) for verb in (
+    ("import semmap_log as sl; sl.read(sys.argv[1]).replay()", CORE, 98),
+    *((f"_verb({verb}, '--json')", CORE | {"typer"}, 131) for verb in (
         "'replay', sys.argv[1]", "'history', sys.argv[1], '-n', '3'", "'show', sys.argv[1], '58'",
         "'diff', sys.argv[1], '10:00', '11:00'", "'timeline', sys.argv[1], '1'",
     )),
-    ("_verb('replay', sys.argv[1])", CORE | {"typer", "rich"}, 128),
-    ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 133),
-    ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 128),
-    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 170),
-    ("_verb('why', sys.argv[1], '1', '--json')", CORE | {"typer"}, 177),
+    ("_verb('replay', sys.argv[1])", CORE | {"typer", "rich"}, 134),
+    ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 139),
+    ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 134),
+    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 176),
+    ("_verb('why', sys.argv[1], '1', '--json')", CORE | {"typer"}, 183),
     ("_verb('--help')", {"typer"}, 21),
-    ("_verb('--version')", {"typer"}, 21),
+    ("_verb('--version')", {"typer"}, 23),
 ]  # fmt: skip
 """What a program does -> which third parties it loads, and at most how many modules of ours.
 

@@ -103,7 +103,9 @@ def fate_of(mutant: Mutant) -> Fate:
         command = [sys.executable, "-m", "pytest", "--all", "-x", "-q", "--tb=no", "--no-header",
                    "-p", "no:cacheprovider", *tests]  # fmt: skip
         environment = {**os.environ, "PYTHONPATH": str(tree), "TMPDIR": str(temporary),
-                       "PYTHONDONTWRITEBYTECODE": "1"}  # fmt: skip
+                       "PYTHONDONTWRITEBYTECODE": "1",
+                       "SEMMAP_LOG_PLAIN": "1"}  # fmt: skip
+        # What numpy does is mutated; tests of the compiled loops turn these on.
         try:
             done = subprocess.run(command, cwd=tree, env=environment, capture_output=True,
                                   text=True, check=False, timeout=TIMEOUT_S)  # fmt: skip

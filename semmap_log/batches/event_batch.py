@@ -215,6 +215,11 @@ class EventBatch(MadeOfColumns):
             places = self._places[kind] = np.flatnonzero(self.kind == kind)
         return places
 
+    def with_places(self, places: Mapping[int, NDArray[np.intp]]) -> Self:
+        """Return it, told where the events of some kinds are, by who had to know it to make it."""
+        self._places.update(places)
+        return self
+
     def door_ids(self) -> NDArray[np.uint32]:
         """Return the door each event is about; 0 where it is about none.
 

@@ -21,7 +21,10 @@ def _version(asked: bool) -> None:  # noqa: FBT001 - typer's callback
     if asked:
         from importlib.metadata import version
 
-        typer.echo(f"semmap-log {version('semmap-log')}")
+        from semmap_log.loops import compiled
+
+        loops = "without compiled loops" if compiled() is None else "with compiled loops"
+        typer.echo(f"semmap-log {version('semmap-log')} ({loops})")
         raise typer.Exit
 
 

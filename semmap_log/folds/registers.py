@@ -19,6 +19,7 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.events import SETTING_KINDS, DoorEvent, Event
 from semmap_log.domain.meaning import REGISTER_OF, REGISTERS, Presence
+from semmap_log.loops import compiled
 
 Array = NDArray[Any]
 
@@ -56,6 +57,8 @@ class DoorColumns(Mapping[str, Array]):
         self.room = room
         self._happened_ns = np.full((len(REGISTERS), room), -1, np.int64)
         self._event = np.full((len(REGISTERS), room), NEVER, np.int64)
+        self._scratch = np.empty(0, np.int64)
+        """What a loop works with: -1 for each row, between two calls."""
         self._named: dict[str, Array] = {
             "door_id": np.zeros(room, "u4"),
             "last_event": np.full(room, NEVER, "i8"),
@@ -93,7 +96,11 @@ class DoorColumns(Mapping[str, Array]):
 
     def touch(self, rows: NDArray[np.intp], numbers: NDArray[np.int64]) -> None:
         """Note, for each door, the last event about it, whatever that sets."""
-        np.maximum.at(self._named["last_event"], rows, numbers)
+        loops = compiled()
+        if loops is None:
+            np.maximum.at(self._named["last_event"], rows, numbers)
+        else:
+            loops.keep_greatest(self._named["last_event"], rows, numbers)
 
     def write(
         self,
@@ -112,6 +119,36 @@ class DoorColumns(Mapping[str, Array]):
         """
         if not written:
             return
+        loops = compiled()
+        if loops is None:
+            self._write_at_once(written, rows, happened, numbers)
+            return
+        if len(self._scratch) < self.room:
+            self._scratch = np.full(self.room, -1, np.int64)
+        for writes in written:
+            place = _PLACE_OF[writes.register]
+            won = np.empty(min(len(writes.positions), self.room), np.int64)
+            count = loops.settle(
+                writes.positions, rows, happened, numbers,
+                self._happened_ns[place], self._event[place], self._scratch, won,
+            )  # fmt: skip
+            self._keep(writes, won[:count], rows)
+
+    def _keep(self, writes: Writes, won: NDArray[np.intp], rows: NDArray[np.intp]) -> None:
+        """Keep the values of the writes at some places among these; one at most for each row."""
+        if len(won):
+            mine = rows[writes.positions[won]]
+            for name, values in writes.values_of(won).items():
+                self._named[name][mine] = values
+
+    def _write_at_once(
+        self,
+        written: Sequence[Writes],
+        rows: NDArray[np.intp],
+        happened: NDArray[np.int64],
+        numbers: NDArray[np.int64],
+    ) -> None:
+        """Write by numpy, all registers at once."""
         where = np.concatenate([writes.positions for writes in written])
         ends = np.cumsum([len(writes.positions) for writes in written]).tolist()
         spans = list(zip([0, *ends[:-1]], ends, strict=True))
@@ -121,14 +158,10 @@ class DoorColumns(Mapping[str, Array]):
             cells[start:end] += register
         winners = self._settle(cells, happened.take(where), where, numbers)
         borders = np.searchsorted(winners, [0, *ends]).tolist()
-        for writes, (start, _), register, (first, behind) in zip(
-            written, spans, registers, pairwise(borders), strict=True
+        for writes, (start, _), (first, behind) in zip(
+            written, spans, pairwise(borders), strict=True
         ):
-            won = winners[first:behind]
-            if len(won):
-                mine = cells[won] - register
-                for name, values in writes.values_of(won - start).items():
-                    self._named[name][mine] = values
+            self._keep(writes, winners[first:behind] - start, rows)
 
     def write_one(self, row: int, event: DoorEvent, stamp: tuple[int, int]) -> None:
         """Write what one event sets, where that is newer; the same as `write`, for few of them."""

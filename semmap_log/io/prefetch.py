@@ -24,10 +24,13 @@ MOST_THREADS = 4
 def ahead(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:
     """Yield what the tasks return, in their order; a few are worked at while one is used.
 
+    Who would wait for the next one works at one that nobody has begun instead: so each core has one
+    thread, and what a thread has in its core's cache stays there.
+
     On a machine with one core, or on one core of it, each is done when its result is wanted.
 
     Args:
-        tasks: Called from other threads; what one raises is raised here, in its place.
+        tasks: Called from other threads, too; what one raises is raised here, in its place.
     """
     threads = min(_cores(), MOST_THREADS)
     if threads < 2:
@@ -35,11 +38,13 @@ def ahead(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:
             yield task()
         return
     coming = iter(tasks)
-    running = deque(_Begun(task, threads) for task in islice(coming, threads))
+    running = deque(_Begun(task, threads - 1) for task in islice(coming, threads + 1))
     try:
         while running:
+            while not running[0].is_done and any(begun.take() for begun in running):
+                pass
             result = running.popleft().result()
-            running.extend(_Begun(task, threads) for task in islice(coming, 1))
+            running.extend(_Begun(task, threads - 1) for task in islice(coming, 1))
             yield result
     finally:
         for begun in running:
@@ -63,6 +68,26 @@ class _Begun(Generic[T]):
         # Where the interpreter is ending, or the machine has no more threads: done when wanted.
         with suppress(RuntimeError):
             self._future = _pool(self._pid, threads).submit(task)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether its result is there."""
+        future = self._own_future()
+        return future is not None and future.done()
+
+    def take(self) -> bool:
+        """Do the task here and now if nobody has begun it; return whether that was so."""
+        from concurrent.futures import Future
+
+        future = self._own_future()
+        if future is None or not future.cancel():
+            return False
+        self._future = Future()
+        try:
+            self._future.set_result(self._task())
+        except Exception as error:  # noqa: BLE001 - raised in its place: `result`
+            self._future.set_exception(error)
+        return True
 
     def result(self) -> T:
         """Return what the task returns; one that nobody here works at is done now."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 import threading
-import zlib
 from collections.abc import Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
+from semmap_log.io.checksum import crc32
 from semmap_log.store import records as mcap
 from semmap_log.store.form import (
     COMPRESS_FROM_BYTES,
@@ -149,7 +149,7 @@ def assemble_chunk(
         stored_size=len(stored),
         size=len(records),
         compression=compression,
-        crc=zlib.crc32(records),
+        crc=crc32(records),
         start=times[0],
         end=times[1],
     )
@@ -218,13 +218,13 @@ def check_crc(records: bytes | memoryview, crc: int) -> None:
     Raises:
         ChunkDamage: They do not fit.
     """
-    if zlib.crc32(records) != crc:
+    if crc32(records) != crc:
         raise ChunkDamage(crc_problem(records, crc))
 
 
 def crc_problem(records: bytes | memoryview, crc: int) -> str:
     """Say what is wrong with records that do not fit their CRC."""
-    return f"its CRC says {crc:08x}, its bytes {zlib.crc32(records):08x}"
+    return f"its CRC says {crc:08x}, its bytes {crc32(records):08x}"
 
 
 def most_unpacked(stored_size: int) -> int:

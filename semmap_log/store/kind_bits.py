@@ -41,14 +41,16 @@ def _bit_of_kind(kind: int) -> int:
     return 1 << kind if kind <= len(KINDS) else UNKNOWN_BIT
 
 
-_BITS = np.full(2**16, _bit_of_channel(FLOOR_MAP_CHANNEL), np.uint32)
+BIT_OF_CHANNEL = np.full(2**16, _bit_of_channel(FLOOR_MAP_CHANNEL), np.uint32)
 """Of each channel there can be: those behind the first floor map's carry floor maps, too."""
-_BITS[:FLOOR_MAP_CHANNEL] = [_bit_of_channel(channel) for channel in range(FLOOR_MAP_CHANNEL)]
+BIT_OF_CHANNEL[:FLOOR_MAP_CHANNEL] = [
+    _bit_of_channel(channel) for channel in range(FLOOR_MAP_CHANNEL)
+]
 
 
 def bits_of_channels(channels: NDArray[np.uint16]) -> NDArray[np.uint32]:
     """Return the bit of each channel."""
-    bits: NDArray[np.uint32] = _BITS.take(channels)
+    bits: NDArray[np.uint32] = BIT_OF_CHANNEL.take(channels)
     return bits
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import starmap
 from pathlib import PurePath
@@ -14,47 +14,39 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch, SourcesOf
 from semmap_log.batches.event_columns import LazyColumns
+from semmap_log.batches.kind_places import places_by_kind
 from semmap_log.common.distinct import distinct
 from semmap_log.common.lazily import computed_once
 from semmap_log.domain.commits import Commit, Durability, Note
-from semmap_log.domain.events import DOOR_KINDS, KINDS, Event, FloorMap, UnknownEvent, unknown_kind
+from semmap_log.domain.events import KINDS, Event, UnknownEvent, unknown_kind
 from semmap_log.errors import CorruptLogError
-from semmap_log.messages import (
-    OBJECT_KINDS,
-    decode,
-    fixed_layout,
-    layout,
-    read_message,
-    type_name,
-)
+from semmap_log.messages import decode, fixed_layout, layout, read_message, type_name
 from semmap_log.store import records as mcap
+from semmap_log.store.event_fields import (
+    ABOUT_A_DOOR,
+    FIXED_KINDS,
+    EventFields,
+    fields_of,
+    kinds_of,
+    message_lengths,
+    numbers_of_sequence,
+)
 from semmap_log.store.form import (
     COMMIT_CHANNEL,
     FLOOR_MAP_CHANNEL,
     KEYFRAME_CHANNEL,
     NOTE_CHANNEL,
-    kind_of_channel,
 )
-from semmap_log.store.kind_bits import UNKNOWN_BIT, bits_of_channels, kinds_of_bits
+from semmap_log.store.kind_bits import bits_of_channels
 from semmap_log.store.newer import name_of
-from semmap_log.store.record_scan import ChunkDamage, ScannedRecords, gather, heads_of, walk
-
-_KIND_OF_CHANNEL = np.full(2**16, FloorMap.kind, np.uint8)
-"""Of each channel there can be; those behind the first floor map's carry floor maps, too."""
-_KIND_OF_CHANNEL[:FLOOR_MAP_CHANNEL] = [
-    kind_of_channel(channel) or 0 for channel in range(FLOOR_MAP_CHANNEL)
-]
-
-
-def kinds_of(channels: NDArray[np.uint16]) -> NDArray[np.uint8]:
-    """Return the kind of event on each channel; 0: Commit, CommitNote, Keyframe or foreign."""
-    kinds: NDArray[np.uint8] = _KIND_OF_CHANNEL.take(channels)
-    return kinds
-
-
-_ABOUT_A_DOOR = np.zeros(2**8, np.bool_)
-"""Of each kind: whether its events begin with the door that they are about."""
-_ABOUT_A_DOOR[list(DOOR_KINDS - OBJECT_KINDS)] = True
+from semmap_log.store.record_scan import (
+    ChunkDamage,
+    ScannedRecords,
+    gather,
+    gather_behind,
+    heads_of,
+    walk,
+)
 
 
 class Heads:
@@ -151,48 +143,44 @@ class Page:
     def _events(
         self, sources_of: SourcesOf | None, names: Mapping[int, str], doors: Collection[int] | None
     ) -> EventBatch:
-        kinds = kinds_of(self.heads["channel_id"])
-        bits = int(np.bitwise_or.reduce(self.bits))
-        self._check_lengths(kinds, kinds_of_bits(bits))
-        is_wanted = kinds != 0
+        fields = self.event_fields
         if doors is not None:
-            is_wanted &= ~_ABOUT_A_DOOR.take(kinds) | np.isin(self.heads["door_id"], list(doors))
-            bits = int(np.bitwise_or.reduce(self.bits[is_wanted], initial=0))
-        there = kinds_of_bits(bits)
-        chosen = np.flatnonzero(is_wanted)
-        sequence, happened, recorded, door_ids = (
-            self.heads[name].take(chosen)
-            for name in ("sequence", "publish_time", "log_time", "door_id")
-        )
-        places: dict[int, NDArray[np.intp]] = {}
+            is_about_others = ABOUT_A_DOOR.take(fields.kind) & ~np.isin(fields.door_id, list(doors))
+            fields = fields.chosen(~is_about_others)
+        places = places_by_kind(fields.kind)
+        fixed = {kind: mine for kind, mine in places.items() if kind in FIXED_KINDS}
         objects: dict[int, list[Event]] = {}
-        batch = EventBatch(
-            number=self._numbers(sequence),
-            kind=kinds.take(chosen),
-            happened_ns=happened,
-            recorded_ns=recorded,
+        door_ids = fields.door_id
+        for kind, mine in places.items():
+            if kind not in fixed:
+                objects[kind] = self._objects(kind, fields.place[mine], names)
+                door_ids[mine] = [getattr(event, "door_id", 0) for event in objects[kind]]
+        return EventBatch(
+            number=fields.number,
+            kind=fields.kind,
+            happened_ns=fields.happened_ns,
+            recorded_ns=fields.recorded_ns,
             columns=LazyColumns(
-                places, lambda kind, some: self._rows(kind, chosen[places[kind][some]])
+                fixed, lambda kind, some: self._rows(kind, fields.place[fixed[kind][some]])
             ),
             objects=objects,
             known_door_ids=door_ids,
             sources_of=sources_of,
-        )
-        for kind in there:
-            mine = batch.places_of(kind)
-            if kind in OBJECT_KINDS:
-                objects[kind] = [self._object(kind, i) for i in chosen[mine].tolist()]
-                door_ids[mine] = [getattr(event, "door_id", 0) for event in objects[kind]]
-            else:
-                places[kind] = mine
-                if kind not in DOOR_KINDS:
-                    door_ids[mine] = 0
-        for kind in np.unique(kinds[kinds > len(KINDS)]).tolist() if bits & UNKNOWN_BIT else ():
-            mine = batch.places_of(kind)
-            cls = unknown_kind(kind, name_of(kind, names))
-            objects[kind] = [self._unknown(cls, i) for i in chosen[mine].tolist()]
-            door_ids[mine] = 0
-        return batch
+        ).with_places(places)
+
+    @property
+    def event_fields(self) -> EventFields:
+        """The fixed fields of its events: once, since who asks may write to them.
+
+        Raises:
+            ValueError: One is not of its kind's length.
+        """
+        known = None if self.scanned is None else self.scanned.events
+        if known is not None:
+            return known
+        fields = fields_of(self.heads, self.first_event)
+        self._check_lengths(fields)
+        return fields
 
     def commits(self) -> list[Commit]:
         """Return the commits whose Commit record is here, notes included.
@@ -231,7 +219,7 @@ class Page:
         chosen = kinds_of(self.heads["channel_id"]) > 0
         if recorded_by_ns is not None:
             chosen &= self.heads["log_time"] <= recorded_by_ns
-        return self._numbers(self.heads["sequence"][chosen])
+        return numbers_of_sequence(self.heads["sequence"][chosen], self.first_event)
 
     def commit_places(self) -> NDArray[np.intp]:
         """Return the places of its Commit messages, as far as they are of the right size."""
@@ -253,23 +241,15 @@ class Page:
         chosen = np.flatnonzero(self.heads["channel_id"] == KEYFRAME_CHANNEL).tolist()
         return [self._payload(i) for i in chosen]
 
-    def _numbers(self, sequence: NDArray[np.uint32]) -> NDArray[np.int64]:
-        first = np.uint32(self.first_event & 0xFFFF_FFFF)
-        numbers: NDArray[np.int64] = (sequence - first).astype(np.int64)
-        numbers += self.first_event
-        return numbers
-
     def _rows(self, kind: int, places: NDArray[np.intp]) -> NDArray[np.void]:
-        offsets = self.offsets[places] + mcap.MESSAGE.size
-        return gather(self.records, offsets, fixed_layout(kind).dtype)
+        return gather_behind(
+            self.records, self.offsets, mcap.MESSAGE.size, places, fixed_layout(kind).dtype
+        )
 
-    def _check_lengths(self, kinds: NDArray[np.uint8], there: Iterable[int]) -> None:
-        lengths = np.zeros(256, np.uint64)
-        for kind in there:
-            if kind not in OBJECT_KINDS:
-                lengths[kind] = mcap.MESSAGE_BODY_HEAD + fixed_layout(kind).dtype.itemsize
-        others = np.flatnonzero(lengths.take(kinds) != self.heads["length"])
-        wrong = kinds[others][lengths[kinds[others]] > 0]
+    def _check_lengths(self, fields: EventFields) -> None:
+        lengths = message_lengths().take(fields.kind)
+        got = self.heads["length"].take(fields.place).view(np.int64)
+        wrong = fields.kind[(lengths >= 0) & (lengths != got)]
         if len(wrong):
             fixed = fixed_layout(int(wrong[0]))
             raise ValueError(f"a {fixed.name} that is not {fixed.dtype.itemsize} bytes long")
@@ -278,6 +258,15 @@ class Page:
         start = int(self.offsets[i])
         end = start + mcap.FRAME.size + int(self.heads["length"][i])
         return bytes(self.records[start + mcap.MESSAGE.size : end])
+
+    def _objects(
+        self, kind: int, places: NDArray[np.int64], names: Mapping[int, str]
+    ) -> list[Event]:
+        """Return the events of a kind that are at these places, which are no columns."""
+        if kind <= len(KINDS):
+            return [self._object(kind, i) for i in places.tolist()]
+        cls = unknown_kind(kind, name_of(kind, names))
+        return [self._unknown(cls, i) for i in places.tolist()]
 
     def _object(self, kind: int, i: int) -> Event:
         level = max(0, int(self.heads["channel_id"][i]) - FLOOR_MAP_CHANNEL)

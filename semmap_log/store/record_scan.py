@@ -9,8 +9,10 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
+from semmap_log.loops import compiled
 from semmap_log.messages import CDR_HEADER
 from semmap_log.store import records as mcap
+from semmap_log.store.event_fields import EventFields
 
 
 class ChunkDamage(Exception):  # noqa: N818  # translated into CorruptLogError, which knows the file
@@ -198,6 +200,29 @@ def _tile(
     return heads if (heads["opcode"] == _MESSAGE).all() else None
 
 
+class ScannedChunks(NamedTuple):
+    """What is in each of some chunks; each has at least one message."""
+
+    ends: NDArray[np.int64]
+    """How many messages there are to its end."""
+    kinds: NDArray[np.uint32]
+    """Which kinds of record it holds: `kind_bits`."""
+    least_ns: NDArray[np.int64]
+    """Its least log time …"""
+    greatest_ns: NDArray[np.int64]
+    """… and its greatest."""
+
+    @classmethod
+    def room_for(cls, count: int) -> ScannedChunks:
+        """Return rows that somebody fills."""
+        return cls(
+            ends=np.empty(count, np.int64),
+            kinds=np.empty(count, np.uint32),
+            least_ns=np.empty(count, np.int64),
+            greatest_ns=np.empty(count, np.int64),
+        )
+
+
 class ScannedRecords(NamedTuple):
     """What was found of some chunks' messages."""
 
@@ -205,6 +230,10 @@ class ScannedRecords(NamedTuple):
     """Where each begins, ascending."""
     heads: NDArray[np.void] | None = None
     """Their fixed fields, where these had to be read for it."""
+    chunks: ScannedChunks | None = None
+    """What is in each chunk, where that was found with it."""
+    events: EventFields | None = None
+    """The events among them, where these were found with it, each of its kind's length."""
 
 
 HEAD_DTYPE: np.dtype[np.void] = np.dtype(
@@ -238,6 +267,31 @@ def gather(
     places = max(0, len(records) - dtype.itemsize + 1)
     everywhere: NDArray[np.void] = np.ndarray(places, f"V{dtype.itemsize}", records, strides=(1,))
     return everywhere[offsets].view(dtype)
+
+
+def gather_behind(
+    records: bytes | memoryview,
+    offsets: NDArray[np.int64],
+    ahead: int,
+    places: NDArray[np.int64],
+    dtype: np.dtype[np.void],
+) -> NDArray[np.void]:
+    """Return the structs of that dtype which lie so many bytes behind some of these offsets.
+
+    Args:
+        records: What holds them.
+        offsets: Where records begin.
+        ahead: How far behind that the structs lie.
+        places: Of which records.
+        dtype: Theirs.
+    """
+    loops = compiled()
+    if loops is not None:
+        found = np.empty(len(places), dtype)
+        data = found.view(np.uint8)
+        if loops.gather(records, offsets, ahead, places, dtype.itemsize, data):
+            return found
+    return gather(records, offsets[places] + ahead, dtype)
 
 
 def frames(file: memoryview | bytes, start: int, end: int) -> Iterator[tuple[int, int, int]]:

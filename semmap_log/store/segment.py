@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import threading
-import zlib
 from collections import Counter
 from collections.abc import Hashable
 from collections.abc import Set as AbstractSet
@@ -29,6 +28,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from semmap_log.io.checksum import crc32
 from semmap_log.io.disk import write_all
 from semmap_log.io.reserved_blocks import ReservedBlocks
 from semmap_log.messages import schema_text, type_hash
@@ -321,7 +321,7 @@ class SegmentWriter:
     def _hold_back(self, data: bytes) -> None:
         self._held_back.append(data)
         self._held_back_size += len(data)
-        self._crc = zlib.crc32(data, self._crc)
+        self._crc = crc32(data, self._crc)
         self.size += len(data)
         if self._held_back_size >= MOST_HELD_BACK_BYTES:
             self._flush()
@@ -341,7 +341,7 @@ class SegmentWriter:
     def _write(self, data: bytes) -> None:
         self._flush()
         write_all(self._fd, data)
-        self._crc = zlib.crc32(data, self._crc)
+        self._crc = crc32(data, self._crc)
         self.size += len(data)
 
     def _write_metadata(self, name: str, data: bytes) -> None:
@@ -407,5 +407,5 @@ class SegmentWriter:
             summary_start=self.size, summary_offset_start=self.size + len(summary), summary_crc=0
         )
         everything = summary + offsets + mcap.record(footer)
-        crc = zlib.crc32(everything[:-4])
+        crc = crc32(everything[:-4])
         return everything[:-4] + crc.to_bytes(4, "little")

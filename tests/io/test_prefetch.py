@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import textwrap
+import threading
 from collections.abc import Callable
 from functools import partial
 
@@ -51,6 +52,19 @@ def test_an_error_comes_in_its_place() -> None:
     assert [0, 1, 4] == [next(results) for _ in range(3)]
     with pytest.raises(ValueError, match="no such chunk"):
         next(results)
+
+
+def test_who_waits_works_at_what_nobody_has_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    On two cores there is one other thread: two tasks that meet are both worked at.
+    """
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    meeting = threading.Barrier(2, timeout=60)
+
+    found = list(ahead([meeting.wait, meeting.wait, *squares(5)]))
+
+    assert {0, 1} == set(found[:2])
+    assert [0, 1, 4, 9, 16] == found[2:]
 
 
 _BEGIN = """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Mapping
 from pathlib import PurePath
 
@@ -12,6 +11,7 @@ from mcap.opcode import Opcode
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.errors import CorruptLogError
 from semmap_log.io.byte_source import ByteSource, blocks
+from semmap_log.io.checksum import crc32
 from semmap_log.store import records as mcap
 from semmap_log.store.opening_records import Statistics
 from semmap_log.store.reading.chunk_table import LEAST_INDEX_BYTES, ChunkTable, rows_of_indexes
@@ -88,7 +88,7 @@ class ClosedSummary:
         """
         crc = 0
         for block in blocks(self.source, 0, self.data_end):
-            crc = zlib.crc32(block, crc)
+            crc = crc32(block, crc)
         return crc == self.data_crc
 
     def statistics(self) -> Statistics:
@@ -133,7 +133,7 @@ def read_summary(path: PurePath, source: ByteSource) -> ClosedSummary:
     if source.size - len(tail) > data_end:
         tail = source.read(data_end, source.size)
     data = tail[data_end - source.size :]
-    if zlib.crc32(data[DATA_END_BYTES : len(data) - len(mcap.MAGIC) - 4]) != crc:
+    if crc32(data[DATA_END_BYTES : len(data) - len(mcap.MAGIC) - 4]) != crc:
         raise CorruptLogError(path, start, "its summary does not fit its CRC")
     if mcap.FRAME.unpack_from(data) != (Opcode.DATA_END, 4):
         raise CorruptLogError(path, data_end, "no DataEnd where its summary begins")

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import NO_SPAN
+from semmap_log.store.event_fields import kinds_of
 from semmap_log.store.form import INDEX_METADATA
 from semmap_log.store.header import read_index
 from semmap_log.store.opening_records import Metadata, MetadataIndex
-from semmap_log.store.pages import Page, kinds_of
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.closed_summary import ClosedSummary
 from semmap_log.store.record_scan import frames
 

@@ -10,9 +10,14 @@ from numpy.typing import NDArray
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.commits import Durability
 from semmap_log.errors import CorruptLogError
+from semmap_log.store.event_fields import kinds_of
 from semmap_log.store.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL
-from semmap_log.store.pages import Page, kinds_of
-from semmap_log.store.reading.page_reading import TIMES_VIOLATION, first_violation
+from semmap_log.store.pages import Page
+from semmap_log.store.reading.page_reading import (
+    TIMES_VIOLATION,
+    first_violation,
+    times_of_chunks,
+)
 
 _SEQUENCE_MASK = 0xFFFF_FFFF
 
@@ -149,7 +154,7 @@ class Reading:
     def _violation_of_chunk_times(self) -> Violation | None:
         if self._rows is None:
             return None
-        chunk = first_violation(self._log_time, self._ends, self._rows)
+        chunk = first_violation(*times_of_chunks(self._log_time, self._ends), self._rows)
         if chunk is None:
             return None
         return Violation(int(self._ends[chunk - 1]) if chunk else 0, TIMES_VIOLATION)

@@ -16,10 +16,10 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.events import KINDS
 from semmap_log.errors import NewerLogError, NewerLogWarning
+from semmap_log.store.event_fields import kinds_of
 from semmap_log.store.form import FORMAT_VERSION
 from semmap_log.store.kind_bits import UNKNOWN_BIT
 from semmap_log.store.newer import is_later_kind, name_of
-from semmap_log.store.pages import kinds_of
 from semmap_log.store.reading.page_reading import read_page
 from semmap_log.store.reading.segment_scan import Segment
 

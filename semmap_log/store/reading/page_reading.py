@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
@@ -13,12 +12,15 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from semmap_log.errors import CorruptLogError
+from semmap_log.io.checksum import crc32
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import crc_problem
+from semmap_log.store.compiled_scan import compiled_scan
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.chunk_table import ChunkTable, LoadedChunks
 from semmap_log.store.record_scan import (
     ChunkDamage,
+    ScannedChunks,
     ScannedRecords,
     gather,
     scan_by_index,
@@ -121,11 +123,11 @@ def read_page(
     ends = starts + rows["size"]
     place = int(rows["offset"][0])
     try:
-        scanned = _walk(loaded, whole, starts, ends)
+        scanned = _scanned(loaded, whole, starts, ends, first_event)
     except ChunkDamage as damage:
         raise CorruptLogError(chunks.path, place, str(damage)) from None
     page = Page(whole, first_event, chunks.path, place, scanned)
-    violation = _violation(page, np.searchsorted(scanned.offsets, ends), rows)
+    violation = _violation(scanned.chunks or in_chunks(page, ends), rows)
     if violation is not None:
         raise CorruptLogError(chunks.path, int(rows["offset"][violation[0]]), violation[1])
     return page
@@ -145,9 +147,32 @@ def _laid_out(
         return loaded.data, starts
     ends = starts + sizes
     parts = [loaded.data[a:b] for a, b in zip(starts.tolist(), ends.tolist(), strict=True)]
-    if list(map(zlib.crc32, parts)) != crcs:
+    if list(map(crc32, parts)) != crcs:
         raise _first_misfit_of_crc(loaded.table, parts, crcs)
     return (loaded.data, starts) if in_place else (b"".join(parts), joined)
+
+
+def _scanned(
+    loaded: LoadedChunks,
+    records: Records,
+    starts: NDArray[np.int64],
+    ends: NDArray[np.int64],
+    first_event: int,
+) -> ScannedRecords:
+    """Return what is in the records of chunks.
+
+    Raises:
+        ChunkDamage: They are not messages, one behind the other.
+    """
+    rows = loaded.table.rows
+    index_bytes = int((rows["behind"] - rows["offset"] - rows["length"]).sum())
+    expected = index_bytes // mcap.MESSAGE_INDEX_ENTRY_BYTES  # a little more: indexes have heads
+    scanned = compiled_scan(records, starts, ends, first_event=first_event, expected=expected)
+    if scanned is not None:
+        return scanned
+    if len(rows) == 1:
+        return scan_one(loaded.data, int(loaded.index_starts[0]), records)
+    return _walk(loaded, records, starts, ends)
 
 
 def _walk(
@@ -162,7 +187,7 @@ def _walk(
 def _first_misfit_of_crc(
     chunks: ChunkTable, parts: Sequence[memoryview], crcs: Sequence[int]
 ) -> CorruptLogError:
-    place = next(i for i, crc in enumerate(crcs) if zlib.crc32(parts[i]) != crc)
+    place = next(i for i, crc in enumerate(crcs) if crc32(parts[i]) != crc)
     problem = crc_problem(parts[place], crcs[place])
     return CorruptLogError(chunks.path, int(chunks.rows["offset"][place]), problem)
 
@@ -173,15 +198,25 @@ TIMES_VIOLATION = "its head does not tell the least and greatest log time of its
 KINDS_MISFIT = "it holds other kinds of messages than the segment's summary says"
 
 
-def _violation(
-    page: Page, ends: NDArray[np.intp], rows: NDArray[np.void]
-) -> tuple[int, str] | None:
+def _violation(chunks: ScannedChunks, rows: NDArray[np.void]) -> tuple[int, str] | None:
     """Return the place of a chunk that is not what the table says, and what is wrong with it."""
-    place = first_violation(page.heads["log_time"], ends, rows)
+    place = first_violation(chunks.least_ns, chunks.greatest_ns, rows)
     if place is not None:
         return place, TIMES_VIOLATION
-    wrong = np.flatnonzero(kinds_of_chunks(page, ends) != rows["kinds"])
+    wrong = np.flatnonzero(chunks.kinds != rows["kinds"])
     return (int(wrong[0]), KINDS_MISFIT) if len(wrong) else None
+
+
+def in_chunks(page: Page, ends: NDArray[np.int64]) -> ScannedChunks:
+    """Return what is in the chunks of a page, by numpy.
+
+    Args:
+        page: Their records.
+        ends: Where those of each end among them.
+    """
+    counts = np.searchsorted(page.offsets, ends)
+    least_ns, greatest_ns = times_of_chunks(page.heads["log_time"], counts)
+    return ScannedChunks(counts, kinds_of_chunks(page, counts), least_ns, greatest_ns)
 
 
 def kinds_of_chunks(page: Page, ends: NDArray[np.intp]) -> NDArray[np.uint32]:
@@ -195,20 +230,30 @@ def kinds_of_chunks(page: Page, ends: NDArray[np.intp]) -> NDArray[np.uint32]:
     return kinds
 
 
-def first_violation(
-    log_time: NDArray[np.int64], ends: NDArray[np.intp], rows: NDArray[np.void]
-) -> int | None:
-    """Return the place of the first chunk that says other times than its messages have, if any.
+def times_of_chunks(
+    log_time: NDArray[np.int64], ends: NDArray[np.intp]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the least log time of each chunk's messages, and the greatest.
 
     Args:
         log_time: Of all messages.
         ends: How many messages there are to the end of each chunk; each has at least one.
-        rows: What is said of the chunks: `start_ns`, `end_ns`.
     """
     starts = np.append(0, ends[:-1])
-    wrong = (np.minimum.reduceat(log_time, starts) != rows["start_ns"]) | (
-        np.maximum.reduceat(log_time, starts) != rows["end_ns"]
-    )
+    return np.minimum.reduceat(log_time, starts), np.maximum.reduceat(log_time, starts)
+
+
+def first_violation(
+    least_ns: NDArray[np.int64], greatest_ns: NDArray[np.int64], rows: NDArray[np.void]
+) -> int | None:
+    """Return the place of the first chunk that says other times than its messages have, if any.
+
+    Args:
+        least_ns: The least log time of each chunk's messages.
+        greatest_ns: The greatest.
+        rows: What is said of the chunks: `start_ns`, `end_ns`.
+    """
+    wrong = (least_ns != rows["start_ns"]) | (greatest_ns != rows["end_ns"])
     places: Sequence[int] = np.flatnonzero(wrong).tolist()
     return places[0] if places else None
 
@@ -217,7 +262,8 @@ def _page_of_one(loaded: LoadedChunks, first_event: int, records: Records) -> Pa
     chunks = loaded.table
     offset = int(chunks.rows["offset"][0])
     try:
-        scanned = scan_one(loaded.data, int(loaded.index_starts[0]), records)
+        start, end = np.zeros(1, np.int64), np.array([len(records)])
+        scanned = _scanned(loaded, records, start, end, first_event)
         page = Page(records, first_event, chunks.path, offset, scanned)
         _check_rows(page, chunks)
     except ChunkDamage as damage:
@@ -226,7 +272,8 @@ def _page_of_one(loaded: LoadedChunks, first_event: int, records: Records) -> Pa
 
 
 def _check_rows(page: Page, chunks: ChunkTable) -> None:
-    violation = _violation(page, np.array([len(page.offsets)]), chunks.rows)
+    found = page.scanned.chunks if page.scanned is not None else None
+    violation = _violation(found or in_chunks(page, np.array([len(page.records)])), chunks.rows)
     if violation is not None:
         raise ChunkDamage(violation[1])
 

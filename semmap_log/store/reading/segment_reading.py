@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from functools import cache, partial
-from itertools import repeat, tee
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,13 +15,14 @@ from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.io.prefetch import ahead
+from semmap_log.loops import compiled
 from semmap_log.store.chunks import StoredChunk
 from semmap_log.store.form import CHUNK_BYTES, count_events
 from semmap_log.store.kind_bits import COMMIT_BIT, UNKNOWN_BIT
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.note_sources import NoteSources
-from semmap_log.store.reading.page_reading import Unpacked, read_page, unpack
+from semmap_log.store.reading.page_reading import read_page
 from semmap_log.store.reading.segment_head import last_commit_in
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import numbers_of
@@ -100,31 +100,44 @@ def batches_of(
     firsts, ends = numbers_of(segment)
     wanted = segment.chunks.chosen(chunks)
     names = segment.newer.names if len(wanted.having(UNKNOWN_BIT)) else {}
-    at = 0
-    if at_hand is not None and at_hand.is_all_of(segment, chunks):
-        pages = iter([(1, at_hand.page)])
-    else:
-        pages = _pages(segment, wanted)
-    for count, page in pages:
-        mine = chunks[at : at + count]
-        at += count
+
+    def with_batch(page: Page, mine: NDArray[np.intp]) -> tuple[Page, EventBatch]:
         sources = NoteSources(page, partial(commit_of, segment))
         batch = page.events(sources, names, doors=doors)
         numbers = batch.number if doors is None else page.event_numbers()
         _check_numbers(page, numbers, firsts[mine], ends[mine])
-        yield page, batch
+        return page, batch
 
-
-def _pages(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[int, Page]]:
-    """Yield the records of some chunks in pages, with how many of them each holds."""
+    if at_hand is not None and at_hand.is_all_of(segment, chunks):
+        yield with_batch(at_hand.page, chunks)
+        return
     _keep_freed_memory()
+    is_sound = _is_sound(segment, wanted)
+
+    def read(group: ChunkTable, mine: NDArray[np.intp]) -> tuple[Page, EventBatch]:
+        first_event = segment.header.first_event
+        return with_batch(read_page(group, first_event, in_place=True, is_sound=is_sound), mine)
+
+    tasks = (partial(read, group, mine) for group, mine in _with_places(segment, wanted, chunks))
+    is_worth_it = int(wanted.rows["size"].sum()) > FEW_BYTES and not wanted.are_small
+    yield from ahead(tasks) if is_worth_it else (task() for task in tasks)
+
+
+def _with_places(
+    segment: Segment, chunks: ChunkTable, places: NDArray[np.intp]
+) -> Iterator[tuple[ChunkTable, NDArray[np.intp]]]:
+    """Yield chunks in groups, with the places of each group's."""
+    at = 0
+    for group in _groups(segment, chunks):
+        yield group, places[at : at + len(group)]
+        at += len(group)
+
+
+def _is_sound(segment: Segment, chunks: ChunkTable) -> bool:
+    """Tell whether the bytes of these chunks were checked: where that is worth it, they are now."""
     is_worth_it = 2 * len(chunks) > len(segment.chunks) and len(chunks) >= MANY_CHUNKS
     may_trust = is_worth_it and chunks.are_small and segment.source.is_guarded
-    is_sound = may_trust and segment.is_sound  # to know it, all is read
-    first_event = segment.header.first_event
-    for group, unpacked in _unpacked(segment, chunks):
-        page = read_page(group, first_event, unpacked=unpacked, in_place=True, is_sound=is_sound)
-        yield len(group), page
+    return may_trust and segment.is_sound  # to know it, all is read
 
 
 @cache
@@ -148,17 +161,7 @@ MANY_CHUNKS = 32
 """Fewer are checked one by one sooner than all the data of their segment are."""
 
 FEW_BYTES = 3 * CHUNK_BYTES
-"""So few are unpacked at once: to hand them to other threads would take longer."""
-
-
-def _unpacked(segment: Segment, chunks: ChunkTable) -> Iterator[tuple[ChunkTable, Unpacked | None]]:
-    """Yield chunks in groups, with the records of compressed ones, which other threads unpack."""
-    groups = _groups(segment, chunks)
-    if int(chunks.rows["size"].sum()) <= FEW_BYTES or chunks.are_plain.all():
-        yield from zip(groups, repeat(None))
-        return
-    mine, theirs = tee(groups)
-    yield from zip(mine, ahead(partial(unpack, group) for group in theirs), strict=True)
+"""So few are read at once: to hand them to other threads would take longer."""
 
 
 def _groups(segment: Segment, chunks: ChunkTable) -> Iterator[ChunkTable]:
@@ -177,6 +180,9 @@ def _check_numbers(
     page: Page, numbers: NDArray[np.int64], firsts: NDArray[np.int64], ends: NDArray[np.int64]
 ) -> None:
     """Check that a page's events are those from each of `firsts` to before each of `ends`."""
+    loops = compiled()
+    if loops is not None and loops.are_numbered(numbers, firsts, ends):
+        return
     if len(firsts) == 1:
         (first,), (end,) = firsts.tolist(), ends.tolist()
         if len(numbers) == end - first and (numbers == np.arange(first, end)).all():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -23,6 +22,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from semmap_log.io.checksum import crc32
 from semmap_log.messages import layout
 from semmap_log.store import records as mcap
 from semmap_log.store.bag_metadata import ClosedSegment
@@ -197,7 +197,7 @@ def summary_flaws(file: FileBytes) -> list[Flaw]:
     footer = mcap.read_record(Footer, file[at : at + 20])
     if not 0 < footer.summary_start < at:
         return [Flaw("summary", at, "its footer points outside the file")]
-    if zlib.crc32(file[footer.summary_start : at + 16]) != footer.summary_crc:
+    if crc32(file[footer.summary_start : at + 16]) != footer.summary_crc:
         return [Flaw("summary", footer.summary_start, "the summary does not fit its CRC")]
     return []
 
@@ -264,7 +264,7 @@ def _records_behind(
         yield "the index of commands", data
         attachments.append(attachment_index(commands, len(data), data_end))
         data_end += len(data)
-        crc = zlib.crc32(data, crc)  # as it must be: in a torn closing it may have lost sectors
+        crc = crc32(data, crc)  # as it must be: in a torn closing it may have lost sectors
     yield DATA_CRC, mcap.record(DataEnd(data_section_crc=crc))
     start = data_end + len(mcap.record(DataEnd(data_section_crc=0)))
     head = len(first_bytes())
@@ -295,7 +295,7 @@ def _records_behind(
     yield "a SummaryOffset", offsets
     footer = Footer(summary_start=start, summary_offset_start=end, summary_crc=0)
     behind = mcap.record(footer)
-    crc = zlib.crc32(b"".join((*parts, offsets, behind[:-4])))
+    crc = crc32(b"".join((*parts, offsets, behind[:-4])))
     yield "the Footer", behind[:-4] + crc.to_bytes(4, "little") + mcap.MAGIC
 
 

@@ -7,10 +7,10 @@ is, so only a window of it is kept.
 from __future__ import annotations
 
 import mmap
-import zlib
 from bisect import bisect_left
 from pathlib import PurePath
 
+from semmap_log.io.checksum import crc32
 from semmap_log.store.verification.file_place import OpenedFile
 
 WINDOW_BYTES = 2**22
@@ -67,7 +67,7 @@ class FileBytes:
         """Return the CRC-32 of all bytes before an offset."""
         crc = 0
         for start in range(0, end, WINDOW_BYTES):
-            crc = zlib.crc32(self[start : min(start + WINDOW_BYTES, end)], crc)
+            crc = crc32(self[start : min(start + WINDOW_BYTES, end)], crc)
         return crc
 
     @property

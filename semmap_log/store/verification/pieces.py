@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 import struct
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
 
+from semmap_log.io.checksum import crc32
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import NO_SPAN, StoredChunk, read_chunk_head
 from semmap_log.store.form import FLOOR_MAP_CHANNEL, LAST_EVENT_CHANNEL, ZSTD_LEVEL
@@ -112,8 +112,8 @@ def examine(file: FileBytes, offset: int, length: int) -> Piece:
     except struct.error:
         raise ChunkDamage("a chunk whose head does not fit into it") from None
     records = _records(data, stored)
-    if zlib.crc32(records) != stored.crc:
-        raise ChunkDamage(f"its CRC says {stored.crc:08x}, its bytes {zlib.crc32(records):08x}")
+    if crc32(records) != stored.crc:
+        raise ChunkDamage(f"its CRC says {stored.crc:08x}, its bytes {crc32(records):08x}")
     messages = _messages(records)
     if not messages:
         raise ChunkDamage("a chunk without messages")

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from functools import lru_cache
 from hashlib import sha256
 from typing import Any
-from zlib import crc32
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -22,6 +21,7 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.batches.taken_columns import TakenColumns
 from semmap_log.domain.commits import Commit, Note
 from semmap_log.domain.events import Event
+from semmap_log.io.checksum import crc32
 from semmap_log.messages import (
     CDR_HEADER,
     OBJECT_KINDS,
