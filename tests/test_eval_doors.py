@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -127,6 +128,43 @@ def test_patrols_are_drawn_anew_with_each_seed(tmp_path: Path) -> None:
     assert "| patrol_30m: hour_of_day minus | constant |" in done.stdout
 
 
+@pytest.mark.slow
+def test_a_peer_joins_the_table(tmp_path: Path) -> None:
+    """
+    On the same forecasts and seeds as ours: after one day's habit the chained filters know a door.
+    """
+    done = run(
+        tiny(tmp_path / "one"), "--estimator", "constant", "--mode", "patrol_30m", "--seeds", "2",
+        "--peer", f"chained={sys.executable} {TOOL.parent / 'door_peers' / 'chained.py'}", "--json",
+    )  # fmt: skip
+
+    found = json.loads(done.stdout)["one"]["patrol_30m"]
+    assert 0 == done.returncode
+    assert ["constant", "chained"] == list(found)
+    assert found["chained"]["brier"] < 0.5 * found["constant"]["brier"]
+
+
+PERPETUA = os.environ.get("SEMMAP_LOG_PERPETUA", "")
+"""The command of `tools/door_peers/perpetua.py` in its own Python: its docstring tells how."""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not PERPETUA, reason="SEMMAP_LOG_PERPETUA names no command of Perpetua")
+def test_perpetua_joins_the_table(tmp_path: Path) -> None:
+    """
+    Where it is installed: after visits, and an hour ahead.
+    """
+    done = run(
+        tiny(tmp_path / "one"), "--estimator", "constant", "--mode", "patrol_30m", "--mode",
+        "lag_1h", "--seeds", "1", "--step", "600", "--peer", f"perpetua={PERPETUA}", "--json",
+    )  # fmt: skip
+
+    found = json.loads(done.stdout)["one"]
+    assert 0 == done.returncode
+    for mode in ("patrol_30m", "lag_1h"):
+        assert found[mode]["perpetua"]["brier"] < 0.5 * found[mode]["constant"]["brier"]
+
+
 def test_the_step_goes_by_how_fine_the_times_are(tmp_path: Path) -> None:
     """
     Times on whole hours were polled: ten minutes are fine enough; else a minute.
@@ -146,6 +184,12 @@ def test_the_step_goes_by_how_fine_the_times_are(tmp_path: Path) -> None:
         (["one", "--tz", "two=UTC"], "--tz: expected one of one, got 'two'"),
         (["one", "--tz", "Mars/Dust", "--estimator", "last"], "No time zone 'Mars/Dust'"),
         (["one", "--estimator", "nix"], "estimator 'nix'"),
+        (
+            ["one", "--peer", "nix"],
+            "--peer: expected NAME=PROGRAM with a name of its own, got 'nix'",
+        ),
+        (["one", "--peer", "last=x"], "--peer: expected NAME=PROGRAM with a name of its own"),
+        (["one", "--peer", "ghost=./no"], "peer ghost: cannot be started"),
         (["one", "--under-test", "nix"], "--under-test: expected one of count, "),
     ],
 )

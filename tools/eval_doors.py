@@ -3,6 +3,7 @@
     python tools/eval_doors.py ../shared/data/doors/*/
     python tools/eval_doors.py workshop home --tz workshop=Europe/Oslo --tz home=Europe/Amsterdam
     python tools/eval_doors.py FOLDER --json > scores.json
+    python tools/eval_doors.py FOLDER --peer chained="python tools/door_peers/chained.py"
 
 A FOLDER holds doors.csv.gz (timestamp,door,state: a row a change) and obs_windows.csv
 (door,start,end: when the state is known at all); its name is the set's. Each is imported into a log
@@ -36,6 +37,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -43,6 +45,7 @@ from typing import Any
 
 from door_eval.day_losses import LossBook
 from door_eval.mode_scores import ModeScores
+from door_eval.peers import Peer
 from door_eval.tables import SetScores, legend, print_tables
 
 import semmap_log as sl
@@ -83,9 +86,14 @@ Modes = Mapping[str, Sequence[Protocol]]
 def main() -> int:
     options = _options()
     try:
-        _under_test(_methods(options), options)
         zones = _zones(options.tz, [_name(folder) for folder in options.folders])
-        found = {_name(folder): _evaluated(folder, options, zones) for folder in options.folders}
+        with ExitStack() as running:
+            methods = _methods(options, running)
+            _under_test(options)
+            found = {
+                _name(folder): _evaluated(folder, options, zones, methods)
+                for folder in options.folders
+            }
     except SemmapError as error:
         print(f"eval_doors: {error}", file=sys.stderr)
         return 1
@@ -119,17 +127,21 @@ class _Set:
         return cls(doors[0], windows)
 
 
-def _evaluated(folder: Path, options: argparse.Namespace, zones: Mapping[str, str]) -> SetScores:
+def _evaluated(
+    folder: Path,
+    options: argparse.Namespace,
+    zones: Mapping[str, str],
+    methods: Sequence[Estimator],
+) -> SetScores:
     """Import a set into a log, and return what all modes make of it."""
     begin, name = time.monotonic(), _name(folder)
     files, tz = _Set.of(folder), zones.get(name, zones[""])
     step_s = options.step or step_of(files)
-    methods = [by_name(method) for method in _methods(options)]
     with tempfile.TemporaryDirectory(prefix="eval_doors_") as room:
         log = _log_of(files, Path(room, name), tz)
         tell = _Telling(name)
         enough = evaluate(log, [CONSTANT], Protocol(step_s=step_s)).doors
-        doors = [door.door_id for door in enough]
+        doors = [door.door_id for door in enough][: options.doors]
         patrolled = doors[: options.patrol_doors]
         found = _scored(log, methods, _known(step_s, options), doors, tell)
         found |= _scored(log, methods, _visited(step_s, options), patrolled, tell)
@@ -205,10 +217,41 @@ def step_of(files: _Set) -> float:
     return min(2 * polled_s, MOST_STEP_S) if polled_s > STEP_S else STEP_S
 
 
-def _methods(options: argparse.Namespace) -> Sequence[str]:
+def _methods(options: argparse.Namespace, running: ExitStack) -> Sequence[Estimator]:
+    """Return the estimators, ours and peers; these run until the stack is left.
+
+    Raises:
+        FormatError: A peer has no name, or that of an estimator.
+        EstimatorError: There is no such estimator, or a peer cannot be started.
+    """
+    ours, peers = _ours(options), _peers(options)
+    return [
+        *map(by_name, ours),
+        *(running.enter_context(Peer(name, command)) for name, command in peers.items()),
+    ]
+
+
+def _names(options: argparse.Namespace) -> list[str]:
+    return [*_ours(options), *_peers(options)]
+
+
+def _ours(options: argparse.Namespace) -> Sequence[str]:
     if options.estimator:
         return list(dict.fromkeys(options.estimator))
     return ESTIMATORS if options.json else (*ESTIMATORS, *MORE_FREMEN)
+
+
+def _peers(options: argparse.Namespace) -> dict[str, str]:
+    """Return name -> command of each peer."""
+    found: dict[str, str] = {}
+    for text in options.peer:
+        name, equals, command = text.partition("=")
+        if not equals or not name or name in found or name in _ours(options):
+            raise FormatError(
+                "--peer", f"expected NAME=PROGRAM with a name of its own, got {text!r}"
+            )
+        found[name] = command
+    return found
 
 
 class _Telling:
@@ -229,8 +272,7 @@ def _print(found: Mapping[str, SetScores], options: argparse.Namespace) -> None:
     seeds = _seeds(options)
     print(f"{datetime.now(timezone.utc):%Y-%m-%d}, {legend(options.figure, seeds)}; by:")
     print(f"`{shlex.join(['python', 'tools/eval_doors.py', *sys.argv[1:]])}`\n")
-    methods = _methods(options)
-    print_tables(found, methods, options.figure, _under_test(methods, options))
+    print_tables(found, _names(options), options.figure, _under_test(options))
 
 
 def _document(found: Mapping[str, SetScores]) -> dict[str, Any]:
@@ -242,22 +284,23 @@ def _document(found: Mapping[str, SetScores]) -> dict[str, Any]:
 
 
 def _details(found: Mapping[str, SetScores], options: argparse.Namespace) -> dict[str, Any]:
-    ours = _under_test(_methods(options), options)
+    ours = _under_test(options)
     return {
         name: {mode: scores.details(ours) for mode, scores in modes.items()}
         for name, modes in found.items()
     }
 
 
-def _under_test(methods: Sequence[str], options: argparse.Namespace) -> str:
+def _under_test(options: argparse.Namespace) -> str:
     """Return which estimator is held against each other one.
 
     Raises:
         FormatError: It is none of them.
     """
-    ours: str = options.under_test or (UNDER_TEST if UNDER_TEST in methods else methods[0])
-    if ours not in methods:
-        raise FormatError("--under-test", f"expected one of {', '.join(methods)}, got {ours!r}")
+    names = _names(options)
+    ours: str = options.under_test or (UNDER_TEST if UNDER_TEST in names else names[0])
+    if ours not in names:
+        raise FormatError("--under-test", f"expected one of {', '.join(names)}, got {ours!r}")
     return ours
 
 
@@ -294,6 +337,10 @@ def _options() -> argparse.Namespace:
     )  # fmt: skip
     parser.add_argument("--step", metavar="S", type=float, help="seconds between two forecasts")
     parser.add_argument("--estimator", metavar="NAME", action="append", help="repeatable")
+    parser.add_argument(
+        "--peer", metavar="NAME=PROGRAM", action="append", default=[],
+        help="a program that forecasts, too (see tools/door_peers); repeatable",
+    )  # fmt: skip
     parser.add_argument("--figure", choices=FIGURES, default="brier", help="which the tables show")
     parser.add_argument(
         "--under-test", metavar="NAME", help="held against each other one; filter, or the first"
@@ -310,6 +357,10 @@ def _options() -> argparse.Namespace:
         help="write a JSON document with each seed's figures, standard errors, and differences",
     )  # fmt: skip
     parser.add_argument("--accuracy", type=float, default=0.9, help="of the patrols; 0.9")
+    parser.add_argument(
+        "--doors", metavar="N", type=_at_least_1,
+        help="only so many doors of a set, those that the file names first",
+    )  # fmt: skip
     parser.add_argument(
         "--patrol-doors", metavar="N", type=int, default=40,
         help="so many doors of a set are patrolled, those that the file names first; 40",
