@@ -82,6 +82,20 @@ def test_the_interval_is_what_draws_of_the_days_give() -> None:
     assert found == difference([losses(list(0.1 + apart))], [losses([0.1] * 200)], "brier")
 
 
+def test_five_days_are_no_proof() -> None:
+    """
+    All days of them on one side: so are those of one in sixteen pairs that do not differ.
+    """
+    found = [
+        difference([losses([0.2, 0.3] * (days // 2) + [0.2] * (days % 2))], [losses([0.1] * days)],
+                   "brier")
+        for days in (5, 6)
+    ]  # fmt: skip
+
+    assert [False, True] == [one is not None and one.is_clear for one in found]
+    assert all(one is not None and one.low > 0 for one in found)
+
+
 def test_doors_of_a_day_are_drawn_together() -> None:
     """
     Ten doors that differ on the same day are one case, not ten: the interval is as wide as of one.

@@ -14,6 +14,9 @@ RESAMPLES = 2000
 SEED = 0
 """Of the resamples: the same for all pairs, so that the same days are drawn for all."""
 INTERVAL = 0.95
+LEAST_DAYS = 6
+"""Of fewer days even one sign on all is no proof at 5 % (sign test: 2 / 2^5); their resamples are
+too much alike to tell."""
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +38,7 @@ class Difference:
     @property
     def is_clear(self) -> bool:
         """0 lies outside of the interval: it is not by the days that happened to be tested."""
-        return self.low > 0 or self.high < 0
+        return self.days >= LEAST_DAYS and (self.low > 0 or self.high < 0)
 
 
 def difference(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from door_eval.day_losses import LOSSES
 from door_eval.mode_scores import ModeScores
-from door_eval.paired import INTERVAL, Difference
+from door_eval.paired import INTERVAL, LEAST_DAYS, Difference
 
 SetScores = Mapping[str, ModeScores]
 """Mode -> its scores."""
@@ -46,7 +46,8 @@ def legend(figure: str, seeds: Sequence[int]) -> str:
     percent = f"{INTERVAL:.0%}".replace("%", " %")
     return (
         f"{said}. Differences, paired: ± standard error over the seeds, or over resampled days "
-        f"where nothing is random; [{percent} of resamples of the days], bold where 0 is outside"
+        f"where nothing is random; [{percent} of resamples of the days], bold where 0 is outside "
+        f"and there are {LEAST_DAYS} days"
     )
 
 

@@ -170,6 +170,8 @@ FIGURES = (
     guard("a chained filter's settings are of the training part", "door_peers.chained.learnt",
           "ask.readings[max(0, ask.training - MOST_READINGS) : ask.training]", "ask.readings",
           "test_chained"),
+    guard("a few days of one sign are no proof", "door_eval.paired.Difference.is_clear",
+          "self.days >= LEAST_DAYS", "True", "test_paired"),
     guard("a surprise costs so much at most", "scores.surprises",
           "np.clip(p, CLIP, 1 - CLIP)", "np.clip(p, 1e-9, 1 - 1e-9)",
           "test_scores"),
