@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from eval_doors import ESTIMATORS, _Set, step_of
 
@@ -44,7 +46,7 @@ def test_the_document_has_the_promised_form(tmp_path: Path) -> None:
     """
     asked = [part for name in THERE for part in ("--estimator", name)]
 
-    done = run(tiny(tmp_path / "one"), tiny(tmp_path / "two"), "--json", *asked)
+    done = run(tiny(tmp_path / "one"), tiny(tmp_path / "two"), "--json", "--seeds", "2", *asked)
 
     found = json.loads(done.stdout)
     assert 0 == done.returncode
@@ -76,7 +78,7 @@ def test_tables_say_when_and_how(tmp_path: Path) -> None:
     """
     done = run(
         tiny(tmp_path / "one"), "--estimator", "constant", "--estimator", "hour_of_day",
-        "--tz", "one=Europe/Vienna", "--figure", "ece",
+        "--tz", "one=Europe/Vienna", "--figure", "ece", "--seeds", "2",
     )  # fmt: skip
 
     assert 0 == done.returncode
@@ -85,6 +87,82 @@ def test_tables_say_when_and_how(tmp_path: Path) -> None:
     assert done.stdout.count("| one | ") == len(MODES)
     assert "**" in done.stdout
     assert "one: 1 doors, 1 patrolled, a step of 60 s, Europe/Vienna" in done.stderr
+    assert "minus" not in done.stdout, "the calibration error is no mean over days"
+
+
+@pytest.mark.slow
+def test_patrols_are_drawn_anew_with_each_seed(tmp_path: Path) -> None:
+    """
+    Figures are means over the seeds, with their standard error; the estimator under test is held
+    against the other on the same seeds. The same again gives the same bytes.
+    """
+    details = tmp_path / "details.json"
+    asked = [
+        tiny(tmp_path / "one"), "--estimator", "constant", "--estimator", "hour_of_day",
+        "--mode", "lag_24h", "--mode", "patrol_30m", "--seed", "3", "--seeds", "4",
+        "--under-test", "hour_of_day", "--details", details,
+    ]  # fmt: skip
+
+    done = run(*asked)
+    first = details.read_text()
+    again = run(*asked)
+
+    assert (0, done.stdout, first) == (again.returncode, again.stdout, details.read_text())
+    patrol = json.loads(first)["one"]["patrol_30m"]
+    known = json.loads(first)["one"]["lag_24h"]
+    assert ([3, 4, 5, 6], []) == (patrol["seeds"], known["seeds"])
+    brier = {name: found["brier"] for name, found in patrol["estimators"].items()}
+    values = brier["constant"]["by_seed"]
+    assert 4 == len(set(values))
+    assert pytest.approx(np.mean(values)) == brier["constant"]["mean"]
+    assert pytest.approx(np.std(values, ddof=1) / 2) == brier["constant"]["standard_error"]
+    apart = np.subtract(brier["hour_of_day"]["by_seed"], values)
+    pair = patrol["differences"]["constant"]["brier"]
+    assert pytest.approx(np.mean(apart)) == pair["mean"]
+    assert pytest.approx(np.std(apart, ddof=1) / 2) == pair["standard_error"]
+    assert known["estimators"]["constant"]["brier"]["standard_error"] is None
+    assert known["differences"]["constant"]["brier"]["standard_error"] > 0
+    mean, error = brier["constant"]["mean"], brier["constant"]["standard_error"]
+    assert f"{mean:.4f} ± {error:.4f}" in done.stdout
+    assert "seeds 3, 4, 5, 6" in done.stdout
+    assert "| patrol_30m: hour_of_day minus | constant |" in done.stdout
+
+
+@pytest.mark.slow
+def test_a_peer_joins_the_table(tmp_path: Path) -> None:
+    """
+    On the same forecasts and seeds as ours: after one day's habit the chained filters know a door.
+    """
+    done = run(
+        tiny(tmp_path / "one"), "--estimator", "constant", "--mode", "patrol_30m", "--seeds", "2",
+        "--peer", f"chained={sys.executable} {TOOL.parent / 'door_peers' / 'chained.py'}", "--json",
+    )  # fmt: skip
+
+    found = json.loads(done.stdout)["one"]["patrol_30m"]
+    assert 0 == done.returncode
+    assert ["constant", "chained"] == list(found)
+    assert found["chained"]["brier"] < 0.5 * found["constant"]["brier"]
+
+
+PERPETUA = os.environ.get("SEMMAP_LOG_PERPETUA", "")
+"""The command of `tools/door_peers/perpetua.py` in its own Python: its docstring tells how."""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not PERPETUA, reason="SEMMAP_LOG_PERPETUA names no command of Perpetua")
+def test_perpetua_joins_the_table(tmp_path: Path) -> None:
+    """
+    Where it is installed: after visits, and an hour ahead.
+    """
+    done = run(
+        tiny(tmp_path / "one"), "--estimator", "constant", "--mode", "patrol_30m", "--mode",
+        "lag_1h", "--seeds", "1", "--step", "600", "--peer", f"perpetua={PERPETUA}", "--json",
+    )  # fmt: skip
+
+    found = json.loads(done.stdout)["one"]
+    assert 0 == done.returncode
+    for mode in ("patrol_30m", "lag_1h"):
+        assert found[mode]["perpetua"]["brier"] < 0.5 * found[mode]["constant"]["brier"]
 
 
 def test_the_step_goes_by_how_fine_the_times_are(tmp_path: Path) -> None:
@@ -106,6 +184,13 @@ def test_the_step_goes_by_how_fine_the_times_are(tmp_path: Path) -> None:
         (["one", "--tz", "two=UTC"], "--tz: expected one of one, got 'two'"),
         (["one", "--tz", "Mars/Dust", "--estimator", "last"], "No time zone 'Mars/Dust'"),
         (["one", "--estimator", "nix"], "estimator 'nix'"),
+        (
+            ["one", "--peer", "nix"],
+            "--peer: expected NAME=PROGRAM with a name of its own, got 'nix'",
+        ),
+        (["one", "--peer", "last=x"], "--peer: expected NAME=PROGRAM with a name of its own"),
+        (["one", "--peer", "ghost=./no"], "peer ghost: cannot be started"),
+        (["one", "--under-test", "nix"], "--under-test: expected one of count, "),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path: Path, arguments: list[str], said: str) -> None:

@@ -3,6 +3,7 @@
     python tools/eval_doors.py ../shared/data/doors/*/
     python tools/eval_doors.py workshop home --tz workshop=Europe/Oslo --tz home=Europe/Amsterdam
     python tools/eval_doors.py FOLDER --json > scores.json
+    python tools/eval_doors.py FOLDER --peer chained="python tools/door_peers/chained.py"
 
 A FOLDER holds doors.csv.gz (timestamp,door,state: a row a change) and obs_windows.csv
 (door,start,end: when the state is known at all); its name is the set's. Each is imported into a log
@@ -11,7 +12,11 @@ means over doors.
 
 frozen: known is what was known at the split; daily: at the midnight before; lag_1h, lag_6h,
 lag_24h: so long before; patrol_30m, patrol_4h: only what a visit so often read, right 90 % of the
-time.
+time. What it misreads is drawn anew with each of the seeds; figures are means over them.
+
+Differences: the estimator under test is held against each other one on the same forecasts (and the
+same seeds), with a standard error, and an interval from a bootstrap that draws days. The same
+command gives the same figures.
 
 Zones: times in the files are wall clocks. Without --tz they are taken as they stand (UTC): hours
 and weekdays are the building's; only the hours that daylight saving time skips or repeats are not
@@ -31,22 +36,33 @@ import shlex
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
+from typing import Any
+
+from door_eval.day_losses import LossBook
+from door_eval.mode_scores import ModeScores
+from door_eval.peers import Peer
+from door_eval.tables import SetScores, legend, print_tables
 
 import semmap_log as sl
-from semmap_log.beliefs.evaluation import Evaluation, evaluate_all
+from semmap_log.beliefs.evaluation import evaluate, evaluate_all
 from semmap_log.beliefs.patrol import Patrol
 from semmap_log.beliefs.protocol import Protocol
+from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.errors import FormatError, SemmapError
 from semmap_log.formats.files.csv_windows import read_windows
 from semmap_log.formats.files.door_csv import read_door_csv
-from semmap_log.formats.json.evaluation_json import scores_to_json
 from semmap_log.importing.importing import ImportOptions, import_file
+from semmap_log.io.progress import Progress
+from semmap_log.probabilities.estimator import Estimator
 from semmap_log.probabilities.estimators import by_name
+from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.probabilities.methods.baselines import CONSTANT
 
 ESTIMATORS = (
     "count", "schedule", "filter", "fremen5", "last", "constant", "hour_of_day", "hour_of_week",
@@ -56,23 +72,35 @@ MORE_FREMEN = ("fremen1", "fremen2", "fremen3", "fremen4")
 HOUR_NS = 3600 * SECOND_NS
 LAGS_H = (1, 6, 24)
 PATROLS = {"patrol_30m": HOUR_NS // 2, "patrol_4h": 4 * HOUR_NS}
+MODES = ("frozen", "daily", *(f"lag_{h}h" for h in LAGS_H), *PATROLS)
 STEP_S, MOST_STEP_S = 60.0, 600.0
 FIGURES = ("brier", "log_loss", "ece", "bias")
 
-Found = Mapping[str, Mapping[str, Mapping[str, float | None]]]
-"""Mode -> estimator -> figure -> value."""
+UNDER_TEST = "filter"
+"""Which estimator is held against the others, unless another is named."""
+
+Modes = Mapping[str, Sequence[Protocol]]
+"""Mode -> its protocols: one, or one a seed."""
 
 
 def main() -> int:
     options = _options()
     try:
         zones = _zones(options.tz, [_name(folder) for folder in options.folders])
-        found = {_name(folder): _evaluated(folder, options, zones) for folder in options.folders}
+        with ExitStack() as running:
+            methods = _methods(options, running)
+            _under_test(options)
+            found = {
+                _name(folder): _evaluated(folder, options, zones, methods)
+                for folder in options.folders
+            }
     except SemmapError as error:
         print(f"eval_doors: {error}", file=sys.stderr)
         return 1
+    if options.details:
+        options.details.write_text(json.dumps(_details(found, options), indent=2) + "\n")
     if options.json:
-        print(json.dumps(found, indent=2))
+        print(json.dumps(_document(found), indent=2))
     else:
         _print(found, options)
     return 0
@@ -99,43 +127,85 @@ class _Set:
         return cls(doors[0], windows)
 
 
-def _evaluated(folder: Path, options: argparse.Namespace, zones: Mapping[str, str]) -> Found:
-    """Import a set into a log, and return what all protocols make of it."""
+def _evaluated(
+    folder: Path,
+    options: argparse.Namespace,
+    zones: Mapping[str, str],
+    methods: Sequence[Estimator],
+) -> SetScores:
+    """Import a set into a log, and return what all modes make of it."""
     begin, name = time.monotonic(), _name(folder)
     files, tz = _Set.of(folder), zones.get(name, zones[""])
     step_s = options.step or step_of(files)
-    methods = [by_name(method) for method in _methods(options)]
     with tempfile.TemporaryDirectory(prefix="eval_doors_") as room:
-        path = Path(room, name)
-        with sl.create(path, tz=tz, durability="none") as log:
-            import_file(log, files.doors, ImportOptions(windows=files.windows))
-        log = sl.read(path)
+        log = _log_of(files, Path(room, name), tz)
         tell = _Telling(name)
-        found = evaluate_all(log, methods, _known(step_s), progress=tell)
-        patrolled = [door.door_id for door in found["frozen"].doors][: options.patrol_doors]
-        visits = _visited(step_s, options)
-        found |= evaluate_all(log, methods, visits, doors=patrolled, progress=tell)
-    said = f"{len(found['frozen'].doors)} doors, {len(patrolled)} patrolled, a step of {step_s:g} s"
+        enough = evaluate(log, [CONSTANT], Protocol(step_s=step_s)).doors
+        doors = [door.door_id for door in enough][: options.doors]
+        patrolled = doors[: options.patrol_doors]
+        found = _scored(log, methods, _known(step_s, options), doors, tell)
+        found |= _scored(log, methods, _visited(step_s, options), patrolled, tell)
+    said = f"{len(doors)} doors, {len(patrolled)} patrolled, a step of {step_s:g} s"
     print(f"\r{name}: {said}, {tz}: {time.monotonic() - begin:.0f} s", file=sys.stderr)
-    return {mode: _figures(evaluation) for mode, evaluation in found.items()}
+    return found
 
 
-def _known(step_s: float) -> dict[str, Protocol]:
-    """Return the protocols in which states are known up to some time."""
-    lags = {f"lag_{h}h": Protocol(horizon_ns=h * HOUR_NS, step_s=step_s) for h in LAGS_H}
+def _log_of(files: _Set, path: Path, tz: str) -> sl.DoorLog:
+    with sl.create(path, tz=tz, durability="none") as log:
+        import_file(log, files.doors, ImportOptions(windows=files.windows))
+    return sl.read(path)
+
+
+def _scored(
+    log: sl.DoorLog, methods: Sequence[Estimator], modes: Modes, doors: Collection[DoorId],
+    tell: Progress,
+) -> dict[str, ModeScores]:  # fmt: skip
+    """Return the scores of each mode, having learnt once for all that have the same evidence."""
+    keys = {mode: [f"{mode} {n}" for n in range(len(same))] for mode, same in modes.items()}
+    protocols = {
+        key: protocol
+        for mode, same in modes.items()
+        for key, protocol in zip(keys[mode], same, strict=True)
+    }
+    book = LossBook(LocalClock(log.info.timezone))
+    evaluations = evaluate_all(
+        log, methods, protocols, doors=doors, progress=tell, read_forecasts=book
+    )
     return {
-        "frozen": Protocol(step_s=step_s),
-        "daily": Protocol(prequential=True, step_s=step_s),
-        **lags,
+        mode: ModeScores(
+            [evaluations[key] for key in keys[mode]],
+            {one.name: [book.losses[key, one.name] for key in keys[mode]] for one in methods},
+        )
+        for mode in modes
     }
 
 
-def _visited(step_s: float, options: argparse.Namespace) -> dict[str, Protocol]:
-    """Return the protocols in which a robot with a noisy sensor passes by."""
-    return {
-        mode: Protocol(patrol=Patrol(every_ns, options.accuracy, options.seed), step_s=step_s)
+def _known(step_s: float, options: argparse.Namespace) -> Modes:
+    """Return the modes in which states are known up to some time."""
+    lags = {f"lag_{h}h": [Protocol(horizon_ns=h * HOUR_NS, step_s=step_s)] for h in LAGS_H}
+    frozen, daily = Protocol(step_s=step_s), Protocol(prequential=True, step_s=step_s)
+    return _asked({"frozen": [frozen], "daily": [daily], **lags}, options)
+
+
+def _visited(step_s: float, options: argparse.Namespace) -> Modes:
+    """Return the modes in which a robot with a noisy sensor passes by: a protocol a seed."""
+    seeds = _seeds(options)
+    modes = {
+        mode: [
+            Protocol(patrol=Patrol(every_ns, options.accuracy, seed), step_s=step_s)
+            for seed in seeds
+        ]
         for mode, every_ns in PATROLS.items()
     }
+    return _asked(modes, options)
+
+
+def _seeds(options: argparse.Namespace) -> range:
+    return range(options.seed, options.seed + options.seeds)
+
+
+def _asked(modes: Modes, options: argparse.Namespace) -> Modes:
+    return {mode: same for mode, same in modes.items() if not options.mode or mode in options.mode}
 
 
 def step_of(files: _Set) -> float:
@@ -147,14 +217,41 @@ def step_of(files: _Set) -> float:
     return min(2 * polled_s, MOST_STEP_S) if polled_s > STEP_S else STEP_S
 
 
-def _figures(evaluation: Evaluation) -> dict[str, dict[str, float | None]]:
-    return {name: scores_to_json(scores) for name, scores in evaluation.mean.items()}
+def _methods(options: argparse.Namespace, running: ExitStack) -> Sequence[Estimator]:
+    """Return the estimators, ours and peers; these run until the stack is left.
+
+    Raises:
+        FormatError: A peer has no name, or that of an estimator.
+        EstimatorError: There is no such estimator, or a peer cannot be started.
+    """
+    ours, peers = _ours(options), _peers(options)
+    return [
+        *map(by_name, ours),
+        *(running.enter_context(Peer(name, command)) for name, command in peers.items()),
+    ]
 
 
-def _methods(options: argparse.Namespace) -> Sequence[str]:
+def _names(options: argparse.Namespace) -> list[str]:
+    return [*_ours(options), *_peers(options)]
+
+
+def _ours(options: argparse.Namespace) -> Sequence[str]:
     if options.estimator:
         return list(dict.fromkeys(options.estimator))
     return ESTIMATORS if options.json else (*ESTIMATORS, *MORE_FREMEN)
+
+
+def _peers(options: argparse.Namespace) -> dict[str, str]:
+    """Return name -> command of each peer."""
+    found: dict[str, str] = {}
+    for text in options.peer:
+        name, equals, command = text.partition("=")
+        if not equals or not name or name in found or name in _ours(options):
+            raise FormatError(
+                "--peer", f"expected NAME=PROGRAM with a name of its own, got {text!r}"
+            )
+        found[name] = command
+    return found
 
 
 class _Telling:
@@ -170,27 +267,41 @@ class _Telling:
             print(f"\r{self._name}: {done}/{total} forecasts of a door ", end="", file=sys.stderr)
 
 
-def _print(found: Mapping[str, Found], options: argparse.Namespace) -> None:
-    """Print a table of each mode, as Markdown; the best figure of each set is bold."""
-    print(f"{datetime.now(timezone.utc):%Y-%m-%d}, {options.figure}, by:")
+def _print(found: Mapping[str, SetScores], options: argparse.Namespace) -> None:
+    """Print when and how, and the tables."""
+    seeds = _seeds(options)
+    print(f"{datetime.now(timezone.utc):%Y-%m-%d}, {legend(options.figure, seeds)}; by:")
     print(f"`{shlex.join(['python', 'tools/eval_doors.py', *sys.argv[1:]])}`\n")
-    methods = _methods(options)
-    for mode in next(iter(found.values()), {}):
-        print(f"| {mode} | {' | '.join(methods)} |")
-        print(f"|---|{'---|' * len(methods)}")
-        for name, modes in found.items():
-            values = {method: modes[mode][method][options.figure] for method in methods}
-            print(f"| {name} | {' | '.join(_cells(values))} |")
-        print()
+    print_tables(found, _names(options), options.figure, _under_test(options))
 
 
-def _cells(values: Mapping[str, float | None]) -> list[str]:
-    known = {name: abs(value) for name, value in values.items() if value is not None}
-    best = min(known.values(), default=None)
-    return [
-        "-" if value is None else f"**{value:.4f}**" if abs(value) == best else f"{value:.4f}"
-        for value in values.values()
-    ]
+def _document(found: Mapping[str, SetScores]) -> dict[str, Any]:
+    """Return set -> mode -> estimator -> figure -> value."""
+    return {
+        name: {mode: scores.figures for mode, scores in modes.items()}
+        for name, modes in found.items()
+    }
+
+
+def _details(found: Mapping[str, SetScores], options: argparse.Namespace) -> dict[str, Any]:
+    ours = _under_test(options)
+    return {
+        name: {mode: scores.details(ours) for mode, scores in modes.items()}
+        for name, modes in found.items()
+    }
+
+
+def _under_test(options: argparse.Namespace) -> str:
+    """Return which estimator is held against each other one.
+
+    Raises:
+        FormatError: It is none of them.
+    """
+    names = _names(options)
+    ours: str = options.under_test or (UNDER_TEST if UNDER_TEST in names else names[0])
+    if ours not in names:
+        raise FormatError("--under-test", f"expected one of {', '.join(names)}, got {ours!r}")
+    return ours
 
 
 def _name(folder: Path) -> str:
@@ -226,14 +337,42 @@ def _options() -> argparse.Namespace:
     )  # fmt: skip
     parser.add_argument("--step", metavar="S", type=float, help="seconds between two forecasts")
     parser.add_argument("--estimator", metavar="NAME", action="append", help="repeatable")
+    parser.add_argument(
+        "--peer", metavar="NAME=PROGRAM", action="append", default=[],
+        help="a program that forecasts, too (see tools/door_peers); repeatable",
+    )  # fmt: skip
     parser.add_argument("--figure", choices=FIGURES, default="brier", help="which the tables show")
-    parser.add_argument("--seed", type=int, default=0, help="of the patrols' errors; 0")
+    parser.add_argument(
+        "--under-test", metavar="NAME", help="held against each other one; filter, or the first"
+    )
+    parser.add_argument(
+        "--mode", metavar="NAME", action="append", choices=MODES, help="repeatable; default: all"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="first of the patrols' errors; 0")
+    parser.add_argument(
+        "--seeds", metavar="N", type=_at_least_1, default=8, help="so many of them; 8"
+    )
+    parser.add_argument(
+        "--details", metavar="FILE", type=Path,
+        help="write a JSON document with each seed's figures, standard errors, and differences",
+    )  # fmt: skip
     parser.add_argument("--accuracy", type=float, default=0.9, help="of the patrols; 0.9")
+    parser.add_argument(
+        "--doors", metavar="N", type=_at_least_1,
+        help="only so many doors of a set, those that the file names first",
+    )  # fmt: skip
     parser.add_argument(
         "--patrol-doors", metavar="N", type=int, default=40,
         help="so many doors of a set are patrolled, those that the file names first; 40",
     )  # fmt: skip
     return parser.parse_args()
+
+
+def _at_least_1(text: str) -> int:
+    count = int(text)
+    if count < 1:
+        raise argparse.ArgumentTypeError(f"expected 1 or more, got {text}")
+    return count
 
 
 if __name__ == "__main__":

@@ -29,13 +29,23 @@ from semmap_log.io.progress import Progress
 from semmap_log.probabilities.estimator import Estimator, LearntModel
 from semmap_log.probabilities.evidence.evidence import Evidence, EvidenceProjection
 from semmap_log.probabilities.local_clock import LocalClock
-from semmap_log.probabilities.scores import Reliability, Scores, mean_scores, scores
+from semmap_log.probabilities.scores import (
+    Probabilities,
+    Reliability,
+    Scores,
+    mean_scores,
+    scores,
+)
 from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
 
 LEAST_SAMPLES = (200, 100)
 """A door with fewer samples to learn from, or to be forecast, is left out."""
 LEAST_VISITS = (20, 10)
 """The same where visits are what is forecast."""
+
+ForecastReader = Callable[[str, str, Trials, Probabilities], None]
+"""Takes a protocol's name, an estimator's, what was asked of one door, and what it said: P(outcome
+1) of each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +133,22 @@ def evaluate_all(
     until: Time = None,
     tz: str | None = None,
     progress: Progress | None = None,
+    read_forecasts: ForecastReader | None = None,
 ) -> dict[str, Evaluation]:
-    """Return what `evaluate` does for several protocols, having learnt only once for all."""
+    """Return what `evaluate` does for several protocols, having learnt only once for all.
+
+    Args:
+        log: As there; so are the others.
+        estimators: Methods.
+        protocols: By names.
+        doors: Which.
+        since: From then on.
+        until: Before then.
+        tz: The clocks'.
+        progress: Told how far it is.
+        read_forecasts: Told the forecasts themselves, once a door, estimator and protocol: an
+            evaluation holds their figures only.
+    """
     evidence = log.fold(EvidenceProjection())
     chosen = [d for d in evidence.door_ids if doors is None or d in doors]
     span = log.instant(since), log.instant(until)
@@ -145,7 +169,7 @@ def evaluate_all(
         return reading_trials(evidence.door(door_id), *span)
 
     tests = {
-        name: _Test(protocol, is_truth, clock, stretches, ask)
+        name: _Test(name, protocol, is_truth, clock, stretches, ask, read_forecasts)
         for name, protocol in protocols.items()
     }
     for test in tests.values():
@@ -196,6 +220,7 @@ def _source(
 class _Test:
     """A protocol while its forecasts are made."""
 
+    name: str
     protocol: Protocol
     is_truth: bool
     clock: LocalClock
@@ -203,6 +228,7 @@ class _Test:
     """Of a truth: when each door is known."""
     ask: Callable[[DoorId, Protocol], Trials]
     """Makes what is asked about a door anew each time: kept for all doors it would fill memory."""
+    read_forecasts: ForecastReader | None
     doors: dict[DoorId, tuple[int, int]] = field(default_factory=dict)
     """How many samples teach, and when the first one behind them is."""
     left_out: dict[DoorId, str] = field(default_factory=dict)
@@ -241,6 +267,8 @@ class _Test:
         found = Reliability.of(p, trials.outcome)
         before = self.reliability.get(name)
         self.reliability[name] = found if before is None else before + found
+        if self.read_forecasts is not None:
+            self.read_forecasts(self.name, name, trials, p)
 
     def _tests(self, door_id: DoorId, training: int) -> Trials:
         """Return what is asked about a door after the part that teaches."""

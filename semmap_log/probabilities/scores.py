@@ -86,14 +86,24 @@ def scores(p: Probabilities, outcome: Probabilities) -> Scores:
     if not len(p):
         return Scores(0, None, None, None, None)
     came = np.asarray(outcome, np.float64)
-    sure = np.clip(p, CLIP, 1 - CLIP)
     return Scores(
         len(p),
-        brier=float(np.mean((p - came) ** 2)),
-        log_loss=float(-np.mean(np.log(np.where(came > 0.5, sure, 1 - sure)))),
+        brier=float(np.mean(squared_errors(p, came))),
+        log_loss=float(np.mean(surprises(p, came))),
         ece=Reliability.of(p, came).ece,
         bias=float(np.mean(p) - np.mean(came)),
     )
+
+
+def squared_errors(p: Probabilities, outcome: Probabilities) -> Probabilities:
+    """Return what each forecast adds to the Brier score."""
+    return np.asarray((p - outcome) ** 2)
+
+
+def surprises(p: Probabilities, outcome: Probabilities) -> Probabilities:
+    """Return what each forecast adds to the log-loss: -log P(what came), nats."""
+    sure = np.clip(p, CLIP, 1 - CLIP)
+    return np.asarray(-np.log(np.where(outcome > 0.5, sure, 1 - sure)))
 
 
 def mean_scores(each: Sequence[Scores]) -> Scores:

@@ -19,7 +19,7 @@ from mutation import pieces
 from mutation.definitions import Definition, Definitions, OutOfDateError
 
 PACKAGE = "semmap_log"
-TOOLS = {"navigation": "tools/navigation", "patrol_eval": "tools/patrol_eval"}
+TOOLS = {name: f"tools/{name}" for name in ("navigation", "patrol_eval", "door_eval", "door_peers")}
 """What else has guards: their names begin with the first word."""
 
 

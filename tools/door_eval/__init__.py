@@ -1,0 +1,1 @@
+"""What real doors say about estimators: their losses by day, and how surely one is ahead."""
