@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 import semmap_log as sl
 from semmap_log.domain.events import LogExported
-from semmap_log.io.disk import TEMPORARY_SUFFIX
+from semmap_log.io.disk import TEMPORARY_SUFFIX, TOKEN_BYTES
 from semmap_log.live.ros_node import Outcome
 from semmap_log.live.serving import saving
 from semmap_log.live.serving.door_server import DoorServer
@@ -109,9 +108,9 @@ def test_a_link_in_place_of_the_temporary_file_is_not_followed(
     """
     Were its name foreseen by somebody who may write into the root, another would be drawn.
     """
-    tokens = iter(["beef", "cafe"])
-    foreseen = SimpleNamespace(token_hex=lambda _: next(tokens))
-    monkeypatch.setattr("semmap_log.io.disk.secrets", foreseen)
+    tokens, random = iter([b"\xbe\xef", b"\xca\xfe"]), os.urandom
+    foreseen = lambda size: next(tokens) if size == TOKEN_BYTES else random(size)  # noqa: E731
+    monkeypatch.setattr("os.urandom", foreseen)
     planted = root / f".doors.yaml.{os.getpid()}.beef{TEMPORARY_SUFFIX}"
     planted.symlink_to(trap / "precious.yaml")
 
