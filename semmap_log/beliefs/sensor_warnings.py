@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from semmap_log.common.texts import command_line
+from semmap_log.common.users_line import frames_of_ours
 from semmap_log.domain.doors import DoorId
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import SensorWarning
@@ -39,6 +40,6 @@ def warn_of_sensors(
             f"{doubt}; with times at which the true state is known, find what to declare: "
             f"{how}{source}",
             SensorWarning,
-            stacklevel=4,
+            stacklevel=frames_of_ours(),
         )
     return named

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from inspect import currentframe
 
+from semmap_log.common.users_line import frames_of_ours
 from semmap_log.domain.moments import format_local
 from semmap_log.door_log.backdating import remedy
 from semmap_log.door_log.current_map import CurrentMap
@@ -44,13 +44,4 @@ class EarlyWarnings:
         since = format_local(min(self.found.first_ns.values()), self._timezone)
         said = self.found.in_words(labels_ever(self._now.state), since)
         text = f"{said}; {remedy(self._now.path)}"
-        warnings.warn(EarlyEventsWarning(text), stacklevel=_frames_of_ours())
-
-
-def _frames_of_ours() -> int:
-    """Return how many calls of this package, this one included, its user stands behind."""
-    frame = currentframe()
-    count = 0
-    while frame is not None and str(frame.f_globals.get("__name__")).startswith("semmap_log."):
-        frame, count = frame.f_back, count + 1
-    return count
+        warnings.warn(EarlyEventsWarning(text), stacklevel=frames_of_ours())
