@@ -13,9 +13,6 @@ import struct
 import sys
 from contextlib import suppress
 
-if sys.platform == "linux":
-    import fcntl
-
 STEP_BYTES = 2**20
 """So much is reserved at a time."""
 _LOW_BYTES = STEP_BYTES // 4
@@ -58,7 +55,7 @@ class ReservedBlocks:
             return
         start = max(size, self._end)
         self._end = size + STEP_BYTES  # asked for once, whatever becomes of it
-        with suppress(OSError):
+        with suppress(OSError, ImportError):
             room = os.fstatvfs(self._fd)
             if room.f_bavail * room.f_frsize >= _FREE_STEPS * STEP_BYTES:
                 reserve(self._fd, start, self._end - start)
@@ -82,4 +79,6 @@ def reserve(fd: int, start: int, length: int) -> None:
         OSError: It cannot, or does not know how.
     """
     if sys.platform == "linux":
+        import fcntl
+
         fcntl.ioctl(fd, _RESERVE, _SPACE.pack(0, os.SEEK_SET, start, length, 0, 0))

@@ -278,7 +278,8 @@ def test_who_asks_about_a_time_that_was_imported_later_is_told_why_nothing_is_kn
     now = capsys.readouterr()
     assert 1 == run("probabilities", "log", "--known-at", "2024-05-19", "--by", "hour")
     by_hour = capsys.readouterr()
-    typed = 'semmap-log probabilities log --at "2024-05-19 00:00:00+00:00" --as-happened'
+    at = '--at "2024-05-19 00:00:00+00:00" --as-happened'
+    typed = f"semmap-log probabilities {Path.cwd() / 'log'} {at}"
     assert 0 == run(*shlex.split(typed)[1:])
     as_happened = capsys.readouterr()
 

@@ -100,6 +100,7 @@ class _Bench:
 
     def another_user(self, level: str) -> Outcome:
         """As nobody, in a folder of root's: it is read, and nothing else."""
+        import zoneinfo  # noqa: F401 - nobody may not read a Python that lies at its owner's
 
         def become_nobody() -> None:
             os.setgid(NOBODY)

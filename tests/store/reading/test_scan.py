@@ -22,8 +22,7 @@ from semmap_log.store.commit_records import CommitBuilder, Stamp
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import NO_HASH
 from semmap_log.store.header import LogInfo, SegmentHeader
-from semmap_log.store.reading import live_records
-from semmap_log.store.reading import segment_scan as scan
+from semmap_log.store.reading import live_records, live_scan
 from semmap_log.store.reading.resync import whole_chunks
 from semmap_log.store.reading.segment_reading import pages_of
 from semmap_log.store.reading.segment_scan import Segment, open_segment
@@ -375,7 +374,7 @@ def test_every_byte_of_the_summary_counts(path: Path) -> None:
         with pytest.raises(CorruptLogError, match="its summary does not fit its CRC"):
             _ = segment.chunks
 
-        walked = scan.scan_live(path, segment.header, segment.source, segment.head_end)
+        walked = live_scan.scan_live(path, segment.header, segment.source, segment.head_end)
         assert (4, "") == (len(walked.chunks), walked.problem)
         _changed(path, at, data[at : at + 1])
 
