@@ -48,6 +48,9 @@ nitpick_ignore_regex = [
         r"py:class",
         r"(Clock|DoorId|Duration|Durability|Entropy|LogSummary|Progress|Window|first_event)",
     ),
+    # The same, where a program loads them only when it needs them.
+    (r"py:class", r"(CommitFinder|Diff|EarlyEvents|FollowedCommit|HistoryEntry|LikelyHours)"),
+    (r"py:class", r"(LiveState|LogPart|SaidFinder|SensorDoubt|State|Timeline|WeekMask)"),
 ]
 
 default_role = "literal"
