@@ -253,8 +253,11 @@ def trials(readings: Readings, ahead_s: float) -> tuple[NDArray[np.intp], NDArra
     last = np.arange(first, len(readings) - 1, step)
     asked = np.searchsorted(readings.times_s, readings.times_s[last] + ahead_s)
     asked = np.maximum(asked, last + 1)
-    inside = asked < len(readings)
-    return last[inside], asked[inside]
+    last, asked = last[asked < len(readings)], asked[asked < len(readings)]
+    # What comes behind an outage is no trial of that lead.
+    usual_s = float(np.median(np.diff(readings.times_s)))
+    near = readings.times_s[asked] - readings.times_s[last] <= ahead_s + 2 * usual_s
+    return last[near], asked[near]
 
 
 def predict(ask: Ask) -> Floats:

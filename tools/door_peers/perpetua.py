@@ -24,8 +24,9 @@ hours at most.
 
 Its settings are those that forecast these readings best, each from those before it (Brier score),
 as far ahead as is asked: exponential or log-normal, changes found by theirs or by a two-state
-Viterbi, thresholds 0.05, 0.25 and 0.5 (their examples have 0.05 and 0.5). They are learnt once for
-each door, spacing of readings and lead, from the first seed, and hold for the others.
+Viterbi (at 2 or 4 nats a change), thresholds 0.05, 0.25 and 0.5 (their examples have 0.05 and 0.5).
+They are learnt once for each door, spacing of readings and lead, from the first seed, and hold for
+the others.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ from src.utils.cpd_utils import detect_change_points
 
 EPS, STEPS = 0.1, 5
 MIN_SIZE, PENALTY = 5, 3
-PRICE = 4.0
+PRICES = (2.0, 4.0)
 THRESHOLDS = (0.05, 0.25, 0.5)
 MOST_READINGS, MOST_SEQUENCES = 4_000, 48
 ITERATIONS, RETRAININGS, CONVERGED = 60, 2, 1e-3
@@ -249,14 +250,17 @@ def models(ask: Ask, readings: Readings) -> list[tuple[str, Model, Model]]:
     if (key := ask.series) not in _models:
         reads = readings.reads_open.astype(np.float64)
         theirs = detect_change_points(reads, readings.times_s, min_size=MIN_SIZE, pentalty=PENALTY)
-        likely = np.flatnonzero(np.diff(states(readings, PRICE))) + 1
+        likely = [
+            [*(np.flatnonzero(np.diff(states(readings, price))) + 1).tolist(), len(readings)]
+            for price in PRICES
+        ]
         _models[key] = [
             (
                 prior,
                 of_three(fitted("persistence", prior, opened, missed, false)),
                 of_three(fitted("emergence", prior, closed, missed, false)),
             )
-            for changes in (theirs, [*likely.tolist(), len(readings)])
+            for changes in (theirs, *likely)
             for opened, closed in [sequences(readings, changes)]
             for prior in PRIORS
         ]
