@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from door_sim.kinds import KINDS
-from door_sim.week_chain import HOUR_NS, MONDAY_NS
+from door_sim.week_chain import MONDAY_NS
+from patrol_sim.habits import HOUR_NS
 
 TOOL = Path(__file__).parents[1] / "tools" / "eval_sim_doors.py"
 WEEKS = 150

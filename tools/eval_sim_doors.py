@@ -34,8 +34,9 @@ from typing import Any
 import numpy as np
 from door_sim.kinds import KINDS, RELAXATIONS_H, without_hours
 from door_sim.told import DOOR, evidence_of
-from door_sim.week_chain import HOUR_NS, MONDAY_NS, WeekChain
+from door_sim.week_chain import MONDAY_NS, WeekChain
 from numpy.typing import NDArray
+from patrol_sim.habits import HOUR_NS
 
 from semmap_log.beliefs.best_times import best_runs
 from semmap_log.beliefs.patrol import Patrol

@@ -16,7 +16,7 @@ LEAST, MOST = 0.001, 0.999
 INTERVAL = 0.9
 """How often the true frequency shall lie between `low` and `high`."""
 
-_Z = 1.6449
+NORMAL_REACH = 1.6449
 """Standard deviations to each end of `INTERVAL` of a normal."""
 _CANTELLI = (2 / (1 - INTERVAL) - 1) ** 0.5
 """Of any distribution at most a half of what `INTERVAL` leaves lies farther off on one side."""
@@ -130,7 +130,7 @@ def _wilson(share: Probabilities, few: Probabilities) -> tuple[Probabilities, Pr
         share: (n,), that was seen.
         few: (n,), 1 / of how many observations.
     """
-    middle = share + 0.5 * _Z**2 * few
-    reach = _Z * np.sqrt(share * (1.0 - share) * few + (0.5 * _Z * few) ** 2)
-    wider = 1.0 + _Z**2 * few
+    middle = share + 0.5 * NORMAL_REACH**2 * few
+    reach = NORMAL_REACH * np.sqrt(share * (1.0 - share) * few + (0.5 * NORMAL_REACH * few) ** 2)
+    wider = 1.0 + NORMAL_REACH**2 * few
     return (middle - reach) / wider, (middle + reach) / wider

@@ -11,16 +11,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from patrol_sim.habits import HOUR_NS, SLOTS, Habit
 
 from semmap_log.beliefs.trials import StateIntervals
+from semmap_log.domain.doors import DoorState
 from semmap_log.probabilities.chain.markov_chain import Steps, filtered
 
 Reals = NDArray[np.float64]
 Times = NDArray[np.int64]
 
-HOUR_NS = 3600 * 10**9
-SLOTS = 7 * 48
-"""Half hours in a week."""
 SLOT_H = 0.5
 WEEK_H = SLOTS * SLOT_H
 MONDAY_NS = int(np.datetime64("2026-01-05", "ns").astype(np.int64))
@@ -36,14 +35,13 @@ class WeekChain:
     """(336,)."""
 
     @classmethod
-    def of(cls, share: Reals, relaxation: Reals) -> WeekChain:
-        """Return the chain that tends to a share of open, at a pace.
-
-        Args:
-            share: (336,), 0..1.
-            relaxation: (336,), opening and closing together, per hour.
-        """
-        return cls(share * relaxation, (1 - share) * relaxation)
+    def of(cls, habit: Habit) -> WeekChain:
+        """Return the chain of a door with that habit."""
+        opening, closing = (
+            np.array([habit.leaving_rate(state, slot) for slot in range(SLOTS)])
+            for state in (DoorState.CLOSED, DoorState.OPEN)
+        )
+        return cls(opening, closing)
 
     @property
     def relaxation(self) -> Reals:

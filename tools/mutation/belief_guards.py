@@ -75,7 +75,7 @@ TABLES_OF_HABITS = (
     guard("midnight is beside eleven", "_neighbours",
           "np.minimum(apart, 24 - apart)", "apart", "test_habits"),
     guard("five working days", "WORKING_DAYS", "5", "6", "test_habits"),
-    guard("a share handed out anew", "averaging.weights",
+    guard("a share handed out anew", "averaging.shared_anew",
           "(1 - share) * gained + share * start", "gained", "test_averaging"),
     guard("long memories for what is far", "averaging.weights",
           "leads / habits.half_lives_d", "0 * leads / habits.half_lives_d",
@@ -87,8 +87,8 @@ TABLES_OF_HABITS = (
 )  # fmt: skip
 
 METHODS = (
-    guard("a schedule knows nothing of today", "DoorSchedule._row",
-          "known_day - self._first_day", "known_day - self._first_day + 1",
+    guard("a schedule knows nothing of today", "ToldDays.row",
+          "known_day - self.tables.first_day", "known_day - self.tables.first_day + 1",
           "test_schedule", "test_no_peeking"),
     guard("UNKNOWN below three hours", "DoorSchedule.expect", "LEAST_H", "0", "test_schedule"),
     guard("a memory's worth is of the days before", "Memory._past",
@@ -135,7 +135,7 @@ METHODS = (
           "np.maximum(tables.open_h[:, None, :, None], 0.0)", "tables.open_h[:, None, :, None]",
           "test_slots"),
     guard("slots that foretell well are heard", "slots._heard",
-          "found[day] * grows", "found[day]", "test_slots"),
+          "shared_anew(found[day], gained, start, share)", "found[day]", "test_slots"),
     guard("what lasts proves less", "effective_days.variances",
           "p_open * (1 - p_open) * less", "p_open * (1 - p_open)", "test_effective_days"),
     guard("tables err together", "effective_days._joint",

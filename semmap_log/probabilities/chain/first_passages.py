@@ -19,6 +19,7 @@ from semmap_log.probabilities.chain.nodes import LOOK_NS, held_at, looks
 from semmap_log.probabilities.chain.rates import happened
 from semmap_log.probabilities.evidence.coverage import WEEK
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.probabilities.forecast import NORMAL_REACH
 from semmap_log.probabilities.local_clock import HOUR_S, WORKING_DAYS, LocalClock
 
 Reals = NDArray[np.float64]
@@ -32,7 +33,6 @@ CHANGES = 0.2
 own."""
 MOST_WAITED_H = 24.0
 """But never more hours than that."""
-_Z = 1.6449
 _LEAST_FACTOR = 0.02
 LOOK_H = LOOK_NS / (HOUR_S * 10**9)
 
@@ -57,7 +57,7 @@ class Passages:
         1931).
         """
         n = self.count + CHANGES
-        part, reach = 1 / (9 * n), _Z / (3 * np.sqrt(n))
+        part, reach = 1 / (9 * n), NORMAL_REACH / (3 * np.sqrt(n))
         least, most = (max(1 - part + side * reach, 0.0) ** 3 for side in (-1, 1))
         return float(max(least, _LEAST_FACTOR)), float(most) if self.is_seen_between else np.inf
 

@@ -42,9 +42,22 @@ def weights(habits: Habits, tables: DayTables) -> Weights:
     found = np.empty((len(habits), *start.shape))
     found[0] = start
     for day, of_day in enumerate(scores):
-        gained = found[day] * np.exp(of_day - of_day.max(-1, keepdims=True))
-        gained /= gained.sum(-1, keepdims=True)
-        found[day + 1] = (1 - share) * gained + share * start
+        found[day + 1] = shared_anew(found[day], of_day, start, share)
+    return found
+
+
+def shared_anew(before: Weights, gain: Weights, start: Weights, share: Weights) -> Weights:
+    """Return the weights of experts after they foretold something; they lie along the last axis.
+
+    Args:
+        before: Their weights before, which add up to 1.
+        gain: Log-likelihood of what came, by each.
+        start: What weights are like where nothing is known.
+        share: How much is handed out anew, by that.
+    """
+    gained = before * np.exp(gain - gain.max(-1, keepdims=True))
+    gained /= gained.sum(-1, keepdims=True)
+    found: Weights = (1 - share) * gained + share * start
     return found
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
-from semmap_log.common.lazily import computed_once
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import HOUR_NS
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
@@ -21,8 +20,11 @@ from semmap_log.probabilities.evidence.stretches import covered_ns
 from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.by_door import LearntByDoor
-from semmap_log.probabilities.methods.habits import PRIOR_DAYS
-from semmap_log.probabilities.methods.schedule import LEAST_H, DoorSchedule
+from semmap_log.probabilities.methods.effective_days import lasting_of
+from semmap_log.probabilities.methods.habits import PRIOR_DAYS, slowest_habit
+from semmap_log.probabilities.methods.schedule import LEAST_H
+from semmap_log.probabilities.methods.sensor_noise import noise_of
+from semmap_log.probabilities.methods.told_days import ToldDays
 
 Times = NDArray[np.int64]
 Reals = NDArray[np.float64]
@@ -32,17 +34,16 @@ class DoorCount:
     """What was counted of one door, at any time."""
 
     def __init__(self, evidence: DoorEvidence, clock: LocalClock) -> None:
-        self._evidence, self._clock = evidence, clock
+        self._evidence = evidence
+        self._days_told = ToldDays(evidence, clock)
+        tables = self._days_told.tables
+        noise = noise_of(evidence, tables, clock)
+        self._lasting = lasting_of(slowest_habit(tables), tables, noise)
         first = evidence.is_visit
         self._visits_ns = evidence.seen_ns[first]
         weight, is_open = _of_visits(evidence, clock)
         self._visits_h = np.append(0.0, np.cumsum(weight))
         self._visits_open_h = np.append(0.0, np.cumsum(is_open))
-
-    @computed_once
-    def _schedule(self) -> DoorSchedule:
-        """Tells how long the door stays as it is: so much less do hours in a row prove."""
-        return DoorSchedule(self._evidence, self._clock)
 
     def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
         """Return forecasts: see `LearntModel.predict`."""
@@ -59,7 +60,7 @@ class DoorCount:
         p_open = (open_h / 24 + PRIOR_DAYS * PRIOR_P) / (days + PRIOR_DAYS)
         p_open = np.where(known_h >= LEAST_H, open_h / np.maximum(known_h, LEAST_H), p_open)
         p_open = np.clip(p_open, LEAST, MOST)
-        variance = self._schedule.day_variance(p_open, days, until_ns)
+        variance = self._lasting.day_variance(p_open, days, self._days_told.row(until_ns))
         return Forecast.around(p_open, variance, known_h >= LEAST_H, days)
 
 

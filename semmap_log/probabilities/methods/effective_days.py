@@ -16,14 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.probabilities.evidence.day_tables import DayTables
-from semmap_log.probabilities.forecast import LEAST, MOST
 from semmap_log.probabilities.local_clock import DAYS_IN_WEEK
 from semmap_log.probabilities.methods.averaging import Weights
-from semmap_log.probabilities.methods.habits import (
-    HALF_LIVES_D,
-    KINDS,
-    Habits,
-)
+from semmap_log.probabilities.methods.habits import HALF_LIVES_D, KINDS, Habits, discounted
 
 Tables = NDArray[np.float64]
 Reals = NDArray[np.float64]
@@ -42,6 +37,8 @@ FEW_TIMES = 2.0
 """A record of so many times the memory counts half: its length is not known that well."""
 _MOST_KEPT = 0.995
 _LEAST_SPREAD = 0.02
+_MOST_NEAR = 1.2
+"""Residuals of tables that are still wrong hang together more than any door's do."""
 
 
 class Lasting(NamedTuple):
@@ -78,7 +75,7 @@ def variances(by_table: Habits, tables: DayTables, worth: Weights, lasting: Last
     less = np.tile(np.stack(kinds, axis=1), len(HALF_LIVES_D))[..., None, None]
     errs = np.tile(np.array([1 / 24] + [1.0] * (len(KINDS) - 1)), len(HALF_LIVES_D))
     errs = (lasting.noise[:, None] * errs)[..., None, None]
-    p_open, days = by_table.p_open, by_table.days * _more(by_table, tables)[..., None, None]
+    p_open, days = by_table.p_open, by_table.days * _more(tables)[..., None, None]
     chance = (p_open * (1 - p_open) * less + errs) / (days + less)
 
     joint = _joint(worth, (1 / (days + less)).mean((2, 3)))
@@ -90,56 +87,56 @@ def variances(by_table: Habits, tables: DayTables, worth: Weights, lasting: Last
     return found
 
 
-def lasting_of(by_table: Habits, tables: DayTables, noise: Reals) -> Lasting:
+def lasting_of(slowest: Tables, tables: DayTables, noise: Reals) -> Lasting:
     """Return how long deviations last.
 
     Args:
-        by_table: Whose residuals are looked at: those of its slowest, finest table.
+        slowest: (rows, 7, 24), whose residuals are looked at: `slowest_habit`.
         tables: The days.
         noise: (rows,): variance that sensors' errors add to what a known hour says.
     """
     days = np.arange(len(tables))
-    said = np.clip(by_table.p_open[days, -1, tables.days % DAYS_IN_WEEK], LEAST, MOST)
-    known = tables.known_h
-    residual = (tables.open_h - said * known).ravel()
-    by_chance = (np.sqrt(said * (1 - said)) * known).ravel()
-    counts = (days / (days + WARM_UP_D))[:, None]
+    said, known = slowest[days, tables.days % DAYS_IN_WEEK], tables.known_h
+    residual = tables.open_h - said * known
+    by_chance = np.sqrt(said * (1 - said)) * known
+    square = np.where(known > 0, residual**2 / np.maximum(known, 1e-9) - noise[1:, None], 0.0)
+    one = said * (1 - said) * known
+    lags = (*NEAR_H, *FAR_H)
+    products = [_products(of, lag) for of in (residual, by_chance) for lag in lags]
+    of_days = np.stack([known, *products, square, one], axis=1).sum(2)
+    of_days[:, 1:] *= (days / (days + WARM_UP_D))[:, None]
+    half_lives = np.array([np.inf, *[HALF_LIFE_D] * (of_days.shape[1] - 1)])
+    known_h, *sums, squares, ones = discounted(of_days, half_lives).T
+    together, most = np.array(sums[: len(lags)]), np.array(sums[len(lags) :])
 
-    def product(of: Reals, lag_h: int) -> Reals:
-        """Return (rows,): the discounted sum of products so far apart."""
-        found = np.zeros(len(of))
-        found[lag_h:] = of[lag_h:] * of[: len(of) - lag_h]
-        return _so_far((found.reshape(-1, 24) * counts).sum(1))
+    def kept_over(hours: tuple[int, ...]) -> Reals:
+        """Return (rows,): what is kept of a deviation so many hours later, on average."""
+        chosen = np.isin(lags, hours)
+        until_told = PRIOR_WEIGHT * np.exp(-np.array(hours) / PRIOR_FORGETS_H).sum()
+        found: Reals = (together[chosen].sum(0) + until_told) / (
+            most[chosen].sum(0) + PRIOR_WEIGHT * len(hours)
+        )
+        return found
 
-    share = np.maximum(known, 1e-9)
-    square = np.where(known > 0, residual.reshape(-1, 24) ** 2 / share - noise[1:, None], 0.0)
-    one = np.where(known > 0, said * (1 - said) * known, 0.0)
-    near, far = (
-        (sum(product(residual, lag) for lag in lags) + PRIOR_WEIGHT * _forgot(lags))
-        / (sum(product(by_chance, lag) for lag in lags) + PRIOR_WEIGHT * len(lags))
-        for lags in (NEAR_H, FAR_H)
-    )
-    near = np.maximum(near, 0)
-    signal = LEAST_SIGNAL**2 + 1.0 / (1.0 + np.append(0.0, np.cumsum(known.sum(1))))
+    near, far = np.maximum(kept_over(NEAR_H), 0), kept_over(FAR_H)
+    signal = LEAST_SIGNAL**2 + 1.0 / (1.0 + known_h)
     kept = (near * far + signal * FAST) / (near**2 + signal)
     per_h = -np.log(np.clip(kept, 1e-4, _MOST_KEPT)) / (np.mean(FAR_H) - np.mean(NEAR_H))
-    times = 1 + per_h * np.append(0.0, np.cumsum(known.sum(1)))
+    times = 1 + per_h * known_h
     per_h *= times / (times + FEW_TIMES)
-    alone = (_so_far((square * counts).sum(1)) + PRIOR_WEIGHT) / (
-        _so_far((one * counts).sum(1)) + PRIOR_WEIGHT
-    )
-    alone = np.maximum(alone, _LEAST_SPREAD)
-    first = np.minimum(near * np.exp(per_h * np.mean(NEAR_H)), 1.2)
-    of_days = first / np.expm1(24 * per_h)
+    alone = np.maximum((squares + PRIOR_WEIGHT) / (ones + PRIOR_WEIGHT), _LEAST_SPREAD)
+    first = np.minimum(near * np.exp(per_h * np.mean(NEAR_H)), _MOST_NEAR)
     of_day = (alone + 2 * first / np.expm1(per_h)) / 24
-    of_hour = alone + 2 * of_days
+    of_hour = alone + 2 * first / np.expm1(24 * per_h)
     of_hour[0] = of_day[0] = 1.0  # nothing is known yet
     return Lasting(of_hour, of_day, noise)
 
 
-def _forgot(lags_h: tuple[int, ...]) -> float:
-    """Return the sum of what is kept over such lags, until residuals tell."""
-    return float(np.exp(-np.array(lags_h) / PRIOR_FORGETS_H).sum())
+def _products(of_hours: Tables, lag_h: int) -> Tables:
+    """Return (days, 24): each hour's value times that of so many hours before."""
+    found = np.zeros(of_hours.size)
+    found[lag_h:] = of_hours.ravel()[lag_h:] * of_hours.ravel()[: of_hours.size - lag_h]
+    return found.reshape(of_hours.shape)
 
 
 def _joint(worth: Weights, variance: Reals) -> Weights:
@@ -162,20 +159,9 @@ def _joint(worth: Weights, variance: Reals) -> Weights:
     return found
 
 
-def _more(by_table: Habits, tables: DayTables) -> Reals:
+def _more(tables: DayTables) -> Reals:
     """Return (rows, tables): how many even days a day of such discounts is worth, 1 to 2."""
-    known = tables.known_h.sum(1) / 24
-    found = np.ones((len(by_table), len(HALF_LIVES_D)))
-    for place, half_life_d in enumerate(HALF_LIVES_D):
-        once, twice = (_so_far(known, half_life_d / power) for power in (1, 2))
-        found[:, place] = np.where(once > 0, once / np.maximum(twice, 1e-9), 1.0)
+    known = np.repeat(tables.known_h.sum(1)[:, None] / 24, len(HALF_LIVES_D), axis=1)
+    once, twice = (discounted(known, HALF_LIVES_D / power) for power in (1, 2))
+    found = np.where(once > 0, once / np.maximum(twice, 1e-9), 1.0)
     return np.repeat(found, len(KINDS), axis=1)
-
-
-def _so_far(of_days: Reals, half_life_d: float = HALF_LIFE_D) -> Reals:
-    """Return (rows,): the sum over the days before each midnight, old ones discounted."""
-    keep, total, found = 0.5 ** (1 / half_life_d), 0.0, [0.0]
-    for new in of_days.tolist():
-        total = keep * total + new
-        found.append(total)
-    return np.array(found)

@@ -71,6 +71,13 @@ def habits(tables: DayTables) -> Habits:
     )
 
 
+def slowest_habit(tables: DayTables) -> Tables:
+    """Return (rows, 7, 24): the finest table that forgets nothing, the last of `habits`."""
+    sums = discounted(weekly_sums(tables), np.inf)
+    p_open, _ = _shrunk(sums, _mean(sums, np.full(len(sums), PRIOR_P)))
+    return np.clip(p_open[:, -1], LEAST, MOST)
+
+
 def weekly_sums(tables: DayTables) -> Tables:
     """Return (days, 2, 7, 24): hours open and known of each day, at its weekday."""
     rows = np.arange(len(tables))
@@ -80,8 +87,13 @@ def weekly_sums(tables: DayTables) -> Tables:
     return sums
 
 
-def discounted(sums: Tables, half_life_d: float) -> Tables:
-    """Return (days + 1, 2, 7, 24): at each midnight, the days before it, old ones discounted."""
+def discounted(sums: Tables, half_life_d: float | Tables) -> Tables:
+    """Return (days + 1, …): at each midnight, the days before it, old ones discounted.
+
+    Args:
+        sums: (days, …), of each day.
+        half_life_d: One, or one for each column.
+    """
     keep = 0.5 ** (1.0 / half_life_d)
     found = np.zeros((len(sums) + 1, *sums.shape[1:]))
     for day, new in enumerate(sums):

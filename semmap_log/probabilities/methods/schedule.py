@@ -14,16 +14,17 @@ from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import DoorId
-from semmap_log.probabilities.evidence.day_tables import DayTables, day_tables
+from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import PRIOR_P, Forecast, Probabilities
 from semmap_log.probabilities.local_clock import DAY_S, DAYS_IN_WEEK, HOUR_S, LocalClock
 from semmap_log.probabilities.methods.averaging import lead_of, weights
 from semmap_log.probabilities.methods.by_door import LearntByDoor
 from semmap_log.probabilities.methods.effective_days import lasting_of, variances
-from semmap_log.probabilities.methods.habits import habits
+from semmap_log.probabilities.methods.habits import habits, slowest_habit
 from semmap_log.probabilities.methods.sensor_noise import noise_of
 from semmap_log.probabilities.methods.slots import slots
+from semmap_log.probabilities.methods.told_days import ToldDays
 
 Times = NDArray[np.int64]
 Table = NDArray[np.float64]
@@ -51,16 +52,9 @@ class DoorSchedule:
 
     def __init__(self, evidence: DoorEvidence, clock: LocalClock) -> None:
         self._clock = clock
-        until_ns = np.array([evidence.until_ns], np.int64)
-        tables = day_tables(evidence, clock).before(int(clock.hour_of(until_ns)[0]) // 24)
-        tells = np.flatnonzero(tables.known_h.any(1)) + 1
-        tables = tables.before(tables.first_day + int(tells.max(initial=0)))
+        self._days_told = ToldDays(evidence, clock)
+        tables = self._days_told.tables
         self._first_day = tables.first_day
-        self._told = np.zeros(len(tables) + 1, np.int64)
-        """(rows,): the row of the last day that tells something; through a gap nothing is learnt,
-        and what is known grows old."""
-        self._told[tells] = tells
-        np.maximum.accumulate(self._told, out=self._told)
         self._seen_h = _seen_h(tables)
         if not len(tables):
             return
@@ -71,8 +65,8 @@ class DoorSchedule:
         self._p_open: Table = by_habit + own.weight * (own.p_open - by_habit)
         """(rows, leads, 7, 24)."""
         self._days: Table = np.einsum("rlt,rtwh->rlwh", worth, by_table.days)
-        self._lasting = lasting_of(by_table, tables, noise_of(evidence, tables, clock))
-        by_habit_alone = variances(by_table, tables, worth, self._lasting)
+        lasting = lasting_of(slowest_habit(tables), tables, noise_of(evidence, tables, clock))
+        by_habit_alone = variances(by_table, tables, worth, lasting)
         of_slot = own.p_open * (1 - own.p_open) / (own.weeks + 1)
         between = own.weight * (1 - own.weight) * (own.p_open - by_habit) ** 2
         self._variance: Table = by_habit_alone + own.weight * (of_slot - by_habit_alone) + between
@@ -103,24 +97,6 @@ class DoorSchedule:
         """Return forecasts: see `LearntModel.predict`."""
         return Forecast.around(*self.expect(times_ns, known_ns))
 
-    def day_variance(self, p_open: Probabilities, days: Probabilities, known_ns: Times) -> Table:
-        """Return the variance of the share of some whole days in which the door was open.
-
-        Args:
-            p_open: (n,), that share.
-            days: (n,), how many.
-            known_ns: (n,), up to when.
-        """
-        if not len(self._seen_h):
-            return p_open * (1 - p_open) / (days + 1)
-        row = self._told[self._row(known_ns)]
-        return self._lasting.day_variance(p_open, days, row)
-
-    def _row(self, known_ns: Times) -> NDArray[np.int64]:
-        """Return the last midnight before each time, as a row."""
-        known_day = self._clock.hour_of(known_ns) // 24
-        return np.clip(known_day - self._first_day, 0, len(self._told) - 1)
-
     def _between_hours(self, table: Table, times_ns: Times, known_ns: Times) -> Table:
         """Return a table's values, from the middle of one hour to that of the next in a line."""
         wall_s = self._clock.wall_s(times_ns)
@@ -134,7 +110,7 @@ class DoorSchedule:
         self, wall_s: Table, known_ns: Times
     ) -> tuple[NDArray[np.int64], NDArray[np.intp], NDArray[np.int64], NDArray[np.int64]]:
         """Return (row, lead, weekday, hour) of local times, with what the last midnight knew."""
-        row = self._told[self._row(known_ns)]
+        row = self._days_told.row(known_ns)
         day = (wall_s // DAY_S).astype(np.int64)
         lead = lead_of(np.maximum(day - (self._first_day + row), 0))
         return row, lead, day % DAYS_IN_WEEK, (wall_s % DAY_S // HOUR_S).astype(np.int64)

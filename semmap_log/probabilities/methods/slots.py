@@ -5,7 +5,7 @@ Here each cell of the week may have a rate of its own, by itself or with the hou
 it, where it foretold that cell better, week after week: spike and slab (Mitchell and Beauchamp,
 J. Am. Stat. Assoc. 83, 1988), the spike being what the schedule says anyway. Weights are a fixed
 share's, as in `averaging`, cell by cell. How far slots are heard, their worth for the whole door
-decides: a habit that ends takes its slots along within days, not weeks.
+decides: where a habit of many hours ends, its slots are dropped within days, not weeks.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.forecast import LEAST, MOST
 from semmap_log.probabilities.local_clock import DAYS_IN_WEEK
-from semmap_log.probabilities.methods.averaging import LEADS_D
+from semmap_log.probabilities.methods.averaging import LEADS_D, shared_anew
 from semmap_log.probabilities.methods.habits import discounted, weekly_sums
 
 Tables = NDArray[np.float64]
@@ -171,22 +171,23 @@ def _weights(gain: Tables, trials: _Trials) -> Tables:
     leads, hours, blocks = gain.shape[1:]
     by_week = by_week.reshape(weeks, DAYS_IN_WEEK, leads, hours, blocks).swapaxes(1, 2)
     share = SHARE * is_known.reshape(weeks, 1, DAYS_IN_WEEK, 1, 1)
-    start = PRIOR / blocks
-    found = np.full((weeks + 1, *by_week.shape[1:]), start)
-    for week, gained in enumerate(by_week):
-        grown = found[week] * np.exp(gained)
-        grown /= 1 - found[week].sum(-1, keepdims=True) + grown.sum(-1, keepdims=True)
-        found[week + 1] = grown + share[week] * (start - grown)
-    return found
+    # The first expert is the schedule, against which the others gain.
+    gains = np.concatenate([np.zeros((*by_week.shape[:-1], 1)), by_week], axis=-1)
+    start = np.array([1 - PRIOR, *[PRIOR / blocks] * blocks])
+    found = np.broadcast_to(start, (weeks + 1, *gains.shape[1:])).copy()
+    for week, gained in enumerate(gains):
+        found[week + 1] = shared_anew(found[week], gained, start, share[week])
+    earned: Tables = found[..., 1:]
+    return earned
 
 
 def _heard(gain: Tables) -> Tables:
     """Return (rows, leads): how far slots are heard, who gained so much on each day."""
     gain = np.clip(gain / (1 + LEADS_D / DAYS_IN_WEEK), -_MOST_NATS, _MOST_NATS)
-    share = HEARD_SHARE / (1 + LEADS_D)
-    found = np.full((len(gain) + 1, gain.shape[1]), HEARD)
-    for day, grows in enumerate(np.exp(gain)):
-        grown = found[day] * grows
-        grown /= 1 - found[day] + grown
-        found[day + 1] = grown + share * (HEARD - grown)
-    return found
+    share = HEARD_SHARE / (1 + LEADS_D)[:, None]
+    start = np.array([1 - HEARD, HEARD])
+    found = np.broadcast_to(start, (len(gain) + 1, len(LEADS_D), 2)).copy()
+    for day, gained in enumerate(np.stack([np.zeros_like(gain), gain], axis=-1)):
+        found[day + 1] = shared_anew(found[day], gained, start, share)
+    heard: Tables = found[..., 1]
+    return heard

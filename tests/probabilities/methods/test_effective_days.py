@@ -13,7 +13,7 @@ from semmap_log.probabilities.evidence.day_tables import day_tables
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.averaging import weights
 from semmap_log.probabilities.methods.effective_days import _joint, lasting_of, variances
-from semmap_log.probabilities.methods.habits import habits
+from semmap_log.probabilities.methods.habits import habits, slowest_habit
 from semmap_log.probabilities.methods.schedule import DoorSchedule
 from semmap_log.probabilities.methods.sensor_noise import noise_of
 from tests.probabilities.known import HOUR_NS, evidence, hours_ns
@@ -92,9 +92,9 @@ def test_readings_err_by_chance(a_visit_h: float, noise: float) -> None:
     assert noise == pytest.approx(found[-1])
     by_table = habits(tables)
     worth = weights(by_table, tables)
+    lasting = lasting_of(slowest_habit(tables), tables, found)
     wide, narrow = (
-        variances(by_table, tables, worth, lasting_of(by_table, tables, found)._replace(noise=of))
-        for of in (found, 0 * found)
+        variances(by_table, tables, worth, lasting._replace(noise=of)) for of in (found, 0 * found)
     )
     assert (wide[-1] > narrow[-1]).all()
 
