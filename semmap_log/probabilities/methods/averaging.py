@@ -17,6 +17,7 @@ from semmap_log.probabilities.methods.habits import Habits
 
 Weights = NDArray[np.float64]
 
+
 LEADS_D = np.array([0, 1, 3, 7, 14, 28, 56])
 """Days from the midnight up to which is known to the day that is foretold."""
 RATE = 0.25
@@ -25,28 +26,26 @@ SHARE = 0.02
 """So much of the weight is handed out anew each day."""
 
 
-def weights(habits: Habits, tables: DayTables) -> Weights:
-    """Return (rows, leads, tables): what each table is worth at each midnight, at each lead.
+def weights(habits: Habits, tables: DayTables, lead_d: int) -> Weights:
+    """Return (rows, tables): what each table is worth at each midnight, so many days ahead.
 
     Args:
         habits: Of a door.
         tables: The days that they are made of, which they are scored by, too.
+        lead_d: Of `LEADS_D`.
     """
-    scores = np.stack([_scores(habits, tables, lead) for lead in LEADS_D], axis=1)
-    leads = LEADS_D[:, None]
     # Far ahead neighbouring days are foretold by much the same table: their scores say it twice.
-    scores *= RATE / (1 + leads / DAYS_IN_WEEK)
-    share = SHARE / (1 + leads)
-    start = 1 / (1 + leads / habits.half_lives_d)
-    start /= start.sum(-1, keepdims=True)
-    found = np.empty((len(habits), *start.shape))
+    scores = _scores(habits, tables, lead_d) * (RATE / (1 + lead_d / DAYS_IN_WEEK))
+    start = 1 / (1 + lead_d / habits.half_lives_d)
+    start /= start.sum()
+    found = np.empty((len(habits), len(start)))
     found[0] = start
     for day, of_day in enumerate(scores):
-        found[day + 1] = shared_anew(found[day], of_day, start, share)
+        found[day + 1] = shared_anew(found[day], of_day, start, SHARE / (1 + lead_d))
     return found
 
 
-def shared_anew(before: Weights, gain: Weights, start: Weights, share: Weights) -> Weights:
+def shared_anew(before: Weights, gain: Weights, start: Weights, share: Weights | float) -> Weights:
     """Return the weights of experts after they foretold something; they lie along the last axis.
 
     Args:
@@ -59,6 +58,12 @@ def shared_anew(before: Weights, gain: Weights, start: Weights, share: Weights) 
     gained /= gained.sum(-1, keepdims=True)
     found: Weights = (1 - share) * gained + share * start
     return found
+
+
+def averaged(worth: Weights, tables: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (rows, 7, 24): the mean of (rows, tables, 7, 24), weighed as by `weights`."""
+    found = worth[:, None] @ tables.reshape(*tables.shape[:2], -1)
+    return found.reshape(len(tables), *tables.shape[2:])
 
 
 def lead_of(days_ahead: NDArray[np.int64]) -> NDArray[np.intp]:

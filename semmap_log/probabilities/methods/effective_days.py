@@ -17,8 +17,13 @@ from numpy.typing import NDArray
 
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.local_clock import DAYS_IN_WEEK
-from semmap_log.probabilities.methods.averaging import Weights
-from semmap_log.probabilities.methods.habits import HALF_LIVES_D, KINDS, Habits, discounted
+from semmap_log.probabilities.methods.habits import (
+    HALF_LIVES_D,
+    KINDS,
+    Habits,
+    WeekCells,
+    discounted,
+)
 
 Tables = NDArray[np.float64]
 Reals = NDArray[np.float64]
@@ -59,32 +64,43 @@ class Lasting(NamedTuple):
         return found
 
 
-def variances(by_table: Habits, tables: DayTables, worth: Weights, lasting: Lasting) -> Tables:
-    """Return (rows, leads, 7, 24): the variance of P(open) by chance, and by tables disagreeing.
+class Variances:
+    """The variance of P(open) by chance, and by tables disagreeing.
 
     Of two tables the surer one holds what the other does, and more: they err together as far as
     the surer one errs. What the tables differ by more than such errors do is an error, too.
-
-    Args:
-        by_table: The tables.
-        tables: The days that they are made of.
-        worth: (rows, leads, tables), their weights.
-        lasting: How long the door's deviations last.
     """
-    kinds = [lasting.of_day] + [lasting.of_hour] * (len(KINDS) - 1)
-    less = np.tile(np.stack(kinds, axis=1), len(HALF_LIVES_D))[..., None, None]
-    errs = np.tile(np.array([1 / 24] + [1.0] * (len(KINDS) - 1)), len(HALF_LIVES_D))
-    errs = (lasting.noise[:, None] * errs)[..., None, None]
-    p_open, days = by_table.p_open, by_table.days * _more(tables)[..., None, None]
-    chance = (p_open * (1 - p_open) * less + errs) / (days + less)
 
-    joint = _joint(worth, (1 / (days + less)).mean((2, 3)))
-    by_chance: Tables = np.einsum("rlt,rtwh->rlwh", joint, chance)
-    mean = np.einsum("rlt,rtwh->rlwh", worth, p_open)
-    spread = np.einsum("rlt,rtwh->rlwh", worth, p_open**2) - mean**2
-    expected = np.einsum("rlt,rtwh->rlwh", worth, chance) - by_chance
-    found: Tables = by_chance + np.maximum(spread - expected, 0)
-    return found
+    def __init__(self, by_table: Habits, tables: DayTables, lasting: Lasting) -> None:
+        """Take a schedule.
+
+        Args:
+            by_table: The tables.
+            tables: The days that they are made of.
+            lasting: How long the door's deviations last.
+        """
+        self._by_table = by_table
+        self._more = _more(tables)
+        kinds = [lasting.of_day] + [lasting.of_hour] * (len(KINDS) - 1)
+        self._less = np.tile(np.stack(kinds, axis=1), len(HALF_LIVES_D))
+        """(rows, tables)."""
+        errs = np.tile(np.array([1 / 24] + [1.0] * (len(KINDS) - 1)), len(HALF_LIVES_D))
+        self._errs = lasting.noise[:, None] * errs
+        """(rows, tables)."""
+
+    def at(self, cells: WeekCells, worth: Reals) -> Reals:
+        """Return them at some cells, (n,), where the tables have such weights, (n, tables)."""
+        row, weekday, hour = cells
+        less = self._less[row]
+        p_open = self._by_table.p_open[row, :, weekday, hour]
+        days = self._by_table.days[row, :, weekday, hour] * self._more[row]
+        chance = (p_open * (1 - p_open) * less + self._errs[row]) / (days + less)
+        by_chance = (_joint(worth, 1 / (days + less)) * chance).sum(1)
+        mean = (worth * p_open).sum(1)
+        spread = (worth * p_open**2).sum(1) - mean**2
+        expected = (worth * chance).sum(1) - by_chance
+        found: Reals = by_chance + np.maximum(spread - expected, 0)
+        return found
 
 
 def lasting_of(slowest: Tables, tables: DayTables, noise: Reals) -> Lasting:
@@ -139,23 +155,21 @@ def _products(of_hours: Tables, lag_h: int) -> Tables:
     return found.reshape(of_hours.shape)
 
 
-def _joint(worth: Weights, variance: Reals) -> Weights:
+def _joint(worth: Reals, variance: Reals) -> Reals:
     """Return weights with which the tables' variances add up to that of their weighted mean.
 
     With cov(i, j) = min(var i, var j) it is the sum over i of var_i w_i (w_i + 2 w_j of all j that
     are less sure).
 
     Args:
-        worth: (rows, leads, tables).
-        variance: (rows, tables), by which they are ordered.
+        worth: (n, tables).
+        variance: (n, tables), by which they are ordered.
     """
-    order = np.argsort(variance, axis=1, kind="stable")[:, None]
-    sorted_worth = np.take_along_axis(worth, np.broadcast_to(order, worth.shape), 2)
-    behind = np.cumsum(sorted_worth[..., ::-1], -1)[..., ::-1] - sorted_worth
+    order = np.argsort(variance, axis=1, kind="stable")
+    by_order = np.take_along_axis(worth, order, 1)
+    behind = np.cumsum(by_order[:, ::-1], -1)[:, ::-1] - by_order
     found = np.empty_like(worth)
-    np.put_along_axis(
-        found, np.broadcast_to(order, worth.shape), sorted_worth * (sorted_worth + 2 * behind), 2
-    )
+    np.put_along_axis(found, order, by_order * (by_order + 2 * behind), 1)
     return found
 
 

@@ -9,6 +9,7 @@ Old days count less, by several half-lives at once; which table is right, `avera
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,15 @@ HOUR_DAYS, WEEK_DAYS = 2.0, 4.0
 """How many days the coarser table counts, where a finer one has evidence of its own."""
 NEIGHBOURS_H = 1.5
 """The hours beside one count e^(-distance / that)."""
+
+
+class WeekCells(NamedTuple):
+    """WeekCells of tables by midnight, weekday and hour, all (n,)."""
+
+    row: NDArray[np.int64]
+    """As which midnight knew it."""
+    weekday: NDArray[np.int64]
+    hour: NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +68,12 @@ def habits(tables: DayTables) -> Habits:
     """
     sums = weekly_sums(tables)
     undiscounted = _mean(discounted(sums, np.inf), np.full(len(sums) + 1, PRIOR_P))
-    by_half_life = [
-        _shrunk(discounted(sums, half_life), undiscounted) for half_life in HALF_LIVES_D
-    ]
-    p_open = np.concatenate([p for p, _ in by_half_life], axis=1)
-    days = np.concatenate([n for _, n in by_half_life], axis=1)
+    each = np.broadcast_to(sums[:, None], (len(sums), len(HALF_LIVES_D), *sums.shape[1:]))
+    by_half_life = discounted(each, HALF_LIVES_D[:, None, None, None])
+    p_open, days = (
+        part.reshape(len(part), -1, DAYS_IN_WEEK, 24)
+        for part in _shrunk(by_half_life, undiscounted[:, None])
+    )
     return Habits(
         tables.first_day,
         np.clip(p_open, LEAST, MOST),
@@ -103,39 +114,42 @@ def discounted(sums: Tables, half_life_d: float | Tables) -> Tables:
 
 
 def _mean(sums: Tables, prior: Tables) -> Tables:
-    """Return (rows,): P(open) at any time, of discounted sums."""
-    opened, known = sums.sum((2, 3)).T / 24
-    found: Tables = (opened + PRIOR_DAYS * prior) / (known + PRIOR_DAYS)
+    """Return (…): P(open) at any time, of discounted sums, (…, 2, 7, 24)."""
+    of_all = sums.sum((-2, -1)) / 24
+    found: Tables = (of_all[..., 0] + PRIOR_DAYS * prior) / (of_all[..., 1] + PRIOR_DAYS)
     return found
 
 
 def _shrunk(sums: Tables, prior: Tables) -> tuple[Tables, Tables]:
-    """Return P(open) and days of evidence, both (rows, kinds, 7, 24), of discounted sums.
+    """Return P(open) and days of evidence, both (…, kinds, 7, 24), of discounted sums.
 
     Args:
-        sums: (rows, 2, 7, 24).
-        prior: (rows,), P(open) where all that was seen is long ago.
+        sums: (…, 2, 7, 24).
+        prior: (…), P(open) where all that was seen is long ago.
     """
-    opened, known = sums[:, 0], sums[:, 1]
-    of_day = opened.sum(1), known.sum(1)
-    known_days = of_day[1].sum(-1) / 24
-    mean = _mean(sums, prior)
+    opened, known = sums[..., 0, :, :], sums[..., 1, :, :]
+    of_day = opened.sum(-2), known.sum(-2)
+    known_days = of_day[1].sum(-1)[..., None, None] / 24
+    mean = _mean(sums, prior)[..., None]
 
-    hour = _level(*of_day, mean[:, None], HOUR_DAYS)
+    hour = _level(*of_day, mean, HOUR_DAYS)
     of_type = _by_day_type(opened), _by_day_type(known)
-    day_type = _level(*of_type, hour[0][:, None], WEEK_DAYS)
+    day_type = _level(*of_type, hour[0][..., None, :], WEEK_DAYS)
     per_weekday = [_each_weekday(part) for part in day_type]
     weekday = _toward(opened, known, per_weekday[0], WEEK_DAYS)
 
-    shape = opened.shape
-    p_open = (mean[:, None, None], hour[0][:, None], per_weekday[0], weekday)
-    days = (known_days[:, None, None], hour[1][:, None], per_weekday[1], per_weekday[1])
-    return _stacked(p_open, shape), _stacked(days, shape)
+    p_open = (mean[..., None], hour[0][..., None, :], per_weekday[0], weekday)
+    days = (known_days, hour[1][..., None, :], per_weekday[1], per_weekday[1])
+    return _stacked(p_open), _stacked(days)
 
 
-def _stacked(kinds: Sequence[Tables], shape: tuple[int, ...]) -> Tables:
-    """Return (rows, kinds, 7, 24) of tables that may be the same for all days or hours."""
-    return np.stack([np.broadcast_to(table, shape) for table in kinds], axis=1)
+def _stacked(kinds: Sequence[Tables]) -> Tables:
+    """Return (…, kinds, 7, 24) of tables that may be the same for all days or hours."""
+    shape = kinds[-1].shape
+    found = np.empty((*shape[:-2], len(kinds), *shape[-2:]))
+    for place, table in enumerate(kinds):
+        found[..., place, :, :] = table
+    return found
 
 
 def _level(
@@ -156,13 +170,14 @@ def _toward(opened: Tables, known: Tables, coarser: Tables, weight_days: float) 
 
 
 def _by_day_type(table: Tables) -> Tables:
-    """Return (rows, 2, 24) of (rows, 7, 24): working days, weekends."""
-    return np.stack([table[:, :WORKING_DAYS].sum(1), table[:, WORKING_DAYS:].sum(1)], axis=1)
+    """Return (…, 2, 24) of (…, 7, 24): working days, weekends."""
+    parts = table[..., :WORKING_DAYS, :].sum(-2), table[..., WORKING_DAYS:, :].sum(-2)
+    return np.stack(parts, axis=-2)
 
 
 def _each_weekday(table: Tables) -> Tables:
-    """Return (rows, 7, 24) of (rows, 2, 24)."""
-    return np.repeat(table, [WORKING_DAYS, DAYS_IN_WEEK - WORKING_DAYS], axis=1)
+    """Return (…, 7, 24) of (…, 2, 24)."""
+    return np.repeat(table, [WORKING_DAYS, DAYS_IN_WEEK - WORKING_DAYS], axis=-2)
 
 
 def _neighbours() -> Tables:

@@ -6,24 +6,25 @@ tends to as the moment that it foretells moves away.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
+from semmap_log.common.lazily import computed_once
 from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.probabilities.forecast import PRIOR_P, Forecast, Probabilities
+from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast, Probabilities
 from semmap_log.probabilities.local_clock import DAY_S, DAYS_IN_WEEK, HOUR_S, LocalClock
-from semmap_log.probabilities.methods.averaging import lead_of, weights
+from semmap_log.probabilities.methods.averaging import LEADS_D, averaged, lead_of, weights
 from semmap_log.probabilities.methods.by_door import LearntByDoor
-from semmap_log.probabilities.methods.effective_days import lasting_of, variances
-from semmap_log.probabilities.methods.habits import habits, slowest_habit
+from semmap_log.probabilities.methods.effective_days import Variances, lasting_of
+from semmap_log.probabilities.methods.habits import Habits, WeekCells, habits, slowest_habit
 from semmap_log.probabilities.methods.sensor_noise import noise_of
-from semmap_log.probabilities.methods.slots import slots
+from semmap_log.probabilities.methods.slots import SlotRates, Slots
 from semmap_log.probabilities.methods.told_days import ToldDays
 
 Times = NDArray[np.int64]
@@ -51,69 +52,140 @@ class DoorSchedule:
     """What was learnt about one door, as each midnight knew it."""
 
     def __init__(self, evidence: DoorEvidence, clock: LocalClock) -> None:
-        self._clock = clock
+        self._evidence, self._clock = evidence, clock
         self._days_told = ToldDays(evidence, clock)
-        tables = self._days_told.tables
-        self._first_day = tables.first_day
-        self._seen_h = _seen_h(tables)
-        if not len(tables):
-            return
-        by_table = habits(tables)
-        worth = weights(by_table, tables)
-        by_habit: Table = np.einsum("rlt,rtwh->rlwh", worth, by_table.p_open)
-        own = slots(by_habit, tables)
-        self._p_open: Table = by_habit + own.weight * (own.p_open - by_habit)
-        """(rows, leads, 7, 24)."""
-        self._days: Table = np.einsum("rlt,rtwh->rlwh", worth, by_table.days)
-        lasting = lasting_of(slowest_habit(tables), tables, noise_of(evidence, tables, clock))
-        by_habit_alone = variances(by_table, tables, worth, lasting)
-        of_slot = own.p_open * (1 - own.p_open) / (own.weeks + 1)
-        between = own.weight * (1 - own.weight) * (own.p_open - by_habit) ** 2
-        self._variance: Table = by_habit_alone + own.weight * (of_slot - by_habit_alone) + between
-        # Of the first midnight nothing is known: the same, bit for bit, as where nothing ever is.
-        self._p_open[0], self._variance[0], self._days[0] = PRIOR_P, PRIOR_P**2, 0.0
+        self._tables = self._days_told.tables
+        self._seen_h = _seen_h(self._tables)
+        self._by_lead: dict[int, _OfLead] = {}
+
+    @computed_once
+    def _habits(self) -> Habits:
+        return habits(self._tables)
+
+    @computed_once
+    def _slot_rates(self) -> SlotRates:
+        return SlotRates(self._tables)
+
+    @computed_once
+    def _variances(self) -> Variances:
+        noise = noise_of(self._evidence, self._tables, self._clock)
+        lasting = lasting_of(slowest_habit(self._tables), self._tables, noise)
+        return Variances(self._habits, self._tables, lasting)
 
     def p_open(self, times_ns: Times, known_ns: Times) -> Probabilities:
         """Return P(open) alone: see `LearntModel.predict`."""
-        if not len(self._seen_h):
-            return np.full(len(times_ns), PRIOR_P)
-        return self._between_hours(self._p_open, times_ns, known_ns)
+        return self._between_hours(_OfLead.p_open_at, PRIOR_P, times_ns, known_ns)
 
     def expect(self, times_ns: Times, known_ns: Times) -> Expected:
         """Return P(open) with what it is based on: see `LearntModel.predict`."""
-        if not len(self._seen_h):
-            nothing = np.zeros(len(times_ns))
-            return Expected(nothing + PRIOR_P, nothing + PRIOR_P**2, nothing > 0, nothing)
-        row, _, _, hour = self._places(self._clock.wall_s(times_ns), known_ns)
-        age_d = self._clock.hour_of(known_ns) // 24 - (self._first_day + row)
+        is_known = np.zeros(len(times_ns), np.bool_)
+        if len(self._seen_h):
+            row = self._days_told.row(known_ns)
+            hour = (self._clock.wall_s(times_ns) % DAY_S // HOUR_S).astype(np.int64)
+            age_d = self._clock.hour_of(known_ns) // 24 - (self._tables.first_day + row)
+            is_known = (self._seen_h[row, hour] >= LEAST_H) & (age_d <= STALE_D)
         return Expected(
-            self._between_hours(self._p_open, times_ns, known_ns),
-            self._between_hours(self._variance, times_ns, known_ns),
-            is_known=(self._seen_h[row, hour] >= LEAST_H) & (age_d <= STALE_D),
-            effective_days=self._between_hours(self._days, times_ns, known_ns),
+            self.p_open(times_ns, known_ns),
+            self._between_hours(self._variance_at, PRIOR_P**2, times_ns, known_ns),
+            is_known,
+            self._between_hours(_OfLead.days_at, 0.0, times_ns, known_ns),
         )
+
+    def variance_of_hours(self, times_ns: Times) -> Probabilities:
+        """Return that of P(open) through the hours that (n,) ascending times lie in, known then."""
+        _, first, which = np.unique(
+            self._clock.hour_of(times_ns), return_index=True, return_inverse=True
+        )
+        hour_ns = times_ns[first]
+        wall_s = self._clock.wall_s(hour_ns)
+        of_hours = self._at(self._variance_at, PRIOR_P**2, wall_s, self._days_told.row(hour_ns))
+        found: Table = of_hours[which]
+        return found
 
     def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
         """Return forecasts: see `LearntModel.predict`."""
         return Forecast.around(*self.expect(times_ns, known_ns))
 
-    def _between_hours(self, table: Table, times_ns: Times, known_ns: Times) -> Table:
-        """Return a table's values, from the middle of one hour to that of the next in a line."""
-        wall_s = self._clock.wall_s(times_ns)
+    def _variance_at(self, so_far_ahead: _OfLead, cells: WeekCells) -> Table:
+        return so_far_ahead.variance_at(cells, self._variances)
+
+    def _between_hours(
+        self, at: LookUp, otherwise: float, times_ns: Times, known_ns: Times
+    ) -> Table:
+        """Return the values of an hour's middle and the next one's, in a line from each to each."""
+        wall_s, row = self._clock.wall_s(times_ns), self._days_told.row(known_ns)
         from_middle = wall_s % HOUR_S / HOUR_S - 0.5
         beside = wall_s + np.where(from_middle < 0, -HOUR_S, HOUR_S)
-        here, there = (table[self._places(at, known_ns)] for at in (wall_s, beside))
+        here, there = (self._at(at, otherwise, shown, row) for shown in (wall_s, beside))
         found: Table = here + np.abs(from_middle) * (there - here)
         return found
 
-    def _places(
-        self, wall_s: Table, known_ns: Times
-    ) -> tuple[NDArray[np.int64], NDArray[np.intp], NDArray[np.int64], NDArray[np.int64]]:
-        """Return (row, lead, weekday, hour) of local times, with what the last midnight knew."""
-        row = self._days_told.row(known_ns)
-        day = (wall_s // DAY_S).astype(np.int64)
-        lead = lead_of(np.maximum(day - (self._first_day + row), 0))
-        return row, lead, day % DAYS_IN_WEEK, (wall_s % DAY_S // HOUR_S).astype(np.int64)
+    def _at(self, at: LookUp, otherwise: float, wall_s: Table, row: NDArray[np.int64]) -> Table:
+        """Return what is looked up for local times, with what some midnights knew.
+
+        Of the first midnight nothing is known: it is the same where nothing ever is.
+        """
+        day, in_day_s = np.divmod(wall_s, DAY_S)
+        lead = lead_of(np.maximum(day - (self._tables.first_day + row), 0))
+        cells = WeekCells(
+            row, day.astype(np.int64) % DAYS_IN_WEEK, (in_day_s // HOUR_S).astype(np.int64)
+        )
+        found = np.full(len(row), otherwise)
+        lead[row == 0] = -1
+        for one in np.flatnonzero(np.bincount(lead + 1, minlength=1)[1:]).tolist():
+            asked = lead == one
+            found[asked] = at(self._of_lead(one), WeekCells(*(part[asked] for part in cells)))
+        return found
+
+    def _of_lead(self, lead: int) -> _OfLead:
+        if lead not in self._by_lead:
+            self._by_lead[lead] = _OfLead(self._habits, self._tables, self._slot_rates, lead)
+        return self._by_lead[lead]
+
+
+class _OfLead:
+    """What a schedule says so far ahead; most leads are never asked for."""
+
+    def __init__(
+        self, by_table: Habits, tables: DayTables, slot_rates: SlotRates, lead: int
+    ) -> None:
+        lead_d = int(LEADS_D[lead])
+        self._worth = weights(by_table, tables, lead_d)
+        self._by_habit = np.clip(averaged(self._worth, by_table.p_open), LEAST, MOST)
+        """(rows, 7, 24): P(open) without slots."""
+        self._days = by_table.days
+        self._slots = Slots(self._by_habit, tables, slot_rates, lead_d)
+
+    @computed_once
+    def _p_open(self) -> Table:
+        """(rows, 7, 24)."""
+        by_habit = self._by_habit.ravel()
+        own = self._slots.at(WeekCells(*np.indices(self._by_habit.shape).reshape(3, -1)), by_habit)
+        found = by_habit + own.weight * (own.p_open - by_habit)
+        return found.reshape(self._by_habit.shape)
+
+    def p_open_at(self, cells: WeekCells) -> Table:
+        """Return P(open) there, (n,)."""
+        return self._p_open[cells]
+
+    def variance_at(self, cells: WeekCells, of_tables: Variances) -> Table:
+        """Return the variance of that, (n,)."""
+        by_habit = self._by_habit[cells]
+        alone = of_tables.at(cells, self._worth[cells.row])
+        own = self._slots.at(cells, by_habit)
+        of_slot = own.p_open * (1 - own.p_open) / (own.weeks + 1)
+        between = own.weight * (1 - own.weight) * (own.p_open - by_habit) ** 2
+        found: Table = alone + own.weight * (of_slot - alone) + between
+        return found
+
+    def days_at(self, cells: WeekCells) -> Table:
+        """Return days of evidence behind it, (n,)."""
+        row, weekday, hour = cells
+        found: Table = (self._worth[row] * self._days[row, :, weekday, hour]).sum(1)
+        return found
+
+
+LookUp = Callable[[_OfLead, WeekCells], Table]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ decides: where a habit of many hours ends, its slots are dropped within days, no
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -18,11 +19,11 @@ from numpy.typing import NDArray
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.forecast import LEAST, MOST
 from semmap_log.probabilities.local_clock import DAYS_IN_WEEK
-from semmap_log.probabilities.methods.averaging import LEADS_D, shared_anew
-from semmap_log.probabilities.methods.habits import discounted, weekly_sums
+from semmap_log.probabilities.methods.averaging import shared_anew
+from semmap_log.probabilities.methods.habits import WeekCells, discounted, weekly_sums
 
 Tables = NDArray[np.float64]
-Places = NDArray[np.int64]
+Indices = NDArray[np.int64]
 
 BLOCKS = ((0,), (0, 1), (0, -1))
 """Hours that share a rate, counted from a cell's own: each block is an expert."""
@@ -43,48 +44,17 @@ HEARD, HEARD_SHARE = 0.8, 0.005
 _MOST_NATS = 20.0
 
 
-class Slots(NamedTuple):
-    """What slots say beside a schedule, as each midnight knew it."""
+class OfSlots(NamedTuple):
+    """What slots say beside a schedule, all (n,)."""
 
     weight: Tables
-    """(rows, leads, 7, 24): how far that is heard."""
+    """How far that is heard."""
     p_open: Tables
-    """(rows, leads, 7, 24)."""
     weeks: Tables
-    """(rows, 1, 7, 24): of how many weeks."""
+    """Of how many weeks it is."""
 
 
-def slots(schedule: Tables, tables: DayTables) -> Slots:
-    """Return the slots of a door.
-
-    Args:
-        schedule: (rows, leads, 7, 24): P(open) without them; a row for each midnight.
-        tables: The days that it is made of.
-    """
-    schedule = np.clip(schedule, LEAST, MOST)
-    rates = _Rates(tables)
-    trials = _Trials.of(tables)
-    said = schedule[trials.row, trials.lead, trials.weekday]
-    own = rates.of(said, trials.row, trials.weekday)
-    gain = trials.gain(own, said[..., None])
-    weights = _weights(_pooled(gain), trials)
-    earned = np.clip((weights.sum(-1) - PRIOR) / (1 - PRIOR), 0, 1)
-    shares = weights / weights.sum(-1, keepdims=True)
-
-    week = trials.weeks_before(trials.row, trials.weekday)
-    mixed = (shares[week, trials.lead, trials.weekday] * own).sum(-1)
-    mixed = said + earned[week, trials.lead, trials.weekday] * (mixed - said)
-    heard = _heard(trials.gain(mixed[..., None], said[..., None])[..., 0].sum(-1))
-
-    row, weekday = np.arange(len(schedule))[:, None, None], np.arange(DAYS_IN_WEEK)
-    lead = np.arange(len(LEADS_D))[:, None]
-    week = trials.weeks_before(row, weekday)
-    p_open = (shares[week, lead, weekday] * rates.of(schedule, row, weekday)).sum(-1)
-    weight = earned[week, lead, weekday] * heard[:, :, None, None]
-    return Slots(weight, p_open, rates.known[:, None, ..., 0])
-
-
-class _Rates:
+class SlotRates:
     """P(open) of blocks by what was seen of them alone."""
 
     def __init__(self, tables: DayTables) -> None:
@@ -92,38 +62,75 @@ class _Rates:
         self.opened, self.known = _blocks(opened), _blocks(known)
         """(rows, 7, 24, blocks), in weeks."""
 
-    def of(self, schedule: Tables, row: Places, weekday: Places) -> Tables:
-        """Return it at rows and weekdays, (..., 24, blocks), where the schedule says (..., 24)."""
+    def of(self, schedule: Tables, *place: Indices) -> Tables:
+        """Return it at rows, weekdays (and hours), (..., blocks), where the schedule says (...)."""
         slab = SLAB_WEEKS * np.maximum(schedule, SLAB_P)[..., None]
-        found = (self.opened[row, weekday] + slab) / (self.known[row, weekday] + SLAB_WEEKS)
+        found = (self.opened[place] + slab) / (self.known[place] + SLAB_WEEKS)
         return np.asarray(np.clip(found, LEAST, MOST), np.float64)
 
 
-class _Trials(NamedTuple):
-    """Each day, foretold by the tables of `LEADS_D` days before it: places, (days, leads)."""
+class Slots:
+    """The slots of a door for forecasts of one lead, as each midnight knew them."""
 
-    row: Places
-    lead: Places
-    weekday: Places
+    def __init__(self, schedule: Tables, tables: DayTables, rates: SlotRates, lead_d: int) -> None:
+        """Find them.
+
+        Args:
+            schedule: (rows, 7, 24): P(open) without them; a row for each midnight.
+            tables: The days that it is made of.
+            rates: Of the same days.
+            lead_d: How many days ahead they foretell.
+        """
+        self._rates = rates
+        self._trials = trials = _Trials.of(tables, lead_d)
+        said = schedule[trials.row, trials.weekday]
+        own = self._rates.of(said, trials.row, trials.weekday)
+        weights = _weights(_pooled(trials.gain(own, said[..., None])), trials)
+        self._earned = np.clip((weights.sum(-1) - PRIOR) / (1 - PRIOR), 0, 1)
+        """(weeks + 1, 7, 24)."""
+        self._shares = weights / weights.sum(-1, keepdims=True)
+        """(weeks + 1, 7, 24, blocks)."""
+        week = trials.weeks_before(trials.row, trials.weekday)
+        mixed = (self._shares[week, trials.weekday] * own).sum(-1)
+        mixed = said + self._earned[week, trials.weekday] * (mixed - said)
+        self._heard = _heard(trials.gain(mixed[..., None], said[..., None]).sum((1, 2)), lead_d)
+        """(rows,)."""
+
+    def at(self, cells: WeekCells, schedule: Tables) -> OfSlots:
+        """Return what they say at some cells, where the schedule says (n,)."""
+        row, weekday, hour = cells
+        cell = self._trials.weeks_before(row, weekday), weekday, hour
+        rates = self._rates.of(schedule, row, weekday, hour)
+        return OfSlots(
+            self._earned[cell] * self._heard[row],
+            (self._shares[cell] * rates).sum(-1),
+            self._rates.known[row, weekday, hour, 0],
+        )
+
+
+class _Trials(NamedTuple):
+    """Each day, foretold by the table of so many days before it: places, (days,)."""
+
+    row: Indices
+    weekday: Indices
     is_known: NDArray[np.bool_]
-    """False: the record begins later than that."""
+    """(days,), False: the record begins later than that."""
     opened: Tables
-    """(days, 1, 24, 1): known hours open."""
+    """(days, 24, 1): known hours open."""
     closed: Tables
-    """(days, 1, 24, 1)."""
+    """(days, 24, 1)."""
     first_weekday: int
 
     @classmethod
-    def of(cls, tables: DayTables) -> _Trials:
-        row = np.arange(len(tables))[:, None] - LEADS_D
-        known = tables.known_h[:, None, :, None]
+    def of(cls, tables: DayTables, lead_d: int) -> _Trials:
+        row = np.arange(len(tables)) - lead_d
+        known = tables.known_h[..., None]
         # A reading that is corrected below zero says that the door was closed, and no more: else
         # the nights would outvote a slot by the errors of their sensor.
-        opened = np.maximum(tables.open_h[:, None, :, None], 0.0)
+        opened = np.maximum(tables.open_h[..., None], 0.0)
         return cls(
             np.maximum(row, 0),
-            np.broadcast_to(np.arange(len(LEADS_D)), row.shape),
-            np.broadcast_to((tables.days % DAYS_IN_WEEK)[:, None], row.shape),
+            tables.days % DAYS_IN_WEEK,
             row >= 0,
             opened,
             known - opened,
@@ -131,14 +138,14 @@ class _Trials(NamedTuple):
         )
 
     def gain(self, p_open: Tables, other: Tables) -> Tables:
-        """Return by how much one foretold the days better, nats, (days, leads, 24, ...)."""
+        """Return by how much one foretold the days better, nats, (days, 24, ...)."""
         of_open, of_closed = np.log(p_open / other), np.log((1 - p_open) / (1 - other))
         found = self.opened * of_open + self.closed * of_closed
-        return np.where(self.is_known[..., None, None], found, 0.0)
+        return np.where(self.is_known[:, None, None], found, 0.0)
 
-    def weeks_before(self, row: Places, weekday: Places) -> Places:
+    def weeks_before(self, row: Indices, weekday: Indices) -> Indices:
         """Return how often that weekday had ended by the midnights of these rows."""
-        ended: Places = (self.first_weekday + row - weekday - 1) // DAYS_IN_WEEK + 1
+        ended: Indices = (self.first_weekday + row - weekday - 1) // DAYS_IN_WEEK + 1
         return ended
 
 
@@ -161,33 +168,30 @@ def _pooled(gain: Tables) -> Tables:
 
 
 def _weights(gain: Tables, trials: _Trials) -> Tables:
-    """Return (weeks + 1, leads, 7, 24, blocks): of each cell, after its weekday came so often."""
+    """Return (weeks + 1, 7, 24, blocks): of each cell, after its weekday came so often."""
     place = trials.first_weekday + np.arange(len(gain))
     weeks = -(-(trials.first_weekday + len(gain)) // DAYS_IN_WEEK)
-    by_week = np.zeros((weeks * DAYS_IN_WEEK, *gain.shape[1:]))
-    by_week[place] = gain
-    is_known = np.zeros(weeks * DAYS_IN_WEEK, np.bool_)
-    is_known[place] = (trials.opened + trials.closed).any((1, 2, 3))
-    leads, hours, blocks = gain.shape[1:]
-    by_week = by_week.reshape(weeks, DAYS_IN_WEEK, leads, hours, blocks).swapaxes(1, 2)
-    share = SHARE * is_known.reshape(weeks, 1, DAYS_IN_WEEK, 1, 1)
     # The first expert is the schedule, against which the others gain.
-    gains = np.concatenate([np.zeros((*by_week.shape[:-1], 1)), by_week], axis=-1)
-    start = np.array([1 - PRIOR, *[PRIOR / blocks] * blocks])
-    found = np.broadcast_to(start, (weeks + 1, *gains.shape[1:])).copy()
+    gains = np.zeros((weeks * DAYS_IN_WEEK, *gain.shape[1:-1], gain.shape[-1] + 1))
+    gains[place, :, 1:] = gain
+    of_days = np.zeros(weeks * DAYS_IN_WEEK)
+    of_days[place] = SHARE * (trials.opened + trials.closed).any((1, 2))
+    gains = gains.reshape(weeks, DAYS_IN_WEEK, *gains.shape[1:])
+    share = of_days.reshape(weeks, DAYS_IN_WEEK, 1, 1)
+    start = np.array([1 - PRIOR, *[PRIOR / len(BLOCKS)] * len(BLOCKS)])
+    found = np.empty((weeks + 1, *gains.shape[1:]))
+    found[0] = start
     for week, gained in enumerate(gains):
         found[week + 1] = shared_anew(found[week], gained, start, share[week])
     earned: Tables = found[..., 1:]
     return earned
 
 
-def _heard(gain: Tables) -> Tables:
-    """Return (rows, leads): how far slots are heard, who gained so much on each day."""
-    gain = np.clip(gain / (1 + LEADS_D / DAYS_IN_WEEK), -_MOST_NATS, _MOST_NATS)
-    share = HEARD_SHARE / (1 + LEADS_D)[:, None]
-    start = np.array([1 - HEARD, HEARD])
-    found = np.broadcast_to(start, (len(gain) + 1, len(LEADS_D), 2)).copy()
-    for day, gained in enumerate(np.stack([np.zeros_like(gain), gain], axis=-1)):
-        found[day + 1] = shared_anew(found[day], gained, start, share)
-    heard: Tables = found[..., 1]
-    return heard
+def _heard(gain: Tables, lead_d: int) -> Tables:
+    """Return (rows,): how far slots are heard, who gained so much on each day."""
+    share = HEARD_SHARE / (1 + lead_d)
+    found = [HEARD]
+    for nats in np.clip(gain / (1 + lead_d / DAYS_IN_WEEK), -_MOST_NATS, _MOST_NATS).tolist():
+        odds = found[-1] / (1 - found[-1]) * math.exp(nats)
+        found.append((1 - share) * odds / (1 + odds) + share * HEARD)
+    return np.array(found)

@@ -12,8 +12,8 @@ from eval_sim_doors import intervals, told
 from semmap_log.probabilities.evidence.day_tables import day_tables
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.averaging import weights
-from semmap_log.probabilities.methods.effective_days import _joint, lasting_of, variances
-from semmap_log.probabilities.methods.habits import habits, slowest_habit
+from semmap_log.probabilities.methods.effective_days import Variances, _joint, lasting_of
+from semmap_log.probabilities.methods.habits import WeekCells, habits, slowest_habit
 from semmap_log.probabilities.methods.schedule import DoorSchedule
 from semmap_log.probabilities.methods.sensor_noise import noise_of
 from tests.probabilities.known import HOUR_NS, evidence, hours_ns
@@ -91,12 +91,14 @@ def test_readings_err_by_chance(a_visit_h: float, noise: float) -> None:
     assert 0 == found[0]
     assert noise == pytest.approx(found[-1])
     by_table = habits(tables)
-    worth = weights(by_table, tables)
     lasting = lasting_of(slowest_habit(tables), tables, found)
+    cells = WeekCells(*np.array([[len(tables)] * 24, [3] * 24, range(24)]))
+    worth = weights(by_table, tables, 0)[cells.row]
     wide, narrow = (
-        variances(by_table, tables, worth, lasting._replace(noise=of)) for of in (found, 0 * found)
+        Variances(by_table, tables, lasting._replace(noise=of)).at(cells, worth)
+        for of in (found, 0 * found)
     )
-    assert (wide[-1] > narrow[-1]).all()
+    assert (wide > narrow).all()
 
 
 def test_what_is_known_has_no_errors() -> None:
@@ -115,8 +117,8 @@ def test_tables_err_together_as_far_as_the_surer_one_errs() -> None:
     """
     Var of the mean of x (variance 1) and y (4), cov 1: (1 + 2 + 4) / 4.
     """
-    worth = np.array([[[0.5, 0.5]]])
+    worth = np.array([[0.5, 0.5]])
 
     joint = _joint(worth, np.array([[4.0, 1.0]]))
 
-    assert 7 / 4 == pytest.approx(float((joint[0, 0] * np.array([4.0, 1.0])).sum()))
+    assert 7 / 4 == pytest.approx(float((joint[0] * np.array([4.0, 1.0])).sum()))

@@ -182,19 +182,20 @@ def test_a_midnight_knows_the_days_before_it() -> None:
         np.testing.assert_allclose(whole.days[row], alone.days[-1], rtol=1e-12)
 
 
-def test_weights_are_shares_and_know_nothing_later() -> None:
+@pytest.mark.parametrize("lead_d", [0, 1, 14])
+def test_weights_are_shares_and_know_nothing_later(lead_d: int) -> None:
     """
-    At each midnight and lead they sum to one, and are those of the days before alone.
+    At each midnight they sum to one, and are those of the days before alone.
     """
     rng = np.random.default_rng(3)
     known = rng.random((40, 24))
     tables = DayTables(100, known, known * rng.random((40, 24)))
 
-    found = weights(habits(tables), tables)
+    found = weights(habits(tables), tables, lead_d)
 
     np.testing.assert_allclose(found.sum(-1), 1.0)
     cut = tables.before(125)
-    np.testing.assert_allclose(found[:26], weights(habits(cut), cut), rtol=1e-9)
+    np.testing.assert_allclose(found[:26], weights(habits(cut), cut, lead_d), rtol=1e-9)
 
 
 def test_the_lead_is_the_greatest_that_was_scored() -> None:
