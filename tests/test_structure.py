@@ -264,8 +264,8 @@ STARTS = [
     ("_verb('replay', sys.argv[1])", CORE | {"typer", "rich"}, 134),
     ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 139),
     ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 134),
-    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 178),
-    ("_verb('why', sys.argv[1], '1', '--json')", CORE | {"typer"}, 184),
+    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 179),
+    ("_verb('why', sys.argv[1], '1', '--json')", CORE | {"typer"}, 185),
     ("_verb('--help')", {"typer"}, 21),
     ("_verb('--version')", {"typer"}, 23),
 ]  # fmt: skip

@@ -81,10 +81,6 @@ class BeliefQuery:
         asked = [door.door_id for door in self.doors]
         return warn_of_sensors(log, self.beliefs.evidence, asked, self.known_ns)
 
-    def prepare(self) -> None:
-        """Work out for all the doors at once what their forecasts need."""
-        self.beliefs.prepare([door.door_id for door in self.doors], self.known_ns)
-
     def predict(self, door: Door, times_ns: NDArray[np.int64]) -> Forecast:
         """Return what is expected of a door at some times, as known at the moment."""
         known_ns = np.full(len(times_ns), self.known_ns)

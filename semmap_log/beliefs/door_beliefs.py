@@ -123,7 +123,6 @@ def probabilities(
     if not 0 <= asked.known_ns + horizon_ns <= MAX_TIME_NS:
         days = horizon_ns / (24 * HOUR_NS)
         raise MomentError(f"horizon: expected one that ends before 2262, got {days:g} days.")
-    asked.prepare()
     told = (belief(asked, door, horizon_ns) for door in asked.doors)
     return DoorBeliefs(told, tz=tz or log.info.timezone, sensor_doubts=asked.sensor_doubts(log))
 

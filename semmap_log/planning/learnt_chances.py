@@ -47,7 +47,6 @@ def learnt_chances(
     """
     times_ns = start_ns + np.round(times_s * SECOND_NS).astype(np.int64)
     known = np.full(len(times_ns), known_ns)
-    beliefs.prepare(doors, known_ns)
     said = [beliefs.predict(door, times_ns, known) for door in doors]
     looks = [
         looks_then(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -10,9 +9,9 @@ from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId
-from semmap_log.probabilities.estimator import BatchModel, Estimator, IncrementalModel, LearntModel
+from semmap_log.probabilities.estimator import Estimator, LearntModel
 from semmap_log.probabilities.estimators import by_name
-from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
+from semmap_log.probabilities.evidence.evidence import Evidence
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock
 
@@ -20,8 +19,7 @@ from semmap_log.probabilities.local_clock import LocalClock
 class Beliefs:
     """What an estimator makes of the evidence so far.
 
-    Nothing is learnt before somebody asks. What was learnt from the time before the next word is
-    gone on from; a late word sorts in among the others, and takes learning back to before it.
+    Nothing is learnt before somebody asks, and anew where more was told since.
     """
 
     def __init__(
@@ -63,15 +61,6 @@ class Beliefs:
         until_ns = int(known_ns.max(initial=self.evidence.latest_ns))
         return self.learnt(until_ns).predict(door_id, times_ns, known_ns)
 
-    def prepare(self, door_ids: Iterable[DoorId], known_ns: int) -> None:
-        """Work out at once what forecasts of these doors need that know so much.
-
-        They are the same without it; of many doors they come sooner.
-        """
-        learnt = self.learnt(known_ns)
-        if isinstance(learnt, BatchModel):
-            learnt.prepare(door_ids, known_ns)
-
     def learnt(self, until_ns: int | None = None) -> LearntModel:
         """Return what the evidence teaches; it can be asked for what was known up to then.
 
@@ -83,18 +72,9 @@ class Beliefs:
             learnt, words, until_then_ns = self._learnt
             if words == len(self.evidence) and wanted_ns <= until_then_ns:
                 return learnt
-        learnt = self._learn(self.evidence.up_to(wanted_ns))
+        learnt = self.estimator.learn(self.evidence.up_to(wanted_ns), self.clock)
         self._learnt = learnt, len(self.evidence), wanted_ns
         return learnt
-
-    def _learn(self, evidence: Mapping[DoorId, DoorEvidence]) -> LearntModel:
-        """Return what the evidence teaches, gone on from what was learnt before, if that goes."""
-        if self._learnt is not None:
-            learnt, words, until_then_ns = self._learnt
-            if isinstance(learnt, IncrementalModel):
-                unmoved_ns = min(self.evidence.unmoved_until_ns(words), until_then_ns)
-                return learnt.continued(evidence, unmoved_ns)
-        return self.estimator.learn(evidence, self.clock)
 
 
 class BeliefProjection:

@@ -7,7 +7,7 @@ recorded later changes none of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -31,29 +31,6 @@ class LearntModel(Protocol):
             door_id: Any; of a door without evidence nothing is known.
             times_ns: (n,), of each forecast.
             known_ns: (n,), of each: only what had happened by then counts.
-        """
-
-
-@runtime_checkable
-class BatchModel(Protocol):
-    """What was learnt, where many doors are quicker together than one after another."""
-
-    def prepare(self, door_ids: Iterable[DoorId], known_ns: int) -> None:
-        """Work out what forecasts of these doors need that know so much; it changes none."""
-
-
-@runtime_checkable
-class IncrementalModel(Protocol):
-    """What was learnt, where some of it holds when evidence comes in: what is older than that."""
-
-    def continued(
-        self, evidence: Mapping[DoorId, DoorEvidence], unmoved_until_ns: int
-    ) -> LearntModel:
-        """Return what more evidence teaches: the same as if it were learnt from the beginning.
-
-        Args:
-            evidence: All of it.
-            unmoved_until_ns: Up to then it is what it was: a late word sets that back.
         """
 
 

@@ -24,7 +24,6 @@ from semmap_log.probabilities.evidence.day_tables import day_tables
 from semmap_log.probabilities.evidence.evidence import DoorEvidence, EvidenceProjection
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock
-from semmap_log.probabilities.methods.filter import LearntFilter
 from tests.probabilities.telling import DOOR, added, as_batch, ns_of, put, seen
 from tests.test_replay import random_log
 
@@ -211,10 +210,9 @@ def test_a_late_word_drops_what_was_learnt_without_it() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
-def test_what_is_gone_on_from_says_what_is_learnt_from_the_beginning(seed: int) -> None:
+def test_what_is_asked_in_between_moves_nothing(seed: int) -> None:
     """
-    Words of three weeks come in parts, some weeks late, and questions are asked in between: rates
-    learnt before the latest part are kept, and no forecast shows it.
+    Words of three weeks come in parts, some weeks late, and questions are asked in between.
     """
     rng = random.Random(seed)
     days = sorted(rng.sample(range(24 * 21), 80))
@@ -238,32 +236,6 @@ def test_what_is_gone_on_from_says_what_is_learnt_from_the_beginning(seed: int) 
 def replace_numbers(batch: sl.EventBatch, *, first: int) -> sl.EventBatch:
     """Return the batch with event numbers from `first` on."""
     return replace(batch, number=first + np.arange(len(batch)))
-
-
-def test_a_late_word_takes_learning_back_to_before_it() -> None:
-    """
-    Rates learnt at midnights before the word stay; those learnt at later ones are learnt anew.
-    """
-    projection = BeliefProjection("filter", "UTC")
-    told = [seen("open", hour * HOUR) for hour in range(1, 24 * 12, 2)]
-    state = projection.apply(projection.initial(), as_batch([added(), *told]))
-    times = np.array([ns_of((24 * day + 12) * HOUR) for day in range(12)])
-    state.predict(DOOR, times, times)
-    before = kept_rates(state)
-
-    late = replace_numbers(as_batch([seen("closed", (24 * 4 + 1) * HOUR)]), first=10_000)
-    state = projection.apply(state, late)
-    state.learnt()
-
-    assert {ns_of(24 * day * HOUR) for day in (0, 1, 2, 3, 5, 7, 10)} == before
-    assert {ns_of(24 * day * HOUR) for day in (0, 1, 2, 3)} == kept_rates(state)
-
-
-def kept_rates(state: Beliefs) -> set[int]:
-    """Return when the rates that are at hand were learnt."""
-    learnt = state.learnt()
-    assert isinstance(learnt, LearntFilter)
-    return set(learnt._rates[DOOR])
 
 
 def test_what_is_learnt_up_to_a_time_serves_all_earlier_ones() -> None:

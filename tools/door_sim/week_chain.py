@@ -76,8 +76,9 @@ class WeekChain:
         before_ns = np.append(seen_ns[:1], seen_ns[:-1])
         here, kept = self.p_open(seen_ns), self._kept(before_ns, seen_ns)
         kept[0] = 0.0
-        from_closed = np.clip(here - kept * self.p_open(before_ns), 0, 1)
-        after, _ = filtered(Steps(from_closed, np.clip(from_closed + kept, 0, 1)), llr)
+        from_closed = np.clip(here - kept * self.p_open(before_ns), 0, 1)[:, None]
+        steps = Steps(from_closed, np.clip(from_closed + kept[:, None], 0, 1))
+        after = filtered(steps, llr, np.full(1, 0.5))[0][:, 0]
         last = np.maximum(np.searchsorted(seen_ns, known_ns, "right") - 1, 0)
         return self.p_open_later(known_ns, seen_ns[last], after[last])
 

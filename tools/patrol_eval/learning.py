@@ -59,7 +59,6 @@ def forecasts(
 ) -> NDArray[np.float64]:
     """Return P of each door, row, at each time; a door of which too little is known as others."""
     known = np.full(len(times_ns), known_ns)
-    beliefs.prepare(building.door_ids, known_ns)
     said = [beliefs.predict(door, times_ns, known) for door in building.door_ids]
     p_open = np.array([each.p_open for each in said])
     is_known = np.array([each.is_known for each in said])

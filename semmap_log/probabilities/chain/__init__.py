@@ -1,5 +1,6 @@
-"""A door as a hidden Markov chain: its passes, the rates that explain what was seen, forgetting.
+"""A door as a hidden Markov chain.
 
-`scan` multiplies, `chain` weighs, `nodes` are the evidence as a chain takes it, `rates` learns, and
-`forgetting` is what the rates do to a belief.
+`nodes` are the evidence as a chain takes it, `markov_chain` weighs, with `matrix_scan`'s products;
+`regimes` are ways in which doors go on. `rates` learns how often a door changes, from what is to be
+expected `between_looks`, for `first_passages`, which tell how long one waits.
 """

@@ -9,14 +9,17 @@ expected of the chain that explains them (`rates`).
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
+from semmap_log.domain.moments import DAY_NS
+from semmap_log.probabilities.chain.between_looks import happened
 from semmap_log.probabilities.chain.markov_chain import Rates, passage
 from semmap_log.probabilities.chain.nodes import LOOK_NS, held_at, looks
-from semmap_log.probabilities.chain.rates import happened
+from semmap_log.probabilities.chain.rates import HOURS, rates_by_hour
 from semmap_log.probabilities.evidence.coverage import WEEK
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import NORMAL_REACH
@@ -34,6 +37,8 @@ own."""
 MOST_WAITED_H = 24.0
 """But never more hours than that."""
 _LEAST_FACTOR = 0.02
+LEARNT_FROM_D = 182
+"""What visits tell is learnt from the last half year."""
 LOOK_H = LOOK_NS / (HOUR_S * 10**9)
 
 
@@ -62,34 +67,53 @@ class Passages:
         return float(max(least, _LEAST_FACTOR)), float(most) if self.is_seen_between else np.inf
 
 
-def first_passages(
-    evidence: DoorEvidence, clock: LocalClock, rates: Rates, *, until_open: bool
-) -> Passages:
+def first_passages(evidence: DoorEvidence, clock: LocalClock, *, until_open: bool) -> Passages:
     """Return how soon a door passes to a state from the other one.
 
     Args:
         evidence: Of a door, up to when it counts.
         clock: Whose hours.
-        rates: (24,), by which the chain goes from visit to visit.
         until_open: Passages to open; False: to closed.
     """
-    first_h, last_h = clock.hour_of(np.array([evidence.first_ns, evidence.until_ns])).tolist()
-    first_day, days = first_h // 24, last_h // 24 - first_h // 24 + 1
-    changes, waited_h = np.zeros(days * 24), np.zeros(days * 24)
-    for bins, changed, waited in (
-        _known(evidence, clock, until_open=until_open),
-        _visited(evidence, clock, rates, until_open=until_open),
-    ):
-        changes += np.bincount(bins - first_day * 24, changed, days * 24)
-        waited_h += np.bincount(bins - first_day * 24, waited, days * 24)
-    old = 0.5 ** (np.arange(days - 1, -1, -1) / HALF_LIFE_D)[:, None]
-    weekday = (first_day + np.arange(days)) % WEEK[0]
-    sums = np.zeros((2, *WEEK))
-    for part, of_hours in zip(sums, (changes, waited_h), strict=True):
-        np.add.at(part, weekday, old * of_hours.reshape(-1, 24))
-    on_days = (old[:, 0] * np.minimum(changes.reshape(-1, 24).sum(1), 1.0)).sum()
-    mixes = rates.relaxation.max() * HOUR_S * LOOK_H > 1 and not len(evidence.start_ns)
-    return Passages(_shrunk(*sums), float(on_days), not mixes)
+    days = _Days.of(evidence, clock)
+    changes, waited_h = days.sums(*_known(evidence, clock, until_open=until_open))
+    mixes = False
+    if evidence.is_visit.any():
+        visited = _Visited(evidence, clock, days)
+        between = visited.passages(until_open=until_open)
+        mixes = visited.fastest_per_s * HOUR_S * LOOK_H > 1 and not len(evidence.start_ns)
+        changes, waited_h = changes + between[0], waited_h + between[1]
+    on_days = (days.old * np.minimum(changes.reshape(-1, 24).sum(1), 1.0)).sum()
+    return Passages(
+        _shrunk(days.by_week(changes), days.by_week(waited_h)), float(on_days), not mixes
+    )
+
+
+class _Days(NamedTuple):
+    """The days of what is known of a door."""
+
+    first: int
+    old: Reals
+    """(days,): how much each still counts."""
+
+    @classmethod
+    def of(cls, evidence: DoorEvidence, clock: LocalClock) -> _Days:
+        ends_ns = np.array([evidence.first_ns, evidence.until_ns])
+        first, last = (clock.hour_of(ends_ns) // 24).tolist()
+        return cls(first, 0.5 ** (np.arange(last - first, -1, -1) / HALF_LIFE_D))
+
+    def sums(self, hour: Times, *columns: Reals) -> list[Reals]:
+        """Return (days x 24,) each: what belongs to each hour, added up."""
+        place = hour - self.first * 24
+        size = 24 * len(self.old)
+        return [np.bincount(place, column, size).astype(np.float64) for column in columns]
+
+    def by_week(self, of_hours: Reals) -> Reals:
+        """Return (7, 24): the sums of (days x 24,), old ones discounted."""
+        found = np.zeros(WEEK)
+        weekday = (self.first + np.arange(len(self.old))) % WEEK[0]
+        np.add.at(found, weekday, self.old[:, None] * of_hours.reshape(-1, 24))
+        return found
 
 
 def _known(
@@ -108,27 +132,29 @@ def _known(
     return clock.hour_of(from_ns[waits]), comes.astype(np.float64), passed_h
 
 
-def _visited(
-    evidence: DoorEvidence, clock: LocalClock, rates: Rates, *, until_open: bool
-) -> tuple[NDArray[np.int64], Reals, Reals]:
-    """Return the same between visits, as far as they tell."""
-    if not evidence.is_visit.any():
-        return np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
-    none = slice(0)
-    alone = replace(
-        evidence, start_ns=evidence.start_ns[none], end_ns=evidence.end_ns[none],
-        is_open=evidence.is_open[none], holds_on=False,
-    )  # fmt: skip
-    seen = looks(alone, clock, int(evidence.seen_ns[0]), int(evidence.seen_ns[-1]))
-    hours = clock.hour_of(seen.times_ns)
-    bins = hours - hours[0]
-    by_hour = (hours[0] + np.arange(int(bins[-1]) + 1)) % 24
-    of_hours = Rates(rates.opening[by_hour], rates.closing[by_hour])
-    nodes = seen.nodes().with_bins(bins.astype(np.intp))
-    found = happened(nodes, of_hours, passage(nodes, of_hours), len(by_hour))
-    openings, closings, closed_s, open_s = found
-    changed, waited_s = (openings, closed_s) if until_open else (closings, open_s)
-    return hours[0] + np.arange(len(by_hour)), changed, waited_s / HOUR_S
+class _Visited:
+    """What happened between visits, as far as they tell."""
+
+    def __init__(self, evidence: DoorEvidence, clock: LocalClock, days: _Days) -> None:
+        none = slice(0)
+        alone = replace(
+            evidence, start_ns=evidence.start_ns[none], end_ns=evidence.end_ns[none],
+            is_open=evidence.is_open[none], holds_on=False,
+        )  # fmt: skip
+        last_ns = int(evidence.seen_ns[-1])
+        seen = looks(alone, clock, last_ns, blind=True).since(last_ns - LEARNT_FROM_D * DAY_NS)
+        hour = np.maximum.accumulate(clock.hour_of(seen.times_ns)) - days.first * 24
+        nodes = seen.nodes(hour.astype(np.intp))
+        rates = rates_by_hour(nodes.with_bins(nodes.bin % HOURS))
+        self.fastest_per_s = float(rates.relaxation.max())
+        by_hour = Rates(*(np.tile(part, len(days.old)) for part in (rates.opening, rates.closing)))
+        self._happened = happened(nodes, by_hour, passage(nodes, by_hour), HOURS * len(days.old))
+
+    def passages(self, *, until_open: bool) -> tuple[Reals, Reals]:
+        """Return passages, and hours waited for them, to expect; (days x 24,) each."""
+        openings, closings, closed_s, open_s = self._happened
+        changed, waited_s = (openings, closed_s) if until_open else (closings, open_s)
+        return changed, waited_s / HOUR_S
 
 
 def _shrunk(changes: Reals, waited_h: Reals) -> Reals:

@@ -7,8 +7,6 @@ that change; forward and backward passes are Baum and Welch's.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -64,16 +62,12 @@ class Nodes:
         """Return the same nodes with other bins."""
         return Nodes(self.gap_s, self.llr, bins, self.begins)
 
-    @classmethod
-    def joined(cls, sequences: Sequence[Nodes], bins: int) -> Nodes:
-        """Return the nodes of several doors, each of so many bins, one door behind the other."""
-        offsets = [door * bins for door in range(len(sequences))]
-        return cls(
-            np.concatenate([nodes.gap_s for nodes in sequences]),
-            np.concatenate([nodes.llr for nodes in sequences]),
-            np.concatenate([n.bin + offset for n, offset in zip(sequences, offsets, strict=True)]),
-            np.concatenate([nodes.begins for nodes in sequences]),
-        )
+    def only_seen(self) -> Nodes:
+        """Return those at which something was seen, of one sequence."""
+        seen = self.llr != 0
+        passed_s = np.cumsum(self.gap_s)[seen]
+        first = np.arange(len(passed_s)) == 0
+        return Nodes(np.diff(passed_s, prepend=passed_s[:1]), self.llr[seen], self.bin[seen], first)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,45 +93,64 @@ class ChainLikelihoods:
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """From each node to the next: how likely the door is open there."""
+    """From each node to the next: how likely the door is open there; of some chains."""
 
     from_closed: Reals
-    """(n,): P(open at node i | closed at the one before)."""
+    """(n, chains): P(open at node i | closed at the one before)."""
     from_open: Reals
-    """(n,): P(open at node i | open at the one before)."""
+    """(n, chains): P(open at node i | open at the one before)."""
+
+    def predicted(self, before: Reals) -> Reals:
+        """Return (n, chains): P(open) at each node, where it was (n, chains) at the one before."""
+        return self.from_closed + before * (self.from_open - self.from_closed)
 
 
 def steps_of(nodes: Nodes, rates: Rates) -> Steps:
-    """Return the steps of a chain; where a sequence begins, open and closed are as likely."""
+    """Return the steps of one chain; where a sequence begins, open and closed are as likely."""
     before = np.append(0, nodes.bin[:-1])
     long_run = np.where(nodes.begins, 0.5, rates.stationary[before])
     kept = np.where(nodes.begins, 0.0, np.exp(-rates.relaxation[before] * nodes.gap_s))
-    from_closed = long_run * (1 - kept)
-    return Steps(from_closed, from_closed + kept)
+    from_closed = (long_run * (1 - kept))[:, None]
+    return Steps(from_closed, from_closed + kept[:, None])
 
 
-def filtered(steps: Steps, llr: Reals) -> tuple[Reals, Reals]:
-    """Return P(open) at each node by what was seen up to there, and by what was seen before."""
-    after = states(_matrices(steps, llr), np.array([0.5, 0.5]))[OPEN]
-    before = np.append(0.5, after[:-1])
-    return after, steps.from_closed + before * (steps.from_open - steps.from_closed)
+def filtered(steps: Steps, llr: Reals, first: Reals) -> tuple[Reals, Reals]:
+    """Return P(open) at each node by what was seen up to there, and at the one before.
+
+    Args:
+        steps: Of chains.
+        llr: (n,), what is seen at each node.
+        first: (chains,), P(open) before the first node.
+
+    Returns:
+        Both (n, chains).
+    """
+    after = states(_matrices(steps, llr), np.stack([1 - first, first]))[OPEN]
+    return after, np.concatenate([first[None], after])[:-1]
+
+
+def likelihood(p_open: Reals, llr: Reals) -> Reals:
+    """Return (n, chains): how likely it is to see that, (n,); up to a constant of the sensor."""
+    sees = _sigmoid(llr)[:, None]
+    found: Reals = p_open * sees + (1 - p_open) * (1 - sees)
+    return found
 
 
 def passage(nodes: Nodes, rates: Rates) -> ChainLikelihoods:
-    """Return the likelihoods of a chain along nodes, forward and backward."""
+    """Return the likelihoods of one chain along nodes, forward and backward."""
     steps = steps_of(nodes, rates)
-    after, predicted = filtered(steps, nodes.llr)
-    backward = _matrices(steps, nodes.llr)[:, :, :0:-1].transpose(1, 0, 2)
-    later = np.append(states(backward, np.array([0.5, 0.5]))[OPEN][::-1], 0.5)
-    sees = _sigmoid(nodes.llr)
-    seen = predicted * sees + (1 - predicted) * (1 - sees)
-    return ChainLikelihoods(after, predicted, later, np.log(seen))
+    after, before = filtered(steps, nodes.llr, np.full(1, 0.5))
+    predicted = steps.predicted(before)
+    backward = _matrices(steps, nodes.llr)[:, :, :0:-1].swapaxes(0, 1)
+    later = np.append(states(backward, np.full((2, 1), 0.5))[OPEN, ::-1, 0], 0.5)
+    seen = np.log(likelihood(predicted, nodes.llr)[:, 0])
+    return ChainLikelihoods(after[:, 0], predicted[:, 0], later, seen)
 
 
 def _matrices(steps: Steps, llr: Reals) -> Reals:
-    """Return (2, 2, n): from the closed and open weight of a node to those of the next."""
-    opened = _sigmoid(llr)
-    matrices = np.empty((2, 2, len(llr)))
+    """Return (2, 2, n, chains): from the closed and open weight of a node to those of the next."""
+    opened = _sigmoid(llr)[:, None]
+    matrices = np.empty((2, 2, *steps.from_open.shape))
     matrices[CLOSED, CLOSED] = (1 - opened) * (1 - steps.from_closed)
     matrices[CLOSED, OPEN] = (1 - opened) * (1 - steps.from_open)
     matrices[OPEN, CLOSED] = opened * steps.from_closed

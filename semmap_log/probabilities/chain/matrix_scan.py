@@ -20,17 +20,17 @@ each is long."""
 
 
 def states(matrices: Matrices, first: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what the matrices make of a vector, one after another.
+    """Return what the matrices make of vectors, one after another.
 
     Args:
-        matrices: (2, 2, n), none negative; matrix i is `matrices[:, :, i]`.
-        first: (2,), what stands before the first.
+        matrices: (2, 2, n, chains), none negative; step i of a chain is `matrices[:, :, i, chain]`.
+        first: (2, chains), what stands before the first.
 
     Returns:
-        (2, n): matrix i x ... x matrix 0 x first, each scaled to the sum 1. It is the same whatever
-        matrices come behind i.
+        (2, n, chains): matrix i x ... x matrix 0 x first, each scaled to the sum 1. It is the same
+        whatever matrices come behind i.
     """
-    found = np.empty((2, matrices.shape[2]))
+    found = np.empty((2, *matrices.shape[2:]))
     for start, end, length in _parts(matrices.shape[2]):
         found[:, start:end] = _of_part(matrices[:, :, start:end], first, length)
         first = found[:, end - 1]
@@ -48,23 +48,23 @@ def _parts(count: int) -> Iterator[tuple[int, int, int]]:
 
 def _of_part(matrices: Matrices, first: NDArray[np.float64], length: int) -> NDArray[np.float64]:
     """Return `states` of some matrices, in blocks of that length."""
-    count = matrices.shape[2]
+    count, chains = matrices.shape[2:]
     blocks = -(-count // length)
-    padded = np.zeros((2, 2, blocks * length))
+    padded = np.zeros((2, 2, blocks * length, chains))
     padded[0, 0] = padded[1, 1] = 1.0
     padded[:, :, :count] = matrices
     # The step is the outer axis, so that each step's matrices of all blocks lie together.
-    steps = np.ascontiguousarray(padded.reshape(2, 2, blocks, length).transpose(3, 0, 1, 2))
+    steps = np.ascontiguousarray(padded.reshape(2, 2, blocks, length, -1).transpose(3, 0, 1, 2, 4))
     products = _products(steps)
     starts = _chained(products[-1], first)
     found = products[:, :, 0] * starts[0] + products[:, :, 1] * starts[1]
-    vectors = found.transpose(1, 2, 0).reshape(2, -1)[:, :count]
+    vectors = found.transpose(1, 2, 0, 3).reshape(2, -1, chains)[:, :count]
     scaled: NDArray[np.float64] = vectors / (vectors[0] + vectors[1])
     return scaled
 
 
 def _products(steps: Matrices) -> Matrices:
-    """Return (length, 2, 2, blocks): in each block, the product up to each step, scaled."""
+    """Return (length, 2, 2, blocks, chains): in each block, the product up to each step, scaled."""
     found = np.empty_like(steps)
     found[0] = steps[0] / _total(steps[0])
     for i in range(1, len(steps)):
@@ -76,18 +76,17 @@ def _products(steps: Matrices) -> Matrices:
 
 
 def _total(matrices: Matrices) -> NDArray[np.float64]:
-    """Return (blocks,): the sum of each; in this order, however many there are."""
+    """Return (blocks, chains): the sum of each; in this order, however many there are."""
     total: NDArray[np.float64] = matrices[0, 0] + matrices[0, 1] + matrices[1, 0] + matrices[1, 1]
     return total
 
 
 def _chained(products: Matrices, first: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (2, blocks): the vector before each block, scaled."""
-    found = np.empty((2, products.shape[2]))
-    zero, one = first.tolist()
-    for block, ((a, b), (c, d)) in enumerate(products.transpose(2, 0, 1).tolist()):
-        found[:, block] = zero, one
-        zero, one = a * zero + b * one, c * zero + d * one
-        total = zero + one
-        zero, one = zero / total, one / total
+    """Return (2, blocks, chains): the vector before each block, scaled."""
+    found = np.empty((2, *products.shape[2:]))
+    here = first
+    for block in range(products.shape[2]):
+        found[:, block] = here
+        here = products[:, 0, block] * here[0] + products[:, 1, block] * here[1]
+        here = here / (here[0] + here[1])
     return found

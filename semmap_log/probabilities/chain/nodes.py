@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,86 +9,117 @@ from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.moments import SECOND_NS
 from semmap_log.probabilities.chain.markov_chain import Nodes
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.probabilities.evidence.visits import MOST_ACCURACY
+from semmap_log.probabilities.evidence.visits import MOST_ACCURACY, PASS_NS
 from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
 
 Times = NDArray[np.int64]
+Places = NDArray[np.intp]
 
 LOOK_NS = HOUR_S * SECOND_NS // 2
 """Where the state is known all through, a look each half hour tells it: the pace of a patrol."""
 CERTAIN_LLR = float(np.log(MOST_ACCURACY / (1 - MOST_ACCURACY)))
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Looks:
-    """When something was seen, and when the hour changes; ascending."""
+    """When something was seen; ascending. Before all of it stands one that saw nothing.
+
+    Sightings of the same five minutes are one look, at the last of them: how many there are costs
+    nothing. One that is certain is a look of its own.
+    """
 
     times_ns: Times
     """(n,)."""
     llr: NDArray[np.float64]
     """(n,): 0 where nothing was seen."""
-    hour: NDArray[np.intp]
-    """(n,): of the day, local."""
+    sightings: Places
+    """(n,): how many of the door's sightings are taken in up to there."""
 
     def __len__(self) -> int:
         return len(self.times_ns)
 
-    def nodes(self) -> Nodes:
-        """Return them as one sequence, with a bin for each hour of the day."""
-        gap_s = np.diff(self.times_ns, prepend=self.times_ns[:1]) / SECOND_NS
-        return Nodes(gap_s, self.llr, self.hour, np.arange(len(self)) == 0)
+    @property
+    def gap_ns(self) -> Times:
+        """(n,): since the look before; 0 at the first."""
+        return np.diff(self.times_ns, prepend=self.times_ns[:1])
 
-    def only(self, chosen: NDArray[np.bool_]) -> Looks:
-        """Return some of them."""
-        return Looks(self.times_ns[chosen], self.llr[chosen], self.hour[chosen])
+    @property
+    def sees(self) -> NDArray[np.bool_]:
+        """(n,): something was seen, be it that readings cancelled each other."""
+        return np.asarray((self.llr != 0) | (np.diff(self.sightings, prepend=0) > 0), np.bool_)
+
+    @property
+    def is_certain(self) -> NDArray[np.bool_]:
+        """(n,): what was seen says all: it gainsays whatever was seen before."""
+        return is_certain(self.llr)
+
+    def since(self, from_ns: int) -> Looks:
+        """Return those from some time on."""
+        last = slice(int(np.searchsorted(self.times_ns, from_ns)), None)
+        return Looks(self.times_ns[last], self.llr[last], self.sightings[last])
+
+    def nodes(self, bins: Places) -> Nodes:
+        """Return them as one sequence.
+
+        Args:
+            bins: (n,), which rates hold from each look on.
+        """
+        return Nodes(self.gap_ns / SECOND_NS, self.llr, bins, np.arange(len(self)) == 0)
 
 
-def training_set(evidence: DoorEvidence, clock: LocalClock, from_ns: int, until_ns: int) -> Looks:
-    """Return the looks that rates are learnt from: of a visit one, its last.
+def is_certain(llr: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which readings, or stretches, leave no doubt."""
+    return np.abs(llr) > CERTAIN_LLR - _ROUNDING
+
+
+def looks(
+    evidence: DoorEvidence, clock: LocalClock, until_ns: int, *, blind: bool = False
+) -> Looks:
+    """Return the looks at a door.
 
     Args:
         evidence: Of the door.
-        clock: Whose hours.
-        from_ns: As `looks`.
-        until_ns: As `looks`.
+        clock: Whose half hours.
+        until_ns: And what came after is left out.
+        blind: A look, too, in each half hour in which nothing was seen.
     """
-    visits = np.bincount(evidence.visit, evidence.llr).astype(np.float64)
-    last = np.zeros(len(visits), np.intp)
-    last[evidence.visit] = np.arange(len(evidence.visit))
-    order = np.argsort(last, kind="stable")
-    visited = replace(evidence, seen_ns=evidence.seen_ns[last[order]], llr=visits[order])
-    found = looks(visited, clock, from_ns, until_ns)
-    changes_hour = np.append(True, np.diff(found.hour) != 0)[: len(found)]
-    return found.only(changes_hour | (found.llr != 0))
-
-
-def looks(evidence: DoorEvidence, clock: LocalClock, from_ns: int, until_ns: int) -> Looks:
-    """Return the looks at a door from one time to another, both included.
-
-    Args:
-        evidence: Of the door.
-        clock: Whose hours.
-        from_ns: What was seen before is left out.
-        until_ns: And what came after.
-    """
-    first, last = clock.hour_of(np.array([from_ns, until_ns], np.int64)).tolist()
+    first, last = clock.hour_of(np.array([evidence.first_ns, until_ns], np.int64)).tolist()
     hours_ns = clock.hours(min(first, last), max(first, last) + 1).start_ns
     grid_ns = np.stack([hours_ns, hours_ns + LOOK_NS], axis=1).ravel()
     held, is_open = held_at(evidence, grid_ns)
-    ends = _last_known(evidence)
-    times_ns = np.concatenate([grid_ns, evidence.end_ns[ends], evidence.seen_ns])
-    llr = np.concatenate(
-        [
-            np.where(held, _certain(is_open), 0.0),
-            _certain(evidence.is_open[ends]),
-            np.clip(evidence.llr, -CERTAIN_LLR, CERTAIN_LLR),
-        ]
+    on = held | blind
+    ends, seen = _last_known(evidence), np.flatnonzero(_ends_look(evidence))
+    parts = (
+        (np.array([evidence.first_ns]), np.zeros(1)),
+        (grid_ns[on], np.where(held, _certain(is_open), 0.0)[on]),
+        (evidence.end_ns[ends], _certain(evidence.is_open[ends])),
+        (evidence.seen_ns[seen], seen_between(evidence, np.append(-1, seen[:-1]) + 1, seen + 1)),
     )
+    times_ns, llr = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     order = np.argsort(times_ns, kind="stable")
-    times_ns, llr = times_ns[order], llr[order]
-    inside = (times_ns >= from_ns) & (times_ns <= until_ns)
-    hour = clock.hour_of(times_ns[inside]) % 24
-    return Looks(times_ns[inside], llr[inside], hour.astype(np.intp))
+    times_ns = times_ns[order]
+    taken_in = np.append(0, seen + 1)[np.cumsum(order >= len(order) - len(seen))]
+    inside = slice(int(np.searchsorted(times_ns, until_ns, "right")))
+    return Looks(times_ns[inside], llr[order][inside], taken_in[inside])
+
+
+def seen_between(evidence: DoorEvidence, first: Places, behind: Places) -> NDArray[np.float64]:
+    """Return what sightings of some looks add up to, nats, (n,).
+
+    Args:
+        evidence: Of the door.
+        first: (n,), the first sighting of each.
+        behind: (n,), the one behind the last; as much as `first`: 0.
+    """
+    alone = np.clip(evidence.llr, -CERTAIN_LLR, CERTAIN_LLR)
+    certain = is_certain(alone)
+    total = np.append(0.0, np.cumsum(np.where(certain, 0.0, alone)))
+    most = CERTAIN_LLR - 2 * _ROUNDING
+    found = np.clip(total[behind] - total[first], -most, most)
+    sure = np.append(False, certain)[behind] & (behind > first)
+    found[sure] = alone[behind[sure] - 1]
+    return np.asarray(found, np.float64)
 
 
 def held_at(evidence: DoorEvidence, times_ns: Times) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -103,6 +132,14 @@ def held_at(evidence: DoorEvidence, times_ns: Times) -> tuple[NDArray[np.bool_],
     if evidence.holds_on:
         held |= (place == len(evidence.start_ns) - 1) & (times_ns <= evidence.until_ns)
     return held, held & evidence.is_open[place]
+
+
+def _ends_look(evidence: DoorEvidence) -> NDArray[np.bool_]:
+    """Return which sightings are the last of a look."""
+    cell = evidence.seen_ns // PASS_NS
+    certain = is_certain(np.clip(evidence.llr, -CERTAIN_LLR, CERTAIN_LLR))
+    goes_on = (cell[1:] == cell[:-1]) & ~certain[1:] & ~certain[:-1]
+    return np.append(~goes_on, True)[: len(cell)]
 
 
 def _last_known(evidence: DoorEvidence) -> NDArray[np.bool_]:

@@ -151,10 +151,6 @@ class Evidence:
         """Return what is known of each of `door_ids`, made when it is asked for."""
         return _EvidenceOfDoors(self, _or(until_ns, self.latest_ns))
 
-    def unmoved_until_ns(self, count: int) -> int:
-        """Return up to when all is known as it was when there were only so many reports."""
-        return self._reports.earliest_ns(count) - 1
-
     def counts(self, door_id: DoorId, until_ns: int | None = None) -> Counts:
         """Return how much was said of a door up to then."""
         until_ns = _or(until_ns, self.latest_ns)

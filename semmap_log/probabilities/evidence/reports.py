@@ -15,7 +15,6 @@ from semmap_log.common.distinct import distinct
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import STATE_KINDS, Event, field_names
 from semmap_log.folds.door_changes import STATE, STATE_CHANGE, THERE, chosen_of, fill, known_states
-from semmap_log.io.clock import MAX_TIME_NS
 
 Rows = NDArray[np.void]
 
@@ -109,10 +108,6 @@ class Reports:
     def newer(self, count: int) -> NDArray[np.uint32]:
         """Return which doors the reports behind the first `count` are about."""
         return distinct(self._rows["door_id"][count : self._count])
-
-    def earliest_ns(self, count: int) -> int:
-        """Return the least time of the reports behind the first `count`; without any, no time."""
-        return int(self._rows["folds_ns"][count : self._count].min(initial=MAX_TIME_NS))
 
     def latest(self, door_ids: NDArray[np.integer[Any]], until_ns: int, most: int) -> Rows:
         """Return what was said of some doors up to a time, by door, then time, then number.

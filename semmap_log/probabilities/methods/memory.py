@@ -10,21 +10,22 @@ before are all that it takes.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.lazily import computed_once
-from semmap_log.domain.moments import SECOND_NS
-from semmap_log.probabilities.chain.forgetting import Forgetting
+from semmap_log.domain.moments import HOUR_NS, SECOND_NS
 from semmap_log.probabilities.chain.nodes import held_at
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
+from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.schedule import DoorSchedule
 
 Times = NDArray[np.int64]
 Reals = NDArray[np.float64]
+Kept = Callable[[Times, Times], Reals]
 
 STEPS_A_DAY = 96
 STEP_NS = 86_400 * SECOND_NS // STEPS_A_DAY
@@ -43,24 +44,23 @@ class Memory:
     def __init__(self, evidence: DoorEvidence, schedule: DoorSchedule, clock: LocalClock) -> None:
         self._evidence, self._schedule, self._clock = evidence, schedule, clock
 
-    def correction(
-        self, forgetting: Forgetting, times_ns: Times, known_ns: Times, deviation: Reals
-    ) -> Reals:
+    def correction(self, kept: Kept, times_ns: Times, known_ns: Times, deviation: Reals) -> Reals:
         """Return what to add to the chain's forecasts, (n,).
 
         Args:
-            forgetting: The chain's.
+            kept: What the chain keeps of a deviation, (n, gaps), of (n,) times, over (gaps,).
             times_ns: (n,), of the forecasts.
             known_ns: (n,), when the door's state was known.
             deviation: (n,), of its state then from the schedule.
         """
-        ahead_h = (times_ns - known_ns) / (HOUR_S * SECOND_NS)
+        ahead_h = (times_ns - known_ns) / HOUR_NS
         if not len(self._evidence.start_ns):
             return np.zeros(len(times_ns))
         past = self._past
         row = np.clip(self._days(known_ns) - past.first_day, 0, len(past.products) - 1)
-        rows, which = np.unique(row, return_inverse=True)
-        weights = _between(past.weights(rows, forgetting.mean_kept(AHEAD_H))[which], ahead_h)
+        rows, first, which = np.unique(row, return_index=True, return_inverse=True)
+        by_chain = kept(known_ns[first], (AHEAD_H * HOUR_NS).astype(np.int64))
+        weights = _between(past.weights(rows, by_chain)[which], ahead_h)
         place = np.maximum(np.searchsorted(past.grid_ns, known_ns, "right") - 1, 0)
         remembered = np.column_stack([deviation, past.averages[place]])
         found: Reals = np.einsum("ns,ns->n", weights, remembered)
@@ -116,10 +116,10 @@ class _Past:
 
         Args:
             rows: As of which midnights.
-            kept: (ahead,), what the chain keeps of the present deviation.
+            kept: (rows, ahead), what the chain keeps of the present deviation.
         """
         products = self.products[rows]
-        rest = self.targets[rows] - kept[:, None] * products[..., 0]
+        rest = self.targets[rows] - kept[..., None] * products[..., 0]
         ridge = RIDGE_H * (1 + AHEAD_H)[:, None, None] * np.eye(products.shape[-1])
         solved = np.linalg.solve(products + ridge, rest[..., None])[..., 0]
         return np.asarray(solved, np.float64)

@@ -246,7 +246,6 @@ def beliefs_of(excerpt: Excerpt, tz: str, doors: Collection[DoorId]) -> dict[Doo
     in percent for 168 hours from Monday's first on, or null where too little is known at all.
     """
     now = ask(excerpt.log, at=excerpt.last_ns(), estimator=default_estimator(), tz=tz, doors=None)
-    now.prepare()
     habits = now.by(LATER)
     said: dict[DoorId, Any] = {}
     for door in now.doors:

@@ -21,7 +21,6 @@ from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import DAY_NS
 from semmap_log.probabilities.belief_fold import Beliefs
-from semmap_log.probabilities.methods.by_door import MOST_DOORS
 from semmap_log.views.excerpt.door_rows import NEVER
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import Palette
@@ -90,29 +89,12 @@ def _read_of(doors: Sequence[SceneDoor]) -> set[DoorId]:
 def _curves(
     now: BeliefQuery, doors: Sequence[SceneDoor], scene: Scene
 ) -> Iterator[tuple[DoorId, Points]]:
-    """Yield the curves of doors of which enough was known at some time.
-
-    Some doors are learnt of together, as of each day: that is much quicker than door by door; no
-    more of them than are kept.
-    """
+    """Yield the curves of doors of which enough was known at some time."""
     now.beliefs.learnt(max(scene.end.folds_ns, now.known_ns))  # once for all days
-    days_ns = [scene.begin.folds_ns, *_midnights_ns(now, scene)]
-    for first in range(0, len(doors), MOST_DOORS):
-        together = doors[first : first + MOST_DOORS]
-        for known_ns in days_ns:
-            now.beliefs.prepare([door.door_id for door in together], known_ns)
-        for door in together:
-            points = points_of(now.beliefs, door, scene)
-            if len(points):
-                yield door.door_id, points
-
-
-def _midnights_ns(now: BeliefQuery, scene: Scene) -> list[int]:
-    """Return the local midnights within a recording."""
-    ends_ns = np.array([scene.begin.folds_ns, scene.end.folds_ns])
-    first, last = (now.clock.hour_of(ends_ns) // 24).tolist()
-    found: list[int] = now.clock.midnights_ns(np.arange(first + 1, last + 1)).tolist()
-    return found
+    for door in doors:
+        points = points_of(now.beliefs, door, scene)
+        if len(points):
+            yield door.door_id, points
 
 
 def belief_path(door: SceneDoor) -> EntityPath:

@@ -29,7 +29,7 @@ def by_all_paths(nodes: Nodes) -> tuple[np.ndarray, float]:
     for path in product((0, 1), repeat=len(nodes)):
         weight = 1.0
         for i, state in enumerate(path):
-            p_open = steps.from_open[i] if i and path[i - 1] else steps.from_closed[i]
+            p_open = (steps.from_open if i and path[i - 1] else steps.from_closed)[i, 0]
             weight *= p_open if state else 1 - p_open
             weight *= sees[i] if state else 1 - sees[i]
         weights.append(weight)

@@ -8,20 +8,18 @@ import numpy as np
 import pytest
 
 from semmap_log.probabilities.chain.first_passages import Passages, first_passages
-from semmap_log.probabilities.chain.markov_chain import Rates
 from semmap_log.probabilities.local_clock import LocalClock
 from tests.probabilities.chains import stretches_of
 from tests.probabilities.known import evidence, hours_ns
 
 UTC = LocalClock("UTC")
-SLOW = Rates(np.full(24, 1 / 36_000), np.full(24, 1 / 36_000))
 
 
 def passages(
     stretches: list[tuple[float, float, bool]], hours: float, *, until_open: bool = True
 ) -> Passages:
     known = evidence(stretches).up_to(int(hours_ns(hours)) - 1)
-    return first_passages(known, UTC, SLOW, until_open=until_open)
+    return first_passages(known, UTC, until_open=until_open)
 
 
 @pytest.mark.parametrize("until_open", [True, False])
@@ -91,7 +89,7 @@ def test_visits_tell_of_passages_between_them() -> None:
     known = evidence(visits=visits)
     known = replace(known, llr=np.sign(known.llr) * 6.0).up_to(int(hours_ns(28 * 24)) - 1)
 
-    found = first_passages(known, UTC, SLOW, until_open=True)
+    found = first_passages(known, UTC, until_open=True)
 
     assert found.per_h[:, 8].min() > 0.3
     assert found.per_h[:, 20:].max() < 0.05

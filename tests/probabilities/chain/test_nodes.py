@@ -1,4 +1,4 @@
-"""A door's evidence as looks: each half hour of a stretch, each sighting, and where hours begin."""
+"""A door's evidence as looks: each half hour of a stretch, and sightings by the five minutes."""
 
 from __future__ import annotations
 
@@ -22,16 +22,18 @@ def said(found: Looks) -> list[tuple[float, float]]:
 
 def test_a_stretch_is_a_look_each_half_hour_and_one_at_its_end() -> None:
     """
-    Open from 0:10 to 1:40, then nothing: certain looks in it, one when it ends, none behind it.
+    Open from 0:10 to 1:40, then nothing: before all one that saw nothing, certain looks in it, one
+    when it ends, none behind it.
     """
     told = evidence([(1 / 6, 5 / 3, True)])
 
-    found = looks(told, UTC, int(hours_ns(0)), int(hours_ns(2)))
+    found = looks(told, UTC, int(hours_ns(2)))
 
     sure = CERTAIN_LLR
-    expected = [(0.0, 0.0), (0.5, sure), (1.0, sure), (1.5, sure), (5 / 3, sure), (2.0, 0.0)]
+    expected = [(1 / 6, 0.0), (0.5, sure), (1.0, sure), (1.5, sure), (5 / 3, sure)]
     assert [llr for _, llr in expected] == [llr for _, llr in said(found)]
     assert [hour for hour, _ in expected] == pytest.approx([hour for hour, _ in said(found)])
+    assert [False, True, True, True, True] == found.is_certain.tolist()
 
 
 def test_a_change_that_was_watched_is_no_look_of_its_own() -> None:
@@ -41,60 +43,81 @@ def test_a_change_that_was_watched_is_no_look_of_its_own() -> None:
     """
     told = evidence([(0.0, 0.6, False), (0.6, 0.8, True), (0.8, 2.0, False)])
 
-    found = looks(told, UTC, int(hours_ns(0)), int(hours_ns(1.75)))
+    found = looks(told, UTC, int(hours_ns(1.75)))
 
-    expected = [(0.0, -CERTAIN_LLR), (0.5, -CERTAIN_LLR), (1.0, -CERTAIN_LLR), (1.5, -CERTAIN_LLR)]
-    assert expected == said(found)
+    sure = CERTAIN_LLR
+    assert [(0.0, 0.0), (0.0, -sure), (0.5, -sure), (1.0, -sure), (1.5, -sure)] == said(found)
 
 
-def test_sightings_count_when_they_were_and_prove_no_more_than_a_certain_one() -> None:
+def test_a_certain_sighting_is_a_look_of_its_own() -> None:
     """
-    They stand between the half hours by what they tell, clipped on both sides.
+    They stand by what they tell, clipped on both sides; none proves more than a certain one.
     """
-    told = evidence(visits=[(0.25, True), (0.75, False), (0.8, True)])
-    told = replace(told, llr=np.array([2.0, -1e6, 1e6]))
+    told = evidence(visits=[(0.25, True), (0.75, False), (0.76, True), (0.77, True)])
+    told = replace(told, llr=np.array([2.0, -1e6, 1e6, 1.0]))
 
-    found = looks(told, UTC, int(hours_ns(0)), int(hours_ns(0.9)))
+    found = looks(told, UTC, int(hours_ns(0.9)))
 
-    expected = [(0.0, 0.0), (0.25, 2.0), (0.5, 0.0), (0.75, -CERTAIN_LLR), (0.8, CERTAIN_LLR)]
-    assert expected == said(found)
+    sure = CERTAIN_LLR
+    assert [(0.25, 0.0), (0.25, 2.0), (0.75, -sure), (0.76, sure), (0.77, 1.0)] == said(found)
+    assert [0, 1, 2, 3, 4] == found.sightings.tolist()
 
 
-def test_both_ends_are_included_and_nothing_else() -> None:
+def test_sightings_of_five_minutes_are_one_look() -> None:
     """
-    A sighting at the first or the last moment counts, one a nanosecond beside does not.
+    At the last of them, of what they add up to; however many agree, there is still a doubt.
+    """
+    told = evidence(visits=[(0.01, True), (0.02, True), (0.08, False), (0.09, True)])
+    told = replace(told, llr=np.array([2.0, 1.5, -1.0, 3.0]))
+    many = evidence(visits=[(i / 1e5, True) for i in range(1000)])
+
+    found, of_many = looks(told, UTC, int(hours_ns(1))), looks(many, UTC, int(hours_ns(1)))
+
+    assert [(0.01, 0.0), (0.08, 2.5), (0.09, 3.0)] == said(found)
+    assert [0, 3, 4] == found.sightings.tolist()
+    assert 2 == len(of_many)
+    assert not of_many.is_certain.any()
+    assert CERTAIN_LLR == pytest.approx(of_many.llr[1])
+
+
+def test_the_last_moment_is_included_and_nothing_later() -> None:
+    """
+    A sighting at that moment counts, one a nanosecond behind it does not.
     """
     told = evidence(visits=[(1.0, True), (1.25, False), (1.5, True)])
-    from_ns, until_ns = (int(ns) for ns in hours_ns([1.0, 1.5]))
+    until_ns = int(hours_ns(1.5))
 
-    whole = looks(told, UTC, from_ns, until_ns)
-    inner = looks(told, UTC, from_ns + 1, until_ns - 1)
+    whole, inner = looks(told, UTC, until_ns), looks(told, UTC, until_ns - 1)
 
-    assert [0.0, np.log(9), -np.log(9), 0.0, np.log(9)] == pytest.approx(whole.llr.tolist())
-    assert [(1.25, pytest.approx(-np.log(9)))] == said(inner)
+    assert [0.0, np.log(9), -np.log(9), np.log(9)] == pytest.approx(whole.llr.tolist())
+    assert whole.llr[:3].tolist() == inner.llr.tolist()
 
 
-def test_hours_are_the_buildings() -> None:
+def test_half_hours_without_a_look_are_the_buildings() -> None:
     """
-    In Eucla, 8:45 ahead of UTC, hours begin at a quarter past; looks and their bins follow.
+    In Eucla, 8:45 ahead of UTC, hours begin at a quarter past; they are there if asked for.
     """
     eucla = LocalClock("Australia/Eucla")
+    told = evidence(visits=[(0.3, True)])
 
-    found = looks(evidence(), eucla, int(hours_ns(0)), int(hours_ns(1.5)))
+    found = looks(told, eucla, int(hours_ns(1.5)), blind=True)
 
-    assert [0.25, 0.75, 1.25] == pytest.approx([hour for hour, _ in said(found)])
-    assert [9, 9, 10] == found.hour.tolist()
+    assert [0.25, 0.3, 0.3, 0.75, 1.25] == pytest.approx([h for h, _ in said(found)])
 
 
 def test_as_nodes_they_are_one_sequence() -> None:
     """
     Gaps are in seconds, the first is none, and only there a sequence begins.
     """
-    found = looks(evidence(visits=[(0.4, True)]), UTC, int(hours_ns(0)), int(hours_ns(1))).nodes()
+    seen = looks(evidence(visits=[(0.4, True), (0.9, True)]), UTC, int(hours_ns(1)))
 
-    assert [0.0, 1440.0, 360.0, 1800.0] == pytest.approx(found.gap_s.tolist())
-    assert [True, False, False, False] == found.begins.tolist()
-    assert [0, 0, 0, 1] == found.bin.tolist()
+    found = seen.nodes(np.array([7, 8, 9]))
+
+    assert [0.0, 0.0, 1800.0] == pytest.approx(found.gap_s.tolist())
+    assert [True, False, False] == found.begins.tolist()
+    assert [7, 8, 9] == found.bin.tolist()
+    assert [0.4, 0.9] == [h for h, _ in said(seen.since(int(hours_ns(0.4))))][1:]
+    assert [0.9] == [h for h, _ in said(seen.since(int(hours_ns(0.4)) + 1))]
 
 
 @pytest.mark.parametrize(

@@ -118,7 +118,7 @@ def test_far_ahead_it_is_the_schedule(state: bool) -> None:
     times_ns, known_ns = hours_ns(24 * 60 + ahead), hours_ns(np.full(7, 24 * 60.0))
     schedule = DoorSchedule(told, UTC).p_open(times_ns, known_ns)
 
-    found = DoorFilter(told, UTC, {}).predict(times_ns, known_ns)
+    found = DoorFilter(told, UTC).predict(times_ns, known_ns)
 
     left = (found.p_open - schedule) * (1 if state else -1)
     assert left[0] > 0.2
@@ -191,7 +191,7 @@ def test_how_long_doors_stay_open_matters_not_only_how_often() -> None:
     for mean_h in (1.0, 24.0):
         rng = np.random.default_rng(11)
         told = stretches_of(end - 0.5, mean_h, mean_h, rng)
-        filtered = DoorFilter(evidence([*told, (end - 0.5, end, True)]).up_to(now_ns[0]), UTC, {})
+        filtered = DoorFilter(evidence([*told, (end - 0.5, end, True)]).up_to(now_ns[0]), UTC)
         found[mean_h] = float(filtered.predict(asked_ns, now_ns).p_open[0])
 
     assert found[1.0] < 0.75

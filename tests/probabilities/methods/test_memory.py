@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from semmap_log.probabilities.chain.forgetting import START
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.filter import DoorFilter
@@ -27,6 +26,11 @@ from tests.probabilities.known import evidence, hours_ns
 
 UTC = LocalClock("UTC")
 DAYS = 120
+
+
+def kept(known_ns: np.ndarray, gap_ns: np.ndarray) -> np.ndarray:
+    """Return what a chain keeps that forgets in two hours."""
+    return np.broadcast_to(np.exp(-gap_ns / 7.2e12), (len(known_ns), len(gap_ns)))
 
 
 class NoMemory:
@@ -76,7 +80,7 @@ def test_without_a_past_it_is_worth_nothing() -> None:
         np.zeros((2, len(AHEAD_H), spans, spans)), np.zeros((2, len(AHEAD_H), spans)),
     )  # fmt: skip
 
-    found = nothing.weights(np.array([0, 1]), START.mean_kept(AHEAD_H))
+    found = nothing.weights(np.array([0, 1]), np.full((2, len(AHEAD_H)), 0.5))
 
     assert (2, len(AHEAD_H), spans) == found.shape
     assert not found.any()
@@ -90,7 +94,7 @@ def test_on_the_first_day_it_says_nothing() -> None:
     learnt = memory_of(told.up_to(int(hours_ns(48))))
     known_ns = hours_ns([5.0, 23.9, 24.0, 30.0])
 
-    found = learnt.correction(START, known_ns + int(3.6e12), known_ns, np.full(4, 0.5))
+    found = learnt.correction(kept, known_ns + int(3.6e12), known_ns, np.full(4, 0.5))
 
     assert [True, True, False, False] == (found == 0).tolist()
 
@@ -102,7 +106,7 @@ def test_a_patrol_has_no_memory() -> None:
     visits = [(hour / 2, hour % 7 < 3) for hour in range(48 * 30)]
     known_ns = hours_ns([24.0 * 29])
 
-    found = memory_of(evidence(visits=visits)).correction(START, known_ns, known_ns, np.ones(1))
+    found = memory_of(evidence(visits=visits)).correction(kept, known_ns, known_ns, np.ones(1))
 
     assert [0.0] == found.tolist()
 
@@ -137,7 +141,7 @@ def test_it_helps_where_openings_are_of_two_kinds(two_kinds: DoorEvidence) -> No
     times_ns = known_ns + int(3.6e12)
     place = np.searchsorted(two_kinds.start_ns, times_ns, "right") - 1
     came = two_kinds.is_open[place]
-    learnt, forgetful = DoorFilter(two_kinds, UTC, {}), DoorFilter(two_kinds, UTC, {})
+    learnt, forgetful = DoorFilter(two_kinds, UTC), DoorFilter(two_kinds, UTC)
     forgetful._memory = NoMemory()  # type: ignore[assignment]
 
     found, alone = (one.predict(times_ns, known_ns).p_open for one in (learnt, forgetful))

@@ -62,7 +62,7 @@ def test_a_door_that_is_so_already_is_not_waited_for(*, until_open: bool) -> Non
     told = stretches_of(24.0 * 30 - 1, CLOSED_H, OPEN_H, np.random.default_rng(3))
     now_ns = int(hours_ns(24 * 30))
     held = evidence([*told, (24.0 * 30 - 1, 24.0 * 30, until_open)]).up_to(now_ns)
-    learnt = DoorFilter(held, UTC, {})
+    learnt = DoorFilter(held, UTC)
 
     found = learnt.wait_s(now_ns, until_open=until_open)
 
@@ -74,7 +74,7 @@ def test_a_door_that_never_opens_is_waited_for_long() -> None:
     Shut for half a year: the wait is weeks at least, and a number; until it is shut there is none.
     """
     now_ns = int(hours_ns(24 * 180))
-    learnt = DoorFilter(evidence([(0.0, 24.0 * 180, False)]).up_to(now_ns), UTC, {})
+    learnt = DoorFilter(evidence([(0.0, 24.0 * 180, False)]).up_to(now_ns), UTC)
 
     until_open = learnt.wait_s(now_ns, until_open=True)
 
@@ -93,7 +93,7 @@ def test_the_wait_is_longer_in_the_evening_of_a_door_that_is_used_by_day() -> No
             opens = 24 * day + float(hour)
             stretches += [(shut, opens, False), (opens, opens + 0.5, True)]
             shut = opens + 0.5
-    learnt = DoorFilter(evidence(stretches).up_to(int(hours_ns(shut))), UTC, {})
+    learnt = DoorFilter(evidence(stretches).up_to(int(hours_ns(shut))), UTC)
 
     morning, evening = (
         learnt.wait_s(int(hours_ns(24 * 40 + hour)), until_open=True) / 3600

@@ -44,6 +44,17 @@ def test_what_is_certain_gainsays_all_that_was_certain_before(every_s: float) ->
     assert found == pytest.approx(0.001)
 
 
+def test_what_is_certain_is_believed_before_what_comes_next() -> None:
+    """
+    As above, and then a sensor that hardly tells reads open: it is still closed, most likely.
+    """
+    told = [seen("open", H + 0.01 * i, 1.0) for i in range(50)]
+
+    found = p_open(*told, seen("closed", H + 1, 1.0), seen("open", H + 2, 0.6), at_s=H + 2)
+
+    assert found < 0.01
+
+
 def test_who_went_through_a_door_saw_it_open_whatever_was_read() -> None:
     """
     Somebody went through a door that a sure sensor had called closed a moment before: it is open.

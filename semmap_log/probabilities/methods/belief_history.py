@@ -1,0 +1,247 @@
+"""What was believed of a door after each look, by each regime; and how far each was believed."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.domain.moments import HOUR_NS
+from semmap_log.probabilities.chain import regimes
+from semmap_log.probabilities.chain.markov_chain import Steps, filtered, likelihood
+from semmap_log.probabilities.chain.matrix_scan import states
+from semmap_log.probabilities.chain.nodes import LOOK_NS, held_at, is_certain, looks, seen_between
+from semmap_log.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.probabilities.forecast import LEAST, MOST
+from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.probabilities.methods.averaging import shared_anew
+from semmap_log.probabilities.methods.schedule import DoorSchedule
+
+Times = NDArray[np.int64]
+Days = NDArray[np.int64]
+Reals = NDArray[np.float64]
+
+NEVER = 0
+"""Of times: nanoseconds since 1970."""
+LEADS_H = np.array([0.0, 2.0, 8.0, 24.0])
+"""So far ahead regimes are scored; the first is the next look, whenever that is."""
+TEMPER = 1 / (1 + 3 * LEADS_H)
+"""How much of a look's likelihood counts: forecasts that overlap say the same again."""
+SHARE = 0.01
+"""So much of the weight is handed out anew each day."""
+_CERTAIN = 1e-12
+"""Of a variance: whoever sees a door again and again at once leaves none."""
+
+
+class Belief(NamedTuple):
+    """What was believed at some times, since when."""
+
+    p_open: Reals
+    """(n, regimes): when it was last told."""
+    weight: Reals
+    """(n, regimes): how far each was believed."""
+    spread: Reals
+    """(n, regimes): standard deviation of P(open): it rests on a schedule that may be wrong."""
+    told_ns: Times
+    """(n,): when that was."""
+    seen_ns: Times
+    """(n,): when the door was really seen, at that look or before; `NEVER`: it was not."""
+    is_held: NDArray[np.bool_]
+    """(n,): it is no belief: the state was known."""
+
+
+class BeliefHistory:
+    """What was believed of a door after each look."""
+
+    def __init__(self, evidence: DoorEvidence, schedule: DoorSchedule, clock: LocalClock) -> None:
+        """Follow a door through all that is known of it.
+
+        Args:
+            evidence: Of the door.
+            schedule: Of the door.
+            clock: Whose hours and days.
+        """
+        self._evidence, self._schedule, self._clock = evidence, schedule, clock
+        self._looks = seen = looks(evidence, clock, evidence.until_ns)
+        times_ns = seen.times_ns
+        days = clock.hour_of(np.array([times_ns[0], max(times_ns[-1], evidence.until_ns)])) // 24
+        self._first_day, self._days = int(days[0]), int(days[1] - days[0]) + 1
+        self._row = np.maximum.accumulate(self._rows(times_ns))
+        sees = np.maximum.accumulate(np.where(seen.sees, np.arange(len(seen)), -1))
+        self._seen_ns = np.where(sees >= 0, times_ns[sees], NEVER)
+        """(n,): when it was last really seen."""
+        self._tends_to = schedule.p_open(times_ns, times_ns)
+        """(n,): what the schedule said."""
+        steps = self._steps(times_ns - seen.gap_ns, times_ns, self._tends_to)
+        first = regimes.long_run(self._tends_to[:1])[0]
+        self._p_open, before = filtered(_certain_apart(steps, seen.llr), seen.llr, first)
+        """(n, regimes)."""
+        predicted = steps.predicted(before)
+        self._spread = self._spreads(predicted)
+        """(n, regimes)."""
+        said = np.where(seen.llr[:, None] == 0, 0.0, np.log(likelihood(predicted, seen.llr)))
+        total = np.concatenate([np.zeros_like(said[:1]), np.cumsum(said, axis=0)])
+        self._told = total[1:] - total[np.searchsorted(self._row, self._row)]
+        """(n, regimes): log-likelihood of what was seen since midnight."""
+        self._weights = self._weights_of_days(said)
+        """(days, leads, regimes): as each midnight knew them."""
+
+    def at(self, known_ns: Times) -> Belief:
+        """Return what was believed at each time; where the state is known, that."""
+        seen, evidence = self._looks, self._evidence
+        place = np.maximum(np.searchsorted(seen.times_ns, known_ns, "right") - 1, 0)
+        # Sightings of which not all are known yet are no look yet. So that what is believed then
+        # is the same to the last digit, the last look is always gone through anew.
+        behind = np.searchsorted(evidence.seen_ns, known_ns, "right")
+        is_last = (place > 0) & (seen.sightings[place] == behind)
+        is_last &= seen.sightings[place - 1] < behind
+        place = np.where(is_last, place - 1, place)
+        p_open, told, row = self._p_open[place], self._told[place], self._row[place]
+        told_ns, seen_ns = seen.times_ns[place], self._seen_ns[place]
+        more = np.flatnonzero(seen.sightings[place] < behind)
+        if len(more):
+            last_ns = evidence.seen_ns[behind[more] - 1]
+            llr = seen_between(evidence, seen.sightings[place[more]], behind[more])
+            tends_to = self._schedule.p_open(last_ns, last_ns)
+            predicted = self._steps(told_ns[more], last_ns, tends_to).predicted(p_open[more])
+            p_open[more] = _weighed(np.where(is_certain(llr)[:, None], 0.5, predicted), llr)
+            is_today = self._rows(last_ns) == row[more]
+            told[more] = np.where(is_today[:, None], told[more], 0.0)
+            told[more] += np.log(likelihood(predicted, llr))
+            row[more] = self._rows(last_ns)
+            told_ns[more] = seen_ns[more] = last_ns
+        weight = self._weights[row, 0] * np.exp(told - told.max(1, keepdims=True))
+        weight /= weight.sum(1, keepdims=True)
+        held, is_open = held_at(evidence, known_ns)
+        sure = held[:, None]
+        return Belief(
+            np.where(sure, np.where(is_open, MOST, LEAST)[:, None], p_open),
+            weight,
+            np.where(sure, 0.0, self._spread[place]),
+            np.where(held, known_ns, told_ns),
+            np.where(held, known_ns, seen_ns),
+            held,
+        )
+
+    def weights(self, now: Reals, known_ns: Times, gap_ns: Times) -> Reals:
+        """Return (n, regimes): how far each is believed some time ahead, by how it did so far.
+
+        Args:
+            now: (n, regimes), how far for the next look.
+            known_ns: (n,), as it was known then.
+            gap_ns: (n,), so far ahead.
+        """
+        row, gap_h = self._rows(known_ns), gap_ns / HOUR_NS
+        lead = np.searchsorted(LEADS_H[1:-1], gap_h, "right")
+        here = np.where((lead == 0)[:, None], now, self._weights[row, lead])
+        part = np.clip((gap_h - LEADS_H[lead]) / np.diff(LEADS_H)[lead], 0, 1)
+        found: Reals = here + part[:, None] * (self._weights[row, lead + 1] - here)
+        return found
+
+    def kept(self, known_ns: Times, gap_ns: Times) -> Reals:
+        """Return (n, gaps): what is left of a deviation after such times, by midnight's weights.
+
+        Args:
+            known_ns: (n,).
+            gap_ns: (gaps,).
+        """
+        by_regime = np.where(
+            regimes.IS_LEFT, regimes.still_left(gap_ns)[:, None], regimes.kept(gap_ns)
+        )
+        now = self._weights[self._rows(known_ns), 0]
+        found = [
+            self.weights(now, known_ns, np.full(len(known_ns), gap)) @ of_gap
+            for gap, of_gap in zip(gap_ns.tolist(), by_regime, strict=True)
+        ]
+        return np.stack(found, axis=1)
+
+    def _rows(self, times_ns: Times) -> Days:
+        """Return how many days after the first each time lies; at most what was told of."""
+        day = self._clock.hour_of(times_ns) // 24 - self._first_day
+        return np.clip(day, 0, self._days - 1)
+
+    def _steps(self, from_ns: Times, to_ns: Times, tends_to: Reals) -> Steps:
+        """Return how the door may have changed, by what was known at the end, (n, regimes).
+
+        Args:
+            from_ns: (n,).
+            to_ns: (n,).
+            tends_to: (n,), what the schedule says at the end.
+        """
+        here = regimes.long_run(tends_to)
+        before = regimes.long_run(self._schedule.p_open(from_ns, to_ns))
+        kept = regimes.kept(to_ns - from_ns)
+        # A surprise stays possible, by the half hour: looks in a row leave no room for a hundred.
+        least = LEAST * np.minimum((to_ns - from_ns) / LOOK_NS, 1.0)[:, None]
+        from_closed = np.clip(here - before * kept, least, 1 - least)
+        return Steps(from_closed, np.clip(here + (1 - before) * kept, from_closed, 1 - least))
+
+    def _spreads(self, predicted: Reals) -> Reals:
+        """Return (n, regimes): how unsure each belief is.
+
+        It leans on the one before, and on the schedule: a recurrence y = a y + b, as products of
+        [[a, b], [0, 1]].
+        """
+        follows = ~regimes.IS_LEFT  # what is left as it is leans on no schedule
+        after, predicted = self._p_open[:, follows], predicted[:, follows]
+        moved = after * (1 - after) / np.maximum(predicted * (1 - predicted), _CERTAIN)
+        moved[0] = 1.0
+        kept = regimes.kept(self._looks.gap_ns)[:, follows]
+        kept[0] = 0.0
+        leans = np.sqrt(self._schedule.variance_of_hours(self._looks.times_ns))[:, None]
+        steps = np.zeros((2, 2, *after.shape))
+        steps[0, 0], steps[0, 1], steps[1, 1] = moved * kept, moved * (1 - kept) * leans, 1.0
+        carried, one = states(steps, np.repeat([[0.0], [1.0]], after.shape[1], axis=1))
+        found = np.zeros_like(self._p_open)
+        found[:, follows] = carried / one
+        return found
+
+    def _weights_of_days(self, said: Reals) -> Reals:
+        """Return (days, leads, regimes): how far each regime was believed at midnights.
+
+        Args:
+            said: (n, regimes), log-likelihood of each look, by what was known before it.
+        """
+        gain = np.stack([said, *(self._said_before(lead_h) for lead_h in LEADS_H[1:].tolist())], 1)
+        gain *= TEMPER[:, None]
+        begins = np.flatnonzero(np.diff(self._row, prepend=-1))
+        of_days = np.zeros((self._days, *gain.shape[1:]))
+        of_days[self._row[begins]] = np.add.reduceat(gain, begins, axis=0)
+        found = np.empty_like(of_days)
+        found[0] = regimes.PRIOR
+        for day, of_day in enumerate(of_days[:-1]):
+            found[day + 1] = shared_anew(found[day], of_day, regimes.PRIOR, SHARE)
+        return found
+
+    def _said_before(self, lead_h: float) -> Reals:
+        """Return (n, regimes): log-likelihood of each look, by what was believed so long before."""
+        seen = self._looks
+        known_ns = seen.times_ns - round(lead_h * HOUR_NS)
+        place = np.searchsorted(seen.times_ns, known_ns, "right") - 1
+        scored = np.flatnonzero((seen.llr != 0) & (self._seen_ns[place] > NEVER) & (place >= 0))
+        place, then_ns, known_ns = place[scored], seen.times_ns[scored], known_ns[scored]
+        told_ns, seen_ns = seen.times_ns[place], self._seen_ns[place]
+        each = regimes.ahead(
+            self._p_open[place],
+            self._tends_to[place],
+            self._schedule.p_open(then_ns, known_ns),
+            then_ns - told_ns,
+            then_ns - seen_ns,
+        )
+        found = np.zeros_like(self._p_open)
+        found[scored] = np.log(likelihood(each, seen.llr[scored]))
+        return found
+
+
+def _certain_apart(steps: Steps, llr: Reals) -> Steps:
+    """Return the same steps, but from either state as likely where what is seen says all."""
+    sure = is_certain(llr)[:, None]
+    return Steps(*(np.where(sure, 0.5, part) for part in (steps.from_closed, steps.from_open)))
+
+
+def _weighed(p_open: Reals, llr: Reals) -> Reals:
+    """Return (n, regimes): P(open) by what is seen, (n,), where it was (n, regimes) before."""
+    sees = 1 / (1 + np.exp(-llr))[:, None]
+    found: Reals = p_open * sees / (p_open * sees + (1 - p_open) * (1 - sees))
+    return found
