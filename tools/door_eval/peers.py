@@ -23,6 +23,7 @@ import shlex
 import subprocess
 import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any
@@ -77,7 +78,7 @@ class Peer:
         trace: TracebackType | None,
     ) -> None:
         if self._process is not None:
-            with self._process:
+            with self._process, suppress(BrokenPipeError):  # it ended: that was said already
                 self._pipe(self._process.stdin).close()
         self._room.cleanup()
 
