@@ -275,18 +275,18 @@ def _while_there(reports: Rows) -> Rows:
 def _evidence_of(door_id: DoorId, reports: Rows, sensors: Sensors) -> DoorEvidence:
     """Return what reports about a door mean, whatever the time."""
     known = known_intervals(reports)
-    points = reports.take(known.points)
-    accuracy_open, accuracy_closed, sensor = (column[points["sensor"]] for column in sensors)
-    reads_open = points["state"] == DoorState.OPEN
+    seen_ns, state, code = (reports[name][known.points] for name in ("folds_ns", "state", "sensor"))
+    accuracy_open, accuracy_closed, sensor = (column[code] for column in sensors)
+    reads_open = state == DoorState.OPEN
     # A certain sighting stands by itself: no pass goes on over it, nor with it.
     certain = np.cumsum((accuracy_open >= MOST_ACCURACY) & (accuracy_closed >= MOST_ACCURACY))
     visits = visits_of(
-        points["folds_ns"],
+        seen_ns,
         sensor,
         known.segment + certain,
         llr_of(reads_open, accuracy_open, accuracy_closed),
     )
-    is_visit = np.ones(len(points), np.bool_)
+    is_visit = np.ones(len(seen_ns), np.bool_)
     is_visit[1:] = visits.visit[1:] > np.maximum.accumulate(visits.visit)[:-1]
     return DoorEvidence(
         door_id,
@@ -294,7 +294,7 @@ def _evidence_of(door_id: DoorId, reports: Rows, sensors: Sensors) -> DoorEviden
         start_ns=known.start_ns,
         end_ns=known.end_ns,
         is_open=known.is_open,
-        seen_ns=points["folds_ns"],
+        seen_ns=seen_ns,
         llr=visits.llr,
         accuracy_open=accuracy_open,
         accuracy_closed=accuracy_closed,

@@ -101,9 +101,10 @@ class Reports:
             self._index = _Index(self._rows["door_id"][: self._count])
             behind = behind[:0]
         late = np.flatnonzero(behind["door_id"] == door_id) + self._index.count
+        places = np.append(self._index.of(door_id), late)
+        order = np.lexsort((self._rows["number"][places], self._rows["folds_ns"][places]))
         # Of rows with several fields `take` is ten times as quick as an index.
-        rows = self._rows.take(np.append(self._index.of(door_id), late))
-        return rows.take(np.lexsort((rows["number"], rows["folds_ns"])))
+        return self._rows.take(places[order])
 
     def newer(self, count: int) -> NDArray[np.uint32]:
         """Return which doors the reports behind the first `count` are about."""
