@@ -89,10 +89,26 @@ class BeliefHistory:
 
     def at(self, known_ns: Times) -> Belief:
         """Return what was believed at each time; where the state is known, that."""
+        found = self._of_looks(known_ns)
+        held, is_open = held_at(self._evidence, known_ns)
+        sure = held[:, None]
+        return Belief(
+            np.where(sure, np.where(is_open, MOST, LEAST)[:, None], found.p_open),
+            found.weight,
+            np.where(sure, 0.0, found.spread),
+            np.where(held, known_ns, found.told_ns),
+            np.where(held, known_ns, found.seen_ns),
+            held,
+        )
+
+    def _of_looks(self, known_ns: Times) -> Belief:
+        """Return what was believed by what was looked at so far.
+
+        Sightings of which not all are known yet are no look yet. So that what is believed then is
+        the same to the last digit, the last look is always gone through anew.
+        """
         seen, evidence = self._looks, self._evidence
         place = np.maximum(np.searchsorted(seen.times_ns, known_ns, "right") - 1, 0)
-        # Sightings of which not all are known yet are no look yet. So that what is believed then
-        # is the same to the last digit, the last look is always gone through anew.
         behind = np.searchsorted(evidence.seen_ns, known_ns, "right")
         is_last = (place > 0) & (seen.sightings[place] == behind)
         is_last &= seen.sightings[place - 1] < behind
@@ -113,16 +129,8 @@ class BeliefHistory:
             told_ns[more] = seen_ns[more] = last_ns
         weight = self._weights[row, 0] * np.exp(told - told.max(1, keepdims=True))
         weight /= weight.sum(1, keepdims=True)
-        held, is_open = held_at(evidence, known_ns)
-        sure = held[:, None]
-        return Belief(
-            np.where(sure, np.where(is_open, MOST, LEAST)[:, None], p_open),
-            weight,
-            np.where(sure, 0.0, self._spread[place]),
-            np.where(held, known_ns, told_ns),
-            np.where(held, known_ns, seen_ns),
-            held,
-        )
+        nowhere = np.zeros(len(place), np.bool_)
+        return Belief(p_open, weight, self._spread[place], told_ns, seen_ns, nowhere)
 
     def weights(self, now: Reals, known_ns: Times, gap_ns: Times) -> Reals:
         """Return (n, regimes): how far each is believed some time ahead, by how it did so far.
