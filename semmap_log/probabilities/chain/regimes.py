@@ -63,6 +63,16 @@ def still_left(age_ns: Times) -> Reals:
     return found
 
 
+def stays(gap_ns: Times, age_ns: Times) -> Reals:
+    """Return (n, regimes): how far a forecast is not yet the schedule's.
+
+    Args:
+        gap_ns: (n,), since it was told.
+        age_ns: (n,), since the door was really seen.
+    """
+    return np.where(IS_LEFT, still_left(age_ns)[:, None], kept(gap_ns))
+
+
 def ahead(p_open: Reals, told: Reals, then: Reals, gap_ns: Times, age_ns: Times) -> Reals:
     """Return (n, regimes): P(open) some time later.
 

@@ -17,7 +17,6 @@ from semmap_log.probabilities.methods.habits import Habits
 
 Weights = NDArray[np.float64]
 
-
 LEADS_D = np.array([0, 1, 3, 7, 14, 28, 56])
 """Days from the midnight up to which is known to the day that is foretold."""
 RATE = 0.25

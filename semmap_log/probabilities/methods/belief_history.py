@@ -42,7 +42,7 @@ class Belief(NamedTuple):
     weight: Reals
     """(n, regimes): how far each was believed."""
     spread: Reals
-    """(n, regimes): standard deviation of P(open): it rests on a schedule that may be wrong."""
+    """(n, regimes): standard deviation of P(open), where it rests on a schedule; else 0."""
     told_ns: Times
     """(n,): when that was."""
     seen_ns: Times
@@ -154,13 +154,10 @@ class BeliefHistory:
             known_ns: (n,).
             gap_ns: (gaps,).
         """
-        by_regime = np.where(
-            regimes.IS_LEFT, regimes.still_left(gap_ns)[:, None], regimes.kept(gap_ns)
-        )
         now = self._weights[self._rows(known_ns), 0]
         found = [
             self.weights(now, known_ns, np.full(len(known_ns), gap)) @ of_gap
-            for gap, of_gap in zip(gap_ns.tolist(), by_regime, strict=True)
+            for gap, of_gap in zip(gap_ns.tolist(), regimes.stays(gap_ns, gap_ns), strict=True)
         ]
         return np.stack(found, axis=1)
 

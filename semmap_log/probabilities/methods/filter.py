@@ -72,13 +72,11 @@ class DoorFilter:
         weight[belief.seen_ns <= NEVER] = 0.0  # nothing was seen: the schedule alone speaks
         p_open = tends_to + (weight * (each - tends_to[:, None])).sum(1)
         # What is not known: which regime it is; what the schedule should say; what it said before.
-        kept, left = regimes.kept(gap_ns), regimes.still_left(age_ns)[:, None]
-        stays = (weight * np.where(regimes.IS_LEFT, left, kept)).sum(1)
-        variance *= np.maximum(1 - stays, 0)
+        stays = weight * regimes.stays(gap_ns, age_ns)
+        variance *= np.maximum(1 - stays.sum(1), 0)
         variance += (weight * (each - p_open[:, None]) ** 2).sum(1)
-        variance += (weight * np.where(regimes.IS_LEFT, 0.0, kept) * belief.spread).sum(1) ** 2
-        seen = np.where(regimes.IS_LEFT, left, regimes.kept(age_ns))
-        is_known |= (weight * seen).sum(1) >= FRESH
+        variance += (stays * belief.spread).sum(1) ** 2
+        is_known |= (weight * regimes.stays(age_ns, age_ns)).sum(1) >= FRESH
         held = np.flatnonzero(belief.is_held)
         if len(held):
             p_open[held] += self._memory.correction(
