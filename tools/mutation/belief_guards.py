@@ -137,6 +137,8 @@ METHODS = (
     guard("passages of a day hang together", "first_passages.first_passages",
           "np.minimum(changes.reshape(-1, 24).sum(1), 1.0)", "changes.reshape(-1, 24).sum(1)",
           "test_first_passages"),
+    guard("weekends have rates of their own", "_Days.such_hours",
+          "weekday >= WORKING_DAYS", "weekday < 0", "test_first_passages"),
     guard("waits know nothing of today", "DoorFilter._passages",
           "self._evidence.up_to(midnight_ns - 1)", "self._evidence", "test_waiting"),
     guard("once is no slot", "slots._pooled", "MOST_GAIN", "20.0", "test_slots"),

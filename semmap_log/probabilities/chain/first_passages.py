@@ -19,7 +19,7 @@ from semmap_log.domain.moments import DAY_NS
 from semmap_log.probabilities.chain.between_looks import happened
 from semmap_log.probabilities.chain.markov_chain import Rates, passage
 from semmap_log.probabilities.chain.nodes import LOOK_NS, held_at, looks
-from semmap_log.probabilities.chain.rates import HOURS, rates_by_hour
+from semmap_log.probabilities.chain.rates import rates_by_bin
 from semmap_log.probabilities.evidence.coverage import WEEK
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import NORMAL_REACH
@@ -102,6 +102,12 @@ class _Days(NamedTuple):
         first, last = (clock.hour_of(ends_ns) // 24).tolist()
         return cls(first, 0.5 ** (np.arange(last - first, -1, -1) / HALF_LIFE_D))
 
+    @property
+    def such_hours(self) -> NDArray[np.intp]:
+        """(days x 24,): which of the 48 hours of working days and weekends each is."""
+        weekday = (self.first + np.arange(len(self.old))) % WEEK[0]
+        return ((weekday >= WORKING_DAYS)[:, None] * 24 + np.arange(24)).ravel().astype(np.intp)
+
     def sums(self, hour: Times, *columns: Reals) -> list[Reals]:
         """Return (days x 24,) each: what belongs to each hour, added up."""
         place = hour - self.first * 24
@@ -144,11 +150,11 @@ class _Visited:
         last_ns = int(evidence.seen_ns[-1])
         seen = looks(alone, clock, last_ns, blind=True).since(last_ns - LEARNT_FROM_D * DAY_NS)
         hour = np.maximum.accumulate(clock.hour_of(seen.times_ns)) - days.first * 24
-        nodes = seen.nodes(hour.astype(np.intp))
-        rates = rates_by_hour(nodes.with_bins(nodes.bin % HOURS))
+        nodes, such = seen.nodes(hour.astype(np.intp)), days.such_hours
+        rates = rates_by_bin(nodes.with_bins(such[nodes.bin]), 2 * 24)
         self.fastest_per_s = float(rates.relaxation.max())
-        by_hour = Rates(*(np.tile(part, len(days.old)) for part in (rates.opening, rates.closing)))
-        self._happened = happened(nodes, by_hour, passage(nodes, by_hour), HOURS * len(days.old))
+        by_hour = Rates(rates.opening[such], rates.closing[such])
+        self._happened = happened(nodes, by_hour, passage(nodes, by_hour), len(such))
 
     def passages(self, *, until_open: bool) -> tuple[Reals, Reals]:
         """Return passages, and hours waited for them, to expect; (days x 24,) each."""

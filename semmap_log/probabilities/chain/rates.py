@@ -2,8 +2,8 @@
 
 What a chain did between two sightings nobody saw; what is to be expected (`between_looks`) gives
 the rates that explain the sightings better, and so on. Changes that fall between two sightings are
-none: rates are those at the pace of looking. Each hour of the day has its own, shrunk to the door's
-by a gamma prior.
+none: rates are those at the pace of looking. Each hour of working days and of weekends has its own,
+shrunk to the door's by a gamma prior.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from semmap_log.probabilities.chain.markov_chain import Nodes, Rates, passage
 
 Reals = NDArray[np.float64]
 
-HOURS = 24
 START_PER_S = 1 / (4 * 3600)
 """A door of which nothing is known changes every four hours."""
 LEAST_PER_S, MOST_PER_S = 1 / (60 * 86400), 1 / 20
@@ -30,15 +29,16 @@ PRIOR_S = 24 * 3600.0
 OnRound = Callable[[int, float], None]
 
 
-def rates_by_hour(nodes: Nodes) -> Rates:
-    """Return the rates of a door by the hour of the day, (24,): first its own, then those.
+def rates_by_bin(nodes: Nodes, bins: int) -> Rates:
+    """Return the rates of a door, (bins,): first those of the door, then each bin's own.
 
     Args:
-        nodes: Of the door; a bin is an hour of the day.
+        nodes: Of the door.
+        bins: How many there are, such as hours of a day.
     """
     seen = nodes.only_seen()
     overall = learn_rates(seen.with_bins(np.zeros(len(seen), np.intp)))
-    return learn_rates(nodes, bins=HOURS, prior=overall)
+    return learn_rates(nodes, bins=bins, prior=overall)
 
 
 def learn_rates(

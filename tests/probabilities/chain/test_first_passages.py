@@ -93,3 +93,22 @@ def test_visits_tell_of_passages_between_them() -> None:
 
     assert found.per_h[:, 8].min() > 0.3
     assert found.per_h[:, 20:].max() < 0.05
+
+
+def test_weekends_have_rates_of_their_own() -> None:
+    """
+    Opened and shut all day on working days, never on Saturdays and Sundays; a sensor that is right
+    nine times of ten: what it misreads there is not taken for openings, as it might be in the week.
+    """
+    rng = np.random.default_rng(1)
+    hours = np.arange(2 * 24 * 42) / 2
+    is_open = (
+        (hours // 24 % 7 < 5) & (hours % 24 >= 8) & (hours % 24 < 18) & (rng.random(2016) < 0.5)
+    )
+    reads = is_open == (rng.random(len(hours)) < 0.9)
+    known = evidence(visits=list(zip(hours.tolist(), reads.tolist(), strict=True)))
+
+    found = first_passages(known.up_to(int(hours_ns(42 * 24)) - 1), UTC, until_open=True).per_h
+
+    assert found[:5, 9:17].mean() > 0.5
+    assert found[5:, 9:17].mean() < 0.13
