@@ -125,6 +125,8 @@ METHODS = (
           "seen.times_ns - round(lead_h * HOUR_NS)", "seen.times_ns - 1", "test_belief_history"),
     guard("what is certain says all", "belief_history._certain_apart",
           "np.where(sure, 0.5, part)", "part", "test_belief_passes", "test_filter"),
+    guard("errors of a schedule are one at once", "filter._leaned",
+          "share**2 + (share - share**2) * apart", "share", "methods.test_filter"),
     guard("what was seen grows old", "DoorFilter.predict", "FRESH", "0", "test_filter"),
     guard("until open, or until closed", "first_passages._known",
           "evidence.start_ns[evidence.is_open == until_open]",

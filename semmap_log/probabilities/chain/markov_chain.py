@@ -136,6 +136,12 @@ def likelihood(p_open: Reals, llr: Reals) -> Reals:
     return found
 
 
+def weighed(p_open: Reals, llr: Reals) -> Reals:
+    """Return (n, chains): P(open) after something was seen, (n,), where it was that before."""
+    found: Reals = p_open * _sigmoid(llr)[:, None] / likelihood(p_open, llr)
+    return found
+
+
 def passage(nodes: Nodes, rates: Rates) -> ChainLikelihoods:
     """Return the likelihoods of one chain along nodes, forward and backward."""
     steps = steps_of(nodes, rates)

@@ -49,11 +49,6 @@ class Looks:
         """(n,): something was seen, be it that readings cancelled each other."""
         return np.asarray((self.llr != 0) | (np.diff(self.sightings, prepend=0) > 0), np.bool_)
 
-    @property
-    def is_certain(self) -> NDArray[np.bool_]:
-        """(n,): what was seen says all: it gainsays whatever was seen before."""
-        return is_certain(self.llr)
-
     def since(self, from_ns: int) -> Looks:
         """Return those from some time on."""
         last = slice(int(np.searchsorted(self.times_ns, from_ns)), None)

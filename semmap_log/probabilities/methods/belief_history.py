@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from semmap_log.domain.moments import HOUR_NS
 from semmap_log.probabilities.chain import regimes
-from semmap_log.probabilities.chain.markov_chain import Steps, filtered, likelihood
+from semmap_log.probabilities.chain.markov_chain import Steps, filtered, likelihood, weighed
 from semmap_log.probabilities.chain.matrix_scan import states
 from semmap_log.probabilities.chain.nodes import LOOK_NS, held_at, is_certain, looks, seen_between
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
@@ -121,7 +121,7 @@ class BeliefHistory:
             llr = seen_between(evidence, seen.sightings[place[more]], behind[more])
             tends_to = self._schedule.p_open(last_ns, last_ns)
             predicted = self._steps(told_ns[more], last_ns, tends_to).predicted(p_open[more])
-            p_open[more] = _weighed(np.where(is_certain(llr)[:, None], 0.5, predicted), llr)
+            p_open[more] = weighed(np.where(is_certain(llr)[:, None], 0.5, predicted), llr)
             is_today = self._rows(last_ns) == row[more]
             told[more] = np.where(is_today[:, None], told[more], 0.0)
             told[more] += np.log(likelihood(predicted, llr))
@@ -243,10 +243,3 @@ def _certain_apart(steps: Steps, llr: Reals) -> Steps:
     """Return the same steps, but from either state as likely where what is seen says all."""
     sure = is_certain(llr)[:, None]
     return Steps(*(np.where(sure, 0.5, part) for part in (steps.from_closed, steps.from_open)))
-
-
-def _weighed(p_open: Reals, llr: Reals) -> Reals:
-    """Return (n, regimes): P(open) by what is seen, (n,), where it was (n, regimes) before."""
-    sees = 1 / (1 + np.exp(-llr))[:, None]
-    found: Reals = p_open * sees / (p_open * sees + (1 - p_open) * (1 - sees))
-    return found

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.lazily import computed_once
 from semmap_log.domain.doors import DoorId
-from semmap_log.domain.moments import SECOND_NS
+from semmap_log.domain.moments import HOUR_NS, SECOND_NS
 from semmap_log.probabilities.chain import regimes
 from semmap_log.probabilities.chain.first_passages import Passages, first_passages
 from semmap_log.probabilities.chain.nodes import LOOK_NS
@@ -35,6 +35,8 @@ WAIT_D = 28
 """So far ahead a wait is worked out by the hour."""
 FRESH = 0.6
 """The belief counts as known while so much is left of what was seen last."""
+TOGETHER_H = 3.0
+"""So long the errors of a schedule hang together; found on simulated doors."""
 
 
 class DoorFilter:
@@ -73,7 +75,7 @@ class DoorFilter:
         p_open = tends_to + (weight * (each - tends_to[:, None])).sum(1)
         # What is not known: which regime it is; what the schedule should say; what it said before.
         stays = weight * regimes.stays(gap_ns, age_ns)
-        variance *= np.maximum(1 - stays.sum(1), 0)
+        variance *= _leaned(np.maximum(1 - stays.sum(1), 0), gap_ns)
         variance += (weight * (each - p_open[:, None]) ** 2).sum(1)
         variance += (stays * belief.spread).sum(1) ** 2
         is_known |= (weight * regimes.stays(age_ns, age_ns)).sum(1) >= FRESH
@@ -198,3 +200,13 @@ class Filter:
     def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntFilter:
         """Return what the evidence teaches."""
         return LearntFilter(evidence, clock)
+
+
+def _leaned(share: Reals, gap_ns: Times) -> Reals:
+    """Return (n,): how much of a schedule's variance is in what leans on it by that share.
+
+    At once its errors are one: the square. Later they are those of several hours; by the share
+    itself intervals held what they say.
+    """
+    apart = -np.expm1(-gap_ns / (TOGETHER_H * HOUR_NS))
+    return share**2 + (share - share**2) * apart

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from semmap_log.probabilities.chain.nodes import CERTAIN_LLR, Looks, held_at, looks
+from semmap_log.probabilities.chain.nodes import CERTAIN_LLR, Looks, held_at, is_certain, looks
 from semmap_log.probabilities.local_clock import LocalClock
 from tests.probabilities.known import evidence, hours_ns
 
@@ -33,7 +33,7 @@ def test_a_stretch_is_a_look_each_half_hour_and_one_at_its_end() -> None:
     expected = [(1 / 6, 0.0), (0.5, sure), (1.0, sure), (1.5, sure), (5 / 3, sure)]
     assert [llr for _, llr in expected] == [llr for _, llr in said(found)]
     assert [hour for hour, _ in expected] == pytest.approx([hour for hour, _ in said(found)])
-    assert [False, True, True, True, True] == found.is_certain.tolist()
+    assert [False, True, True, True, True] == is_certain(found.llr).tolist()
 
 
 def test_a_change_that_was_watched_is_no_look_of_its_own() -> None:
@@ -76,7 +76,7 @@ def test_sightings_of_five_minutes_are_one_look() -> None:
     assert [(0.01, 0.0), (0.08, 2.5), (0.09, 3.0)] == said(found)
     assert [0, 3, 4] == found.sightings.tolist()
     assert 2 == len(of_many)
-    assert not of_many.is_certain.any()
+    assert not is_certain(of_many.llr).any()
     assert CERTAIN_LLR == pytest.approx(of_many.llr[1])
 
 

@@ -196,3 +196,20 @@ def test_how_long_doors_stay_open_matters_not_only_how_often() -> None:
 
     assert found[1.0] < 0.75
     assert found[24.0] > 0.85
+
+
+def test_a_door_that_was_just_seen_does_not_lean_on_hours_nobody_knows() -> None:
+    """
+    Rounds by day for four days; on the fifth they go on till ten at night, when nobody ever looked:
+    shut at each, and so it is, whatever the schedule of that hour may be.
+    """
+    rounds = np.arange(0, 24 * 5 - 2, 0.5)
+    by_day = rounds[(rounds % 24 >= 8) & ((rounds % 24 < 18) | (rounds >= 24 * 4 + 8))]
+    told = [seen("open" if h % 24 < 10 else "closed", h * H) for h in by_day.tolist()]
+    last_s = float(by_day[-1]) * H
+
+    found = believed(added(), *told, at_s=[last_s + 60, last_s + 4 * H])
+
+    assert found.p_open[0] < 0.02
+    assert found.high[0] < 0.1
+    assert found.high[1] > 0.3
