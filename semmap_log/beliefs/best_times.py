@@ -68,8 +68,7 @@ class BestTime:
     """How long it takes on average until the door is in that state; None: that is not known, or
     the estimator does not tell."""
     wait_interval_s: tuple[float, float] | None
-    """The ends of its 90 % interval, as few changes leave it open; from 0: visits lie too far apart
-    to tell how fast the door changes."""
+    """The ends of its 90 % interval, as what was seen leaves it open."""
     sensor_doubts: Sequence[SensorDoubt] = ()
     """Sensors that are not as accurate as declared: the numbers are off."""
 

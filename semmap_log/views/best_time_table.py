@@ -74,9 +74,7 @@ def _wait(found: BestTime) -> str:
     mean, least, most = (
         duration(round(seconds) * SECOND_NS) for seconds in (found.wait_s, *found.wait_interval_s)
     )
-    if least == most:
-        return mean
-    return f"{mean} ({least} to {most})" if found.wait_interval_s[0] else f"{mean} (up to {most})"
+    return mean if least == most else f"{mean} ({least} to {most})"
 
 
 def _notes(found: BestTime) -> list[str]:

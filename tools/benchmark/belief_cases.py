@@ -9,15 +9,16 @@ from benchmark.belief_sightings import sightings_case
 from benchmark.belief_visits import visits_case
 from benchmark.case import Case
 
-VISITS, SIGHTINGS, DAYS = 50_000, 1_000_000, 1044
-"""Days: 1.5 million minutes, as the longest of the real sets has."""
+VISITS, SIGHTINGS, DAYS = 8736, 1_000_000, 1044
+"""Visits: half a year of two an hour. Days: 1.5 million minutes, as the longest of the real sets
+has."""
 TRIED_OUT = 100
 """A run that only tries out has that part of each."""
 LEAST_DAYS, FEW_DOORS = 15, 12
 
 
 def belief_cases(rounds: int | None, *, tries_out: bool = False) -> Iterator[Case]:
-    """Yield: learning from visits; sightings as evidence; all doors of a log; years of habits.
+    """Yield: what visits tell; sightings as evidence; all doors of a log; years of habits.
 
     Args:
         rounds: Rounds that count; None: each case's own.

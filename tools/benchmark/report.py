@@ -48,8 +48,8 @@ draw.line, with the same ends and as many cells. A door's change: met for the fi
 before: one that the door has made already, large map. plain Python redraws the door's \
 surroundings as noetic does, which is not always what the whole map would give; here it is. A \
 day: from the log on disk; the opening is part of it.
-Beliefs: doors are simulated, but for the clinic's. plain Python, the same EM: a loop over visits; \
-the rates are the simulation's within 5 %, and the loop's to six digits. One by one: the \
+Beliefs: doors are simulated, but for the clinic's. What visits tell: the log-likelihood of \
+121 modes, by the hour; plain Python is the forward algorithm, a loop over visits. One by one: the \
 probabilities of every sixth door without learning them side by side, the reading of the log \
 included. Schedule: each minute as the midnight before it knew; FreMEn and a table of the hours \
 of the week do the same with less to say.

@@ -2,69 +2,102 @@
 
 Not how often it changes: openings come in bursts, and who waits at a closed door waits through the
 long closings more often than through the short ones. Where the state is known, each half hour is
-asked whether the door was in the other state before the next; what happened between two visits is
-expected of the chain that explains them (`rates`).
+asked whether the door was in the other state before the next. Of what is seen in visits, the modes
+that explain it tell (`hour_looks`); both together say in which mode each hour is (`hour_modes`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.domain.moments import DAY_NS
-from semmap_log.probabilities.chain.between_looks import happened
-from semmap_log.probabilities.chain.markov_chain import Rates, passage
-from semmap_log.probabilities.chain.nodes import LOOK_NS, held_at, looks
-from semmap_log.probabilities.chain.rates import rates_by_bin
+from semmap_log.common.lazily import computed_once
+from semmap_log.domain.moments import DAY_NS, HOUR_NS
+from semmap_log.probabilities.chain import hour_modes
+from semmap_log.probabilities.chain.hour_looks import HourLooks
+from semmap_log.probabilities.chain.hour_modes import likely_modes
+from semmap_log.probabilities.chain.looks import LOOK_NS, held_at, looks
 from semmap_log.probabilities.evidence.coverage import WEEK
+from semmap_log.probabilities.evidence.day_tables import HALF_LIFE_D
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.probabilities.forecast import NORMAL_REACH
-from semmap_log.probabilities.local_clock import HOUR_S, WORKING_DAYS, LocalClock
+from semmap_log.probabilities.forecast import INTERVAL, NORMAL_REACH
+from semmap_log.probabilities.local_clock import LocalClock
 
 Reals = NDArray[np.float64]
 Times = NDArray[np.int64]
 
-HALF_LIFE_D = 56.0
-START_PER_H = 0.25
-"""A door of which nothing is known."""
-CHANGES = 0.2
-"""So many changes the hour of the coarser table counts, where a finer one has evidence of its
-own."""
-MOST_WAITED_H = 24.0
-"""But never more hours than that."""
-_LEAST_FACTOR = 0.02
 LEARNT_FROM_D = 182
-"""What visits tell is learnt from the last half year."""
-LOOK_H = LOOK_NS / (HOUR_S * 10**9)
+"""Rates are learnt from the last half year."""
+ROUNDS = 3
+"""So often what was seen in an hour is explained by the hours before and after it."""
+DRAWS = 16
+"""So often days are drawn anew, to see how far a wait rests on a few of them."""
+TOGETHER = 1 / 3
+"""So much of what single hours leave open hangs together; found on simulated doors."""
 
 
-@dataclass(frozen=True, slots=True)
 class Passages:
     """How soon doors in the other state pass to this one."""
 
-    per_h: Reals
-    """(7, 24), Monday first: how many an hour, of those that have not yet."""
-    count: float
-    """On how many days there were some, old ones discounted: those of a day hang together."""
-    is_seen_between: bool
-    """False: visits lie so far apart that the door may change any number of times between two, so
-    that a wait may be as short as one likes."""
+    def __init__(self, told: Reals, days: Days, mode_per_h: Reals) -> None:
+        """Take what was told.
 
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """By which factors `per_h` is too high, or too low, at the ends of a 90 % interval.
-
-        Those of a Poisson count, by Wilson and Hilferty's cube root (Proc. Natl. Acad. Sci. 17,
-        1931).
+        Args:
+            told: (days, 24, modes): log-likelihood of what was seen in each hour.
+            days: Which they are.
+            mode_per_h: (modes,): how many an hour pass in each.
         """
-        n = self.count + CHANGES
-        part, reach = 1 / (9 * n), NORMAL_REACH / (3 * np.sqrt(n))
-        least, most = (max(1 - part + side * reach, 0.0) ** 3 for side in (-1, 1))
-        return float(max(least, _LEAST_FACTOR)), float(most) if self.is_seen_between else np.inf
+        self._told = told
+        self._days = days
+        self._mode_per_h = mode_per_h
+        self._likely = likely_modes(days.by_week(told, days.old))
+
+    @computed_once
+    def per_h(self) -> Reals:
+        """(7, 24), Monday first: how many an hour pass, of those that have not yet."""
+        return self._within_the_hour(self._likely)
+
+    def interval(self, wait: Callable[[Reals], float]) -> tuple[float, float]:
+        """Return the ends of a 90 % interval of what follows from the rates.
+
+        By the Bayesian bootstrap of days (D. Rubin, Ann. Stat. 9, 1981), and by what the hours
+        leave open.
+
+        Args:
+            wait: Of rates, (7, 24): more than 0, and the less the higher they are.
+        """
+        here = wait(self.per_h)
+        drawn = np.log([wait(per_h) / here for per_h in self._drawn])
+        least, most = (
+            wait(self._quantile(end)) for end in ((1 + INTERVAL) / 2, (1 - INTERVAL) / 2)
+        )
+        own = np.log(most / least) / 2
+        reach = float(np.hypot(NORMAL_REACH * np.sqrt((drawn**2).mean()), TOGETHER * own))
+        return here * float(np.exp(-reach)), here * float(np.exp(reach))
+
+    @computed_once
+    def _drawn(self) -> list[Reals]:
+        """`per_h`, had other days been as likely to be seen."""
+        weights = np.random.default_rng(0).exponential(size=(DRAWS, len(self._days.old)))
+        weights *= self._days.old / weights.mean(1, keepdims=True)
+        told = (self._days.by_week(self._told, weight) for weight in weights)
+        return [self._within_the_hour(likely_modes(of_week)) for of_week in told]
+
+    def _within_the_hour(self, likely: Reals) -> Reals:
+        """Return (7, 24): rates by which as many have passed after an hour as are expected to."""
+        return np.asarray(-np.log(likely @ np.exp(-self._mode_per_h)))
+
+    def _quantile(self, part: float) -> Reals:
+        """Return (7, 24): the rates that are not exceeded with that probability."""
+        order = np.argsort(self._mode_per_h, kind="stable")
+        likely = self._likely[..., order].reshape(-1, len(order))
+        below = np.cumsum(likely, axis=1) - likely / 2
+        log_rate = np.log(self._mode_per_h[order])
+        return np.exp([np.interp(part, each, log_rate) for each in below]).reshape(WEEK)
 
 
 def first_passages(evidence: DoorEvidence, clock: LocalClock, *, until_open: bool) -> Passages:
@@ -75,105 +108,73 @@ def first_passages(evidence: DoorEvidence, clock: LocalClock, *, until_open: boo
         clock: Whose hours.
         until_open: Passages to open; False: to closed.
     """
-    days = _Days.of(evidence, clock)
-    changes, waited_h = days.sums(*_known(evidence, clock, until_open=until_open))
-    mixes = False
+    share = hour_modes.SHARE if until_open else 1 - hour_modes.SHARE
+    mode_per_h = share * hour_modes.PER_H
+    days = Days.of(evidence, clock)
+    known = days.sums(*_known(evidence, clock, until_open=until_open))
+    told = known[..., :1] * np.log(mode_per_h) - known[..., 1:] * mode_per_h
     if evidence.is_visit.any():
-        visited = _Visited(evidence, clock, days)
-        between = visited.passages(until_open=until_open)
-        mixes = visited.fastest_per_s * HOUR_S * LOOK_H > 1 and not len(evidence.start_ns)
-        changes, waited_h = changes + between[0], waited_h + between[1]
-    on_days = (days.old * np.minimum(changes.reshape(-1, 24).sum(1), 1.0)).sum()
-    return Passages(
-        _shrunk(days.by_week(changes), days.by_week(waited_h)), float(on_days), not mixes
-    )
+        told = _with_visits(told, days, evidence, clock)
+    return Passages(told, days, mode_per_h)
 
 
-class _Days(NamedTuple):
-    """The days of what is known of a door."""
+class Days(NamedTuple):
+    """Days from which rates are learnt: the last half year."""
 
     first: int
     old: Reals
     """(days,): how much each still counts."""
 
     @classmethod
-    def of(cls, evidence: DoorEvidence, clock: LocalClock) -> _Days:
+    def of(cls, evidence: DoorEvidence, clock: LocalClock) -> Days:
+        """Return those of what is known of a door."""
         ends_ns = np.array([evidence.first_ns, evidence.until_ns])
         first, last = (clock.hour_of(ends_ns) // 24).tolist()
+        first = max(first, last - LEARNT_FROM_D)
         return cls(first, 0.5 ** (np.arange(last - first, -1, -1) / HALF_LIFE_D))
 
-    @property
-    def such_hours(self) -> NDArray[np.intp]:
-        """(days x 24,): which of the 48 hours of working days and weekends each is."""
-        weekday = (self.first + np.arange(len(self.old))) % WEEK[0]
-        return ((weekday >= WORKING_DAYS)[:, None] * 24 + np.arange(24)).ravel().astype(np.intp)
-
-    def sums(self, hour: Times, *columns: Reals) -> list[Reals]:
-        """Return (days x 24,) each: what belongs to each hour, added up."""
+    def sums(self, hour: Times, told: Reals) -> Reals:
+        """Return (days, 24, k): what was told of each hour, (n, k), added up."""
         place = hour - self.first * 24
-        size = 24 * len(self.old)
-        return [np.bincount(place, column, size).astype(np.float64) for column in columns]
+        inside = place >= 0
+        found = np.zeros((len(self.old) * 24, told.shape[1]))
+        np.add.at(found, place[inside], told[inside])
+        return found.reshape(-1, 24, told.shape[1])
 
-    def by_week(self, of_hours: Reals) -> Reals:
-        """Return (7, 24): the sums of (days x 24,), old ones discounted."""
-        found = np.zeros(WEEK)
+    def by_week(self, told: Reals, weight: Reals) -> Reals:
+        """Return (7, 24, k): days added up, (days, 24, k), each by so much, (days,)."""
         weekday = (self.first + np.arange(len(self.old))) % WEEK[0]
-        np.add.at(found, weekday, self.old[:, None] * of_hours.reshape(-1, 24))
-        return found
+        parts = ((weight[weekday == day], told[weekday == day]) for day in range(WEEK[0]))
+        return np.stack([np.tensordot(*part, 1) for part in parts])
 
 
-def _known(
-    evidence: DoorEvidence, clock: LocalClock, *, until_open: bool
-) -> tuple[NDArray[np.int64], Reals, Reals]:
-    """Return hours, passages and hours waited, where the state is known for a half hour."""
+def _known(evidence: DoorEvidence, clock: LocalClock, *, until_open: bool) -> tuple[Times, Reals]:
+    """Return hours, and for a half hour each, (n, 2): whether the door passed; hours waited."""
     if not len(evidence.start_ns):
-        return np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
+        return np.zeros(0, np.int64), np.zeros((0, 2))
     from_ns = np.arange(int(evidence.start_ns[0]), int(evidence.end_ns[-1]) - LOOK_NS, LOOK_NS)
     (held, is_open), (then, _) = (held_at(evidence, ns) for ns in (from_ns, from_ns + LOOK_NS))
     begins = evidence.start_ns[evidence.is_open == until_open]
     next_ns = np.append(begins, np.iinfo(np.int64).max)[np.searchsorted(begins, from_ns, "right")]
     waits = held & then & (is_open != until_open)
-    passed_h = np.minimum(next_ns[waits] - from_ns[waits], LOOK_NS) / (HOUR_S * 10**9)
+    passed_h = np.minimum(next_ns[waits] - from_ns[waits], LOOK_NS) / HOUR_NS
     comes = next_ns[waits] <= from_ns[waits] + LOOK_NS
-    return clock.hour_of(from_ns[waits]), comes.astype(np.float64), passed_h
+    return clock.hour_of(from_ns[waits]), np.stack([comes, passed_h], axis=1)
 
 
-class _Visited:
-    """What happened between visits, as far as they tell."""
-
-    def __init__(self, evidence: DoorEvidence, clock: LocalClock, days: _Days) -> None:
-        none = slice(0)
-        alone = replace(
-            evidence, start_ns=evidence.start_ns[none], end_ns=evidence.end_ns[none],
-            is_open=evidence.is_open[none], holds_on=False,
-        )  # fmt: skip
-        last_ns = int(evidence.seen_ns[-1])
-        seen = looks(alone, clock, last_ns, blind=True).since(last_ns - LEARNT_FROM_D * DAY_NS)
-        hour = np.maximum.accumulate(clock.hour_of(seen.times_ns)) - days.first * 24
-        nodes, such = seen.nodes(hour.astype(np.intp)), days.such_hours
-        rates = rates_by_bin(nodes.with_bins(such[nodes.bin]), 2 * 24)
-        self.fastest_per_s = float(rates.relaxation.max())
-        by_hour = Rates(rates.opening[such], rates.closing[such])
-        self._happened = happened(nodes, by_hour, passage(nodes, by_hour), len(such))
-
-    def passages(self, *, until_open: bool) -> tuple[Reals, Reals]:
-        """Return passages, and hours waited for them, to expect; (days x 24,) each."""
-        openings, closings, closed_s, open_s = self._happened
-        changed, waited_s = (openings, closed_s) if until_open else (closings, open_s)
-        return changed, waited_s / HOUR_S
-
-
-def _shrunk(changes: Reals, waited_h: Reals) -> Reals:
-    """Return (7, 24) rates: hours of a weekday, shrunk to such days', to any day's, and to all."""
-    overall = (changes.sum() + CHANGES) / (waited_h.sum() + CHANGES / START_PER_H)
-    of_any = _toward(changes.sum(0), waited_h.sum(0), np.full(24, overall))
-    found = np.empty(WEEK)
-    for days in (slice(WORKING_DAYS), slice(WORKING_DAYS, None)):
-        such = _toward(changes[days].sum(0), waited_h[days].sum(0), of_any)
-        found[days] = _toward(changes[days], waited_h[days], such)
-    return found
-
-
-def _toward(changes: Reals, waited_h: Reals, coarser: Reals) -> Reals:
-    weight_h = np.minimum(CHANGES / coarser, MOST_WAITED_H)
-    return (changes + weight_h * coarser) / (waited_h + weight_h)
+def _with_visits(told: Reals, days: Days, evidence: DoorEvidence, clock: LocalClock) -> Reals:
+    """Return (days, 24, modes): what was told, and what visits tell."""
+    none = slice(0)
+    alone = replace(
+        evidence, start_ns=evidence.start_ns[none], end_ns=evidence.end_ns[none],
+        is_open=evidence.is_open[none], holds_on=False,
+    )  # fmt: skip
+    last_ns = int(evidence.seen_ns[-1])
+    seen = looks(alone, clock, last_ns, blind=True).since(last_ns - LEARNT_FROM_D * DAY_NS)
+    hours = HourLooks(seen, clock)
+    weekday, hour = np.divmod(hours.hour % (WEEK[0] * WEEK[1]), WEEK[1])
+    likely = None
+    for _ in range(ROUNDS + 1):
+        both = told + days.sums(hours.hour, hours.explained(likely))
+        likely = likely_modes(days.by_week(both, days.old))[weekday, hour]
+    return both

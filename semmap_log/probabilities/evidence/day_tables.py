@@ -15,6 +15,9 @@ from semmap_log.probabilities.local_clock import Hours, LocalClock
 
 Table = NDArray[np.float64]
 
+HALF_LIFE_D = 56.0
+"""Days after which a day counts half, where one half-life has to do."""
+
 
 @dataclass(frozen=True, slots=True)
 class DayTables:

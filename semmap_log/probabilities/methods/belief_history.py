@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from semmap_log.domain.moments import HOUR_NS
 from semmap_log.probabilities.chain import regimes
+from semmap_log.probabilities.chain.looks import LOOK_NS, held_at, is_certain, looks, seen_between
 from semmap_log.probabilities.chain.markov_chain import Steps, filtered, likelihood, weighed
 from semmap_log.probabilities.chain.matrix_scan import states
-from semmap_log.probabilities.chain.nodes import LOOK_NS, held_at, is_certain, looks, seen_between
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import LEAST, MOST
 from semmap_log.probabilities.local_clock import LocalClock

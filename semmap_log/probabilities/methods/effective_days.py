@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.probabilities.evidence.day_tables import DayTables
+from semmap_log.probabilities.evidence.day_tables import HALF_LIFE_D, DayTables
 from semmap_log.probabilities.local_clock import DAYS_IN_WEEK
 from semmap_log.probabilities.methods.habits import (
     HALF_LIVES_D,
@@ -30,7 +30,6 @@ Reals = NDArray[np.float64]
 
 NEAR_H, FAR_H = (1, 2), (5, 6, 7, 8)
 """So far apart residuals are held against each other; several lags, for each is noisy."""
-HALF_LIFE_D = 56.0
 WARM_UP_D = 3.0
 """Residuals of the first days tell of bad forecasts: day d counts d / (d + that)."""
 PRIOR_FORGETS_H, PRIOR_WEIGHT = 24.0, 2.4

@@ -19,7 +19,7 @@ from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import HOUR_NS, SECOND_NS
 from semmap_log.probabilities.chain import regimes
 from semmap_log.probabilities.chain.first_passages import Passages, first_passages
-from semmap_log.probabilities.chain.nodes import LOOK_NS
+from semmap_log.probabilities.chain.looks import LOOK_NS
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
@@ -114,12 +114,10 @@ class DoorFilter:
         return waited_s if is_other else self._waits(at_ns, told_ns, until_open) * waited_s
 
     def wait_interval_s(self, at_ns: int, *, until_open: bool) -> tuple[float, float]:
-        """Return the ends of the 90 % interval of that mean, as few passages leave it open."""
-        passages, waits = self._passages(at_ns, until_open), self._waits(at_ns, at_ns, until_open)
-        longest, shortest = (
-            0.0 if np.isinf(factor) else self._mean_wait_s(at_ns, factor * passages.per_h)
-            for factor in passages.bounds
-        )
+        """Return the ends of the 90 % interval of that mean, as what was seen leaves it open."""
+        waits = self._waits(at_ns, at_ns, until_open)
+        passages = self._passages(at_ns, until_open)
+        shortest, longest = passages.interval(lambda per_h: self._mean_wait_s(at_ns, per_h))
         return waits * shortest, waits * longest
 
     def _waits(self, at_ns: int, told_ns: int, until_open: bool) -> float:  # noqa: FBT001 - private

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.lazily import computed_once
 from semmap_log.domain.moments import HOUR_NS, SECOND_NS
-from semmap_log.probabilities.chain.nodes import held_at
+from semmap_log.probabilities.chain.looks import held_at
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.schedule import DoorSchedule

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.probabilities.evidence.day_tables import DayTables
+from semmap_log.probabilities.evidence.day_tables import HALF_LIFE_D, DayTables
 from semmap_log.probabilities.forecast import LEAST, MOST
 from semmap_log.probabilities.local_clock import DAYS_IN_WEEK
 from semmap_log.probabilities.methods.averaging import shared_anew
@@ -34,7 +34,6 @@ PRIOR = 0.015
 a slot has earned beyond it does."""
 SLAB_P, SLAB_WEEKS = 0.2, 1.0
 """A slot's rate begins at that, or at the schedule's if it is higher, as after so many weeks."""
-HALF_LIFE_D = 56.0
 SHARE = 0.01
 """So much of a cell's weights is handed out anew each week."""
 MOST_GAIN = 3.0

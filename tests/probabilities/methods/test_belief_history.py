@@ -10,7 +10,7 @@ import pytest
 
 from semmap_log.domain.moments import HOUR_NS
 from semmap_log.probabilities.chain import regimes
-from semmap_log.probabilities.chain.nodes import LOOK_NS, looks
+from semmap_log.probabilities.chain.looks import LOOK_NS, looks
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import LEAST
 from semmap_log.probabilities.local_clock import LocalClock

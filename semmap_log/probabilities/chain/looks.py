@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.moments import SECOND_NS
-from semmap_log.probabilities.chain.markov_chain import Nodes
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.evidence.visits import MOST_ACCURACY, PASS_NS
 from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
@@ -53,14 +52,6 @@ class Looks:
         """Return those from some time on."""
         last = slice(int(np.searchsorted(self.times_ns, from_ns)), None)
         return Looks(self.times_ns[last], self.llr[last], self.sightings[last])
-
-    def nodes(self, bins: Places) -> Nodes:
-        """Return them as one sequence.
-
-        Args:
-            bins: (n,), which rates hold from each look on.
-        """
-        return Nodes(self.gap_ns / SECOND_NS, self.llr, bins, np.arange(len(self)) == 0)
 
 
 def is_certain(llr: NDArray[np.float64]) -> NDArray[np.bool_]:

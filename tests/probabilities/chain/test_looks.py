@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from semmap_log.probabilities.chain.nodes import CERTAIN_LLR, Looks, held_at, is_certain, looks
+from semmap_log.probabilities.chain.looks import CERTAIN_LLR, Looks, held_at, is_certain, looks
 from semmap_log.probabilities.local_clock import LocalClock
 from tests.probabilities.known import evidence, hours_ns
 
@@ -105,17 +105,12 @@ def test_half_hours_without_a_look_are_the_buildings() -> None:
     assert [0.25, 0.3, 0.3, 0.75, 1.25] == pytest.approx([h for h, _ in said(found)])
 
 
-def test_as_nodes_they_are_one_sequence() -> None:
+def test_the_last_of_them() -> None:
     """
-    Gaps are in seconds, the first is none, and only there a sequence begins.
+    From a time on, that one included.
     """
     seen = looks(evidence(visits=[(0.4, True), (0.9, True)]), UTC, int(hours_ns(1)))
 
-    found = seen.nodes(np.array([7, 8, 9]))
-
-    assert [0.0, 0.0, 1800.0] == pytest.approx(found.gap_s.tolist())
-    assert [True, False, False] == found.begins.tolist()
-    assert [7, 8, 9] == found.bin.tolist()
     assert [0.4, 0.9] == [h for h, _ in said(seen.since(int(hours_ns(0.4))))][1:]
     assert [0.9] == [h for h, _ in said(seen.since(int(hours_ns(0.4)) + 1))]
 
