@@ -38,7 +38,7 @@ print("heard", heard[0].door_db[0].door_id)
 }
 
 
-def test_looks_speak_the_messages_of_the_thesis(ros: RosWorld) -> None:
+def test_nodes_speak_the_messages_of_the_thesis(ros: RosWorld) -> None:
     """
     Its interpreter has a ROS that works, and the messages that were built for it.
     """

@@ -127,6 +127,7 @@ METHODS = (
           "np.where(sure, 0.5, part)", "part", "test_belief_passes", "test_filter"),
     guard("errors of a schedule are one at once", "filter._leaned",
           "share**2 + (share - share**2) * apart", "share", "methods.test_filter"),
+    guard("which regime it is stays in doubt", "DOUBT", "0.5", "0.0", "test_filter_intervals"),
     guard("what was seen grows old", "DoorFilter.predict", "FRESH", "0", "test_filter"),
     guard("until open, or until closed", "first_passages._known",
           "evidence.start_ns[evidence.is_open == until_open]",

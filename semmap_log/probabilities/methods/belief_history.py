@@ -30,6 +30,9 @@ TEMPER = 1 / (1 + 3 * LEADS_H)
 """How much of a look's likelihood counts: forecasts that overlap say the same again."""
 SHARE = 0.01
 """So much of the weight is handed out anew each day."""
+DOUBT = 0.5
+"""Regimes are told apart by all hours, and by night a door may go another way than by day: until
+today has said more, which one it is stays so doubtful as before anything was known."""
 _CERTAIN = 1e-12
 """Of a variance: whoever sees a door again and again at once leaves none."""
 
@@ -41,6 +44,8 @@ class Belief(NamedTuple):
     """(n, regimes): when it was last told."""
     weight: Reals
     """(n, regimes): how far each was believed."""
+    maybe: Reals
+    """(n, regimes): how far each might be: see `DOUBT`."""
     spread: Reals
     """(n, regimes): standard deviation of P(open), where it rests on a schedule; else 0."""
     told_ns: Times
@@ -95,6 +100,7 @@ class BeliefHistory:
         return Belief(
             np.where(sure, np.where(is_open, MOST, LEAST)[:, None], found.p_open),
             found.weight,
+            found.maybe,
             np.where(sure, 0.0, found.spread),
             np.where(held, known_ns, found.told_ns),
             np.where(held, known_ns, found.seen_ns),
@@ -127,10 +133,14 @@ class BeliefHistory:
             told[more] += np.log(likelihood(predicted, llr))
             row[more] = self._rows(last_ns)
             told_ns[more] = seen_ns[more] = last_ns
-        weight = self._weights[row, 0] * np.exp(told - told.max(1, keepdims=True))
-        weight /= weight.sum(1, keepdims=True)
+        likely = np.exp(told - told.max(1, keepdims=True))
+        weights = self._weights[row, 0]
+        doubted = weights + DOUBT * (regimes.PRIOR - weights)
+        weight, maybe = (
+            part / part.sum(1, keepdims=True) for part in (weights * likely, doubted * likely)
+        )
         nowhere = np.zeros(len(place), np.bool_)
-        return Belief(p_open, weight, self._spread[place], told_ns, seen_ns, nowhere)
+        return Belief(p_open, weight, maybe, self._spread[place], told_ns, seen_ns, nowhere)
 
     def weights(self, now: Reals, known_ns: Times, gap_ns: Times) -> Reals:
         """Return (n, regimes): how far each is believed some time ahead, by how it did so far.

@@ -76,7 +76,9 @@ class DoorFilter:
         # What is not known: which regime it is; what the schedule should say; what it said before.
         stays = weight * regimes.stays(gap_ns, age_ns)
         variance *= _leaned(np.maximum(1 - stays.sum(1), 0), gap_ns)
-        variance += (weight * (each - p_open[:, None]) ** 2).sum(1)
+        maybe = self._history.weights(belief.maybe, known_ns, gap_ns)
+        maybe[belief.seen_ns <= NEVER] = 0.0
+        variance += (maybe * (each - p_open[:, None]) ** 2).sum(1)
         variance += (stays * belief.spread).sum(1) ** 2
         is_known |= (weight * regimes.stays(age_ns, age_ns)).sum(1) >= FRESH
         held = np.flatnonzero(belief.is_held)
