@@ -70,14 +70,15 @@ class DoorFilter:
         told = self.schedule.p_open(belief.told_ns, known_ns)
         gap_ns, age_ns = times_ns - belief.told_ns, times_ns - belief.seen_ns
         each = regimes.ahead(belief.p_open, told, tends_to, gap_ns, age_ns)
-        weight = self._history.weights(belief.weight, known_ns, gap_ns)
-        weight[belief.seen_ns <= NEVER] = 0.0  # nothing was seen: the schedule alone speaks
+        is_seen = (belief.seen_ns > NEVER)[:, None]  # else the schedule alone speaks
+        weight, maybe = (
+            is_seen * self._history.weights(now, known_ns, gap_ns)
+            for now in (belief.weight, belief.maybe)
+        )
         p_open = tends_to + (weight * (each - tends_to[:, None])).sum(1)
         # What is not known: which regime it is; what the schedule should say; what it said before.
         stays = weight * regimes.stays(gap_ns, age_ns)
         variance *= _leaned(np.maximum(1 - stays.sum(1), 0), gap_ns)
-        maybe = self._history.weights(belief.maybe, known_ns, gap_ns)
-        maybe[belief.seen_ns <= NEVER] = 0.0
         variance += (maybe * (each - p_open[:, None]) ** 2).sum(1)
         variance += (stays * belief.spread).sum(1) ** 2
         is_known |= (weight * regimes.stays(age_ns, age_ns)).sum(1) >= FRESH
