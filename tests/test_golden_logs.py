@@ -1,0 +1,121 @@
+"""Logs of every version of the form are read, answer what they answered then, and are continued.
+
+Who changes the form makes the golden log of the new version once (`tools/make_golden.py`); what is
+there is never changed, and no answer in it either: an answer may only get more fields.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from make_golden import in_log, main, said
+
+import semmap_log as sl
+from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION
+from tests.store.logs import segment_files
+
+GOLDEN = Path(__file__).parent / "golden"
+FORMS = sorted(GOLDEN.glob("format_*"))
+WAYS = ("live", "closed", "compacted")
+"""As a crash left it; closed; and in large compressed chunks."""
+
+
+def copied(form: Path, way: str, folder: Path) -> Path:
+    return Path(shutil.copytree(form / way / "office", folder / "office"))
+
+
+def differences(found: Any, expected: Any, where: str = "") -> list[str]:
+    """Return where an answer differs from the one of then; what it has more is none."""
+    if isinstance(expected, dict) and isinstance(found, dict):
+        return [
+            line
+            for key, value in expected.items()
+            for line in differences(found.get(key, "nothing"), value, f"{where}.{key}")
+        ]
+    if isinstance(expected, list) and isinstance(found, list) and len(expected) == len(found):
+        pairs = enumerate(zip(found, expected, strict=True))
+        return [line for i, pair in pairs for line in differences(*pair, f"{where}[{i}]")]
+    return [] if found == expected else [f"{where}: expected {expected!r}, found {found!r}"]
+
+
+def test_this_version_of_the_form_has_a_golden_log() -> None:
+    """
+    Who adds to the form makes one.
+    """
+    name = f"format_{FORMAT_VERSION}_{FORMAT_MINOR}"
+    assert name in [form.name for form in FORMS]
+
+
+def test_a_golden_log_is_never_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    What is there is refused, and left as it is.
+    """
+    there = tmp_path / f"format_{FORMAT_VERSION}_{FORMAT_MINOR}"
+    there.mkdir()
+    monkeypatch.setattr("sys.argv", ["make_golden.py", "--out", str(tmp_path)])
+
+    assert main() == 1
+    assert "never made again" in capsys.readouterr().err
+    assert not list(there.iterdir())
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.name)
+def test_it_answers_as_it_did(form: Path, way: str, tmp_path: Path) -> None:
+    """
+    Doors at many moments, by all that is known and by what was known then; histories, differences,
+    costs of cells, the events as lines, and the hash of the last commit.
+    """
+    log = copied(form, way, tmp_path)
+
+    for one in json.loads((form / "answers.json").read_text("utf-8")):
+        found = said(in_log(one["command"], log))
+        assert not differences(found, one["answer"]), one["command"]
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.name)
+def test_it_is_continued(form: Path, way: str, tmp_path: Path) -> None:
+    """
+    Today's program writes on: nothing of what was written is written anew, and what was asked of a
+    number before is answered as before.
+    """
+    log = copied(form, way, tmp_path)
+    (segment,) = segment_files(log)
+    before = segment.read_bytes()
+    answers = json.loads((form / "answers.json").read_text("utf-8"))
+
+    with sl.append(log, compact=False) as writing:
+        written = writing.observe(2, "open", actor="today")
+
+    verified = next(one["answer"] for one in answers if one["command"][0] == "verify")
+    events = verified["events"]
+    assert written.first_event == events
+    assert said(in_log(["verify", "LOG"], log))["commits"] == verified["commits"] + 1
+    head = commits_end(before)
+    assert segment.read_bytes()[:head] == before[:head]
+    for one in answers:
+        if "--event" in one["command"] or "--known-at" in one["command"]:
+            assert not differences(said(in_log(one["command"], log)), one["answer"])
+
+
+def commits_end(segment: bytes) -> int:
+    """Return where the last chunk of a segment ends; behind it come what closing adds, or nothing.
+
+    Every record is an opcode, its length in 8 bytes, and that; 6 is a chunk, 7 its index.
+    """
+    place, end = 8, 8
+    while place + 9 <= len(segment) - 8 * segment.endswith(segment[:8]):
+        length = int.from_bytes(segment[place + 1 : place + 9], "little")
+        if segment[place] in (6, 7):
+            end = place + 9 + length
+        elif segment[place] == 15:
+            break
+        place += 9 + length
+    return end
