@@ -7,7 +7,11 @@ there is never changed, and no answer in it either: an answer may only get more 
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import subprocess
+import sys
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +22,20 @@ import semmap_log as sl
 from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION
 from tests.store.logs import segment_files
 
-GOLDEN = Path(__file__).parent / "golden"
+ROOT = Path(__file__).parents[1]
+GOLDEN = ROOT / "tests" / "golden"
 FORMS = sorted(GOLDEN.glob("format_*"))
 WAYS = ("live", "closed", "compacted")
 """As a crash left it; closed; and in large compressed chunks."""
+
+ASK = """
+import json, sys
+import semmap_log
+from make_golden import in_log, said
+log, answers = sys.argv[1:]
+asked = [one["command"] for one in json.load(open(answers))]
+print(json.dumps([semmap_log.__file__, [said(in_log(command, log)) for command in asked]]))
+"""
 
 
 def copied(form: Path, way: str, folder: Path) -> Path:
@@ -103,6 +117,38 @@ def test_it_is_continued(form: Path, way: str, tmp_path: Path) -> None:
     for one in answers:
         if "--event" in one["command"] or "--known-at" in one["command"]:
             assert not differences(said(in_log(one["command"], log)), one["answer"])
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with what the wheel installs."""
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(folder), "."]
+    subprocess.run(command, cwd=ROOT, check=True, timeout=300)
+    (wheel,) = folder.glob("semmap_log-*.whl")
+    with zipfile.ZipFile(wheel) as packed:
+        packed.extractall(folder / "site")
+    return folder / "site"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.name)
+def test_the_wheel_answers_as_well(form: Path, installed: Path, tmp_path: Path) -> None:
+    """
+    What people install, not the checkout that it was built from.
+    """
+    log, answers = copied(form, "closed", tmp_path), form / "answers.json"
+
+    done = subprocess.run(
+        [sys.executable, "-c", ASK, str(log), str(answers)], cwd=tmp_path, check=True, timeout=300,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(installed), str(ROOT / "tools")])},
+        capture_output=True, text=True,
+    )  # fmt: skip
+
+    origin, found = json.loads(done.stdout)
+    assert Path(origin).is_relative_to(installed)
+    for one, answer in zip(json.loads(answers.read_text("utf-8")), found, strict=True):
+        assert not differences(answer, one["answer"]), one["command"]
 
 
 def commits_end(segment: bytes) -> int:
