@@ -15,7 +15,8 @@ of what is known. Doors without hours that forget in 15 minutes to 48 hours, and
 hours.
 
 wait: the expected wait until open, at 20 times of the week that comes, against the mean wait of the
-chain: the ratio of their means over these times, door by door.
+chain: the ratio of their means over these times, door by door. "by true rates": how many were
+within a quarter, had those and what `filter` believes of the state at those times been all.
 
 best: P(open) in the hour that `best-time` names first, against that of the truly best hour.
 """
@@ -91,7 +92,9 @@ def main() -> int:
     if options.json:
         print(json.dumps(rows, indent=2))
         return 0
-    print(f"{datetime.now(timezone.utc):%Y-%m-%d}, seeds 0..{options.seeds - 1}, by:")
+    print(
+        f"{datetime.now(timezone.utc):%Y-%m-%d}, seeds {options.range[0]}..{options.range[-1]}, by:"
+    )
     print(f"`{shlex.join(['python', 'tools/eval_sim_doors.py', *sys.argv[1:]])}`\n")
     for question in options.only:
         asked = [row for row in rows if row["question"] == question]
@@ -111,7 +114,7 @@ def _rows(options: argparse.Namespace) -> Iterator[Row]:
                     seen = "patrol" if patrolled else "known"
                     row: Row = {"question": question, "door": kind, "weeks": weeks, "seen": seen}
                     doors = (told(make, weeks, seed, patrolled=patrolled)
-                             for seed in range(options.seeds))  # fmt: skip
+                             for seed in options.range)  # fmt: skip
                     row |= QUESTIONS[question](doors)
                     print(f"{question}: {kind}, {weeks} weeks, {seen}", file=sys.stderr)
                     yield row
@@ -152,7 +155,7 @@ def intervals(doors: Iterator[Told]) -> Row:
 
 def wait(doors: Iterator[Told]) -> Row:
     """Return how near the waits that are said come to those that are."""
-    ratios, inside = [], []
+    ratios, by_rates, inside = [], [], []
     for door in doors:
         learnt = by_name("filter").learn({DOOR: door.known}, CLOCK)
         assert isinstance(learnt, StateModel)
@@ -162,15 +165,19 @@ def wait(doors: Iterator[Told]) -> Row:
         low, high = np.mean(ends, axis=0) / 3600
         was = door.chain.wait_h(times, door.is_open(times)).mean()
         if was > 0:
+            closed = np.zeros(ASKED, np.bool_)
+            shut = 1 - learnt.predict(DOOR, times, times).p_open
+            by_rates.append((shut * door.chain.wait_h(times, closed)).mean() / was)
             ratios.append(said / was)
             inside.append(low <= was <= high)
-    near = np.abs(np.array(ratios) - 1)
+    near, nearer = (np.abs(np.array(each) - 1) for each in (ratios, by_rates))
     found = {f"within {share:.0%}": float(np.mean(near <= share)) for share in WITHIN}
     median = float(np.median(ratios))
     return {
         "said / was": round(median, 2),
         **found,
         "in interval": round(float(np.mean(inside)), 2),
+        "by true rates": float(np.mean(nearer <= WITHIN[0])),
     }
 
 
@@ -223,10 +230,12 @@ def _options() -> argparse.Namespace:
         "--weeks", type=int, action="append", help="of evidence; repeatable; 2, 6 and 12"
     )
     parser.add_argument("--seeds", type=int, default=24, help="doors of each kind; 24")
+    parser.add_argument("--first-seed", type=int, default=0, help="other doors; 0")
     parser.add_argument("--json", action="store_true", help="one document instead of tables")
     options = parser.parse_args()
     options.only = options.only or [*QUESTIONS]
     options.weeks = options.weeks or [2, 6, 12]
+    options.range = range(options.first_seed, options.first_seed + options.seeds)
     return options
 
 

@@ -172,7 +172,7 @@ def _with_visits(told: Reals, days: Days, evidence: DoorEvidence, clock: LocalCl
     last_ns = int(evidence.seen_ns[-1])
     seen = looks(alone, clock, last_ns, blind=True).since(last_ns - LEARNT_FROM_D * DAY_NS)
     hours = HourLooks(seen, clock)
-    weekday, hour = np.divmod(hours.hour % (WEEK[0] * WEEK[1]), WEEK[1])
+    weekday, hour = hours.hour // 24 % WEEK[0], hours.hour % 24
     likely = None
     for _ in range(ROUNDS + 1):
         both = told + days.sums(hours.hour, hours.explained(likely))

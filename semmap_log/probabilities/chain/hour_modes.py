@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.probabilities.chain.regimes import likely_paces
 from semmap_log.probabilities.local_clock import WORKING_DAYS
 
 Reals = NDArray[np.float64]
@@ -22,8 +23,8 @@ PACES_PER_H = 2.0 ** np.arange(-6, 5)
 SHARE, PER_H = (part.ravel() for part in np.meshgrid(SHARES, PACES_PER_H, indexing="ij"))
 """(modes,): of each."""
 
-USUAL_PER_H, SPREAD = 0.25, 2.0
-"""How likely each pace is before anything is known: the likeliest; a spread, in doublings."""
+PRIOR = likely_paces(1 / PER_H)
+"""(modes,): how likely each is before anything is known; long runs all alike."""
 PRIOR_HOURS = 0.2
 """So many hours of a day that prior counts."""
 LIKE = np.array([4.0, 1.0, 1.0, 1.0])
@@ -34,15 +35,6 @@ BESIDE = 0.5
 ROUNDS = 15
 _OWN = 3
 _SUCH_DAYS = slice(WORKING_DAYS), slice(WORKING_DAYS, None)
-
-
-def _prior() -> Reals:
-    likely = np.exp(-0.5 * (np.log2(PER_H / USUAL_PER_H) / SPREAD) ** 2)
-    return np.asarray(likely / likely.sum())
-
-
-PRIOR = _prior()
-"""(modes,)."""
 
 
 def likely_modes(told: Reals) -> Reals:

@@ -37,12 +37,13 @@ IS_LEFT = np.arange(len(PACE_H)) >= len(PACES_H)
 _LEFT_AT = np.append(0 * PACES_H, [1 - LEFT_P, LEFT_P])
 
 
-def _prior() -> Reals:
-    usual = np.exp(-0.5 * (np.log2(PACES_H / USUAL_H) / SPREAD) ** 2)
-    return np.append(usual / usual.sum() * (1 - LEFT_SHARE), [LEFT_SHARE / 2] * 2)
+def likely_paces(paces_h: Reals) -> Reals:
+    """Return how likely each of some paces is before anything is known, (n,); 1 together."""
+    usual = np.exp(-0.5 * (np.log2(paces_h / USUAL_H) / SPREAD) ** 2)
+    return np.asarray(usual / usual.sum())
 
 
-PRIOR = _prior()
+PRIOR = np.append(likely_paces(PACES_H) * (1 - LEFT_SHARE), [LEFT_SHARE / 2] * 2)
 """(regimes,): how far each is believed before anything is known."""
 
 
