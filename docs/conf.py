@@ -46,7 +46,7 @@ nitpick_ignore_regex = [
     (r"py:.*", r"semmap_log\.\w+\..*"),
     (
         r"py:class",
-        r"(Clock|DoorId|Duration|Durability|Entropy|LogSummary|Progress|Window|first_event)",
+        r"(Clock|DoorId|Duration|Durability|Entropy|LogSummary|Measured|Progress|RigidTransform|Window|first_event)",
     ),
     # The same, where a program loads them only when it needs them.
     (r"py:class", r"(CommitFinder|Diff|EarlyEvents|FollowedCommit|HistoryEntry|LikelyHours)"),
@@ -90,7 +90,7 @@ class MessageTexts(Directive):
 
         events = [kind.__name__ for kind in KINDS if kind is not FloorMap]
         found: list[nodes.Node] = []
-        for name in (*events, "Commit", "CommitNote", "Keyframe"):
+        for name in (*events, "Commit", "CommitNote", "Keyframe", "Tombstone"):
             found.append(nodes.rubric(text=name))
             text = message_text(name)
             found.append(nodes.literal_block(text, text, language="text"))

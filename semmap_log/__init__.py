@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from semmap_log.batches.event_batch import EventBatch
     from semmap_log.domain.commits import Note
     from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
+    from semmap_log.domain.object_classes import Geometry, ObjectClass
     from semmap_log.door_log.appended import Appended
     from semmap_log.door_log.door_log import DoorLog
     from semmap_log.door_log.door_log_writer import DoorLogWriter
@@ -46,7 +47,9 @@ __all__ = [
     "DoorMap",
     "DoorState",
     "EventBatch",
+    "Geometry",
     "Note",
+    "ObjectClass",
     "Projection",
     "SemmapError",
     "append",
@@ -61,6 +64,7 @@ _HOMES = {
     "batches.event_batch": ("EventBatch",),
     "domain.commits": ("Note",),
     "domain.doors": ("Door", "DoorId", "DoorMap", "DoorState"),
+    "domain.object_classes": ("Geometry", "ObjectClass"),
     "door_log.appended": ("Appended",),
     "door_log.door_log": ("DoorLog",),
     "door_log.door_log_writer": ("DoorLogWriter",),

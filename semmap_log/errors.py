@@ -31,6 +31,8 @@
     ├── ExpressionError             an s-expression that cannot be read or sent    (ValueError)
     ├── PasserError                 OPRS's message passer is not there, or refuses       (OSError)
     ├── EngineError                 an engine for many logs is not there, or has gone
+    ├── SigningError                a key that cannot be used, or a log that must not be signed
+    │   └── PassphraseError         the key is encrypted, and its passphrase missing or wrong
     ├── RosError                    ROS is not there, or what was asked of it is not
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
@@ -152,6 +154,10 @@ class LogPoisonedError(LogError):
         self.command_id = command_id
         """Of the append that failed: the same events with this id, appended once the log is open
         again, are stored once. Empty where no append was under way."""
+
+
+class HorizonError(LogError):
+    """What is asked about was taken out of the log, since it was older than the log is kept."""
 
 
 class NewerLogError(LogError):
@@ -277,6 +283,14 @@ class EngineError(SemmapError):
     """What is to ask many logs is not there, has gone, or cannot be asked so."""
 
 
+class SigningError(SemmapError):
+    """A key or signature that cannot be used, or a log that is not what was signed before."""
+
+
+class PassphraseError(SigningError):
+    """The key is encrypted, and no passphrase was given, or a wrong one."""
+
+
 class RosError(SemmapError):
     """ROS is not there, does not answer, or lacks what was asked of it."""
 
@@ -296,6 +310,10 @@ MOST_PROBLEMS_SHOWN = 20
 
 class NewerLogWarning(UserWarning):
     """Events of kinds that a later version has added are left out: they change no answer."""
+
+
+class HorizonWarning(UserWarning):
+    """An answer rests on what is younger than the log's horizon: what was before is gone."""
 
 
 class KeyframeWarning(UserWarning):

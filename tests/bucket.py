@@ -2,11 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
 from benchmark.bucket import NAME, served_bucket
 
-__all__ = ["NAME", "put_folder", "served_bucket"]
+__all__ = ["NAME", "bucket", "environment", "put_folder", "served_bucket"]
+
+
+@pytest.fixture(scope="session")
+def environment() -> Iterator[dict[str, str]]:
+    with served_bucket() as named:
+        yield named
+
+
+@pytest.fixture
+def bucket(
+    environment: dict[str, str], monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> str:
+    """An empty place in a bucket that the environment names."""
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    return f"s3://{NAME}/{request.node.name}"
 
 
 def put_folder(folder: Path, url: str) -> None:

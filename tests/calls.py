@@ -8,7 +8,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
-MOST_CALLS_A_LOOK = 100
+MOST_CALLS_A_LOOK = 130
 """At a log in which nothing happens: what is asked of its folder, and of its last file."""
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from semmap_log.domain.doors import MAX_DOOR_ID, MAX_LEVEL, DoorId, DoorState
 from semmap_log.domain.events import (
     Changed,
+    ClassDefined,
     DoorAdded,
     DoorAnnotated,
     DoorObserved,
@@ -19,8 +20,10 @@ from semmap_log.domain.events import (
     DoorUpdated,
     Event,
     FloorMap,
+    HistoryTrimmed,
     LevelAdded,
     LogExported,
+    MomentPinned,
     PatrolFinished,
     PatrolStarted,
     Retracted,
@@ -132,6 +135,28 @@ with_objects = st.one_of(
     ),
     st.builds(LevelAdded, happened_ns=times, level=levels, name=texts, elevation=numbers),
     st.builds(LogExported, happened_ns=times, format=texts, file_name=texts, at_ns=times),
+    st.builds(
+        HistoryTrimmed,
+        happened_ns=times,
+        next_event=times,
+        events_gone=times,
+        notes_gone=times,
+        horizon=times,
+        reasons=texts,
+        rule=texts,
+        tombstones=texts,
+    ),
+    st.builds(
+        MomentPinned, happened_ns=times, at_ns=times, next_event=times, name=texts, keyframe=texts
+    ),
+    st.builds(
+        ClassDefined,
+        happened_ns=times,
+        class_name=st.sampled_from(["dock", "spill"]),
+        geometry=st.sampled_from(["segment", "polygon", "point"]),
+        states=st.just("free,taken"),
+        blocks=st.sampled_from(["", "taken"]),
+    ),
     floor_maps(),
 )
 

@@ -26,9 +26,13 @@ from benchmark.worker import PeerFailedError, measure
 TOOLS = Path(__file__).parents[1] / "tools"
 ROWS = {
     "append": 3, "fold": 3, "now": 1, "moment": 4, "history": 1, "index": 1, "day": 1, "open": 3,
-    "import": 2, "store": 3, "fleet": 1, "costmap": 4, "beliefs": 4, "view": 2, "start": 6,
-    "sql": 1, "frame": 2,
+    "import": 2, "store": 3, "care": 3, "fleet": 1, "costmap": 4, "beliefs": 4, "view": 2,
+    "start": 6, "sql": 1, "frame": 2,
 }  # fmt: skip
+WITHOUT_PEER = (
+    "In a store: planning", "Retain: old sightings thinned", "Retain: the older half goes",
+)  # fmt: skip
+"""Nobody else does this."""
 MIB = 2**20
 MOST_S = 1800
 """For a run of all rows, which took eight minutes beside ten busy processes."""
@@ -59,7 +63,7 @@ def test_all_peers_give_the_same_answers(tmp_path: Path) -> None:
     assert ROWS == {group: groups.count(group) for group in ROWS}
     for case in said["cases"]:
         measured = [peer for peer in case["peers"] if "problem" not in peer]
-        assert 1 + (case["title"] != "In a store: planning") <= len(measured), case["peers"]
+        assert 1 + (case["title"] not in WITHOUT_PEER) <= len(measured), case["peers"]
         for peer in measured:
             assert peer["agrees"], (case["title"], peer["name"])
             assert 0 < peer["least_s"] <= peer["median_s"]

@@ -18,6 +18,7 @@ from semmap_log.domain.events import DoorAdded, DoorAnnotated, LevelAdded
 from semmap_log.errors import CommandError, CorruptLogError, FormatError, NotALogError
 from semmap_log.formats.bags.mcap_reading import own_log
 from semmap_log.importing.importing import import_file
+from tests.marks import marks
 
 AWKWARD = 'my robot\'s "log" $HOME; `x` ä'
 START = 1_772_400_000 * 10**9
@@ -73,7 +74,7 @@ def test_a_log_that_was_cut(log: Path) -> None:
     """
     How to go on; by the mark of what was closed, and by the list of rosbag2.
     """
-    (log / "closed.json").write_text("{}")
+    marks(log)[-1].write_text("{}")
     with pytest.raises(CorruptLogError) as refused:
         sl.read(log)
 

@@ -147,7 +147,7 @@ def _raw(data: st.DataObject, kind: type[Event]) -> Any:
         if field.kind == "f":
             row[name] = data.draw(raw_floats)
         else:
-            row[name] = data.draw(raw_numbers) % 2 ** (8 * field.itemsize)
+            row[name] = np.uint64(data.draw(raw_numbers)).astype(field)
     return row
 
 

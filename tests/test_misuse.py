@@ -284,7 +284,7 @@ def test_a_killed_init_can_be_done_again(tmp_path: Path) -> None:
 
     sl.create(path, tz="UTC").close()
 
-    assert {".lock", "closed.json", "log_000000.mcap", "metadata.yaml"} == {
+    assert {".lock", "closed-0-0.json", "log_000000.mcap", "metadata.yaml"} == {
         p.name for p in path.iterdir()
     }
 

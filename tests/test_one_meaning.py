@@ -153,8 +153,8 @@ def test_a_kind_that_sets_the_state_is_told_in_five_files(tmp_path: Path) -> Non
         ("\nAnyEvent: TypeAlias = (\n", TOUCHED),
         ("    | UnknownEvent\n)", "    | DoorTouched\n    | UnknownEvent\n)"),
     )
-    minor = f"KINDS_OF_MINOR = ({KINDS_OF_MINOR[-1]},"
-    program.edit("store/form.py", (minor, f"{minor} {KINDS_OF_MINOR[-1] + 1},"))
+    counts = (*KINDS_OF_MINOR, KINDS_OF_MINOR[-1] + 1)
+    program.edit("store/form.py", (f"_MINOR = {KINDS_OF_MINOR}", f"_MINOR = {counts}"))
     program.edit(
         "views/event_words.py",
         ("    DoorUpdated,\n", "    DoorTouched,\n    DoorUpdated,\n"),

@@ -19,6 +19,7 @@ import semmap_log as sl
 from semmap_log.domain.doors import Door
 from semmap_log.domain.events import KINDS, DoorObserved, RobotPose
 from semmap_log.domain.moments import format_utc
+from semmap_log.store.form import KINDS_OF_MINOR
 
 ROOT = Path(__file__).resolve().parent.parent
 RECORDINGS = ROOT / "recordings"
@@ -88,12 +89,13 @@ def kinds_in(name: str) -> Counter[str]:
 
 
 def test_office_is_small_and_has_one_of_everything() -> None:
-    """The office can be checked by hand, and shows each kind of event but two."""
+    """The office can be checked by hand, and shows each kind of event of its format's version."""
     counts = kinds_in("office")
 
     assert sum(counts.values()) < 300
     assert f"{sum(counts.values())} / 41" in README.read_text()
-    assert set(counts) == {kind.__name__ for kind in KINDS} - {"DoorRemoved", "LogExported"}
+    there = {kind.__name__ for kind in KINDS[: KINDS_OF_MINOR[0]]}
+    assert set(counts) == there - {"DoorRemoved", "LogExported"}
 
 
 def test_clinic_week_holds_what_readme_says() -> None:
@@ -123,7 +125,7 @@ CLINIC_WEEK = {
 }
 
 
-@pytest.mark.parametrize(("name", "most_bytes"), [("office", 100_000), ("clinic_week", 6_000_000)])
+@pytest.mark.parametrize(("name", "most_bytes"), [("office", 110_000), ("clinic_week", 6_000_000)])
 def test_size(name: str, most_bytes: int) -> None:
     """Recordings stay small enough for a repository."""
     assert sum(path.stat().st_size for path in (RECORDINGS / name).iterdir()) <= most_bytes

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
+from semmap_log.domain.events import RobotPose
 from semmap_log.door_log.summary import open_any, summarize
 from tests.cli.test_verify import semmap
 from tests.conftest import SteadyClock
@@ -84,3 +85,39 @@ def test_many_suspects_do_not_scroll_the_rest_away(tmp_path: Path, capsys) -> No
 
     assert 21 == out.count("suspect clock:")
     assert "4 commits more (all: --json)" in out
+
+
+@pytest.mark.usefixtures("terminal")
+def test_personal_data_are_told(tmp_path: Path, capsys) -> None:
+    """
+    Who and why, what is said of doors, where the robot was; what was taken back is there, too.
+    """
+    path = tmp_path / "log"
+    with sl.create(path, tz="UTC", clock=SteadyClock()) as log:
+        log.add_door(name="Zoe's office", actor="anna", reason="first map")
+        log.annotate(1, "owner", "Zoe", actor="bert")
+        wrong = log.annotate(1, "owner", "Zoe M.", actor="anna", source="laser")
+        log.retract(wrong.first_event)
+        log.append([RobotPose(x=1.0, y=2.0, theta=0.0)] * 3)
+        log.start_patrol()
+
+    shown = [" ".join(line.split()) for line in semmap(capsys, "info", path)[1].splitlines()]
+    assert "notes 3, 1 of them with a reason; by anna 2, bert 1" in shown
+    assert "annotated owner 2, name 1" in shown
+    assert "tracks 3 poses, 1 round" in shown
+
+    said = json.loads(semmap(capsys, "info", path, "--json")[1])["personal_data"]
+    assert said == {
+        "notes": 3, "actors": {"anna": 2, "bert": 1}, "sources": {"laser": 1}, "reasons": 1,
+        "annotations": {"name": 1, "owner": 2}, "poses": 3, "patrols": 1,
+    }  # fmt: skip
+
+
+def test_a_log_that_tells_of_nobody_says_nothing_of_it(tmp_path: Path) -> None:
+    """
+    Doors and sightings without a note are no personal data.
+    """
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        log.observe(log.add_door(), "open")
+
+    assert not summarize(open_any(tmp_path / "log")).personal

@@ -19,6 +19,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from threading import Event
 from types import FrameType
 
 from benchmark.appending import append_cases
@@ -37,6 +38,7 @@ from benchmark.questions import day_cases, history_cases, index_cases
 from benchmark.sql_cases import sql_cases
 from benchmark.starting import start_cases
 from benchmark.store_cases import store_cases
+from benchmark.trimming_cases import trimming_cases
 from benchmark.view_cases import view_cases
 from benchmark.worker import PeerFailedError, measure
 
@@ -47,7 +49,7 @@ SIZED = {
     "fold": fold_cases, "now": now_cases, "moment": moment_cases, "history": history_cases,
     "index": index_cases, "sql": sql_cases, "day": day_cases, "open": open_cases,
     "frame": frame_cases, "import": import_cases,
-    "store": store_cases,
+    "store": store_cases, "care": trimming_cases,
 }  # fmt: skip
 """Group -> its cases, for each size."""
 GROUPS = ("append", *SIZED, "fleet", "costmap", "beliefs", "view", "start")
@@ -57,7 +59,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Measure what the command line asks for; 0 good, 1 a wrong answer or an error."""
     given = sys.argv[1:] if arguments is None else arguments
     args = _parsed(given)
-    signal.signal(signal.SIGTERM, _interrupted)  # then, too, the folder is removed
+    for number in (signal.SIGINT, signal.SIGTERM):  # the folder is removed
+        signal.signal(number, _interrupted)
     try:
         with tempfile.TemporaryDirectory(dir=args.dir, prefix=".bench_") as name:
             return _run(args, Workshop(Path(name), _teller()), given)
@@ -81,6 +84,8 @@ def _run(args: argparse.Namespace, shop: Workshop, given: Sequence[str]) -> int:
     machine = machine_of(given, shop.folder)
     results: list[Result] = []
     for case in _cases(args, shop):
+        if _stopped.is_set():
+            raise KeyboardInterrupt
         shop.say(f"measuring {case.title}")
         results.append((case, measure(case)))
     shop.say("")
@@ -189,7 +194,13 @@ def _teller() -> Callable[[str], None]:
     return say
 
 
+_stopped = Event()
+"""Somebody wants it to end. An interrupt alone would be lost where Python drops what is raised: in
+callbacks."""
+
+
 def _interrupted(_number: int, _frame: FrameType | None) -> None:
+    _stopped.set()
     raise KeyboardInterrupt
 
 

@@ -18,7 +18,7 @@ import random
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,9 +31,12 @@ from semmap_log.domain.events import (
     DoorObserved,
     DoorRequested,
     FloorMap,
+    HistoryTrimmed,
     LevelAdded,
     LogExported,
+    MomentPinned,
     RobotPose,
+    SightingsThinned,
 )
 from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION, LOCK_NAME
 
@@ -43,6 +46,12 @@ DAY_NS = 1_772_323_200 * 10**9
 HOUR_NS = 3600 * 10**9
 SURVEY = sl.Note(actor="anna", source="survey", reason="first map", correlation="map-1")
 VERIFIED = ("verdict", "log_id", "commits", "events", "head")
+CARE = (
+    ["redact", "LOG", "--actor", "anna", "--by", "officer"],
+    ["redact", "LOG", "--tracks"],
+    ["redact", "LOG", "--door", "1", "--key", "type"],
+    ["retain", "LOG", "--thin", "1s"],
+)
 DRAWN = ("--inflate", "0.2", "--inscribed", "0.1")
 
 
@@ -55,6 +64,18 @@ def main() -> int:
     if folder.exists():
         print(f"{folder} is there: golden logs are never made again", file=sys.stderr)
         return 1
+    make(folder, [])
+    make(folder.with_name(f"{folder.name}_trimmed"), CARE)
+    return 0
+
+
+def make(folder: Path, care: Sequence[list[str]]) -> None:
+    """Make a golden log in three ways, and write down what it answers.
+
+    Args:
+        folder: Where it shall lie.
+        care: Commands by which some of it is taken out.
+    """
     live, closed, compacted = (folder / name / "office" for name in ("live", "closed", "compacted"))
     closed.parent.mkdir(parents=True)
     with sl.create(
@@ -62,7 +83,15 @@ def main() -> int:
         entropy=random.Random(1).randbytes,
     ) as log:  # fmt: skip
         tell(log)
-        shutil.copytree(closed, live, ignore=shutil.ignore_patterns(LOCK_NAME))
+        if not care:
+            shutil.copytree(closed, live, ignore=shutil.ignore_patterns(LOCK_NAME))
+    for command in care:
+        code, printed = _run(in_log(command, closed))
+        assert not code, printed
+    if care:
+        with sl.append(closed) as log:
+            log.observe(2, "open", actor="r1")
+            shutil.copytree(closed, live, ignore=shutil.ignore_patterns(LOCK_NAME))
     (closed / LOCK_NAME).unlink()
     shutil.copytree(closed, compacted)
     _run(["compact", str(compacted)])
@@ -71,7 +100,6 @@ def main() -> int:
     lines = ",\n".join(json.dumps(answer) for answer in answers)
     (folder / "answers.json").write_text(f"[\n{lines}\n]\n", "utf-8")
     print(f"{folder}: {len(answers)} answers")
-    return 0
 
 
 def tell(log: sl.DoorLogWriter) -> None:
@@ -117,6 +145,17 @@ def tell(log: sl.DoorLogWriter) -> None:
     log.finish_patrol(at=DAY_NS + 12 * HOUR_NS)
     log.retract(wrong.first_event, reason="it was another one", actor="anna")
     log.append([LogExported(format="yaml", file_name="doors.yaml", at_ns=DAY_NS + 12 * HOUR_NS)])
+    log.append([MomentPinned(at_ns=DAY_NS + 10 * HOUR_NS, name="audit")])
+    log.append(
+        [
+            SightingsThinned(door_id=side, state=sl.DoorState.CLOSED, count=3, accuracy_open=0.9,
+                             accuracy_closed=0.8, first_ns=DAY_NS + 11 * HOUR_NS,
+                             last_ns=DAY_NS + 12 * HOUR_NS, first_event=0),
+            HistoryTrimmed(next_event=0, events_gone=0, notes_gone=0, horizon=0,
+                           reasons="thinned", rule="none", tombstones=""),
+        ]
+    )  # fmt: skip
+    tell_of_others(log)
     log.annotate(front, "name", "main", at=DAY_NS + 13 * HOUR_NS)
     log.remove_door(attic, at=DAY_NS + 14 * HOUR_NS, reason="walled up")
     log.append(
@@ -125,6 +164,19 @@ def tell(log: sl.DoorLogWriter) -> None:
             happened_ns=DAY_NS + np.array([15, 15, 16]) * HOUR_NS,
         )
     )  # fmt: skip
+
+
+def tell_of_others(log: sl.DoorLogWriter) -> None:
+    """Tell of objects that are no doors: a point, an area, and a class that is defined anew."""
+    log.define_class("dock", geometry="point", states="free,taken", blocks="", at=DAY_NS)
+    log.define_class("spill", geometry="polygon", states="dry,wet", blocks="wet", at=DAY_NS)
+    dock = log.add_door(x=1.0, y=2.0, level=0, state="free", name="west", object_class="dock",
+                        at=DAY_NS + HOUR_NS)  # fmt: skip
+    log.add_door(outline=[(5.0, 1.0), (6.0, 1.0), (6.0, 2.5), (5.5, 3.0)], level=0, state="wet",
+                 object_class="spill", at=DAY_NS + HOUR_NS)  # fmt: skip
+    log.observe(dock, "taken", at=DAY_NS + 8 * HOUR_NS, actor="r1")
+    log.define_class("dock", geometry="point", states="free,taken", blocks="taken",
+                     at=DAY_NS + 9 * HOUR_NS)  # fmt: skip
 
 
 def asked() -> Iterator[list[str]]:
@@ -142,6 +194,8 @@ def asked() -> Iterator[list[str]]:
     for door in ("1", "2", "3"):
         yield ["timeline", "LOG", door]
         yield ["history", "LOG", door]
+    yield ["replay", "LOG", "--class", "dock"]
+    yield ["export", "LOG", "OUT.geojson"]
     for level in ("ground", "first"):
         yield ["costmap", "LOG", "OUT.npy", "--level", level, *DRAWN]
     yield ["export", "LOG", "OUT.jsonl"]
@@ -167,6 +221,8 @@ def said(command: list[str]) -> Any:
         for out in outs.values():
             if out.suffix == ".npy":
                 return np.load(out).tolist()
+            if out.suffix == ".geojson":
+                return json.loads(out.read_text("utf-8"))
             return [json.loads(line) for line in out.read_text("utf-8").splitlines()]
     answer = json.loads(printed)
     return {key: answer[key] for key in VERIFIED} if command[0] == "verify" else answer

@@ -32,7 +32,7 @@ from mutation.mutant import Checkout, Mutant
 
 ROOT = Path(__file__).resolve().parent.parent
 COPIED = ("semmap_log", "tests", "tools", "pyproject.toml")
-LINKED = ("recordings",)
+LINKED = ("recordings", "docs")
 """What tests read, and nothing writes."""
 TIMEOUT_S = 900
 MEMORY = Path("/dev/shm")  # noqa: S108 - folders of our own, with names nobody can foresee

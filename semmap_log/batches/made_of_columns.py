@@ -22,6 +22,7 @@ from semmap_log.domain.events import (
     PatrolStarted,
     Retracted,
     RobotPose,
+    SightingsThinned,
     field_names,
 )
 from semmap_log.domain.keywords import unknown_keyword
@@ -163,6 +164,23 @@ class MadeOfColumns:
         happened_ns: ArrayLike | None = None,
         first_event: ArrayLike,
         last_event: ArrayLike,
+    ) -> Self: ...
+
+    @overload
+    @classmethod
+    def of(
+        cls,
+        kind: type[SightingsThinned],
+        *,
+        happened_ns: ArrayLike | None = None,
+        door_id: ArrayLike,
+        state: ArrayLike,
+        count: ArrayLike,
+        first_ns: ArrayLike,
+        last_ns: ArrayLike,
+        accuracy_open: ArrayLike = ...,
+        accuracy_closed: ArrayLike = ...,
+        first_event: ArrayLike = ...,
     ) -> Self: ...
 
     @classmethod

@@ -100,6 +100,12 @@ KnownAt = Annotated[
     str | None,
     typer.Option("--known-at", metavar="TIME", help="Only what had been recorded by then."),
 ]
+OfClass = Annotated[
+    str | None,
+    typer.Option(
+        "--class", metavar="CLASS", help="Only objects of that class (`define`); door: all doors."
+    ),
+]
 AsHappened = Annotated[
     bool,
     typer.Option("--as-happened", help="As if each event had been recorded when it happened."),
@@ -132,6 +138,23 @@ def range_of(log: DoorLog, since: str | None, until: str | None) -> tuple[Time, 
             f"--since {since} names both ends; leave one of the two out", param_hint="--until"
         )
     return log.span(f"{since}..{until}")
+
+
+def doors_meant(
+    log: DoorLog, doors: list[str] | None, object_class: str | None
+) -> list[DoorId] | None:
+    """Return the doors that are named, or those of a class; None: all.
+
+    Raises:
+        typer.BadParameter: Both are given.
+        UnknownDoorError: There is no such door, and never was.
+        CommandError: There is no such class.
+    """
+    if object_class is None:
+        return [log.resolve_ever(name) for name in doors] if doors else None
+    if doors:
+        raise typer.BadParameter("name doors, or a class of them, not both", param_hint="--class")
+    return log.ids_of_class(object_class)
 
 
 class MapServer(str, Enum):
@@ -318,11 +341,11 @@ def stopped_for_good() -> Iterator[None]:
 
     Who starts a service again after a failure, as its unit does, must be told which is none.
     """
-    from semmap_log.errors import CommandError, FormatError, NotALogError
+    from semmap_log.errors import CommandError, FormatError, NotALogError, SigningError
 
     try:
         yield
-    except (NotALogError, FormatError, CommandError) as error:
+    except (NotALogError, FormatError, CommandError, SigningError) as error:
         say(f"semmap-log: {error}")
         raise typer.Exit(2) from error
 

@@ -25,19 +25,29 @@ def run(
     no_merge: Annotated[
         bool, typer.Option("--no-merge", help="Keep every segment a file of its own.")
     ] = False,
+    free_now: Annotated[
+        bool,
+        typer.Option(
+            "--free-now",
+            help="Remove files that were merged at once, not after an hour: only if nobody copies "
+            "the folder with `cp` or the like.",
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Make a log smaller: compress its closed segments, and merge small ones that are neighbours.
 
     Every record stays as it is, in its place, and each copy is compared with the old file before
     it takes its name. Ctrl-C, or a crash, at any moment leaves the whole log. Nobody may be
-    writing; readers are not disturbed.
+    writing; readers are not disturbed, nor is a copy of the folder: files that were merged stay for
+    an hour, and the first writer or compaction after that removes them.
 
     \b
     Examples:
       semmap-log compact office
       semmap-log compact office --dry-run
       semmap-log compact office --no-merge --json
+      semmap-log compact office --free-now
     """
     from semmap_log.store.compaction import compact, plan_compaction
 
@@ -45,7 +55,8 @@ def run(
         done = plan_compaction(log, merge=not no_merge)
     else:
         with progress("Compacting") as told:
-            done = compact(log, merge=not no_merge, progress=told)
+            keep_s = 0.0 if free_now else None
+            done = compact(log, merge=not no_merge, keep_s=keep_s, progress=told)
     if as_json:
         print_json(_to_json(done, dry_run=dry_run))
     else:
@@ -68,6 +79,16 @@ def _tell(log: Path, done: Compacted, *, dry_run: bool) -> None:
         before, after = done.bytes_before / done.events, done.bytes_after / done.events
         events = counted(done.events, "event")
         typer.echo(f"bytes an event    {before:,.1f} -> {after:,.1f} ({events})")
+    if done.merged_files:
+        _tell_merged(done)
+
+
+def _tell_merged(done: Compacted) -> None:
+    files = counted(done.merged_files, "merged file")
+    typer.echo(
+        f"{files}, {done.merged_bytes:,} bytes, stay for an hour, so that copies of the folder "
+        "that are under way are whole; the first writer or compaction after that removes them."
+    )
 
 
 def _intention(files: Sequence[PurePath]) -> str:
@@ -86,6 +107,8 @@ def _to_json(done: Compacted, *, dry_run: bool) -> dict[str, Any]:
         "segments_after": done.segments_after,
         "bytes_before": done.bytes_before,
         "bytes_after": done.bytes_after,
+        "merged_files": done.merged_files,
+        "merged_bytes": done.merged_bytes,
         "events": done.events,
         "bytes_per_event_before": each(done.bytes_before),
         "bytes_per_event_after": each(done.bytes_after),

@@ -17,6 +17,7 @@ from semmap_log.cli.common import (
     KnownAt,
     LogPath,
     MapServer,
+    OfClass,
     OutFile,
     UpToEvent,
     print_json,
@@ -99,6 +100,7 @@ def run(
         float | None,
         typer.Option("--inscribed", metavar="M", help="The robot's inscribed radius, metres."),
     ] = None,
+    object_class: OfClass = None,
     resolution: Annotated[
         float | None,
         typer.Option("--resolution", metavar="M", help="Without a floor: metres a cell; 0.05."),
@@ -174,6 +176,7 @@ def run(
         scaling=10.0 if scaling is None else scaling,
         inscribed_m=inscribed or 0.0,
         resolution=0.05 if resolution is None else resolution,
+        object_class=object_class,
     )
     floor = None
     if floor_map is not None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,6 +15,7 @@ from semmap_log.cli.common import (
     At,
     KnownAt,
     LogPath,
+    OfClass,
     OutFile,
     PaletteName,
     UpToEvent,
@@ -30,9 +32,13 @@ if TYPE_CHECKING:
     from semmap_log.door_log.door_log import DoorLog, Time
     from semmap_log.exporting.log_bag import RecordedBag
     from semmap_log.exporting.stream import StreamOptions
+    from semmap_log.replay.replay import Scope
 
 MOST_NAMED = 3
 """So many of the doors that are left out are named."""
+
+OF_ONE_CLASS = (".geojson", ".csv")
+"""Files that can hold the objects of one class alone."""
 
 MOST_EVERY_S = 1e9
 """More than thirty years: nanoseconds of it are still whole."""
@@ -45,6 +51,7 @@ def run(
     at: At = None,
     known_at: KnownAt = None,
     event: UpToEvent = None,
+    object_class: OfClass = None,
     default_prob: Annotated[
         float | None,
         typer.Option(
@@ -95,6 +102,16 @@ def run(
     strips: Annotated[
         bool, typer.Option("--strips", help="PDDL: no costs, for planners that know none.")
     ] = False,
+    pseudonymous: Annotated[
+        bool,
+        typer.Option(
+            "--pseudonymous",
+            help="Without names, words and the robot's tracks: actor-1, door-3, room-2.",
+        ),
+    ] = False,
+    with_tracks: Annotated[
+        bool, typer.Option("--with-tracks", help="With --pseudonymous: the robot's tracks, too.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a file, whole or not at all; an old file of that name is replaced at once.
@@ -139,6 +156,7 @@ def run(
       semmap-log export office doors.yaml --default-prob 0.5
       semmap-log export office before.yaml --at "yesterday 14:00"
       semmap-log export office events.jsonl
+      semmap-log export office for_others.parquet --pseudonymous
       semmap-log export office doors.geojson --at 2026-03-02T12:00
       semmap-log export office march.parquet --at 2026-04-01
       semmap-log export office p.pddl --domain domain.pddl --start hall --goal lab
@@ -152,6 +170,8 @@ def run(
     from semmap_log.formats.files.pddl import Wishes
 
     is_bag = markers or tells_a_bag(out)
+    if out.suffix.lower() not in OF_ONE_CLASS:
+        _refuse_given({"--class": object_class}, f"only for {', '.join(OF_ONE_CLASS)}")
     if is_bag:
         of_a_moment = {"--at": at, "--known-at": known_at, "--event": event}
         _refuse_given(of_a_moment, "a bag shows a range: --since, --until")
@@ -162,23 +182,32 @@ def run(
     if out.suffix.lower() != ".pddl":
         of_pddl = {"--domain": domain, "--start": start, "--goal": goal, "--strips": strips or None}
         _refuse_given(of_pddl, "only for .pddl")
+    if not pseudonymous:
+        _refuse_given({"--with-tracks": with_tracks or None}, "only with --pseudonymous")
     opened = sl.read(log)
-    if is_bag:
-        options = _stream_options(palette, default_prob, every, markers=markers)
-        _write_bag(opened, out, options, range_of(opened, since, until), as_json=as_json)
-        return
-    scope = opened.scope(at, known_at, event)
-    refuse_untold_map(opened, at, known_at, event)
-    with progress("Exporting") as told:
-        done = export(
-            opened,
-            out,
-            scope,
-            default_prob=default_prob,
-            wishes=Wishes(start, goal, with_costs=not strips),
-            domain=domain,
-            progress=told,
-        )
+    span, scope = range_of(opened, since, until), opened.scope(at, known_at, event)
+    if not is_bag:
+        refuse_untold_map(opened, at, known_at, event)
+    with ExitStack() as copies:
+        if pseudonymous:
+            span = _absolute(opened, span)
+            opened = copies.enter_context(_without_names(opened, scope, with_tracks=with_tracks))
+            scope = replace(scope, known_at_ns=None, event=None)  # the copy ends there
+        if is_bag:
+            options = _stream_options(palette, default_prob, every, markers=markers)
+            _write_bag(opened, out, options, span, as_json=as_json)
+            return
+        with progress("Exporting") as told:
+            done = export(
+                opened,
+                out,
+                scope,
+                default_prob=default_prob,
+                wishes=Wishes(start, goal, with_costs=not strips),
+                domain=domain,
+                object_class=object_class,
+                progress=told,
+            )
     if as_json:
         lists = {"left_out": list(done.left_out), "notes": list(done.notes)}
         print_json({"file": str(out), "wrote": done.what, **lists})
@@ -188,6 +217,27 @@ def run(
     for text in done.notes:
         say(text)
     say(f"{out}: {done.what}.")
+
+
+@contextmanager
+def _without_names(log: DoorLog, scope: Scope, *, with_tracks: bool) -> Iterator[DoorLog]:
+    """Hand out a copy of a log without names, and say what is not in it."""
+    from semmap_log.pseudonyms.pseudonymous_log import pseudonymous
+
+    with ExitStack() as copies:
+        with progress("Leaving out names") as told:
+            found = pseudonymous(log, scope, with_tracks=with_tracks, progress=told)
+            copy, names = copies.enter_context(found)
+        if names.left_out:
+            kinds = (f"{count:,} {kind}" for kind, count in sorted(names.left_out.items()))
+            say(f"left out: {', '.join(kinds)}")
+        yield copy
+
+
+def _absolute(log: DoorLog, span: tuple[Time, Time]) -> tuple[Time, Time]:
+    """Return the ends of a range as times that mean the same in any log."""
+    first, last = (None if ns is None else f"@{ns}" for ns in map(log.instant, span))
+    return first, last
 
 
 def _write_bag(

@@ -40,6 +40,15 @@ def line_of(line: Line, start: str | None, end: str | None) -> Line:
     return Line(x0, y0, math.atan2(y1 - y0, x1 - x0), round(math.hypot(x1 - x0, y1 - y0), 9))
 
 
+def corners_of(text: str, option: str) -> list[tuple[float, float]]:
+    """Return the points `X,Y` of a text with blanks between; of no text, none.
+
+    Raises:
+        typer.BadParameter: One is none.
+    """
+    return [_point(part, option) for part in text.split()]
+
+
 def _point(text: str, option: str) -> tuple[float, float]:
     try:
         x, y = (float(part) for part in text.split(","))

@@ -11,11 +11,13 @@ import typer
 from semmap_log.cli.common import (
     AsJson,
     LogPath,
+    OfClass,
     PaletteChoice,
     PaletteName,
     Since,
     Until,
     console,
+    doors_meant,
     print_json_list,
     progress,
     range_of,
@@ -38,6 +40,7 @@ def run(
     recorded: Annotated[
         bool, typer.Option("--recorded", help="The range is of recorded time.")
     ] = False,
+    object_class: OfClass = None,
     kind: Annotated[
         list[str] | None,
         typer.Option("--kind", metavar="KIND", help="Only this kind, such as DoorObserved."),
@@ -80,7 +83,8 @@ def run(
     opened = sl.read(log)
     tell_how_to_begin(opened)
     start, end = range_of(opened, since, until)
-    door_id = None if door is None else opened.resolve_ever(door)
+    doors = doors_meant(opened, None if door is None else [door], object_class)
+    door_id = doors[0] if doors and door else None
     if plot is not None:
         if recorded or kind or last or poses or as_json:
             raise typer.BadParameter(
@@ -91,7 +95,6 @@ def run(
         from semmap_log.views.plots.lanes import Lanes  # needs matplotlib
 
         refuse_own_folder(opened.path, plot)
-        doors = None if door_id is None else [door_id]
         with progress("Reading") as told:
             lanes = Lanes.of(opened, doors, start, end, progress=told)
         _draw(lanes, plot, palette)
@@ -105,6 +108,7 @@ def run(
         end,
         recorded=recorded,
         kinds=kinds,
+        object_class=object_class,
     )
     if last is not None:
         entries = iter(deque(entries, maxlen=last))
@@ -116,7 +120,8 @@ def run(
     out = console()
     names = opened.door_names()
     is_empty = True
-    for page in history_pages(entries, tz=opened.info.timezone, names=names):
+    tz, objects = opened.info.timezone, opened.objects()
+    for page in history_pages(entries, tz=tz, names=names, objects=objects):
         out.print(page)
         is_empty = is_empty and page.is_empty
     if is_empty:

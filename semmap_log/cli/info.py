@@ -68,6 +68,8 @@ def run(
 
 
 def _to_json(summary: Any) -> dict[str, Any]:
+    from dataclasses import fields
+
     from semmap_log.domain.moments import format_utc
 
     def span(times: tuple[int, int] | None) -> list[str] | None:
@@ -86,6 +88,9 @@ def _to_json(summary: Any) -> dict[str, Any]:
         "recorded": span(summary.recorded_ns),
         "head": summary.head.hex(),
         "durability": summary.durability,
+        "personal_data": {
+            f.name: getattr(summary.personal, f.name) for f in fields(summary.personal)
+        },
         "bytes": summary.bytes,
         "index": None if summary.index is None else _index_to_json(summary.index),
         "segments": [

@@ -85,13 +85,13 @@ def _defined(
 ) -> JoinDefinition:
     from semmap_log.fleet.join.join_definition import read_definition
     from semmap_log.fleet.join.joining_logs import defined
-    from semmap_log.fleet.join.map_frame import MapTransform
+    from semmap_log.fleet.join.map_frame import frame_of
 
     if not logs:
         if doors is not None or frame or reference:
             raise typer.BadParameter("expected the logs, too: the join is written anew")
         return read_definition(out)
-    told = [MapTransform.parse(each) for each in frame]
+    told = [frame_of(each) for each in frame]
     if len({name for name, _ in told}) < len(told):
         raise typer.BadParameter("a log has one frame", param_hint="--frame")
     frames = {name: (at.dx, at.dy, at.theta) for name, at in told}

@@ -42,14 +42,13 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.cli.outcome import tell
-    from semmap_log.cli.states import state_of
+    from semmap_log.cli.states import a_state_typed
 
     refuse_nan(opening=opening)
-    seen = state_of(state)
-    with sl.append(log) as opened:
+    with sl.append(log) as opened, a_state_typed():
         appended = opened.observe(
             door,
-            seen,
+            state,
             accuracy=accuracy,
             accuracy_open=accuracy_open,
             accuracy_closed=accuracy_closed,

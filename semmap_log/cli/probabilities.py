@@ -15,6 +15,7 @@ from semmap_log.cli.common import (
     At,
     KnownAt,
     LogPath,
+    OfClass,
     as_happened_line,
     console,
     print_json,
@@ -29,6 +30,7 @@ from semmap_log.cli.common import (
 if TYPE_CHECKING:
     from semmap_log.beliefs.applying import Applied
     from semmap_log.beliefs.typical_week import TypicalWeek
+    from semmap_log.domain.doors import DoorId
     from semmap_log.door_log.door_log import DoorLog
     from semmap_log.door_log.door_log_writer import About
 
@@ -73,6 +75,7 @@ def run(
         str, typer.Option("--horizon", metavar="2h", help="How long after that moment.")
     ] = "",
     estimator: Estimator = None,
+    object_class: OfClass = None,
     tz: Zone = None,
     by: Annotated[By | None, typer.Option("--by", help="Typical hours, days, or the week.")] = None,
     plot: Annotated[
@@ -126,6 +129,8 @@ def run(
         "at": at, "known_at": known_at, "as_happened": as_happened, "estimator": estimator,
         "tz": tz, "doors": doors or None,
     }  # fmt: skip
+    if object_class is not None:
+        asked["doors"] = _of_class(sl.read(log), object_class, asked)
     if typical:
         _show_typical(log, asked, by, plot, as_json=as_json)
         return
@@ -154,6 +159,22 @@ def run(
         tell_of_later(opened, at, known_at)
     if applied is not None:
         _tell(applied)
+
+
+def _of_class(opened: DoorLog, object_class: str, asked: Mapping[str, Any]) -> list[DoorId]:
+    """Return the objects of a class that are in the map at the moment that is asked about.
+
+    Raises:
+        typer.BadParameter: Doors are named, too.
+        CommandError: There is no such class.
+    """
+    from semmap_log.folds.doors_of_class import of_class
+
+    if asked["doors"]:
+        raise typer.BadParameter("name doors, or a class of them, not both", param_hint="--class")
+    known_at = None if asked["as_happened"] else asked["known_at"]
+    there = opened.replay(asked["at"] or asked["known_at"], known_at)
+    return list(of_class(there, object_class).doors)
 
 
 def _refuse_untold(opened: DoorLog, asked: Mapping[str, Any]) -> None:

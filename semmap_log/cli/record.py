@@ -28,6 +28,7 @@ from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.recording import Promised, Read, record_topics
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros
 from semmap_log.cli.shipping import ShipTo, shipped_beside
+from semmap_log.cli.signing_keys import SignKey, signed_beside
 from semmap_log.cli.verb import HELP_MADE_LATE
 
 
@@ -81,6 +82,7 @@ def run(
         float, typer.Option(min=0, help="batch: a line waits so long for others, at most.")
     ] = 50.0,
     ship: ShipTo = None,
+    sign_key: SignKey = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="At the end one JSON document: what became of all.")
     ] = False,
@@ -117,6 +119,9 @@ def run(
     is told once and tried again, at most ten minutes apart. The end waits 30 s for what is being
     sent; what is not sent then is sent the next time, or by `ship`.
 
+    With --sign-key each segment is signed once it is closed, by a thread that recording never waits
+    for. What cannot be signed (a full disk) is told once, and signed later, or by `sign`.
+
     \b
     Durability, when a line is answered:
       event  it survives a power cut (lines that wait already share one sync)
@@ -136,6 +141,7 @@ def run(
       semmap-log record office --ros1
       semmap-log record office --ros2 --mapping robot.yaml --durability batch
       semmap-log record office --ros2 --ship s3://hospital/logs/office
+      semmap-log record office --ros2 --sign-key ~/.ssh/office
       semmap-log record office --ros2 --scan
       semmap-log record office --ros2 --scan --keep-scans
       semmap-log record office --ros2 --scan /points --heights 0.3,1.5 --level L2
@@ -156,7 +162,9 @@ def run(
         )  # fmt: skip
         if dry_run and ship is not None:
             raise typer.BadParameter("nothing is written with --dry-run", param_hint="--ship")
-        with shipped_beside(log, ship):
+        if dry_run and sign_key is not None:
+            raise typer.BadParameter("nothing is written with --dry-run", param_hint="--sign-key")
+        with shipped_beside(log, ship), signed_beside(log, sign_key):
             record_topics(context, log, version, read, None if dry_run else policy, as_json=as_json)
         return
     of_lasers = any(each is not None for each in (scan, pose_topic, heights)) or keep_scans
@@ -187,6 +195,7 @@ def run(
 
     with (
         shipped_beside(log, ship),
+        signed_beside(log, sign_key),
         sl.append(
             log,
             durability=durability.value,

@@ -7,6 +7,7 @@ from semmap_log.cli.common import (
     At,
     KnownAt,
     LogPath,
+    OfClass,
     UpToEvent,
     console,
     print_json,
@@ -23,6 +24,7 @@ def run(
     at: At = None,
     known_at: KnownAt = None,
     event: UpToEvent = None,
+    object_class: OfClass = None,
     as_json: AsJson = False,
 ) -> None:
     """Show the doors as they were at a moment; without one, as they are now.
@@ -39,6 +41,7 @@ def run(
       semmap-log replay office
       semmap-log replay office --at "yesterday 14:00"
       semmap-log replay office --known-at 2026-03-01T14:02 --json
+      semmap-log replay office --class dock
     """
     import semmap_log as sl
     from semmap_log.domain.doors import DoorState
@@ -50,6 +53,10 @@ def run(
         door_map = opened.replay(at, known_at, event, progress=told)
     if not door_map.doors and event is None:
         refuse_untold(opened, at, known_at)
+    if object_class is not None:
+        from semmap_log.folds.doors_of_class import of_class
+
+        door_map = of_class(door_map, object_class)
     if as_json:
         print_json(door_map_to_json(door_map))
         return

@@ -10,11 +10,13 @@ import typer
 from semmap_log.cli.common import (
     AsJson,
     LogPath,
+    OfClass,
     PaletteChoice,
     PaletteName,
     Since,
     Until,
     a_file,
+    doors_meant,
     print_json,
     progress,
     range_of,
@@ -33,6 +35,7 @@ def run(
     door: Annotated[
         list[str] | None, typer.Option("--door", metavar="DOOR", help="Only this one; repeatable.")
     ] = None,
+    object_class: OfClass = None,
     tz: Annotated[
         str | None, typer.Option("--tz", metavar="ZONE", help="Of all times; default: the log's.")
     ] = None,
@@ -59,7 +62,7 @@ def run(
     opened = sl.read(log)
     tell_how_to_begin(opened)
     start, end = range_of(opened, since, until)
-    doors = [opened.resolve_ever(name) for name in door] if door else None
+    doors = doors_meant(opened, door, object_class)
     with progress("Reading") as told:
         done = write_report(
             opened,

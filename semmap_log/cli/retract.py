@@ -81,7 +81,8 @@ def _show(log: DoorLog, hidden: Iterator[HistoryEntry]) -> None:
     more = sum(1 for _ in hidden)
     typer.echo(f"hides {counted(len(shown) + more, 'event')}:")
     out = console()
-    out.print(history_table(shown, tz=log.info.timezone, names=log.door_names()))
+    names, objects = log.door_names(), log.objects()
+    out.print(history_table(shown, tz=log.info.timezone, names=names, objects=objects))
     if more:
         typer.echo(f"… and {more:,} more (all: --json, or `history`)")
 

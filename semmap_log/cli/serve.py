@@ -34,6 +34,7 @@ from semmap_log.cli.planners import TICK_S, Planners
 from semmap_log.cli.record import SyncChoice
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 from semmap_log.cli.shipping import ShipTo, shipped_beside
+from semmap_log.cli.signing_keys import SignKey, signed_beside
 from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
@@ -150,6 +151,7 @@ def run(
         float, typer.Option(min=0, help="batch: after so long at most they are.")
     ] = 50.0,
     ship: ShipTo = None,
+    sign_key: SignKey = None,
 ) -> None:
     """Serve a log's doors in ROS, as the thesis's server did, and to planners, until Ctrl-C.
 
@@ -203,6 +205,9 @@ def run(
     once and tried again, at most ten minutes apart. The end waits 30 s for what is being sent; what
     is not sent then is sent the next time, or by `ship`.
 
+    With --sign-key each segment is signed once it is closed, by a thread that no goal waits for.
+    What cannot be signed (a full disk) is told once, and signed later, or by `sign`.
+
     Exit code 2: the server would never start like this (no log, a wrong option or file).
 
     \b
@@ -223,6 +228,7 @@ def run(
       semmap-log serve office --ros1 _add_door:=doors/add
       semmap-log serve office --ask unix:/run/doors.sock
       semmap-log serve office --ros2 --ship s3://hospital/logs/office
+      semmap-log serve office --ros2 --sign-key ~/.ssh/office
       semmap-log serve office --oprs 127.0.0.1:3300 --oprs-to K1 --oprs-to K2
     """
     import semmap_log as sl
@@ -286,6 +292,10 @@ def run(
             tell()
 
     shipping = shipped_beside(log, ship)
+    if read_only and sign_key is not None:
+        raise typer.BadParameter("signs what it writes, so not with --read-only",
+                                 param_hint="--sign-key")  # fmt: skip
+    signing = signed_beside(log, sign_key)
     doors: DoorServer | DoorFollower
     if read_only:
         if not (yaml is save_root is None):
@@ -315,7 +325,7 @@ def run(
             )
         if is_in_ros:
             say(saver.told())
-    with shipping, closing(doors):
+    with shipping, signing, closing(doors):
         with stopped_for_good():
             if yaml is not None and not isinstance(doors, DoorFollower):
                 for text in start_with_yaml(

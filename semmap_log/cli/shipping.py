@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +10,7 @@ import typer
 
 from semmap_log.cli.common import a_url, say
 from semmap_log.cli.failures import tell
+from semmap_log.cli.told_at_end import told_at_end
 from semmap_log.common.texts import command_line
 
 if TYPE_CHECKING:
@@ -52,17 +52,11 @@ def shipped_beside(log: Path, url: str | None) -> AbstractContextManager[None]:
         return nullcontext()
     from semmap_log.fleet.ship_beside import ShipBeside
 
-    return _shipping(log, ShipBeside(log, a_url(url), tell=tell))
+    beside = ShipBeside(log, a_url(url), tell=tell)
+    return told_at_end(beside, lambda: _say_how_far(log, beside))
 
 
-@contextmanager
-def _shipping(log: Path, beside: ShipBeside) -> Iterator[None]:
-    left: typer.Exit | None = None
-    with beside:
-        try:
-            yield
-        except typer.Exit as asked:  # no failure: the log is closed, and says its exit code
-            left = asked
+def _say_how_far(log: Path, beside: ShipBeside) -> None:
     status = beside.status
     if status.is_all_sent and status.shipped is not None:
         done = status.shipped
@@ -70,5 +64,3 @@ def _shipping(log: Path, beside: ShipBeside) -> Iterator[None]:
     else:
         why = "" if status.problem else ": the end does not wait for it any longer"  # that was told
         tell(f"not all is shipped{why}. To send it: {command_line('ship', log, beside.url)}")
-    if left is not None:
-        raise left

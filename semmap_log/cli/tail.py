@@ -6,7 +6,7 @@ import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from shutil import get_terminal_size
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -165,21 +165,24 @@ def _json_line(recorded: RecordedEvent, note: Note) -> str:
 
 def _words(opened: DoorLog, *, for_people: bool) -> Callable[[RecordedEvent, Note], str]:
     """Return what makes a line of an event; doors that are named meanwhile get their names."""
-    from semmap_log.domain.events import DoorAnnotated
+    from semmap_log.domain.events import ClassDefined, DoorAnnotated
+    from semmap_log.domain.object_classes import CLASS
     from semmap_log.views.column_table import line_of
     from semmap_log.views.tail_lines import event_line, event_row
 
     names: dict[DoorId, str] = opened.door_names()
-
-    tz = opened.info.timezone
+    known: dict[str, Any] = {"tz": opened.info.timezone, "names": names}
+    known["objects"] = opened.objects()
 
     def line(recorded: RecordedEvent, note: Note) -> str:
         event = recorded.event
         if isinstance(event, DoorAnnotated) and event.key == "name":
             names[event.door_id] = event.value
+        if isinstance(event, ClassDefined) or getattr(event, "key", "") == CLASS:
+            known["objects"] = opened.opened_anew().objects()
         if not for_people:
-            return line_of(event_row(recorded, tz=tz, names=names, note=note))
+            return line_of(event_row(recorded, **known, note=note))
         columns = get_terminal_size().columns  # each time: who follows may widen the window
-        return event_line(recorded, tz=tz, names=names, note=note, width=columns)
+        return event_line(recorded, **known, note=note, width=columns)
 
     return line

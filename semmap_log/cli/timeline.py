@@ -56,14 +56,15 @@ def run(
     if as_json:
         print_json(timeline_to_json(found, name=opened.door_names().get(door_id)))
         return
+    from semmap_log.domain.object_classes import DOOR
     from semmap_log.views.timeline_table import timeline_pages, timeline_totals
 
-    out = console()
-    for page in timeline_pages(found, tz=opened.info.timezone):
+    out, of = console(), opened.objects().get(door_id, DOOR)
+    for page in timeline_pages(found, tz=opened.info.timezone, of=of):
         out.print(page)
     if not len(found):
         say(f"door {door} was not in the map then; without times, all its intervals are shown.")
     else:
-        out.print(timeline_totals(found, tz=opened.info.timezone))
+        out.print(timeline_totals(found, tz=opened.info.timezone, of=of))
     if (found.state == DoorState.UNKNOWN).all():
         tell_of_later(opened, at, known_at, door=door_id)

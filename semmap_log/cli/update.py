@@ -43,14 +43,14 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.cli.outcome import tell
-    from semmap_log.cli.states import state_of
+    from semmap_log.cli.states import a_state_typed
 
     refuse_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
     line = line_of(Line(x, y, theta, width), start, end)
     fields = (line.x, line.y, line.theta, line.width, level, state, prob_open, prob_closed)
     if all(value is None for value in fields):
         raise typer.BadParameter("nothing to set: give at least one of the fields (--help)")
-    with sl.append(log) as opened:
+    with sl.append(log) as opened, a_state_typed():
         appended = opened.update_door(
             door,
             x=line.x,
@@ -58,7 +58,7 @@ def run(
             theta=line.theta,
             width=line.width,
             level=level,
-            state=None if state is None else state_of(state),
+            state=state,
             prob_open=prob_open,
             prob_closed=prob_closed,
             **about,

@@ -22,7 +22,8 @@ GROUPS: dict[str, dict[str, str]] = {
         "import": "Import doors, states or events from a file.",
     },
     "Write what happens": {
-        "add": "Add a door.",
+        "add": "Add a door, or another object.",
+        "define": "Define a class of other objects.",
         "update": "Set fields of a door.",
         "remove": "Take a door out of the map.",
         "observe": "Record that a sensor saw a door.",
@@ -30,6 +31,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "patrol": "Mark the start or end of a round.",
         "record": "Record events from standard input, or from ROS.",
         "retract": "Take events back.",
+        "rebase": "Move the doors into a new map.",
     },
     "Ask what was, when, and why": {
         "why": "Tell what was true of a door, and who said so.",
@@ -70,8 +72,13 @@ GROUPS: dict[str, dict[str, str]] = {
         "info": "Show what a log holds.",
         "verify": "Check that a log is as it was written.",
         "recover": "Save what is whole of a damaged log.",
+        "copy": "Copy a log while it is written.",
         "compact": "Make a log smaller.",
+        "redact": "Take out who was where, for ever.",
+        "retain": "Take out what is too old, for ever.",
+        "pin": "Keep a moment answerable, by a name.",
         "index": "Make a log quick to ask about single doors.",
+        "sign": "Sign a log, so that changes show.",
     },
     "Many robots": {
         "ship": "Send a log to a store.",

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from semmap_log.cli.common import AnyLogPath, AsJson, console, print_json, progress
+
+if TYPE_CHECKING:
+    from semmap_log.signing.signed_log import SignedVerification
 
 HEAD_BYTES = 32
 
@@ -17,12 +20,26 @@ Head = Annotated[
         "--head", metavar="HASH", help="A head that `info` or `verify` printed: still in the log?"
     ),
 ]
+PublicKeys = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--public-key", metavar="FILE", help="Check its signatures: a .pub or allowed_signers."
+    ),
+]
+Signatures = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--signatures", metavar="PATH", help="Also these, kept elsewhere: a folder or a .head."
+    ),
+]
 
 
 def run(
     log: AnyLogPath,
     *,
     head: Head = "",
+    public_key: PublicKeys = None,
+    signatures: Signatures = None,
     as_json: AsJson = False,
 ) -> None:
     """Read every byte of a log and say what is not as it was written. Never writes.
@@ -32,20 +49,30 @@ def run(
     also whether the log still holds that commit: so a tail that was cut off shows. Of a join,
     each of its logs is verified; the exit code is the greatest.
 
+    With --public-key also what `sign` has signed: whether the log was rolled back, rewritten or
+    forked since, whether each closed segment is signed, and by a key in FILE. --signatures are
+    copies of LOG/signatures: they show when events were removed together with their signatures.
+    Both may be given more than once. Needs semmap-log[sign].
+
     Exit code: 0 good, 1 it could not be read, 2 usage, 3 a torn tail and nothing else (as a crash
-    leaves it; a commit that a writer is just writing looks the same), 4 damage, 5 not a log.
+    leaves it; a commit that a writer is just writing looks the same), 4 damage, or not as signed,
+    5 not a log.
 
     \b
     Examples:
       semmap-log verify office
       semmap-log verify office --head "$(cat office.head)"
       semmap-log verify office/office_000000.mcap --json
+      semmap-log verify office --public-key k.pub
+      semmap-log verify office --public-key k.pub --signatures /backup/office
     """
     from semmap_log.io.made_logs import is_called_as_made
     from semmap_log.replay.care import verify
     from semmap_log.views.health import verification_report
 
     wanted = _hash(head) if head else None
+    if public_key or signatures:
+        _verify_signed(log, public_key or [], signatures or [], wanted, as_json=as_json)
     if is_called_as_made(log) and log.is_file():
         _verify_joined(log, wanted, as_json=as_json)
         return
@@ -56,6 +83,41 @@ def run(
     else:
         console().print(verification_report(found))
     raise typer.Exit(found.exit_code)
+
+
+def _verify_signed(
+    log: Path, keys: list[Path], elsewhere: list[Path], head: bytes | None, *, as_json: bool
+) -> None:
+    """Verify a log and its signatures, and leave with the exit code."""
+    from semmap_log.io.made_logs import is_called_as_made
+    from semmap_log.views.health import signed_verification_report
+
+    if not keys:
+        raise typer.BadParameter("say whom to believe: --public-key", param_hint="--signatures")
+    if log.suffix == ".mcap" or is_called_as_made(log):
+        raise typer.BadParameter("ask of one whole log", param_hint="--public-key")
+    from semmap_log.signing.public_keys import read_public_keys
+    from semmap_log.signing.signed_log import verify_signed
+
+    believed = read_public_keys(keys)
+    with progress("Verifying") as told:
+        done = verify_signed(log, believed, elsewhere=elsewhere, head=head, progress=told)
+    if as_json:
+        print_json(_signed_to_json(done))
+    else:
+        console().print(signed_verification_report(done))
+    raise typer.Exit(done.found.exit_code)
+
+
+def _signed_to_json(done: SignedVerification) -> dict[str, Any]:
+    """Return the same as without signatures, and what they say."""
+    signed = {
+        "statements": done.statements,
+        "good": done.good,
+        "signed_before": done.signed_before,
+        "by": [{"key": key.fingerprint, "owner": key.owner} for key in done.by],
+    }
+    return {**to_json(done.found), "signatures": signed}
 
 
 def _verify_joined(log: Path, head: bytes | None, *, as_json: bool) -> None:

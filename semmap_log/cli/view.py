@@ -18,10 +18,12 @@ import typer
 from semmap_log.cli.common import (
     AsJson,
     LogPath,
+    OfClass,
     PaletteChoice,
     PaletteName,
     Since,
     Until,
+    doors_meant,
     print_json,
     progress,
     range_of,
@@ -56,6 +58,7 @@ def run(
     door: Annotated[
         list[str] | None, typer.Option("--door", metavar="DOOR", help="Only this one; repeatable.")
     ] = None,
+    object_class: OfClass = None,
     costmap: Annotated[
         bool,
         typer.Option(
@@ -159,7 +162,7 @@ def run(
     start, end = range_of(opened, since, until)
     if follow and end is not None:
         raise typer.BadParameter("--follow has no end; leave T2 out", param_hint="--since")
-    doors = [opened.resolve_ever(name) for name in door] if door else None
+    doors = doors_meant(opened, door, object_class)
     at_ns = opened.moment(at).ns if at else None
     _tell_of_names(opened, doors)
     looks: dict[str, Any] = {

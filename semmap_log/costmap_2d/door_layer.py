@@ -2,8 +2,9 @@
 
 A closed door is LETHAL, an open one FREE_SPACE, any other NO_INFORMATION; or a cost of its own.
 Doors are drawn in ascending order of their ids, and the last one has the cell: a door of unknown
-state erases what a lower id drew there. Only cells with information reach the master
-(`costmap_2d`'s updateWithOverwrite), so an open door cuts its opening into a wall.
+state erases what a lower id drew there. What lies on the floor, such as a spill, comes last. Only
+cells with information reach the master (`costmap_2d`'s updateWithOverwrite), so an open door cuts
+its opening into a wall.
 
 The grid is a function of the doors alone: however it came about, door by door or all at once, it
 is the same byte for byte.
@@ -20,6 +21,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.costmap_2d.areas import FARTHEST_CELL, area_cells
 from semmap_log.costmap_2d.combining import overwrite
 from semmap_log.costmap_2d.costs import NO_INFORMATION
 from semmap_log.costmap_2d.grid import CellWindow, GridGeometry, merged, read_only
@@ -27,15 +29,16 @@ from semmap_log.costmap_2d.lines import draw_lines
 
 Id = TypeVar("Id", bound=int)
 
-FARTHEST_CELL = 1e8
-"""A door that starts or ends further from the origin, in cells, is not drawn."""
 FEW = 32
 """So many changed doors are drawn one by one; more, and all are drawn at once."""
 
 
 @dataclass(frozen=True, slots=True)
 class DoorLine:
-    """What a door draws: the line from (x, y) to (x + width cos theta, y + width sin theta)."""
+    """What a door draws: the line from (x, y) to (x + width cos theta, y + width sin theta).
+
+    What covers an area has an outline, and draws all within that instead.
+    """
 
     x: float
     """Metres, frame `map`."""
@@ -46,6 +49,10 @@ class DoorLine:
     """Metres; 0 and less are drawn as they stand."""
     cost: int
     """0..255; NO_INFORMATION erases."""
+    outline: Sequence[tuple[float, float]] = ()
+    """Corners (x, y), metres, frame `map`; the last is joined to the first."""
+    is_on_floor: bool = False
+    """Whether it lies above all that stands in walls, whatever the ids."""
 
 
 class DoorLayer:
@@ -132,13 +139,17 @@ class DoorLayer:
         for cell in before.tolist():
             self._doors_at[cell].remove(door)
         for cell in after.tolist():
-            insort(self._doors_at.setdefault(cell, []), door)
+            insort(self._doors_at.setdefault(cell, []), door, key=self._height)
         flat = self._grid.reshape(-1)
         for cell in {*before.tolist(), *after.tolist()}:
             doors = self._doors_at[cell]
             flat[cell] = self._lines[doors[-1]].cost if doors else NO_INFORMATION
             if not doors:
                 del self._doors_at[cell]
+
+    def _height(self, door: int) -> tuple[bool, int]:
+        """Return what decides which of several has a cell: the greatest."""
+        return _height(door, self._lines[door])
 
     def _known_cells(self) -> dict[int, NDArray[np.int64]]:
         """Return the cells of each door, and note who draws where."""
@@ -149,7 +160,7 @@ class DoorLayer:
                 door: cells[starts[i] : starts[i + 1]] for i, door in enumerate(self._lines)
             }  # fmt: skip
             self._doors_at = {}
-            for door in sorted(self._cells):
+            for door in sorted(self._cells, key=self._height):
                 for cell in self._cells[door].tolist():
                     self._doors_at.setdefault(cell, []).append(door)
         return self._cells
@@ -164,9 +175,13 @@ class DoorLayer:
 _NO_CELLS = np.empty(0, np.int64)
 
 
+def _height(door: int, line: DoorLine) -> tuple[bool, int]:
+    return line.is_on_floor, door
+
+
 def drawn(geometry: GridGeometry, doors: Mapping[Id, DoorLine]) -> NDArray[np.uint8]:
     """Return the layer of these doors, (height, width), all lines drawn at once."""
-    ascending = {door: doors[door] for door in sorted(doors)}
+    ascending = dict(sorted(doors.items(), key=lambda each: _height(*each)))
     grid = np.full(geometry.shape, NO_INFORMATION, np.uint8)
     owner, cells = cells_of(geometry, ascending)
     costs = np.array([line.cost for line in ascending.values()], np.uint8)
@@ -187,8 +202,12 @@ def cells_of(
 
     Policy `clip`: a point's cell is floor((w - origin) / resolution), on the map or off it, and
     cells off the map are left out. A door that is not finite, or farther away than
-    `FARTHEST_CELL`, is not drawn.
+    `FARTHEST_CELL`, is not drawn. Of an outline, the cells are those of its sides and those whose
+    middle lies within.
     """
+    areas = {place: line.outline for place, line in enumerate(doors.values()) if line.outline}
+    if areas:
+        return _with_areas(geometry, list(doors.values()), areas)
     ends = np.array([_ends(line) for line in doors.values()], np.float64).reshape(-1, 4)
     origin = np.array([geometry.origin_x, geometry.origin_y] * 2)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -198,6 +217,25 @@ def cells_of(
     lines = draw_lines(corners[:, :2], corners[:, 2:], geometry.shape)
     keep = is_drawn[lines.line]
     return lines.line[keep], (lines.y * geometry.width + lines.x)[keep]
+
+
+def _with_areas(
+    geometry: GridGeometry,
+    lines: Sequence[DoorLine],
+    outlines: Mapping[int, Sequence[tuple[float, float]]],
+) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+    """Return the cells of lines, and of the areas that some of them have instead."""
+    of_lines = {place: line for place, line in enumerate(lines) if place not in outlines}
+    places = np.array(list(of_lines), np.intp)
+    owner, cells = cells_of(geometry, of_lines)
+    owners, found = [places[owner]], [cells]
+    for place, outline in outlines.items():
+        flat = area_cells(geometry, outline)
+        owners.append(np.full(len(flat), place, np.intp))
+        found.append(flat)
+    owner = np.concatenate(owners)
+    order = np.argsort(owner, kind="stable")
+    return owner[order], np.concatenate(found)[order]
 
 
 def _ends(line: DoorLine) -> tuple[float, float, float, float]:

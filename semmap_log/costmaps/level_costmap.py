@@ -23,6 +23,7 @@ from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import CostmapError
 from semmap_log.folds.door_layer_fold import By, DoorLayerProjection, door_lines
 from semmap_log.folds.door_map import DoorMapState
+from semmap_log.folds.doors_of_class import check_class
 from semmap_log.folds.levels import level_shown, resolve_level
 
 MARGIN_M = 1.0
@@ -51,6 +52,8 @@ class CostmapOptions:
     """How far they reach around doors that are, or may be, closed; 0: as around walls."""
     resolution: float = 0.05
     """Metres a cell, where there is no map."""
+    object_class: str | None = None
+    """Only objects of that class; None: all."""
 
 
 class Costmap:
@@ -69,7 +72,7 @@ class Costmap:
         self.floor = floor
         """The floor map below the doors; None: there is none, and nothing is known beside them."""
         self.options = options
-        self._projection = DoorLayerProjection(geometry, level, options.by)
+        self._projection = DoorLayerProjection(geometry, level, options.by, options.object_class)
         self._state = self._projection.of(state)
         layers = layers_of(geometry, floor, self.layer, options)
         self.master = LayeredCostmap(geometry, layers, track_unknown=floor is None)
@@ -88,7 +91,8 @@ class Costmap:
     @property
     def lines(self) -> dict[DoorId, DoorLine]:
         """What the level's doors draw, ids ascending; on the map or off it."""
-        return door_lines(self.doors, level=self.level, by=self.options.by)
+        options = self.options
+        return door_lines(self.doors, level=self.level, by=options.by, only=options.object_class)
 
     def advance(self, batches: Iterable[EventBatch]) -> list[CellWindow]:
         """Take in what happened next; return where cells of the master may have changed."""
@@ -152,10 +156,13 @@ def costmap_at(
 
     Raises:
         CostmapError: There is neither floor nor door, or the floor is turned against its grid.
+        CommandError: There is no such class.
         UnknownLevelError: No such level, or several and none was named.
     """
     state = log.state_in(log.scope(at, known_at, event))
     doors = state.door_map()
+    if options.object_class is not None:
+        check_class(doors, options.object_class)
     level = level_drawn(options, doors)
     floor = floor or log.floor_of(doors, level)
     geometry = geometry_of(floor, ends_of(doors, level), level, options)
@@ -185,9 +192,9 @@ def geometry_of(
 
 
 def ends_of(doors: DoorMap, level: int) -> list[Point]:
-    """Return both ends of all doors on a level."""
+    """Return both ends of all doors on a level, and the corners of what has an outline."""
     on_level = (door for door in doors.doors.values() if door.is_placed and door.level == level)
-    return [point for door in on_level for point in (door.start, door.end)]
+    return [point for door in on_level for point in door.extent]
 
 
 def _around(ends: Sequence[Point], level: int, cell_m: float) -> GridGeometry:

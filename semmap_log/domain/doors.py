@@ -1,4 +1,4 @@
-"""The plain nouns: doors, their states, and the map of them. Values only, no I/O.
+"""The plain nouns: doors, other objects, and the map of them. Values only, no I/O.
 
 Lengths are metres, angles radians, both in the frame `map`; times are integer nanoseconds since
 the Unix epoch, UTC. A probability is in [0, 1]; NaN means that it was not given.
@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Mapping
 from dataclasses import field
-from enum import IntEnum
 from itertools import count
 from types import MappingProxyType
 from typing import Final, NewType
@@ -17,6 +16,18 @@ from typing import Final, NewType
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.common.texts import counted
+from semmap_log.domain.door_states import THESIS_STATES as THESIS_STATES  # noqa: PLC0414 - a door's
+from semmap_log.domain.door_states import DoorState as DoorState  # noqa: PLC0414
+from semmap_log.domain.door_states import reduced as reduced  # noqa: PLC0414
+from semmap_log.domain.door_states import thesis_state as thesis_state  # noqa: PLC0414
+from semmap_log.domain.object_classes import (
+    DOOR,
+    OUTLINE,
+    Corners,
+    Geometry,
+    ObjectClass,
+    outline_told,
+)
 
 DoorId = NewType("DoorId", int)
 """Given from 1 on, never used twice in a log, at most `MAX_DOOR_ID`.
@@ -62,57 +73,6 @@ def next_door_id(used: Container[int], greatest: int) -> DoorId:
     return DoorId(following)
 
 
-class DoorState(IntEnum):
-    """What a door is known to be; 5..255 are reserved."""
-
-    UNKNOWN = 0
-    OPEN = 1
-    CLOSED = 2
-    MOVING = 3
-    OFFLINE = 4
-
-    @classmethod
-    def parse(cls, text: str) -> DoorState:
-        """Return the state of that name, in any case of letters.
-
-        Raises:
-            ValueError: The text is none of the five names.
-        """
-        try:
-            return cls[text.strip().upper()]
-        except KeyError:
-            names = " ".join(state.name for state in cls)
-            raise ValueError(f"expected one of {names}, got {text!r}") from None
-
-    @classmethod
-    def of(cls, number: int) -> DoorState:
-        """Return the state of that number; one that only a later version knows is UNKNOWN."""
-        return cls._value2member_map_.get(number, cls.UNKNOWN)  # type: ignore[return-value]
-
-    @property
-    def is_known(self) -> bool:
-        """True for OPEN and CLOSED: the states that a map, a YAML or a belief can use."""
-        return self in (DoorState.OPEN, DoorState.CLOSED)
-
-
-THESIS_STATES = {state.name: state for state in (DoorState.OPEN, DoorState.CLOSED,
-                                                 DoorState.UNKNOWN)}  # fmt: skip
-"""The states that the thesis's formats know: its YAML, its DoorMap, the goals of its actions."""
-
-
-def thesis_state(text: str) -> DoorState | None:
-    """Return the state of that name, in any case of letters; None: the thesis knows none such.
-
-    Its server takes such a text for UNKNOWN (4.2.2).
-    """
-    return THESIS_STATES.get(text.strip().upper())
-
-
-def reduced(state: DoorState) -> DoorState:
-    """Return the state as the thesis's formats know it: all but OPEN and CLOSED are UNKNOWN."""
-    return state if state.is_known else DoorState.UNKNOWN
-
-
 @dataclass(frozen=True, slots=True)
 class Pose2D:
     """Where a door's line starts (x, y) and where it points (theta), on a level of the building."""
@@ -125,7 +85,7 @@ class Pose2D:
 
 @dataclass(frozen=True, slots=True)
 class Door:
-    """A door as known at some moment; its line goes from `start` to `end`."""
+    """A door, or another object, as known at some moment; its line goes from `start` to `end`."""
 
     door_id: DoorId
     level: int
@@ -142,6 +102,8 @@ class Door:
     last_event: int | None = None
     """The number of the last event about it."""
     annotations: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    object_class: ObjectClass = field(default=DOOR, repr=False)
+    """What it is."""
 
     @property
     def name(self) -> str | None:
@@ -151,7 +113,12 @@ class Door:
     @property
     def label(self) -> str:
         """What a person calls it: its name, else its number."""
-        return self.name or f"door {self.door_id}"
+        return self.name or f"{self.object_class.name} {self.door_id}"
+
+    @property
+    def state_word(self) -> str:
+        """What its state is called: `OPEN`; of a dock that is `free`, so."""
+        return self.object_class.word(self.state)
 
     @property
     def is_placed(self) -> bool:
@@ -170,11 +137,31 @@ class Door:
 
     @property
     def end(self) -> tuple[float, float]:
-        """Other end of its line (x, y), metres, frame `map`."""
+        """Other end of its line (x, y), metres, frame `map`; what is no line ends where it is."""
+        if self.object_class.geometry is not Geometry.SEGMENT:
+            return self.start
         return (
             self.x + self.width * math.cos(self.theta),
             self.y + self.width * math.sin(self.theta),
         )
+
+    @property
+    def extent(self) -> Corners:
+        """Points between which all of it lies: the corners of its outline, or its line's ends."""
+        return self.outline or (self.start, self.end)
+
+    @property
+    def outline(self) -> Corners:
+        """The corners of a polygon, metres, frame `map`; empty for what has none."""
+        told = self.annotations.get(OUTLINE)
+        if told is None or self.object_class.geometry is not Geometry.POLYGON:
+            return ()
+        try:
+            corners = outline_told(told)
+        except ValueError:
+            return ()
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        return tuple((self.x + cos * x - sin * y, self.y + sin * x + cos * y) for x, y in corners)
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,6 +200,9 @@ class DoorMap(ShownAsTable):
     """Only what had happened by then counts; None: everything."""
     known_at_ns: int | None = None
     """Only what had been recorded by then counts; None: everything."""
+    classes: Mapping[str, ObjectClass] = field(default_factory=lambda: MappingProxyType({}))
+    """Classes of objects defined then, names ascending; doors, which need none, are not among
+    them."""
 
     def __repr__(self) -> str:
         return f"<DoorMap of {counted(len(self), 'door')}, up to event {self.event}>"

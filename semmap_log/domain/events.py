@@ -32,13 +32,31 @@ from semmap_log.domain.meaning import (
     Probability,
 )
 from semmap_log.domain.meaning import Changed as Changed  # noqa: PLC0414 - users look for it here
-from semmap_log.domain.rules import Bits, Cells, Nanoseconds, Number, OneOf, Rule, Text, Whole
+from semmap_log.domain.object_classes import (
+    ObjectClass,
+    blocks_others,
+    class_name_expected,
+    geometry_expected,
+    states_expected,
+)
+from semmap_log.domain.rules import (
+    Bits,
+    Cells,
+    Fit,
+    Nanoseconds,
+    Number,
+    OneOf,
+    Rule,
+    Text,
+    Whole,
+)
 from semmap_log.domain.rules import is_whole_number as is_whole_number  # noqa: PLC0414 - used with events
 from semmap_log.errors import CommandError
 
 __all__ = [
     "KINDS",
     "Changed",
+    "ClassDefined",
     "DoorAdded",
     "DoorAnnotated",
     "DoorEvent",
@@ -49,12 +67,15 @@ __all__ = [
     "DoorUpdated",
     "Event",
     "FloorMap",
+    "HistoryTrimmed",
     "LevelAdded",
     "LogExported",
+    "MomentPinned",
     "PatrolFinished",
     "PatrolStarted",
     "Retracted",
     "RobotPose",
+    "SightingsThinned",
     "UnknownEvent",
 ]
 
@@ -236,6 +257,97 @@ class LogExported(Event):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class HistoryTrimmed(Event):
+    """Records were taken out of closed segments on purpose; the note says who did it, and why.
+
+    The numbers are of all of the log, with what was taken out before.
+    """
+
+    changes_nothing = True
+
+    next_event: EventNumber
+    """It was about events below this number."""
+    events_gone: EventNumber
+    notes_gone: EventNumber
+    horizon: EventNumber
+    """Events below this number cannot be asked about any more; 0: all can."""
+    reasons: str
+    rule: str
+    """What was taken out, in words."""
+    tombstones: str
+    """The log's id, a colon, and the SHA-256 of the data of all its Tombstones in order, in
+    hexadecimal digits; without that it has begun, and another such event tells once it is done."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MomentPinned(Event):
+    """A moment that shall stay answerable when what was before is no longer kept."""
+
+    changes_nothing = True
+
+    at_ns: Annotated[int, Nanoseconds()]
+    next_event: EventNumber = 0
+    """The state holds events below this number; 0: there is no state yet."""
+    name: str
+    keyframe: str = ""
+    """Base64 of zlib of the Keyframe message of that moment; "": none yet."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SightingsThinned(DoorEvent):
+    """Sightings of a door that were taken out, since they repeat what is left: their worth."""
+
+    state: DoorState
+    count: Annotated[int, Whole(1, 2**32 - 1)]
+    accuracy_open: Accuracy = 1.0
+    """P(reads open when it is open), in [0.5, 1]: their mean."""
+    accuracy_closed: Accuracy = 1.0
+    """P(reads closed when it is closed), in [0.5, 1]: their mean."""
+    first_ns: Annotated[int, Nanoseconds()]
+    """When the first of them happened."""
+    last_ns: Annotated[int, Nanoseconds()]
+    """When the last did."""
+    first_event: EventNumber = 0
+    """The number of the first: while that is in the log, these were not taken out, and do not
+    count; 0: not known, of another log."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClassDefined(Event):
+    """What objects of a class are like; a later definition of that name takes its place."""
+
+    fits = (
+        Fit("", ("states", "blocks"), blocks_others, "some of {states}, commas between",
+            ("blocks",)),
+    )  # fmt: skip
+
+    class_name: Annotated[str, Text(expects=class_name_expected)]
+    geometry: Annotated[str, Text(expects=geometry_expected)]
+    """segment, polygon or point."""
+    states: Annotated[str, Text(expects=states_expected)] = "OPEN,CLOSED,MOVING"
+    """What OPEN, CLOSED and, if there is a third, MOVING are called, commas between."""
+    blocks: str = "CLOSED"
+    """Those of the words whose states block a robot's way, commas between; empty: none."""
+
+    @classmethod
+    def of(cls, one: ObjectClass, happened_ns: int | None = None) -> ClassDefined:
+        """Return the definition of a class."""
+        blocks = ",".join(one.word(state) for state in sorted(one.blocks))
+        return cls(
+            class_name=one.name,
+            geometry=one.geometry.value,
+            states=",".join(one.words),
+            blocks=blocks,
+            happened_ns=happened_ns,
+        )
+
+    @property
+    def object_class(self) -> ObjectClass:
+        """The class that it defines."""
+        return ObjectClass.told(self.class_name, self.geometry, self.states, self.blocks)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class UnknownEvent(Event):
     """An event of a kind that a later version of this program has added: bytes, no meaning."""
 
@@ -267,6 +379,10 @@ AnyEvent: TypeAlias = (
     | LevelAdded
     | FloorMap
     | LogExported
+    | HistoryTrimmed
+    | MomentPinned
+    | SightingsThinned
+    | ClassDefined
     | UnknownEvent
 )
 """An event of any kind, for a `match` that type checkers hold to have a case for each of them. The

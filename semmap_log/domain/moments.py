@@ -172,6 +172,11 @@ def format_utc(ns: int) -> str:
     return f"{whole:%Y-%m-%dT%H:%M:%S}.{fraction:09d}Z"
 
 
+def format_second(ns: int) -> str:
+    """Return the second in which an instant lies, as ISO-8601 UTC: `2026-03-01T12:00:00Z`."""
+    return f"{_EPOCH + timedelta(seconds=ns // SECOND_NS):%Y-%m-%dT%H:%M:%S}Z"
+
+
 def format_wall(ns: int, tz: str) -> str:
     """Return the instant as the zone's wall clock shows it: `2026-03-01T13:00:00.5+01:00`.
 
@@ -231,6 +236,7 @@ _UNIT_NS = {
         (3600 * SECOND_NS, "h hour hours"),
         (DAY_NS, "d day days"),
         (7 * DAY_NS, "w week weeks"),
+        (365 * DAY_NS, "y year years"),
     )
     for name in names.split()
 }

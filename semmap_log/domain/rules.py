@@ -256,12 +256,16 @@ class Text(Rule):
 
     needed: str = ""
     """What is expected where it is empty; "": it may be."""
+    expects: Callable[[str], str] = lambda _: ""
+    """Returns what is expected instead of a text that is none of the field's; "": it is one."""
 
     def allows(self, value: Any) -> bool:
         return not self.expected_of(value)
 
     def expected_of(self, value: Any) -> str:
-        return self.needed if self.needed and not value else text_expected(value)
+        if self.needed and not value:
+            return self.needed
+        return text_expected(value) or self.expects(value)
 
 
 class Cells(Rule):

@@ -228,6 +228,7 @@ class Appender:
             now.next_event + len(poses),
             now.now_ns if clock is None else clock.wall_ns,
             are_facts=are_facts,
+            horizon=lambda: now.reader.horizon,
         )
         own: Sequence[Event | EventBatch] = ()
         try:

@@ -18,6 +18,7 @@ from semmap_log.common.texts import command_line
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import (
+    ClassDefined,
     DoorAdded,
     DoorAnnotated,
     DoorEvent,
@@ -30,6 +31,7 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.meaning import PART_OF, PLACING, changed
 from semmap_log.domain.moments import SECOND_NS
+from semmap_log.domain.object_classes import CLASS
 from semmap_log.folds.early_events import MAY_BE_EARLY, Addings, EarlyEvents
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
@@ -45,7 +47,11 @@ def early_events(reader: LogReader) -> EarlyEvents:
         times = zip(seen.folds_ns.tolist(), seen.number.tolist(), strict=True)
         stamps |= dict(zip(seen.door_ids().tolist(), times, strict=True))
     addings, found = Addings.of(stamps), EarlyEvents.none()
-    window = Window(happened_before_ns=addings.latest_ns + 1, kinds=bits_of_kinds(MAY_BE_EARLY))
+    window = Window(
+        happened_before_ns=addings.latest_ns + 1,
+        first_event=reader.horizon or None,
+        kinds=bits_of_kinds(MAY_BE_EARLY),
+    )
     for batch in reader.batches(window):
         seen = hidden.visible(batch)
         early = addings.early(seen, seen.folds_ns)
@@ -91,7 +97,7 @@ def backdated(reader: LogReader, doors: Collection[DoorId], since_ns: int) -> li
     levels = {each.event.level for each in addings if isinstance(each.event, DoorAdded)}
     said = _said_with(reader, addings)
     told_of = _told_of(reader, since_ns)
-    made: list[Event] = [*_floors(reader, levels, since_ns)]
+    made: list[Event] = [*_floors(reader, levels, since_ns), *_classes(reader, said, since_ns)]
     numbers = sorted(each.number for each in [*addings, *said])
     made += [Retracted(first_event=a, last_event=b) for a, b in _runs(numbers)]
     for each in addings:
@@ -165,6 +171,23 @@ def _floors(reader: LogReader, levels: Collection[int], since_ns: int) -> Iterat
         for level in sorted(first.keys() & levels):
             if _folds_ns(first[level]) > since_ns:
                 yield replace(first[level].event, happened_ns=since_ns)
+
+
+def _classes(
+    reader: LogReader, said: Iterable[RecordedEvent], since_ns: int
+) -> Iterator[ClassDefined]:
+    """Yield the first definitions of the objects' classes, from that time on, if they are later."""
+    named = {each.event.value for each in said
+             if isinstance(each.event, DoorAnnotated) and each.event.key == CLASS}  # fmt: skip
+    first: dict[str, tuple[int, ClassDefined]] = {}
+    for each in _visible(reader, ClassDefined) if named else ():
+        assert isinstance(each.event, ClassDefined)
+        known = first.get(each.event.class_name)
+        if known is None or _folds_ns(each) < known[0]:
+            first[each.event.class_name] = _folds_ns(each), each.event
+    for name in sorted(first.keys() & named):
+        if first[name][0] > since_ns:
+            yield replace(first[name][1], happened_ns=max(since_ns - 1, 0))
 
 
 def _visible(reader: LogReader, kind: type[Event]) -> Iterator[RecordedEvent]:

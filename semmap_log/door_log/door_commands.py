@@ -16,6 +16,7 @@ from semmap_log.common.texts import command_line
 from semmap_log.domain.commits import NO_CONTENT
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import (
+    ClassDefined,
     DoorAdded,
     DoorAnnotated,
     DoorEvent,
@@ -25,15 +26,25 @@ from semmap_log.domain.events import (
     DoorRequested,
     DoorUpdated,
     Event,
+    MomentPinned,
     PatrolFinished,
     PatrolStarted,
     Retracted,
     is_whole_number,
 )
 from semmap_log.domain.meaning import PART_OF, Changed, changed
+from semmap_log.domain.object_classes import CLASS, DOOR, OUTLINE, Corners
 from semmap_log.door_log.commands import Command
 from semmap_log.door_log.current_map import CurrentMap
 from semmap_log.door_log.last_patrol import last_patrol
+from semmap_log.door_log.new_objects import (
+    NewPlace,
+    check_annotation,
+    class_meant,
+    class_of,
+    defined_by_then,
+    state_meant,
+)
 from semmap_log.door_log.retracting import check_can_retract
 from semmap_log.errors import CommandError
 
@@ -88,43 +99,80 @@ class AddDoor(WordedCommand):
     y: float
     theta: float
     width: float
-    state: DoorState
+    state: DoorState | str
     prob_open: float
     prob_closed: float
     name: str
+    object_class: str = ""
+    """What it is; empty: a door."""
+    outline: Corners = ()
 
     def words(self) -> tuple[object, ...]:
         """Return the verb, and what it was given."""
-        return ("add_door", self.door_id, self.level or 0, self.x, self.y, self.theta, self.width,
+        door = ("add_door", self.door_id, self.level or 0, self.x, self.y, self.theta, self.width,
                 self.state, self.prob_open, self.prob_closed, self.name)  # fmt: skip
+        return (*door, self.object_class, self.outline) if self.object_class else door
 
     def events(self, now: CurrentMap) -> list[Event]:
-        """Return its adding, and its name.
+        """Return its adding, its name and, if it is no door, what it is.
 
         Raises:
-            CommandError: Another door of the level bears the name.
+            CommandError: Another door of the level bears the name, or no class is called so.
         """
         given = now.door_index.next_free_id if self.door_id is None else self.door_id
         happened_ns = self._happened(now)
         meant = now.level_meant(self.level)
+        kind = class_meant(self.object_class, now)
+        place, outline = NewPlace(self.x, self.y, self.theta, self.width).of(kind, self.outline)
         added = DoorAdded(
             door_id=given,
             level=meant,
-            x=self.x,
-            y=self.y,
-            theta=self.theta,
-            width=self.width,
-            state=self.state,
+            x=place.x,
+            y=place.y,
+            theta=place.theta,
+            width=place.width,
+            state=state_meant(self.state, kind),
             prob_open=self.prob_open,
             prob_closed=self.prob_closed,
             happened_ns=happened_ns,
         )
-        if not self.name:
-            return [added]
-        _check_unused(now, self.name, meant)
+        if self.name:
+            _check_unused(now, self.name, meant)
+        said = {"name": self.name, CLASS: "" if kind.is_door else kind.name, OUTLINE: outline}
         return [
+            *defined_by_then(kind, happened_ns, now),
             added,
-            DoorAnnotated(door_id=given, key="name", value=self.name, happened_ns=happened_ns),
+            *(
+                DoorAnnotated(door_id=given, key=key, value=value, happened_ns=happened_ns)
+                for key, value in said.items()
+                if value
+            ),
+        ]
+
+
+@dataclass(frozen=True, slots=True)
+class DefineClass(WordedCommand):
+    """Objects of a class are to be like that."""
+
+    name: str
+    geometry: str
+    states: str
+    blocks: str
+
+    def words(self) -> tuple[object, ...]:
+        """Return the verb, and what it was given."""
+        return ("define_class", self.name, self.geometry, self.states, self.blocks)
+
+    def events(self, now: CurrentMap) -> list[Event]:
+        """Return the definition."""
+        return [
+            ClassDefined(
+                class_name=self.name,
+                geometry=self.geometry,
+                states=self.states,
+                blocks=self.blocks,
+                happened_ns=self._happened(now),
+            )
         ]
 
 
@@ -137,7 +185,7 @@ class UpdateDoor(DoorCommand):
     theta: float | None
     level: int | str | None
     width: float | None
-    state: DoorState | None
+    state: DoorState | str | None
     prob_open: float | None
     prob_closed: float | None
 
@@ -157,6 +205,8 @@ class UpdateDoor(DoorCommand):
         if known is None:
             raise now.door_index.absent(door_id)
         given = {name: value for name in PART_OF if (value := getattr(self, name)) is not None}
+        if self.state is not None:
+            given["state"] = state_meant(self.state, known.object_class)
         parts = changed(given)
         if parts & Changed.POSE:
             given = {"x": known.x, "y": known.y, "theta": known.theta} | given
@@ -183,7 +233,7 @@ class RemoveDoor(DoorCommand):
 class ObserveDoor(DoorCommand):
     """A sensor saw a door; None as an accuracy for open or closed doors: as `accuracy` says."""
 
-    state: DoorState
+    state: DoorState | str
     accuracy: float
     accuracy_open: float | None
     accuracy_closed: float | None
@@ -197,10 +247,11 @@ class ObserveDoor(DoorCommand):
     def events(self, now: CurrentMap) -> list[Event]:
         """Return the sighting."""
         accuracy, is_open, is_closed = self.accuracy, self.accuracy_open, self.accuracy_closed
+        door_id = door_meant(self.door, now)
         return [
             DoorObserved(
-                door_id=door_meant(self.door, now),
-                state=self.state,
+                door_id=door_id,
+                state=state_meant(self.state, class_of(door_id, now)),
                 accuracy_open=accuracy if is_open is None else is_open,
                 accuracy_closed=accuracy if is_closed is None else is_closed,
                 opening=self.opening,
@@ -224,14 +275,19 @@ class AnnotateDoor(DoorCommand):
         """Return the annotation.
 
         Raises:
-            CommandError: It is a name that another door of the level bears.
+            CommandError: It is a name that another door of the level bears, or no class.
         """
         door_id = door_meant(self.door, now)
+        check_annotation(self.key, self.value, now)
         if self.key == "name" and self.value:
             _check_unused(now, self.value, level_of(door_id, now), but=door_id)
         happened_ns = self._happened(now)
+        kind = (
+            class_meant(self.value, now) if self.key == CLASS and now.door_index.classes else DOOR
+        )
         return [
-            DoorAnnotated(door_id=door_id, key=self.key, value=self.value, happened_ns=happened_ns)
+            DoorAnnotated(door_id=door_id, key=self.key, value=self.value, happened_ns=happened_ns),
+            *defined_by_then(kind, happened_ns, now),
         ]
 
 
@@ -239,7 +295,7 @@ class AnnotateDoor(DoorCommand):
 class RequestDoor(DoorCommand):
     """Somebody asked for a state."""
 
-    state: DoorState
+    state: DoorState | str
 
     def words(self) -> tuple[object, ...]:
         """Return the verb, and what it was given."""
@@ -248,8 +304,8 @@ class RequestDoor(DoorCommand):
     def events(self, now: CurrentMap) -> list[Event]:
         """Return the request."""
         door_id = door_meant(self.door, now)
-        happened_ns = self._happened(now)
-        return [DoorRequested(door_id=door_id, state=self.state, happened_ns=happened_ns)]
+        state = state_meant(self.state, class_of(door_id, now))
+        return [DoorRequested(door_id=door_id, state=state, happened_ns=self._happened(now))]
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,6 +351,24 @@ class RetractEvents(WordedCommand):
         check_can_retract(now.reader, self.first, self.last)
         happened_ns = self._happened(now)
         return [Retracted(first_event=self.first, last_event=self.last, happened_ns=happened_ns)]
+
+
+@dataclass(frozen=True, slots=True)
+class PinMoment(WordedCommand):
+    """A moment gets a name."""
+
+    name: str
+    at_ns: int | None
+    """The moment; None: now."""
+
+    def words(self) -> tuple[object, ...]:
+        """Return the verb, and the name."""
+        return ("pin", self.name)
+
+    def events(self, now: CurrentMap) -> list[Event]:
+        """Return the pin."""
+        at_ns = now.now_ns() if self.at_ns is None else self.at_ns
+        return [MomentPinned(at_ns=at_ns, name=self.name)]
 
 
 @dataclass(frozen=True, slots=True)

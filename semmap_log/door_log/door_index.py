@@ -12,6 +12,7 @@ import numpy as np
 from semmap_log.common.texts import command_line
 from semmap_log.domain.doors import DoorId, DoorMap, is_given, next_door_id
 from semmap_log.domain.events import (
+    ClassDefined,
     DoorAdded,
     DoorRemoved,
     DoorUpdated,
@@ -21,6 +22,7 @@ from semmap_log.domain.events import (
     Retracted,
 )
 from semmap_log.domain.meaning import Changed
+from semmap_log.domain.object_classes import ObjectClass
 from semmap_log.door_log.removed_doors import told_absent, told_door
 from semmap_log.errors import CommandError, DoorRemovedError, UnknownDoorError
 from semmap_log.folds.door_map import DoorMapState
@@ -56,6 +58,8 @@ class DoorIndex:
     """Levels that have a name or a floor map -> the name."""
     removals: dict[int, Removal]
     """Doors that were removed, as far as that can be taken back."""
+    classes: dict[str, ObjectClass]
+    """The classes of objects that are defined."""
     log: PurePath = field(default=PurePath("LOG"), repr=False, compare=False)
     """Where the log is, for messages."""
     names: Callable[[], Mapping[DoorId, str]] = field(default=dict, repr=False, compare=False)
@@ -81,6 +85,7 @@ class DoorIndex:
                 for i in ids
                 if (found := state.removed_door(i))
             },
+            classes=state.classes(),
         )
 
     @classmethod
@@ -96,6 +101,7 @@ class DoorIndex:
             level_of={door.door_id: door.level for door in doors},
             level_names={number: level.name for number, level in door_map.levels.items()},
             removals={},
+            classes=dict(door_map.classes),
         )
 
     def copy(self) -> DoorIndex:
@@ -109,6 +115,7 @@ class DoorIndex:
             dict(self.level_of),
             dict(self.level_names),
             dict(self.removals),
+            dict(self.classes),
             self.log,
             self.names,
         )
@@ -221,5 +228,7 @@ class DoorIndex:
                 self.level_of[event.door_id] = event.level
         elif isinstance(event, LevelAdded):
             self.level_names[event.level] = event.name
+        elif isinstance(event, ClassDefined):
+            self.classes[event.class_name] = event.object_class
         elif isinstance(event, FloorMap):
             self.level_names.setdefault(event.level, None)

@@ -25,6 +25,7 @@ from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.events import (
     Event,
     FloorMap,
+    MomentPinned,
     PatrolFinished,
     PatrolStarted,
     is_whole_number,
@@ -32,6 +33,7 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.domain.moments import Moment, parse_range, refuse_reversed
+from semmap_log.domain.object_classes import DOOR, ObjectClass
 from semmap_log.door_log.log_queries import LogQueries
 from semmap_log.door_log.log_tables import LogTables
 from semmap_log.door_log.times import NEAR_NS, Time, moment_of
@@ -64,6 +66,8 @@ if TYPE_CHECKING:
 __all__ = ["DoorLog", "Time"]
 
 S = TypeVar("S")
+PIN = "pin:"
+"""Before the name of a pinned moment, where a time is told."""
 
 
 @knows_its_keywords
@@ -410,6 +414,10 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """Return the greatest event number that counts in a scope; None: all count."""
         return scope.limit(self._reader)
 
+    def horizon(self) -> int:
+        """Return the number of the first event that is kept; 0: all are, as far as age goes."""
+        return self._reader.horizon
+
     def last_event(self) -> int:
         """Return the number of the log's last event; -1: there is none."""
         return self._reader.last_event()
@@ -487,6 +495,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         *,
         recorded: bool = False,
         kinds: Collection[type[Event] | str] | None = None,
+        object_class: str | None = None,
     ) -> Iterator[HistoryEntry]:
         """Yield events with who did it and why, retracted ones marked; since <= happened < until.
 
@@ -500,11 +509,13 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             until: Before then.
             recorded: The range is of recorded time.
             kinds: Only these kinds: classes, or their names.
+            object_class: Only events about objects of that class, where no door is named.
         """
         from semmap_log.door_log.asked_events import entries
 
         window = self.window(since, until, recorded=recorded, kinds=kinds)
-        return entries(self._reader, window, None if door is None else self._ids_ever([door]))
+        doors = None if object_class is None else self.ids_of_class(object_class)
+        return entries(self._reader, window, doors if door is None else self._ids_ever([door]))
 
     def entry(self, number: int) -> HistoryEntry:
         """Return one event with who did it and why.
@@ -514,7 +525,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """
         from semmap_log.door_log.asked_events import entries
 
-        for entry in entries(self._reader, Window(first_event=number, before_event=number + 1)):
+        for entry in entries(self._reader, self._reader.window_of(number)):
             return entry
         raise self._reader.no_event(number)
 
@@ -737,6 +748,24 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """
         return replay(self._reader, with_newer=True).names()
 
+    def objects(self) -> dict[DoorId, ObjectClass]:
+        """Return what all objects are that are no doors, removed ones too; ids ascending."""
+        return replay(self._reader, with_newer=True).objects()
+
+    def ids_of_class(self, name: str) -> list[DoorId]:
+        """Return all objects of a class, removed ones too; `door` is that of all doors.
+
+        Raises:
+            CommandError: No class is called so.
+        """
+        from semmap_log.folds.doors_of_class import check_class
+
+        state = replay(self._reader, with_newer=True)
+        check_class(state.door_map(), name)
+        objects = state.objects()
+        ids = map(DoorId, sorted(state.used_door_ids))
+        return [i for i in ids if objects.get(i, DOOR).name == name]
+
     def door_labels(self) -> dict[DoorId, str]:
         """Return the same for messages: level/name where several doors bear the name."""
         from semmap_log.door_log.door_labels import labels_ever
@@ -768,8 +797,23 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             MomentError: It cannot be read.
         """
+        if isinstance(time, str) and time.startswith(PIN):
+            return self._pinned(time.removeprefix(PIN))
         end_ns = self.end_ns if now_ns is None else lambda: now_ns
         return moment_of(time, tz=self.info.timezone, end_ns=end_ns)
+
+    def _pinned(self, name: str) -> Moment:
+        known = self.pins()
+        if name not in known:
+            there = f"the log has {', '.join(known)}" if known else "the log has none"
+            raise MomentError(f"pin:{name}: expected the name of a pin; {there}.")
+        return Moment(ns=known[name].at_ns)
+
+    def pins(self) -> dict[str, MomentPinned]:
+        """Return the pinned moments by their names: `pin:NAME` is one, as a time."""
+        from semmap_log.replay.pins import pins
+
+        return pins(self._reader)
 
     def span(self, text: str) -> tuple[Moment, Moment]:
         """Return the two moments of `T1..T2`.

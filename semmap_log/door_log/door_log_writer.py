@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from types import TracebackType
-from typing import TYPE_CHECKING, Final, TypedDict, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType, TracebackType
+from typing import TYPE_CHECKING, Final, TypeAlias, TypedDict, TypeVar
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.commits import NO_CONTENT, Commit, Note
@@ -12,21 +12,25 @@ from semmap_log.domain.doors import NAN, DoorId, DoorMap, DoorState
 from semmap_log.domain.events import (
     DoorAdded,
     Event,
+    FloorMap,
     PatrolFinished,
     PatrolStarted,
     RobotPose,
     is_whole_number,
 )
 from semmap_log.domain.keywords import knows_its_keywords, share_keywords
+from semmap_log.domain.object_classes import Geometry, split_words
 from semmap_log.door_log.appended import Appended
 from semmap_log.door_log.appender import Appender
 from semmap_log.door_log.commands import CommandContext, Events, GivenEvents, MadeEvents, TakenOver
 from semmap_log.door_log.door_commands import (
     AddDoor,
     AnnotateDoor,
+    DefineClass,
     FinishPatrol,
     ObserveDoor,
     PassDoor,
+    PinMoment,
     RemoveDoor,
     RequestDoor,
     RetractEvents,
@@ -50,7 +54,11 @@ from semmap_log.store.writing.writer_opening import OpenedLog
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
+    from semmap_log.domain.rigid_transform import RigidTransform
+
 E = TypeVar("E", bound=Event)
+Measured: TypeAlias = "tuple[float, float, float] | tuple[float, float, float, float]"
+"""Where a door lies, as somebody measured it: x, y, theta and, if it was measured, the width."""
 
 
 class About(TypedDict, total=False):
@@ -106,22 +114,54 @@ class DoorLogWriter(DoorLog):
         prob_closed: float = NAN,
         door_id: DoorId | None = None,
         name: str = "",
+        object_class: str = "",
+        outline: Sequence[tuple[float, float]] = (),
         **about: Unpack[About],
     ) -> DoorId:
         """Add a door and return its id: the next free one, unless given.
 
         Without x, y, theta and width it is an unplaced door: a sensor without geometry. Its level
-        is told by number or name; None: the only one there is.
+        is told by number or name; None: the only one there is. With an `object_class` it is an
+        object of that class; a polygon needs an `outline`, the corners (x, y) in metres, frame
+        `map`, and lies at the first of them, unless x and y are given.
 
         Raises:
             DoorExistsError, DoorRemovedError: The id is taken, or was.
             UnknownLevelError: There is no such level, or there are several and none is told.
+            CommandError: There is no such class, or its objects do not look like that.
             InvalidEventError: A value that no door can have.
         """
-        given = _state(state)
-        command = AddDoor(_context(about), door_id, level, x, y, theta, width, given, prob_open,
-                          prob_closed, name)  # fmt: skip
+        corners = tuple((float(x), float(y)) for x, y in outline)
+        command = AddDoor(_context(about), door_id, level, x, y, theta, width, _state(state),
+                          prob_open, prob_closed, name, object_class, corners)  # fmt: skip
         return _first_of(DoorAdded, self._appender.append(command)).door_id
+
+    def define_class(
+        self,
+        name: str,
+        *,
+        geometry: Geometry | str = Geometry.SEGMENT,
+        states: str = "OPEN,CLOSED,MOVING",
+        blocks: str | None = None,
+        **about: Unpack[About],
+    ) -> Appended:
+        """Say what objects of a class are like; what was said of that class before counts no more.
+
+        Args:
+            name: What the class is called, such as dock.
+            geometry: What an object covers of the floor: segment, polygon or point.
+            states: Its words for OPEN, CLOSED and, if it has a third, MOVING: `free,taken`.
+            blocks: Those of the words whose states block a robot's way; empty: none; None: that
+                for CLOSED.
+            **about: When, who and why: see the class.
+
+        Raises:
+            InvalidEventError: A value that no class can have.
+        """
+        shape = geometry.value if isinstance(geometry, Geometry) else geometry
+        if blocks is None:
+            blocks = ",".join(split_words(states)[1:2])
+        return self._appender.append(DefineClass(_context(about), name, shape, states, blocks))
 
     def update_door(
         self,
@@ -235,6 +275,59 @@ class DoorLogWriter(DoorLog):
                 taken back.
         """
         command = RetractEvents(_context(about), first, first if last is None else last)
+        return self._appender.append(command)
+
+    def pin(self, name: str, **about: Unpack[About]) -> Appended:
+        """Give a moment a name, `pin:NAME`, by which it stays answerable: see `retain`.
+
+        Args:
+            name: What it is called; a moment that was called so before has no name any more.
+            **about: Who and why, as the class says; `at` is the moment (default: now).
+
+        Raises:
+            MomentError: A time that cannot be read.
+            HorizonError: It cannot be answered any more.
+        """
+        at = about.get("at")
+        self.replay(at=at)
+        return self._appender.append(PinMoment(_context(about), name, self.instant(at)))
+
+    def rebase(
+        self,
+        floor: FloorMap,
+        *,
+        by: RigidTransform | tuple[float, float, float],
+        doors: Mapping[DoorId | str, Measured] = MappingProxyType({}),
+        level: int | str | None = None,
+        **about: Unpack[About],
+    ) -> Appended:
+        """Give a level a new map, and its doors their places in it, as one commit.
+
+        What happened before stays on the old map. What is told of later times is taken to be in
+        the new one already, so that `at` may be the time when the robot began to use it. Doors
+        without a place, and those of other levels, stay as they are.
+
+        Args:
+            floor: The new map; `formats.files.map_server.read_map` reads a map_server's.
+            by: From the old map's frame to the new one's: (dx, dy, theta), metres and radians;
+                `door_log.map_fit.fit_maps` finds it from points that were measured in both.
+            doors: Doors that were measured in the new map, (x, y, theta) or (x, y, theta, width):
+                there the transform does not count.
+            level: Its number or name; None: the only one there is.
+            **about: When, who and why: see the class.
+
+        Raises:
+            CommandError: The level has this very map already, or another from a later time.
+            UnknownDoorError: A measured door is not known.
+            UnknownLevelError: There is no such level, or there are several and none is told.
+        """
+        from semmap_log.domain.rigid_transform import RigidTransform
+        from semmap_log.door_log.rebase_command import RebaseMap
+        from semmap_log.door_log.rebasing import MeasuredDoor
+
+        transform = by if isinstance(by, RigidTransform) else RigidTransform(*by)
+        measured = {door: MeasuredDoor(*at) for door, at in doors.items()}
+        command = RebaseMap(_context(about), floor, transform, measured, level)
         return self._appender.append(command)
 
     def start_patrol(
@@ -469,15 +562,17 @@ def _context(about: About) -> CommandContext:
 _NOTHING_TOLD = CommandContext()
 
 
-def _state(state: DoorState | str) -> DoorState:
-    """Return the state that a caller means; `True` and 1.0 mean none, though they equal OPEN.
+def _state(state: DoorState | str) -> DoorState | str:
+    """Return the state that a caller means, or what a class may have for a word for it.
+
+    `True` and 1.0 mean none, though they equal OPEN.
 
     Raises:
         InvalidEventError: It is none.
     """
     try:
         if isinstance(state, str):
-            return DoorState.parse(state)
+            return DoorState.__members__.get(state.strip().upper(), state)
         if is_whole_number(state):
             return DoorState(state)
     except ValueError:

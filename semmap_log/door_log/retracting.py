@@ -34,6 +34,12 @@ def check_can_retract(reader: LogReader, first: int, last: int) -> None:
     if first < 0 or last > end:
         there = "the log holds none yet" if end < 0 else f"the log holds 0..{end}"
         raise CommandError(f"cannot retract {what}: {there}.")
+    if first < (whole := reader.first_whole_event):
+        raise CommandError(
+            f"cannot retract {what}: of what was before event {whole} the log holds no more than "
+            "it was to keep (retain), and what would be true without that is not known; "
+            "record again what is true."
+        )
     known = reader.retractions()
     if next(_newly_hidden(first, last, known, known.numbers), None) is not None:
         return

@@ -18,6 +18,7 @@ from semmap_log.domain.events import KINDS
 from semmap_log.domain.moments import format_local
 from semmap_log.door_log.backdating import early_events, remedy
 from semmap_log.door_log.door_labels import labels_of
+from semmap_log.door_log.personal_data import PersonalData
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.early_events import EarlyEvents
 from semmap_log.io.progress import Progress
@@ -51,6 +52,8 @@ class LogSummary:
     door_map: DoorMap
     warnings: list[str]
     """What else looks wrong."""
+    personal: PersonalData
+    """What tells of persons, or may."""
     index: IndexState | None = None
     """How far the tables by door are; None: the log has none."""
     is_understood: bool = True
@@ -80,15 +83,17 @@ class _Tally:
 
 def summarize(reader: LogReader, *, progress: Progress | None = None) -> LogSummary:
     """Return a log's summary; reads all of it."""
-    tally, state = _Tally(), _state_before(reader)
+    tally, personal, state = _Tally(), PersonalData(), _state_before(reader)
     retractions = reader.retractions(with_newer=True)
     for batch in reader.batches(progress=progress, with_newer=True):
         tally.apply(batch)
+        personal.take(batch)
         state.apply(retractions.visible(batch))
     promised: Counter[Durability] = Counter()
     clock, head, suspects = ClockCheck(), bytes(32), []
     for commit in reader.commits():
         promised[commit.durability] += 1
+        personal.take_note(commit.note)
         head = commit.hash
         if (suspect := clock.add(commit)) is not None:
             suspects.append(suspect)
@@ -109,6 +114,7 @@ def summarize(reader: LogReader, *, progress: Progress | None = None) -> LogSumm
         suspects=suspects,
         door_map=door_map,
         warnings=_warnings(reader, tally, door_map),
+        personal=personal,
         index=index_state(reader),
         is_understood=reader.newer_events.first is None,
     )

@@ -16,6 +16,7 @@ from semmap_log.batches.taken_columns import TakenColumns
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import is_given
 from semmap_log.domain.events import (
+    ClassDefined,
     DoorAdded,
     DoorAnnotated,
     DoorEvent,
@@ -25,6 +26,7 @@ from semmap_log.domain.events import (
     FloorMap,
     LevelAdded,
     Retracted,
+    SightingsThinned,
     UnknownEvent,
 )
 from semmap_log.domain.meaning import PLACING, Changed
@@ -62,6 +64,7 @@ class Validator:
         now_ns: Callable[[], int] | None = None,
         *,
         are_facts: bool = False,
+        horizon: Callable[[], int] = lambda: 0,
     ) -> None:
         """Take up a commit.
 
@@ -71,8 +74,10 @@ class Validator:
             now_ns: The log's clock, by which events without a time happen; None: not known.
             are_facts: Another log took the events; what is said there of a door after its removal
                 stays in its history.
+            horizon: Returns the number of the first event that can be taken back.
         """
         self._are_facts = are_facts
+        self._horizon = horizon
         self._now_ns = now_ns
         self.index = index
         """The index after the events that passed; the one that was given stays as it was."""
@@ -192,7 +197,7 @@ class Validator:
                 self.index.added_ns[event.door_id] = min(event.happened_ns, self._now_ns())
             if event.happened_ns is None and isinstance(event, (DoorAdded, DoorRemoved)):
                 self._timeless.append(event)
-            if event.happened_ns is not None and isinstance(event, (DoorUpdated, LevelAdded)):
+            if event.happened_ns is not None and isinstance(event, MAY_BE_OUTDONE):
                 self.is_index_sure = False
         self._next_event += 1
         return event
@@ -251,7 +256,7 @@ class Validator:
             return goes or places
         if isinstance(event, Retracted):
             return self.index.brought_back(event) is not None
-        return isinstance(event, (DoorAdded, DoorRemoved, LevelAdded, FloorMap))
+        return isinstance(event, (DoorAdded, DoorRemoved, LevelAdded, FloorMap, ClassDefined))
 
     def _check_new(self, event: DoorAdded) -> None:
         door_id = event.door_id
@@ -278,6 +283,8 @@ class Validator:
         door_id = event.door_id
         if door_id in self.index.placed:
             return
+        if isinstance(event, SightingsThinned) and door_id in self.index.used_ids:
+            return  # of sightings that the log holds
         removed_ns = self.index.removed_ns.get(door_id)
         if removed_ns is None:
             raise UnknownDoorError(told_absent(door_id))
@@ -320,6 +327,12 @@ class Validator:
                 f"cannot retract events {event.first_event}..{event.last_event}: "
                 f"the last event is {self._next_event - 1}."
             )
+        if event.first_event < (horizon := self._horizon()):
+            raise CommandError(
+                f"cannot retract events {event.first_event}..{event.last_event}: what was before "
+                f"event {horizon} is no longer kept, and what would be true without that is not "
+                "known; record again what is true."
+            )
 
     def _check_level(self, level: int) -> None:
         if level != 0 and level not in self.index.level_names:
@@ -337,6 +350,9 @@ ROWS_AT_A_TIME = 8192
 """So many rows of a batch are checked at once."""
 
 _SIGHTINGS = frozenset(SIGHTINGS)
+
+MAY_BE_OUTDONE = (DoorUpdated, LevelAdded, ClassDefined)
+"""Kinds of which another may have happened later, and been told before."""
 
 NAMING = (DoorAdded, DoorUpdated, DoorRemoved, DoorAnnotated, LevelAdded, Retracted)
 """Kinds that may change which name means which door (an update: by its level)."""

@@ -16,6 +16,7 @@ from semmap_log.costmap_2d.keepout import keepout_mask
 from semmap_log.costmaps import Costmap
 from semmap_log.domain.doors import Door
 from semmap_log.domain.moments import format_local
+from semmap_log.domain.object_classes import middle_of
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import FormatError
 from semmap_log.formats.files.map_server_out import write_costs, write_map
@@ -102,12 +103,22 @@ def _ros_map(out: Path, page: _Page) -> tuple[Path, ...]:
 
 def _picture(out: Path, page: _Page) -> tuple[Path, ...]:
     marks = [
-        DoorMark(door.door_id, door.name, *door.start, *door.end, door.state) for door in page.doors
+        DoorMark(door.door_id, door.name, *start, *end, door.state)
+        for door in page.doors
+        for start, end in [_marked(door)]
     ]
     png = costmap_png(page.values, page.costmap.geometry, marks, title=page.title)
     with output_errors(out):
         replace_file(out, png)
     return (out,)
+
+
+def _marked(door: Door) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the ends of the line that marks a door; an area is marked at its middle."""
+    if not door.outline:
+        return door.start, door.end
+    middle = middle_of(door.outline)
+    return middle, middle
 
 
 def _array(out: Path, page: _Page) -> tuple[Path, ...]:
@@ -123,11 +134,16 @@ def _sorted(costmap: Costmap) -> tuple[list[Door], list[tuple[Door, str]]]:
     drawn = {door for door, is_on in zip(lines, on_map.tolist(), strict=True) if is_on}
     shown: list[Door] = []
     left_out: list[tuple[Door, str]] = []
+    only = costmap.options.object_class
     for door in doors.doors.values():
+        if only not in (None, door.object_class.name):
+            continue
         if not door.is_placed:
             left_out.append((door, "without a place"))
         elif door.level != costmap.level:
             left_out.append((door, f"on level {doors.level_name(door.level)}"))
+        elif door.door_id not in lines:
+            left_out.append((door, "of which nothing blocks"))
         elif door.door_id not in drawn:
             left_out.append((door, "off the map"))
         else:

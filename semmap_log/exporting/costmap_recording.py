@@ -94,4 +94,4 @@ def _grid_frames(
         if progress is not None:
             progress(frame.at_ns - first_ns, end_ns - first_ns)
         grid = frame.costmap.master if which == "master" else frame.costmap.layer
-        yield GridFrame(frame.at_ns, grid.costs, frame.windows)
+        yield GridFrame(frame.at_ns, grid.costs, frame.windows, frame.costmap.geometry)

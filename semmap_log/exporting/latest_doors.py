@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from semmap_log.domain.doors import NAN, Door, DoorId, DoorMap, DoorState
-from semmap_log.domain.events import DoorAnnotated, DoorEvent, Event, LevelAdded
+from semmap_log.domain.events import ClassDefined, DoorAnnotated, DoorEvent, Event, LevelAdded
 from semmap_log.domain.meaning import Presence
+from semmap_log.domain.object_classes import CLASS, DOOR, ObjectClass
 
 
 @dataclass(slots=True)
@@ -16,27 +17,38 @@ class LatestDoors:
     doors: dict[DoorId, Door] = field(default_factory=dict)
     elevations: dict[int, float] = field(default_factory=dict)
     """Level -> metres, or NaN."""
+    classes: dict[str, ObjectClass] = field(default_factory=dict)
 
     @classmethod
     def of(cls, door_map: DoorMap) -> LatestDoors:
         """Return the doors of a replay."""
         levels = door_map.levels.values()
-        return cls(dict(door_map.doors), {level.level: level.elevation for level in levels})
+        elevations = {level.level: level.elevation for level in levels}
+        return cls(dict(door_map.doors), elevations, dict(door_map.classes))
 
     def take(self, event: Event) -> bool:
         """Take an event in; return whether a door or a height is another now."""
         if isinstance(event, LevelAdded):
             self.elevations[event.level] = event.elevation
             return True
+        if isinstance(event, ClassDefined):
+            self.classes[event.class_name] = event.object_class
+            self.doors |= {i: self._of_its_class(door) for i, door in self.doors.items()}
+            return True
         if not isinstance(event, DoorEvent):
             return False
         before = self.doors.get(event.door_id)
         after = _after(before, event)
+        if after is not None and isinstance(event, DoorAnnotated):
+            after = self._of_its_class(after)
         if after is None:
             self.doors.pop(event.door_id, None)
         else:
             self.doors[event.door_id] = after
         return after is not before
+
+    def _of_its_class(self, door: Door) -> Door:
+        return replace(door, object_class=self.classes.get(door.annotations.get(CLASS, ""), DOOR))
 
 
 def _after(door: Door | None, event: DoorEvent) -> Door | None:

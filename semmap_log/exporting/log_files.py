@@ -18,6 +18,7 @@ from semmap_log.errors import CommandError, FormatError, UnknownLevelError
 from semmap_log.exporting.costmap_files import write_costmap
 from semmap_log.exporting.json_lines import write_event_lines
 from semmap_log.exporting.planning_problem import planning_problem
+from semmap_log.folds.doors_of_class import of_class
 from semmap_log.formats.files.door_csv import dump_door_csv, sighting_of
 from semmap_log.formats.files.geojson import dump_geojson
 from semmap_log.formats.files.pddl import Wishes
@@ -55,6 +56,7 @@ def export(
     default_prob: float | None = None,
     wishes: Wishes = Wishes(),
     domain: Path | None = None,
+    object_class: str | None = None,
     progress: Progress | None = None,
 ) -> Exported:
     """Write a file whose name tells its format; an old file of that name is replaced at once.
@@ -66,6 +68,7 @@ def export(
         default_prob: Thesis YAML, PDDL: for doors without probabilities.
         wishes: PDDL: start, goal, and whether there are costs.
         domain: PDDL: a file for the domain, written beside the problem.
+        object_class: GeoJSON, CSV: only objects of that class; None: all.
         progress: Told how far the reading is, where events are written.
 
     Raises:
@@ -78,8 +81,8 @@ def export(
     writers: dict[str, Callable[[Path], Exported]] = {
         ".yaml": lambda path: _thesis_yaml(log, path, scope, default_prob),
         ".yml": lambda path: _thesis_yaml(log, path, scope, default_prob),
-        ".geojson": lambda path: _geojson(log, path, scope),
-        ".csv": lambda path: _csv(log, path, scope),
+        ".geojson": lambda path: _geojson(log, path, scope, object_class),
+        ".csv": lambda path: _csv(log, path, scope, object_class),
         ".jsonl": lambda path: _event_lines(log, path, scope, progress),
         ".parquet": lambda path: _parquet(log, path, scope, progress),
         ".rrd": lambda path: _rrd(log, path, scope),
@@ -137,8 +140,10 @@ def _thesis_yaml(log: DoorLog, path: Path, scope: Scope, default_prob: float | N
     return Exported(counted(len(door_map.doors) - len(left_out), "door"), tuple(left_out))
 
 
-def _geojson(log: DoorLog, path: Path, scope: Scope) -> Exported:
+def _geojson(log: DoorLog, path: Path, scope: Scope, object_class: str | None) -> Exported:
     door_map = log.replay(scope.at_ns, scope.known_at_ns, scope.event)
+    if object_class is not None:
+        door_map = of_class(door_map, object_class)
     text, unplaced = dump_geojson(door_map, about(log))
     path.write_text(text, encoding="utf-8")
     labels = labels_of(door_map)
@@ -164,7 +169,19 @@ def about(log: DoorLog) -> dict[str, str]:
 def _event_lines(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
     written = write_event_lines(log, path, scope, progress=progress)
     taken_back = f", {written.retracted:,} of them retracted" if written.retracted else ""
-    return Exported(f"{counted(written.events, 'event')}{taken_back}")
+    what = f"{counted(written.events, 'event')}{taken_back}"
+    return Exported(what, notes=_what_lacks(log))
+
+
+def _what_lacks(log: DoorLog) -> tuple[str, ...]:
+    """Return what a file of events does not tell of a log that has a horizon."""
+    if not log.horizon():
+        return ()
+    lacking = (
+        f"how doors were at event {log.horizon()}, where history begins, is in no event: who "
+        "makes a log of these knows it of a door only once something is told of it."
+    )
+    return (lacking,)
 
 
 def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
@@ -176,13 +193,15 @@ def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) 
     tables = log.tables_in(window, limit=limit, progress=progress)
     stored = (table.cast(EXPORT_SCHEMA) for table in tables)
     said = {f"semmap_log.{key}": text for key, text in about(log).items()}
-    return Exported(counted(write_parquet(path, stored, EXPORT_SCHEMA, said), "event"))
+    what = counted(write_parquet(path, stored, EXPORT_SCHEMA, said), "event")
+    return Exported(what, notes=_what_lacks(log))
 
 
-def _csv(log: DoorLog, path: Path, scope: Scope) -> Exported:
+def _csv(log: DoorLog, path: Path, scope: Scope, object_class: str | None) -> Exported:
+    doors = None if object_class is None else log.ids_of_class(object_class)
     names = _names(log.replay(scope.at_ns, scope.known_at_ns, scope.event))
     rows = []
-    for batch in log.visible_batches(scope):
+    for batch in log.visible_batches(scope, doors=doors):
         for recorded, happened_ns in zip(batch, batch.folds_ns.tolist(), strict=True):
             door_id = getattr(recorded.event, "door_id", 0)
             row = sighting_of(

@@ -13,6 +13,7 @@ from semmap_log.domain.moments import Moment
 from semmap_log.door_log.door_labels import labels_of
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import CommandError
+from semmap_log.folds.doors_of_class import only_doors
 from semmap_log.formats.files.pddl import Likely, PddlProblem, Wishes, rooms_between
 from semmap_log.io.progress import Progress
 from semmap_log.replay.replay import Scope
@@ -57,7 +58,7 @@ def planning_problem(
     """
     if default_prob is not None and not 0 <= default_prob <= 1:
         raise CommandError(f"--default-prob: expected a number from 0 to 1, got {default_prob!r}.")
-    door_map = log.replay(scope.at_ns, scope.known_at_ns, scope.event)
+    door_map = only_doors(log.replay(scope.at_ns, scope.known_at_ns, scope.event))
     problem = PddlProblem.of(door_map)
     likely = _likely(log, scope, door_map, default_prob, progress) if len(door_map) else {}
     text = problem.dump(likely, about, wishes)

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from semmap_log.domain.doors import DoorId, DoorMap
-from semmap_log.domain.events import DoorEvent, FloorMap, LevelAdded, RobotPose
+from semmap_log.domain.events import ClassDefined, DoorEvent, FloorMap, LevelAdded, RobotPose
 from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.domain.moments import refuse_reversed
+from semmap_log.domain.object_classes import DOOR
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.exporting.in_order import Times, moments, times_of
 from semmap_log.exporting.latest_doors import LatestDoors
@@ -179,8 +180,7 @@ class _Fold:
         self._new_floors = set(self._floors)
         """Levels of which the plan is another than the last that was sent, or lies elsewhere."""
         self._last_ns = 0
-        for door_id in self._table.doors:
-            self._show(door_id)
+        self._show_all()
 
     def begin(self, at_ns: int) -> None:
         """Tell what there is before the first event."""
@@ -212,8 +212,14 @@ class _Fold:
             self._new_floors.add(event.level)
         elif has_changed and isinstance(event, DoorEvent):
             self._show(event.door_id)
+        elif isinstance(event, ClassDefined):
+            self._show_all()
         elif isinstance(event, LevelAdded):
             self._raise_levels()
+
+    def _show_all(self) -> None:
+        for door_id in self._table.doors:
+            self._show(door_id)
 
     def _show(self, door_id: DoorId) -> None:
         door = self._table.doors.get(door_id)
@@ -226,8 +232,7 @@ class _Fold:
         before, self._heights = self._heights, heights_of(self._table, self._plan.levels)
         self._new_floors |= {n for n in self._floors if self._heights[n] != before[n]}
         if self._heights != before:
-            for door_id in self._table.doors:
-                self._show(door_id)
+            self._show_all()
 
     def _catch_up(self, at_ns: int) -> None:
         """Send what has waited long enough before a moment, each at its time."""
@@ -272,8 +277,10 @@ class _Fold:
     def _line(self, entry: HistoryEntry) -> LogLine:
         """Return an event in words: the door is the node, the event's kind the function."""
         said = ": ".join(text for text in (entry.actor, entry.reason) if text)
-        text = words_of(entry.event) + (f" [{said}]" if said else "")
         door_id = entry.door_id
+        known = None if door_id is None else self._table.doors.get(door_id)
+        words = words_of(entry.event, DOOR if known is None else known.object_class)
+        text = words + (f" [{said}]" if said else "")
         name = "semmap" if door_id is None else self._names.get(door_id, f"door {door_id}")
         return LogLine(printable(name), printable(text), entry.source, entry.kind, entry.number)
 

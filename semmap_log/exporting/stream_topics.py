@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from semmap_log.domain.doors import Door, DoorId
+from semmap_log.domain.object_classes import Geometry
 from semmap_log.exporting.latest_doors import LatestDoors
 from semmap_log.formats.bags.bag_protocol import BagTopic
 from semmap_log.formats.ros.array_messages import EncodedElement
@@ -88,14 +89,17 @@ class LevelDoors:
         return self._markers.message(self._shown[door].parts for door in sorted(self._shown))
 
     def _look(self, door: Door, z: float) -> DoorLook:
+        is_line = door.object_class.geometry is Geometry.SEGMENT
+        width = door.width if is_line else 0.0
         return DoorLook(
-            door.door_id, (door.x, door.y), door.theta, door.width, z, door.label,
+            door.door_id, (door.x, door.y), door.theta, width, z, door.label,
             self._palette.of_state(door.state), self._palette.text_of_state(door.state),
+            door.outline,
         )  # fmt: skip
 
 
 class ThesisDoors:
-    """All doors that have a place, as the thesis's message."""
+    """All doors that have a place, as the thesis's message; what is no door, it does not know."""
 
     def __init__(self, messages: ThesisMessages) -> None:
         self._messages = messages
@@ -103,7 +107,7 @@ class ThesisDoors:
 
     def show(self, door_id: DoorId, door: Door | None) -> bool:
         """Show a door as it is now; return whether that changes anything."""
-        if door is None or not door.is_placed:
+        if door is None or not door.is_placed or not door.object_class.is_door:
             return self._entries.pop(door_id, None) is not None
         entry = self._messages.encoded(door)
         if self._entries.get(door_id) == entry:

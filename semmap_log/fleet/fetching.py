@@ -88,7 +88,7 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
 
 
 def _write_lists(folder: LogFolder, manifest: Manifest) -> None:
-    """Write what a log has beside its segments: closed.json, and metadata.yaml for other tools."""
+    """Write what a log has beside its segments: its mark, and metadata.yaml for other tools."""
     write_mark(folder, manifest.mark)
     write_bag_metadata(folder, map(statistics_of, LogReader(folder).segments))
 

@@ -1,14 +1,11 @@
-"""Shipping beside a writer: a thread that an append never waits for, and never hears of.
+"""Shipping beside a writer: a reader of the log's folder that ships when a segment was closed.
 
-The thread is a reader of the log's folder: it looks at two files there, and ships when one of them
-was written. It shares no lock with the writer, and nothing that goes wrong in it reaches the
-writer: it is told once, and tried again.
+It looks at two files there. Nothing that goes wrong in it reaches the writer: it is told once, and
+tried again.
 """
 
 from __future__ import annotations
 
-import os
-import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -18,12 +15,14 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from semmap_log.common.texts import command_line, counted
+from semmap_log.common.work_beside import AbandonedWork, WorkBeside
 from semmap_log.errors import NotALogError
 from semmap_log.fleet.shipping import Shipped, ship
 from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.url_path import UrlPath, place_of
+from semmap_log.store.closed_mark import listed_marks
 from semmap_log.store.folder import LogFolder, Version
-from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
+from semmap_log.store.form import BAG_METADATA_NAME
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -94,12 +93,9 @@ class ShipBeside:
         self._store = place if isinstance(place, ObjectStore) else ObjectStore(_url(place))
         self._tell = tell
         self._pauses = pauses
-        self._end_s = end_s
-        self._ending = threading.Event()
-        self._abandoned = threading.Event()
-        self._ended = threading.Event()
-        self._thread: threading.Thread | None = None
-        self._pid = os.getpid()
+        self._thread = WorkBeside(
+            "semmap_log shipping", self._look, pause_s=pauses.look_s, end_s=end_s
+        )
         self._status = ShippingStatus()
         self._seen: _Closed = None
         """What was closed when the folder was last looked at."""
@@ -123,9 +119,7 @@ class ShipBeside:
 
     def start(self) -> None:
         """Begin to look at the folder, in a thread of its own."""
-        thread = threading.Thread(target=self._run, name="semmap_log shipping", daemon=True)
-        thread.start()
-        self._thread = thread
+        self._thread.start()
 
     def close(self, *, end_s: float | None = None) -> ShippingStatus:
         """Ship what was closed last, and end; what is not sent by then waits for the next time.
@@ -136,13 +130,7 @@ class ShipBeside:
         Returns:
             How it stands. Of what was not sent nothing is lost: it lies in the log.
         """
-        if self._thread is None or os.getpid() != self._pid:
-            return self._status
-        try:
-            self._ending.set()
-            self._ended.wait(self._end_s if end_s is None else end_s)
-        finally:
-            self._abandoned.set()
+        self._thread.close(end_s)
         return self._status
 
     def __enter__(self) -> Self:
@@ -157,17 +145,9 @@ class ShipBeside:
     ) -> None:
         self.close(end_s=None if error is None else 0.0)
 
-    def _run(self) -> None:
-        try:
-            while True:
-                is_last = self._ending.is_set()  # first: what is closed by then is sent
-                if self._is_due(is_last=is_last):
-                    self._try()
-                if is_last or self._abandoned.is_set():
-                    return
-                self._ending.wait(self._pauses.look_s)
-        finally:
-            self._ended.set()
+    def _look(self, *, is_last: bool) -> None:
+        if self._is_due(is_last=is_last):
+            self._try()
 
     def _is_due(self, *, is_last: bool) -> bool:
         """Look at the folder, and tell whether there is something to ship now."""
@@ -185,17 +165,19 @@ class ShipBeside:
     def _closed(self) -> _Closed:
         """Return what changes when a segment is closed, or compacted; None: none is closed."""
         with suppress(OSError):
-            mark = self._folder.version(CLOSED_MARK_NAME)
+            marks = tuple(listed_marks(self._folder))
+            if not marks:
+                return None
             with suppress(OSError):
-                return mark, self._folder.version(BAG_METADATA_NAME)
-            return mark, None
+                return marks, self._folder.version(BAG_METADATA_NAME)
+            return marks, None
         return None
 
     def _try(self) -> None:
         closed = self._seen
         try:
-            done = ship(self._folder.absolute, self._store, self._go_on)
-        except _Abandoned:
+            done = ship(self._folder.absolute, self._store, lambda *_: self._thread.go_on())
+        except AbandonedWork:
             return
         except Exception as error:  # noqa: BLE001 - whatever it is, the writer goes on
             self._failed(str(error) or type(error).__name__)
@@ -221,17 +203,8 @@ class ShipBeside:
                 f"sent by the end is sent the next time, or by: {line}"
             )
 
-    def _go_on(self, _done: int, _total: int) -> None:
-        """Let nothing more be sent once nobody waits for it."""
-        if self._abandoned.is_set():
-            raise _Abandoned
 
-
-class _Abandoned(Exception):  # noqa: N818  # no error: the way out of the work under way
-    """Nobody waits any more."""
-
-
-_Closed = tuple[Version, Version | None] | None
+_Closed = tuple[tuple[str, ...], Version | None] | None
 
 
 def _changed(

@@ -280,9 +280,15 @@ def shipped_before(closed: Sequence[Segment], there: Manifest) -> dict[str, Ship
     found = {}
     for segment in closed:
         one = shipped.get((segment.header.number, segment.header.last_number))
-        if one is not None and (one.size, one.head) == (segment.size, segment.head):
+        if one is not None and _is_copy(one, segment):
             found[segment.path.name] = one
     return found
+
+
+def _is_copy(one: ShippedSegment, segment: Segment) -> bool:
+    """Tell whether an object is a copy of a segment: it has the same, and lacks the same."""
+    theirs = (one.size, one.head, one.header.trimmed)
+    return theirs == (segment.size, segment.head, segment.header.trimmed)
 
 
 def check_conditions(store: ObjectStore) -> None:

@@ -9,10 +9,17 @@ from typing import Any
 import numpy as np
 
 from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import ClassDefined
+from semmap_log.domain.object_classes import ObjectClass
 from semmap_log.errors import LogError
 
 NAME = "name"
 """The key under which a door's name is said."""
+
+_NO_DOOR = 0
+_DEFINES = "\x01class:"
+"""What is said of a class stands beside what is said of door 0, under keys that begin so, as nobody
+types them: in keyframes, too, which have no other place for it."""
 
 Stamp = tuple[int, int]
 """(happened time, event number)."""
@@ -40,6 +47,39 @@ class Annotations:
         if key not in said or stamp > said[key][0]:
             said[key] = (stamp, value)
 
+    def define(self, event: ClassDefined, stamp: Stamp) -> None:
+        """Note what objects of a class are like."""
+        told = f"{event.geometry}\n{event.states}\n{event.blocks}"
+        self.write(_NO_DOOR, _DEFINES + event.class_name, told, stamp)
+
+    def classes(self) -> dict[str, ObjectClass]:
+        """Return the classes that were defined, names ascending."""
+        if self._stored is not None and _NO_DOOR not in np.asarray(self._stored["door_id"]):
+            return {}  # nothing is unpacked for it
+        said = self._unpacked().get(_NO_DOOR, {})
+        defined = {
+            key.removeprefix(_DEFINES): text.split("\n")
+            for key, (_, text) in sorted(said.items())
+            if key.startswith(_DEFINES)
+        }
+        return {name: ObjectClass.told(name, *told) for name, told in defined.items()}
+
+    def defined(self, name: str) -> Stamp | None:
+        """Return when a class was defined last; None: never."""
+        told = self.get(_NO_DOOR, _DEFINES + name)
+        return None if told is None else told[0]
+
+    def said_under(self, key: str) -> dict[DoorId, tuple[Stamp, str]]:
+        """Return what is said of each door under a key, and its stamp; ids ascending."""
+        said = sorted(self._unpacked().items())
+        return {DoorId(door_id): texts[key] for door_id, texts in said if key in texts}
+
+    def forget(self, door_id: int, key: str, before: int) -> None:
+        """Leave out what events below a number said of a door under a key."""
+        said = self._unpacked().get(door_id, {})
+        if key in said and said[key][0][1] < before:
+            del said[key]
+
     def get(self, door_id: int, key: str) -> tuple[Stamp, str] | None:
         """Return a text and its stamp; None: it was never written."""
         return self._unpacked().get(door_id, {}).get(key)
@@ -47,9 +87,10 @@ class Annotations:
     def of(self, door_id: int, added: Stamp) -> Mapping[str, str]:
         """Return what is said of a door since it was added, keys ascending."""
         said = self._unpacked().get(door_id, {})
-        return MappingProxyType(
-            {key: value for key, (stamp, value) in sorted(said.items()) if value and stamp > added}
-        )
+        since = {key: value for key, (stamp, value) in sorted(said.items()) if stamp > added}
+        if door_id == _NO_DOOR:
+            since = {key: value for key, value in since.items() if not key.startswith(_DEFINES)}
+        return MappingProxyType({key: value for key, value in since.items() if value})
 
     def names(self) -> dict[DoorId, str]:
         """Return the latest name of every door that has one, ids ascending."""

@@ -16,7 +16,7 @@ from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState, Level
 from semmap_log.errors import CommandError
 from semmap_log.folds.history import HistoryEntry
 
-FIELDS = (*meaning.FIELDS, "annotations")
+FIELDS = (*meaning.FIELDS, "annotations", "object_class")
 """The fields that make a door what it is: if one differs, the door was changed."""
 
 STAMPS = ("last_seen_ns", "last_event")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.distinct import distinct
@@ -16,44 +16,76 @@ from semmap_log.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORM
 from semmap_log.costmap_2d.door_layer import DoorLayer, DoorLine
 from semmap_log.costmap_2d.grid import CellWindow, GridGeometry
 from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
+from semmap_log.domain.events import ClassDefined
+from semmap_log.domain.object_classes import DOOR, Geometry, ObjectClass
 from semmap_log.folds.door_map import DoorMapState
 
 By = Literal["state", "belief"]
 """What decides on a door's cost: its state (the thesis, 4.3), or how likely it is to be open."""
 
-_COST_OF_STATE = {DoorState.CLOSED: LETHAL, DoorState.OPEN: FREE_SPACE}
 
+def door_lines(
+    doors: DoorMap, *, level: int = 0, by: By = "state", only: str | None = None
+) -> dict[DoorId, DoorLine]:
+    """Return what the doors of a level draw, ids ascending; unplaced doors draw nothing.
 
-def door_lines(doors: DoorMap, *, level: int = 0, by: By = "state") -> dict[DoorId, DoorLine]:
-    """Return what the doors of a level draw, ids ascending; unplaced doors draw nothing."""
-    drawn = {door_id: line_of(door, level=level, by=by) for door_id, door in doors.doors.items()}
+    Args:
+        doors: The map.
+        level: The level.
+        by: What decides on the costs.
+        only: The class of those that are drawn; None: all are.
+    """
+    drawn = {i: line_of(door, level=level, by=by, only=only) for i, door in doors.doors.items()}
     return {door_id: line for door_id, line in drawn.items() if line}
 
 
-def line_of(door: Door | None, *, level: int = 0, by: By = "state") -> DoorLine | None:
-    """Return what a door draws on a level; None: nothing."""
+def line_of(
+    door: Door | None, *, level: int = 0, by: By = "state", only: str | None = None
+) -> DoorLine | None:
+    """Return what a door, or another object, draws on a level; None: nothing.
+
+    A line stands in a wall: where it does not block, its cells are free. What is a point or an area
+    stands on the floor: where it does not block, that is seen as if it were not there.
+    """
     if door is None or not door.is_placed or door.level != level:
         return None
-    cost = cost_of_state(door.state) if by == "state" else cost_of_belief(door)
-    return DoorLine(door.x, door.y, door.theta, door.width, cost)
+    if only is not None and door.object_class.name != only:
+        return None
+    geometry = door.object_class.geometry
+    cost = cost_of_state(door.state, door.object_class) if by == "state" else cost_of_belief(door)
+    if geometry is Geometry.SEGMENT:
+        return DoorLine(door.x, door.y, door.theta, door.width, cost)
+    outline = door.outline
+    is_seen = cost not in (FREE_SPACE, NO_INFORMATION)
+    if not is_seen or (geometry is Geometry.POLYGON and not outline):
+        return None
+    return DoorLine(door.x, door.y, door.theta, 0.0, cost, outline, is_on_floor=True)
 
 
-def cost_of_state(state: DoorState) -> int:
-    """Return LETHAL for a closed door, FREE_SPACE for an open one, else NO_INFORMATION."""
-    return _COST_OF_STATE.get(state, NO_INFORMATION)
+def cost_of_state(state: DoorState, of: ObjectClass = DOOR) -> int:
+    """Return LETHAL for a state that blocks (a closed door), else FREE_SPACE if it is known.
+
+    What is neither open nor closed, and does not block, is NO_INFORMATION.
+    """
+    if state in of.blocks:
+        return LETHAL
+    return FREE_SPACE if state.is_known else NO_INFORMATION
 
 
 def cost_of_belief(door: Door) -> int:
-    """Return a cost for how likely the door is to be closed, if that is known; else for its state.
+    """Return a cost for how likely the door is to block, if that is known; else for its state.
 
     P(open) runs from FREE_SPACE at 1 to the greatest cost that a path may still cross at 0: a door
     that is probably closed costs, it does not block. P(open) is the door's `prob_open`, or
-    1 - `prob_closed` where only that was given.
+    1 - `prob_closed` where only that was given. An object of a class that is blocked by other
+    states than a door costs what these are likely.
     """
     p_open = 1 - door.prob_closed if math.isnan(door.prob_open) else door.prob_open
     if math.isnan(p_open):
-        return cost_of_state(door.state)
-    return round((INSCRIBED - 1) * (1 - p_open))
+        return cost_of_state(door.state, door.object_class)
+    blocks = door.object_class.blocks
+    likely = {DoorState.OPEN: p_open, DoorState.CLOSED: 1 - p_open}
+    return round((INSCRIBED - 1) * sum(p for state, p in likely.items() if state in blocks))
 
 
 @dataclass(slots=True)
@@ -77,6 +109,8 @@ class DoorLayerProjection:
     geometry: GridGeometry
     level: int = 0
     by: By = "state"
+    only: str | None = None
+    """The class of those that are drawn; None: all are."""
 
     def initial(self) -> DoorLayerState:
         """Return a layer without doors."""
@@ -85,15 +119,25 @@ class DoorLayerProjection:
     def of(self, map_state: DoorMapState) -> DoorLayerState:
         """Return the state that a door map makes; the map is gone on with, not copied."""
         state = DoorLayerState(DoorLayer(self.geometry), map_state)
-        state.layer.draw(door_lines(map_state.door_map(), level=self.level, by=self.by))
+        state.layer.draw(self._lines(map_state))
         return state
 
+    def _lines(self, state: DoorMapState) -> dict[DoorId, DoorLine]:
+        return door_lines(state.door_map(), level=self.level, by=self.by, only=self.only)
+
     def apply(self, state: DoorLayerState, batch: EventBatch, /) -> DoorLayerState:
-        """Fold a batch in; only the doors that it is about are drawn anew."""
+        """Fold a batch in; only the doors that it is about are drawn anew.
+
+        All are where it says what objects of a class are like.
+        """
         state.map.apply(batch)
+        if ClassDefined in batch:
+            state.changed = state.layer.draw(self._lines(state.map))
+            return state
         doors = distinct(batch.door_ids()[batch.about_doors()])
         about = [DoorId(door) for door in doors.tolist()]
+        how: dict[str, Any] = {"level": self.level, "by": self.by, "only": self.only}
         state.changed = state.layer.update(
-            {door: line_of(state.map.door(door), level=self.level, by=self.by) for door in about}
+            {door: line_of(state.map.door(door), **how) for door in about}
         )
         return state

@@ -18,6 +18,7 @@ from semmap_log.batches.retraction import in_ranges
 from semmap_log.domain.doors import Door, DoorId, DoorMap, Level, RemovedDoor
 from semmap_log.domain.events import (
     ADDING_KINDS,
+    ClassDefined,
     DoorAnnotated,
     DoorEvent,
     Event,
@@ -25,6 +26,7 @@ from semmap_log.domain.events import (
     LevelAdded,
 )
 from semmap_log.domain.meaning import FIELDS, REGISTERS, Presence
+from semmap_log.domain.object_classes import CLASS, ObjectClass
 from semmap_log.folds.annotations import Annotations, Stamp
 from semmap_log.folds.doors_present import DoorsPresent
 from semmap_log.folds.registers import NEVER, NOBODY, DoorColumns, writes_of
@@ -164,6 +166,26 @@ class DoorMapState:
         """Return the levels that have a name or a floor map, numbers ascending, with the names."""
         return {number: level.name for number, level in self._level_map().items()}
 
+    def classes(self) -> dict[str, ObjectClass]:
+        """Return the classes of objects that are defined, names ascending."""
+        return self._annotations.classes()
+
+    def objects(self) -> dict[DoorId, ObjectClass]:
+        """Return what all objects are that are no doors, removed ones too; ids ascending."""
+        classes = self.classes()
+        said = self.since_added(CLASS) if classes else {}
+        return {i: classes[name] for i, name in said.items() if name in classes}
+
+    def since_added(self, key: str) -> dict[DoorId, str]:
+        """Return what is said of each door under a key since it was added; ids ascending."""
+        said = self._annotations.said_under(key)
+        return {i: text for i, (stamp, text) in said.items()
+                if (added := self.stamp(i, "added")) is not None and stamp > added}  # fmt: skip
+
+    def defined(self, name: str) -> Stamp | None:
+        """Return (happened, number) of the definition of a class; None: there is none."""
+        return self._annotations.defined(name)
+
     def names(self) -> dict[DoorId, str]:
         """Return the latest name of every door that has one, removed doors too."""
         return self._annotations.names()
@@ -195,6 +217,10 @@ class DoorMapState:
         """Return what a door's annotation says, and since when; None: it was never made."""
         return self._annotations.get(door_id, key)
 
+    def forget_text(self, door_id: int, key: str, before: int) -> None:
+        """Leave out what events below a number said of a door under a key: it is redacted."""
+        self._annotations.forget(door_id, key, before)
+
     def door_map(self, *, at_ns: int | None = None, known_at_ns: int | None = None) -> DoorMap:
         """Return the doors that are in the map, as values; the moments are only written on it."""
         n = len(self._row_of)
@@ -202,9 +228,11 @@ class DoorMapState:
         here = np.flatnonzero(self._is_here(slice(n)))
         here = here[np.argsort(columns["door_id"][here])]
         chosen = {name: columns[name][here] for name in _OF_A_DOOR}
+        doors = DoorsPresent(chosen, self._annotations.snapshot())
         return DoorMap(
-            doors=DoorsPresent(chosen, self._annotations.snapshot()),
+            doors=doors,
             levels=MappingProxyType(self._level_map()),
+            classes=MappingProxyType(doors.classes),
             event=self.event,
             latest_ns=self.latest_happened_ns,
             at_ns=at_ns,
@@ -334,7 +362,7 @@ class DoorMapState:
             self._row_by_id = np.concatenate([self._row_by_id, more])
 
     def _apply_objects(self, batch: EventBatch, happened: Array) -> None:
-        for kind in (DoorAnnotated, LevelAdded, FloorMap):
+        for kind in (DoorAnnotated, LevelAdded, FloorMap, ClassDefined):
             if kind not in batch:
                 continue
             positions = batch.where(kind)
@@ -350,6 +378,8 @@ class DoorMapState:
         elif isinstance(event, LevelAdded):
             if event.level not in self._levels or stamp > self._levels[event.level][0]:
                 self._levels[event.level] = (stamp, event.name, event.elevation)
+        elif isinstance(event, ClassDefined):
+            self._annotations.define(event, stamp)
         elif isinstance(event, FloorMap):
             drawn = self._floor_maps.get(event.level)
             if drawn is None or stamp > drawn:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from semmap_log.common.distinct import distinct
 from semmap_log.domain.doors import Door, DoorId, DoorState
 from semmap_log.domain.meaning import FIELDS
+from semmap_log.domain.object_classes import CLASS, DOOR
 from semmap_log.folds.annotations import Annotations
 
 
@@ -26,6 +27,8 @@ class DoorsPresent(Mapping[DoorId, Door]):
         """
         self._columns = columns
         self._annotations = annotations
+        self.classes = annotations.classes()
+        """The classes of objects that are defined, names ascending."""
         self._ids: list[int] = columns["door_id"].tolist()
         self._places = dict(zip(self._ids, range(len(self._ids)), strict=True))
         self._made: dict[DoorId, Door] = {}
@@ -71,6 +74,12 @@ class DoorsPresent(Mapping[DoorId, Door]):
             chosen |= states > max(DoorState)  # what only a later version knows
         return [DoorId(self._ids[place]) for place in np.flatnonzero(chosen).tolist()]
 
+    def of_class(self, name: str) -> DoorsPresent:
+        """Return those of a class only."""
+        chosen = np.array([door.object_class.name == name for door in self.values()], np.bool_)
+        columns = {field: column[chosen] for field, column in self._columns.items()}
+        return DoorsPresent(columns, self._annotations)
+
     def names(self) -> dict[DoorId, str]:
         """Return the name of each door that has one, ids ascending."""
         named = (i for i in self._annotations.names() if i in self._places)
@@ -87,14 +96,23 @@ class DoorsPresent(Mapping[DoorId, Door]):
         for name, column in self._columns.items():
             now, then = column[at], before._columns[name][there]
             differs |= (now != then) & ~((now != now) & (then != then))  # noqa: PLR0124 - NaN
-        names, old_names = self._annotations.names(), before._annotations.names()
-        renamed = {i for i in names.keys() | old_names if names.get(i) != old_names.get(i)}
-        changed = {*common[differs].tolist(), *np.setdiff1d(mine, theirs).tolist(), *renamed}
+        said, old = self._said(), before._said()
+        told_anew = {i for i in said.keys() | old if said.get(i) != old.get(i)}
+        changed = {*common[differs].tolist(), *np.setdiff1d(mine, theirs).tolist(), *told_anew}
         gone = np.setdiff1d(theirs, mine).tolist()
         return (
             [DoorId(i) for i in sorted(changed) if i in self._places],
             [DoorId(i) for i in gone],
         )
+
+    def _said(self) -> Mapping[DoorId, object]:
+        """Return what is said of each in words: its name and, where there are classes, what it is.
+
+        Where there are none, no door is made for it.
+        """
+        if not self.classes:
+            return self._annotations.names()
+        return {i: (door.name, door.object_class, door.outline) for i, door in self.items()}
 
     def __repr__(self) -> str:
         return repr(self._all())
@@ -111,12 +129,14 @@ class DoorsPresent(Mapping[DoorId, Door]):
 
     def _door(self, row: dict[str, Any]) -> Door:
         values = {name: row[name] for name in FIELDS}
+        annotations = self._annotations.of(
+            row["door_id"], (row["added_happened_ns"], row["added_event"])
+        )
         return Door(
             door_id=DoorId(row["door_id"]),
             **values | {"state": DoorState.of(row["state"])},
             last_seen_ns=row["state_happened_ns"],
             last_event=row["last_event"],
-            annotations=self._annotations.of(
-                row["door_id"], (row["added_happened_ns"], row["added_event"])
-            ),
+            annotations=annotations,
+            object_class=self.classes.get(annotations.get(CLASS, ""), DOOR),
         )

@@ -203,7 +203,22 @@ class _DoorPlanner:
                 yield from self.new_door(door, door_id)
 
     def there(self, door: TableDoor) -> Door | None:
-        """Return the log's door that the file's means: by id, else by level and name."""
+        """Return the log's door that the file's means: by id, else by level and name.
+
+        Raises:
+            CommandError: Several are called so, or what is there is no door.
+        """
+        found = self.called_so(door)
+        if found is not None and not found.object_class.is_door:
+            raise CommandError(
+                f"{self.where(door)}: {found.label}, number {found.door_id}, is a "
+                f"{found.object_class.name} in the log, and no door; give the file's door another "
+                "number or name. Nothing was imported."
+            )
+        return found
+
+    def called_so(self, door: TableDoor) -> Door | None:
+        """Return what the log has under the id of a file's door, else under its level and name."""
         doors = self.present.door_map.doors
         if door.door_id is not None:
             return doors.get(door.door_id)

@@ -12,7 +12,7 @@ from itertools import chain, groupby
 from typing import NamedTuple
 
 from semmap_log.domain.commits import NO_CONTENT, Note
-from semmap_log.domain.events import Event, Retracted
+from semmap_log.domain.events import Event, Retracted, SightingsThinned
 from semmap_log.errors import CommandError
 from semmap_log.formats.json.event_json_reader import ParsedLine
 from semmap_log.importing.line_numbers import NumberMap
@@ -56,7 +56,7 @@ class PlannedCommit:
     lines: Iterator[tuple[int, ParsedLine]]
 
     def events(self, numbers: NumberMap, at_ns: int | None) -> Iterator[PlannedEvent]:
-        """Yield the events, retractions with the numbers that their events have in this log.
+        """Yield the events, with the numbers that those which they name have in this log.
 
         Retractions of what the file does not hold are left out.
         """
@@ -85,6 +85,9 @@ def taken(parsed: ParsedLine, numbers: NumberMap, at_ns: int | None) -> Event | 
             return None
         (first, last) = ranges[0]
         event = replace(event, first_event=first, last_event=last)
+    if isinstance(event, SightingsThinned) and parsed.number is not None:
+        ((first, _),) = numbers.ranges(event.first_event, event.first_event) or ((0, 0),)
+        event = replace(event, first_event=first)
     if event.happened_ns is None and at_ns is not None:
         event = replace(event, happened_ns=at_ns)
     return event

@@ -15,6 +15,7 @@ from semmap_log.common.texts import counted
 from semmap_log.domain.doors import MAX_DOOR_ID, Door, DoorId, DoorMap, DoorState
 from semmap_log.door_log.door_names import resolve_door
 from semmap_log.errors import UnknownDoorError
+from semmap_log.folds.doors_of_class import only_doors
 from semmap_log.folds.doors_present import DoorsPresent
 from semmap_log.planners.asked import DOOR
 from semmap_log.planners.question_lines import Atom
@@ -36,6 +37,7 @@ class DoorView:
     """The doors of one moment; does not change."""
 
     def __init__(self, door_map: DoorMap) -> None:
+        door_map = only_doors(door_map)
         assert isinstance(door_map.doors, DoorsPresent), "a map that a log gave"
         self.door_map = door_map
         self._doors = door_map.doors

@@ -116,4 +116,13 @@ def _start_place(
     if start_at is not None:
         return names.place(start_at, "--from")
     last = log.fold(LastPoseProjection(), at)
-    return None if last is None else last[1]
+    if last is None or _was_mapped_anew(log, last[1].level, last[0], at):
+        return None
+    return last[1]
+
+
+def _was_mapped_anew(log: DoorLog, level: int, since_ns: int, at: Moment | None) -> bool:
+    """Tell whether a level got another floor map since: places of before are none on it."""
+    then, now = (log.replay(at=moment).levels.get(level) for moment in (since_ns, at))
+    known = None if then is None else then.floor_map_event
+    return known is not None and now is not None and now.floor_map_event != known

@@ -1,9 +1,9 @@
-"""A log verified and recovered, its keyframes compared with what the replay says."""
+"""A log verified, copied and recovered, its keyframes compared with what the replay says."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path, PurePath
 
@@ -14,6 +14,7 @@ from semmap_log.replay.keyframe_check import ReplayKeyframeCheck
 from semmap_log.replay.read_model.indexing import index_problems
 from semmap_log.replay.written_state import WrittenState
 from semmap_log.store import salvage, verification
+from semmap_log.store.copying import Copied, copy_log
 from semmap_log.store.salvage import Recovered, RecoveryPlan, StateParts
 from semmap_log.store.verification import Progress, Verification
 from semmap_log.store.verification.file_place import FilePlace
@@ -23,7 +24,11 @@ _PARTS = StateParts(ReplayKeyframeCheck, WrittenState)
 
 
 def verify(
-    path: PurePath | FilePlace, head: bytes | None = None, progress: Progress | None = None
+    path: PurePath | FilePlace,
+    head: bytes | None = None,
+    progress: Progress | None = None,
+    *,
+    ends: Collection[int] = (),
 ) -> Verification:
     """Read all of a log, or one segment of it, and return what is wrong; as `verification.verify`.
 
@@ -31,13 +36,35 @@ def verify(
         path: The log's folder, one .mcap file, a zip file or a URL of it; or another place.
         head: Hash of a commit that the log must hold, kept elsewhere.
         progress: Told how many bytes are read.
+        ends: Event numbers: whether a commit ends before each of them, and with which hash.
 
     Raises:
         LogAccessError: The file system does not let us read it.
         LogError: It is of another format version.
     """
-    found = verification.verify(path, ReplayKeyframeCheck, head, progress)
+    found = verification.verify(path, ReplayKeyframeCheck, head, progress, ends=ends)
     return replace(found, findings=(*found.findings, *_index_findings(path)))
+
+
+def copy(
+    log: Path, target: Path, *, full: bool = False, progress: Progress | None = None
+) -> Copied:
+    """Copy a log, or bring a copy of it up to date; as `copying.copy_log`.
+
+    Args:
+        log: Its folder, or a zip file with it; it may be written meanwhile.
+        target: A folder that is not there yet, or is empty, or an earlier copy of the same log.
+        full: Read and verify what is there already, too; what is damaged there is copied again.
+        progress: Told how many bytes were copied and verified.
+
+    Raises:
+        LogExistsError: Something else lies at the target.
+        LogError: Another log lies there, or one that went on by itself; or there is no log.
+        LogLockedError: Somebody writes to the copy.
+        CorruptLogError: The log is damaged; the copy is as it was.
+        OutputError: The copy cannot be written; it holds what it held, or some segments more.
+    """
+    return copy_log(log, target, ReplayKeyframeCheck, full=full, progress=progress)
 
 
 def _index_findings(path: PurePath | FilePlace) -> list[Finding]:

@@ -44,6 +44,8 @@ class ChangeFinder:
         self._changes = {}
         found = page.events(doors=self._doors)
         for first, last in _runs(page.event_numbers()):
+            if last < self._reader.horizon:
+                continue  # what the door was before is not known any more
             self._take_in(
                 found.select((found.number >= first) & (found.number <= last)), first, last
             )

@@ -50,6 +50,11 @@ def version_of(data: bytes) -> int | None:
     return _HEAD.unpack_from(data)[1] if len(data) >= _HASH_AT + _HASH_BYTES else None
 
 
+def event_of(data: bytes) -> int | None:
+    """Return the number of the last event in a Keyframe message; None if it is too short."""
+    return _HEAD.unpack_from(data)[0] if len(data) >= _HASH_AT + _HASH_BYTES else None
+
+
 def why_unused(data: bytes) -> str:
     """Say why `decode` takes a Keyframe message for none."""
     version = version_of(data)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import replace
+from itertools import chain
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.late_dataclass import dataclass
@@ -83,8 +85,15 @@ def visible_batches(
         return
     retractions = reader.retractions(limit=limit)
     window = Window.up_to(at_ns=scope.at_ns, event=limit)
+    before: Iterable[EventBatch] = ()
+    if reader.horizon:
+        from semmap_log.replay.horizon import events_at_horizon
+
+        reader.check_horizon(window)
+        before = events_at_horizon(reader, window, doors)
+        window = replace(window, first_event=reader.horizon)
     found = events_about(reader, window, doors, progress=progress, on_page=on_page)
-    for batch in found:
+    for batch in chain(before, found):
         visible = retractions.visible(batch)
         if len(visible):
             yield visible

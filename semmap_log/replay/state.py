@@ -48,17 +48,35 @@ def state_at(
     Raises:
         NewerLogError: There is such an event.
         CorruptLogError: What was read is not what was written.
+        HorizonError: What it would take was older than the log is kept.
     """
     state, start = DoorMapState(), BEGINNING
     if limit is not None and limit < 0:
         return state
+    if at_ns is not None and at_ns < reader.horizon_ns:
+        return _pinned(reader, at_ns, limit)
     retractions = reader.retractions(limit=limit, with_newer=with_newer)
     if uses_keyframes:
         state, start = _Search(reader, at_ns, limit, retractions).nearest()
     window = Window.up_to(at_ns=at_ns, event=limit)
+    reader.check_reaches_horizon(start)
     for batch in reader.batches(window, start=start, progress=progress, with_newer=True):
         state.note_used_ids(batch)
         state.apply(retractions.visible(batch))
+    return state
+
+
+def _pinned(reader: LogReader, at_ns: int, limit: int | None) -> DoorMapState:
+    """Return the state of a moment before the horizon.
+
+    Raises:
+        HorizonError: It was not pinned, or not all that is known today is to count.
+    """
+    from semmap_log.replay.pins import pinned_state
+
+    state = pinned_state(reader, at_ns) if limit is None else None
+    if state is None:
+        raise reader.behind_horizon()
     return state
 
 
@@ -116,7 +134,7 @@ class _Search:
         """Return the last segment before which all events count."""
         last = len(self.reader.segments) - 1
         if self.limit is not None:
-            last = self.reader.segment_of(self.limit) or 0
+            last = self.reader.segment_of(self.limit + 1) or 0  # its head may be right behind
         if self.at_ns is not None:
             last = min(last, self.reader.segments_by(self.at_ns))
         return last

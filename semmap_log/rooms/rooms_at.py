@@ -10,6 +10,7 @@ from semmap_log.domain.doors import Door, DoorMap
 from semmap_log.domain.events import FloorMap
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.door_log.door_log import DoorLog, Time
+from semmap_log.folds.doors_of_class import only_doors
 from semmap_log.rooms.door_sides import sides_of
 from semmap_log.rooms.door_walls import in_walls
 from semmap_log.rooms.level_rooms import LevelRooms, level_rooms
@@ -81,7 +82,7 @@ def room_plan(
         CostmapError: A floor plan is turned against its grid.
         MomentError: A time cannot be read.
     """
-    door_map = log.replay(at, known_at, event)
+    door_map = only_doors(log.replay(at, known_at, event))
     floors = {
         level: floor
         for level in sorted(door_map.levels)

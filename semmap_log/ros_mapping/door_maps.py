@@ -99,7 +99,7 @@ class DoorMaps:
 
     def _remembered(self) -> dict[int, DoorId]:
         """Return the doors that are the server's, as far as the log tells."""
-        doors = self._context.known.doors.values()
+        doors = [door for door in self._context.known.doors.values() if door.object_class.is_door]
         own = {
             int(text): door.door_id
             for door in doors
@@ -121,8 +121,8 @@ class DoorMaps:
         if self._is_there(number):
             return self._door_of[number]
         door = self._context.known.doors.get(number)
-        if door is None or self._key in door.annotations:
-            return None  # not there, or known to be another of the server's
+        if door is None or self._key in door.annotations or not door.object_class.is_door:
+            return None  # not there, known to be another of the server's, or a dock and the like
         if not door.is_placed and not math.isnan(entry.pos_x):
             return None  # a sensor without geometry, which a server of doors knows nothing of
         return door.door_id

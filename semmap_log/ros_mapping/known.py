@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from semmap_log.domain.doors import Door, DoorId, DoorMap, next_door_id
 from semmap_log.domain.events import (
+    ClassDefined,
     DoorAnnotated,
     DoorEvent,
     Event,
@@ -119,6 +120,8 @@ class Known:
         if isinstance(event, DoorEvent):
             self._stale.add(event.door_id)
             self._call(event.door_id, before, self._name_of(event))
+        elif isinstance(event, ClassDefined):
+            self._stale.update(self._doors)
         elif isinstance(event, FloorMap):
             self.floor_maps[event.level] = event
         elif isinstance(event, PatrolStarted):

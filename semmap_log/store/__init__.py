@@ -13,4 +13,5 @@ the bytes, `pages` takes them apart; `segment` is a file being written, `folder`
     writing/        the one writer
     verification/   all of it examined, believing nothing, not even what `reading` does
     salvage/        a damaged log made whole again
+    copying/        a log copied while it is written
 """

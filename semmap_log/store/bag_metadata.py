@@ -19,9 +19,11 @@ from semmap_log.store.form import (
     BAG_METADATA_NAME,
     FLOOR_MAP_CHANNEL,
     FORMAT_MINOR,
+    TOMBSTONE_CHANNEL,
     floor_map_topic,
     offered_qos,
     topics,
+    trimmed_topics,
 )
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.newer import NOTHING_NEWER, Newer, is_later_kind
@@ -68,7 +70,7 @@ def write_bag_metadata(folder: LogFolder, segments: Iterable[ClosedSegment]) -> 
     Raises:
         OSError: As the system says.
     """
-    listed = list(segments)
+    listed = sorted(segments, key=lambda one: (one.start_ns, one.end_ns))  # as they come to be told
     if listed:
         text = bag_metadata_text(listed).encode()
         if not _says(folder, text):
@@ -131,7 +133,8 @@ def _topics(segments: list[ClosedSegment], counts: Counter[int]) -> Iterator[str
     """Yield all fixed topics, with or without messages, and the floor maps that there are."""
     minor = max(segment.minor for segment in segments)
     levels = (c - FLOOR_MAP_CHANNEL for c in counts if c > FLOOR_MAP_CHANNEL)
-    fixed = [topic for topic in topics() if topic.since_minor <= minor]
+    there = trimmed_topics() if TOMBSTONE_CHANNEL in counts else topics()
+    fixed = [topic for topic in there if topic.since_minor <= minor]
     known = [*fixed, *map(floor_map_topic, levels)]
     told = {
         topic.channel_id: (

@@ -1,28 +1,45 @@
-"""closed.json: how far a log reached when its last segment was closed.
+"""closed-2-26.json: how far a log reached when a segment was closed; the last one counts.
 
 A closed segment that was cut looks like a live one, and a log whose last file is gone like a
 shorter log: their bytes do not tell. So whoever closes a segment writes down, and syncs before
 `close` returns, which one it was, the number of the event behind it, and the hash of its last
 commit. A log that ends before, or that has another commit there, is not what it was. Compaction
-and merges change nothing of this; a log without the file (copied without it, or older than it) is
-read as it is.
+and merges change nothing of this; a log without such a file (copied without it, or older than it)
+is read as it is.
+
+Each mark is a file of its own, named after what it tells, and it never changes under that name. So
+`cp -r`, which lists the names first and copies one file after the other, cannot copy a mark that is
+ahead of its segments: a segment that a listed mark tells of was closed before the list was made.
+The marks before stay for a while, so that a copy under way finds one that it has listed.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
+from itertools import pairwise
 from pathlib import PurePath
 
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.texts import command_line
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import CLOSED_MARK_NAME, HASH_BYTES
+from semmap_log.store.form import HASH_BYTES, OLD_MARK_NAME, mark_name, mark_names
 from semmap_log.store.sealed_json import sealed, unsealed
 
 MOST_BYTES = 4096
 """A mark has some 250."""
+KEPT_S = 3600
+"""So long a mark stays that another has followed: a copy of the folder may take as long."""
+_ONE_IN_S = 600
+"""Of the marks of so long a time the first stays: a thousand commands leave few files …"""
+_LAST_KEPT = 20
+"""… and of all these that are the last: so `cp` seldom says that one has gone."""
+_MOST_LOOKS = 20
+"""So often the folder is listed, if what was listed has gone: others have followed it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,18 +54,59 @@ class ClosedMark:
     head: str
     """Hash of its last commit, in hexadecimal digits."""
 
+    @property
+    def file(self) -> str:
+        """Name of the file in which it is written."""
+        return mark_name(self.segment, self.next_event)
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """What grows from mark to mark of a log."""
+        return self.segment, self.next_event
+
     def text(self) -> str:
         """Return the file's text."""
-        return sealed(asdict(self))
+        entries = {
+            "log_id": self.log_id,
+            "segment": self.segment,
+            "next_event": self.next_event,
+            "head": self.head,
+        }
+        return sealed(entries)
 
 
 def write_mark(folder: LogFolder, mark: ClosedMark) -> None:
-    """Put a mark in place of the one before; it survives a power cut.
+    """Add a mark behind those before; it survives a power cut. Old ones are removed.
+
+    Only for who holds the writer's lock.
 
     Raises:
         OSError: As the system says.
     """
-    folder.write_whole(CLOSED_MARK_NAME, [mark.text().encode()])
+    folder.write_whole(mark.file, [mark.text().encode()])
+    with suppress(OSError):  # they cost nothing but room
+        for name in _superseded(folder, time.time()):
+            folder.remove(name)
+
+
+def _superseded(folder: LogFolder, now_s: float) -> list[str]:
+    """Return the marks that no copy under way can need any more.
+
+    Of the marks that a copy has listed, one must stay until the copy is made. Those that were
+    followed by another within the hour are candidates: the first of every ten minutes stays.
+    """
+    names = _names(folder)
+    written = {name: folder.status(name).st_mtime for name in names}
+    gone: list[str] = []
+    times: set[float] = set()
+    for place, (name, follower) in enumerate(pairwise(names)):
+        time_s = written[name] // _ONE_IN_S
+        is_crowded = time_s in times and place < len(names) - _LAST_KEPT
+        if now_s - written[follower] > KEPT_S or is_crowded:
+            gone.append(name)
+        else:
+            times.add(time_s)
+    return gone
 
 
 def read_mark(folder: LogFolder) -> ClosedMark | None:
@@ -56,37 +114,87 @@ def read_mark(folder: LogFolder) -> ClosedMark | None:
 
     Raises:
         CorruptLogError: It is not what was written.
+        OSError: The folder cannot be listed.
+    """
+    for _ in range(_MOST_LOOKS):
+        names = listed_marks(folder)
+        found = last_mark(names, partial(read_named_mark, folder))
+        if found is not None or not names:
+            return found
+    return None
+
+
+def listed_marks(folder: LogFolder) -> list[str]:
+    """Return the names of the marks that count: the last, and the one of older versions.
+
+    Raises:
+        OSError: The folder cannot be listed.
+    """
+    return those_that_count(_names(folder))
+
+
+def those_that_count(names: Sequence[str]) -> list[str]:
+    """Return of all marks, by name, the last one, and the one of older versions."""
+    return [name for name in names if name in (names[-1], OLD_MARK_NAME)]
+
+
+def last_mark(names: Sequence[str], read: Callable[[str], ClosedMark | None]) -> ClosedMark | None:
+    """Return the last of some marks; None: there is none any more.
+
+    Args:
+        names: Theirs.
+        read: Returns one; None: it was removed meanwhile, as one that another has followed.
+
+    Raises:
+        CorruptLogError: It is not what was written.
+    """
+    found = [mark for name in names if (mark := read(name)) is not None]
+    return max(found, key=lambda mark: mark.place, default=None)
+
+
+def _names(folder: LogFolder) -> list[str]:
+    try:
+        return mark_names(folder.names())
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+
+
+def read_named_mark(folder: LogFolder, name: str) -> ClosedMark | None:
+    """Return one mark, by its name; None: it is not there.
+
+    Raises:
+        CorruptLogError: It is not what was written.
     """
     try:
-        data = folder.read_bytes(CLOSED_MARK_NAME, MOST_BYTES)
+        data = folder.read_bytes(name, MOST_BYTES)
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
-        raise _damaged(folder.path, f"it cannot be read: {error.strerror or error}") from error
-    return mark_in(data, folder.path)
+        raise _damaged(folder / name, f"it cannot be read: {error.strerror or error}") from error
+    return mark_in(data, folder / name)
 
 
-def mark_in(data: bytes, log: PurePath) -> ClosedMark:
+def mark_in(data: bytes, file: PurePath) -> ClosedMark:
     """Return the mark that a file's bytes are.
 
     Args:
         data: Its bytes.
-        log: Where the log lies, for messages.
+        file: Where it lies, for messages.
 
     Raises:
         CorruptLogError: They are not what was written.
     """
     try:
         mark = ClosedMark(**unsealed(json.loads(data)))
-        fits = len(bytes.fromhex(mark.head)) == HASH_BYTES
+        fits = len(bytes.fromhex(mark.head)) == HASH_BYTES and min(mark.place) >= 0
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         fits = False
     if not fits:
-        raise _damaged(log, "it is not what was written")
+        raise _damaged(file, "it is not what was written")
     return mark
 
 
-def _damaged(log: PurePath, problem: str) -> CorruptLogError:
+def _damaged(file: PurePath, problem: str) -> CorruptLogError:
     unknown = "whether the log is as long as it was cannot be told"
-    problem = f"{problem}: {unknown}. To take it as it is: {command_line('recover', log)}"
-    return CorruptLogError(log / CLOSED_MARK_NAME, None, problem)
+    line = command_line("recover", file.parent)
+    return CorruptLogError(file, None, f"{problem}: {unknown}. To take it as it is: {line}")

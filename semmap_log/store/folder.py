@@ -136,6 +136,14 @@ class LogFolder:
         with os.scandir(at) as entries:
             return sorted((entry.name, entry.inode()) for entry in entries)
 
+    def names(self) -> list[str]:
+        """Return the names of all that is in the folder.
+
+        Raises:
+            OSError: As the system says.
+        """
+        return os.listdir(self.absolute if self._fd is None else self._fd)
+
     def status(self, name: str, *, follows: bool = False) -> os.stat_result:
         """Return what the system says of a file; if it `follows`, of what that links to.
 

@@ -3,7 +3,7 @@
     <log>/
       <log>_000000.mcap   a segment: closed (whole, indexed, never modified) or, the last, live
       <log>_000001.mcap
-      closed.json         how far they reached when the last was closed: a cut log is no short one
+      closed-1-2000.json  how far they reached when one was closed: a cut log is no short one
       metadata.yaml       for rosbag2's tools; a cache, absent while no segment is closed
       .lock               held by the one writer
 
@@ -40,13 +40,17 @@ add, and what a program that does not know it does with that:
 Who writes segments anew (compaction, recovery, the next segment of a log) keeps all of it byte for
 byte, but for what is a cache. Everything else comes with a new major version: other records in a
 segment, other channels of the log's own (90 to 99), and other values of the fields that there are.
+
+Version 4 is that of *trimmed* segments: closed ones from which records were taken out on purpose,
+by retention, thinning or redaction (`store/trimming`). All others stay at version 3. A trimmed
+segment has gaps in its event numbers, and a Tombstone where something is gone.
 """
 
 from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 
@@ -61,7 +65,9 @@ NAMES_OF_FILES = (".mcap", ".zip")
 
 FORMAT_VERSION = "3"
 """The major one."""
-KINDS_OF_MINOR = (14,)
+TRIMMED_VERSION = "4"
+"""That of a segment from which records were taken out."""
+KINDS_OF_MINOR = (14, 18)
 """How many of `KINDS` each minor version has: who adds a kind adds a version."""
 FORMAT_MINOR = len(KINDS_OF_MINOR) - 1
 PROFILE = "ros2"
@@ -81,8 +87,9 @@ NO_HASH = bytes(HASH_BYTES)
 
 LOCK_NAME = ".lock"
 BAG_METADATA_NAME = "metadata.yaml"
-CLOSED_MARK_NAME = "closed.json"
-"""How far the log reached when its last segment was closed: `closed_mark`."""
+OLD_MARK_NAME = "closed.json"
+"""How far the log reached when its last segment was closed, as versions before `closed_mark` named
+it: one file, which each closing replaced."""
 MANIFEST_NAME = "manifest.json"
 """Which segments lie in a store: `manifest`."""
 REMOVED_NAME = "shipped.json"
@@ -118,6 +125,8 @@ further up."""
 COMMIT_CHANNEL = 90
 NOTE_CHANNEL = 91
 KEYFRAME_CHANNEL = 92
+TOMBSTONE_CHANNEL = 93
+"""In trimmed segments only."""
 FLOOR_MAP_CHANNEL = 100
 """Level 0; level n is on channel 100 + n, written before first use in each segment."""
 
@@ -174,14 +183,23 @@ def topics() -> tuple[Topic, ...]:
         if cls is not FloorMap
     ]
     care = [
-        Topic(channel, channel, f"/semmap/{snake_case(name)}", type_name(name), durability)
-        for channel, name, durability in (
-            (COMMIT_CHANNEL, "Commit", VOLATILE),
-            (NOTE_CHANNEL, "CommitNote", VOLATILE),
-            (KEYFRAME_CHANNEL, "Keyframe", TRANSIENT_LOCAL),
-        )
+        _own_topic(COMMIT_CHANNEL, "Commit"),
+        _own_topic(NOTE_CHANNEL, "CommitNote"),
+        _own_topic(KEYFRAME_CHANNEL, "Keyframe", TRANSIENT_LOCAL),
     ]
     return (*events, *care, floor_map_topic(0))
+
+
+@cache
+def trimmed_topics() -> tuple[Topic, ...]:
+    """Return the channels that stand at the head of a trimmed segment, ids ascending."""
+    *others, floor_map = topics()
+    return (*others, _own_topic(TOMBSTONE_CHANNEL, "Tombstone"), floor_map)
+
+
+def _own_topic(channel: int, name: str, durability: str = VOLATILE) -> Topic:
+    """Return the channel of what is no event."""
+    return Topic(channel, channel, f"/semmap/{snake_case(name)}", type_name(name), durability)
 
 
 def kind_of_channel(channel_id: int) -> int | None:
@@ -201,9 +219,36 @@ def count_events(counts: Mapping[int, int]) -> int:
 
 def is_temporary(name: str) -> bool:
     """Tell whether that is the name of a file that a writer makes, before it gets its own."""
-    others = (BAG_METADATA_NAME, CLOSED_MARK_NAME, REMOVED_NAME, KEPT_SUFFIX)
+    others = (BAG_METADATA_NAME, OLD_MARK_NAME, ".closed-", REMOVED_NAME, KEPT_SUFFIX)
     ours = ".mcap" in name or any(one in name for one in others)
     return name.startswith(".") and name.endswith(TEMPORARY_SUFFIX) and ours
+
+
+def mark_name(segment: int, next_event: int) -> str:
+    """Return the name of the file that tells how far a log reached: `closed_mark`."""
+    return f"closed-{segment}-{next_event}.json"
+
+
+def is_mark_name(name: str) -> bool:
+    """Tell whether a file tells how far a log reached."""
+    return name[:6] == "closed" and (name == OLD_MARK_NAME or bool(_MARK.fullmatch(name)))
+
+
+def mark_names(names: Iterable[str]) -> list[str]:
+    """Return which of some files tell how far a log reached, the farthest last.
+
+    What the one of older versions tells is not in its name: it comes first.
+    """
+    marks = [name for name in names if name[:6] == "closed" and is_mark_name(name)]
+    return sorted(marks, key=_place_in) if len(marks) > 1 else marks
+
+
+def _place_in(mark: str) -> tuple[int, ...]:
+    found = _MARK.fullmatch(mark)
+    return tuple(map(int, found.groups())) if found else ()
+
+
+_MARK = late_pattern(r"closed-(\d{1,19})-(\d{1,19})\.json", re.ASCII)
 
 
 def segment_name(log: str, number: int) -> str:

@@ -7,6 +7,7 @@ import hashlib
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from enum import IntFlag
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ from semmap_log.store.form import (
     FORMAT_VERSION,
     INDEX_METADATA,
     LOG_METADATA,
+    TRIMMED_VERSION,
 )
 from semmap_log.store.newer import NOTHING_NEWER, Newer
 
@@ -33,7 +35,8 @@ class OtherVersionError(ValueError):
         self.is_newer = version not in ("", "1", "2")  # never released
         wanted = "a newer semmap-log" if self.is_newer else "the semmap-log that made it"
         super().__init__(
-            f"format version {version!r}: this program reads version {FORMAT_VERSION}; "
+            f"format version {version!r}: this program reads the versions {FORMAT_VERSION} and "
+            f"{TRIMMED_VERSION}; "
             f"install {wanted}"
         )
 
@@ -48,6 +51,29 @@ class LogInfo:
     """IANA name; times without an offset are read and shown in it."""
     building: str = ""
     robot: str = ""
+
+
+class TrimReason(IntFlag):
+    """Why records were taken out of a segment; the names are what its head says."""
+
+    REDACTED = 1
+    """They told who was where, or what nobody shall read."""
+    THINNED = 2
+    """They repeated what others say."""
+    EXPIRED = 4
+    """They were older than the log is kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trimmed:
+    """What the head of a segment says from which records were taken out."""
+
+    reasons: TrimReason
+    next_event: int
+    """Number of the first event behind the segment: what is left does not count them all."""
+    horizon: int = 0
+    """Events below this number are gone for their age; the Keyframe that tells the state there
+    stands in the segment, or at the head of the next."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +94,8 @@ class SegmentHeader:
     newer: Newer = NOTHING_NEWER
     """What else it has put at the head; of a segment that is read it is there once it is asked
     for: `Segment.full_header`."""
+    trimmed: Trimmed | None = None
+    """None: all that was written is there."""
 
     def __post_init__(self) -> None:
         if self.last_number < 0:
@@ -82,6 +110,7 @@ class SegmentHeader:
             last_number=number,
             first_event=first_event,
             hash_so_far=hash_so_far,
+            trimmed=None,
         )
 
     def as_written(self) -> SegmentHeader:
@@ -96,10 +125,12 @@ class SegmentHeader:
     def to_metadata(self) -> Metadata:
         """Return the MCAP record."""
         minor = {_MINOR_KEY: str(self.minor)} if self.minor else {}
+        trimmed = self.trimmed
+        version = FORMAT_VERSION if trimmed is None else TRIMMED_VERSION
         return _signed(
             LOG_METADATA,
             {
-                "format_version": FORMAT_VERSION,
+                "format_version": version,
                 "log_id": self.info.log_id,
                 "timezone": self.info.timezone,
                 "building": self.info.building,
@@ -108,6 +139,7 @@ class SegmentHeader:
                 "last_segment": str(self.last_number),
                 "first_event": str(self.first_event),
                 "hash_so_far": self.hash_so_far.hex(),
+                **({} if trimmed is None else _trimmed_entries(trimmed)),
                 **minor,
                 **dict(self.others),
             },
@@ -123,7 +155,7 @@ class SegmentHeader:
         """
         entries = _checked(metadata)
         version = entries.pop("format_version", "")
-        if version != FORMAT_VERSION:
+        if version not in (FORMAT_VERSION, TRIMMED_VERSION):
             raise OtherVersionError(version)
         try:
             info = LogInfo(
@@ -134,12 +166,34 @@ class SegmentHeader:
             )
             head = bytes.fromhex(entries.pop("hash_so_far"))
             minor = int(entries.pop(_MINOR_KEY, "0"))
-            return cls(info, number, first, head, last, minor, tuple(entries.items()))
+            trimmed = _trimmed_in(entries) if version == TRIMMED_VERSION else None
+            others = tuple(entries.items())
+            return cls(info, number, first, head, last, minor, others, trimmed=trimmed)
         except KeyError as error:
             raise ValueError(f"its entry {error} is missing") from None
 
 
 _MINOR_KEY = "format_minor"
+_REASONS_KEY, _NEXT_KEY, _HORIZON_KEY = "taken_out", "next_event", "horizon"
+
+
+def _trimmed_entries(trimmed: Trimmed) -> dict[str, str]:
+    names = [str(reason.name).lower() for reason in TrimReason if reason & trimmed.reasons]
+    horizon = {_HORIZON_KEY: str(trimmed.horizon)} if trimmed.horizon else {}
+    return {_REASONS_KEY: " ".join(names), _NEXT_KEY: str(trimmed.next_event), **horizon}
+
+
+def _trimmed_in(entries: dict[str, str]) -> Trimmed:
+    """Take out of the entries of a head what it says of being trimmed.
+
+    Raises:
+        ValueError: It is not what we write.
+        KeyError: Some is missing.
+    """
+    reasons = TrimReason(0)
+    for name in entries.pop(_REASONS_KEY).split():
+        reasons |= TrimReason[name.upper()]
+    return Trimmed(reasons, int(entries.pop(_NEXT_KEY)), int(entries.pop(_HORIZON_KEY, "0")))
 
 
 def with_all_of(headers: Sequence[SegmentHeader]) -> SegmentHeader:
@@ -153,7 +207,11 @@ def with_all_of(headers: Sequence[SegmentHeader]) -> SegmentHeader:
 
 
 def index_metadata(
-    events: Sequence[int], least_ns: Sequence[int], greatest_ns: Sequence[int], head: bytes
+    events: Sequence[int],
+    least_ns: Sequence[int],
+    greatest_ns: Sequence[int],
+    head: bytes,
+    next_events: Sequence[int] | None = None,
 ) -> Metadata:
     """Return the Metadata `semmap_index`: what the events of each chunk span, in file order.
 
@@ -165,6 +223,7 @@ def index_metadata(
         least_ns: Their least happened time.
         greatest_ns: Their greatest.
         head: Hash of the segment's last commit; of the one before, if it has none.
+        next_events: In a trimmed segment the number of the first event behind each chunk.
     """
     return _signed(
         INDEX_METADATA,
@@ -173,6 +232,7 @@ def index_metadata(
             "least_happened_ns": _pack(least_ns),
             "greatest_happened_ns": _pack(greatest_ns),
             "head": head.hex(),
+            **({} if next_events is None else {_NEXT_KEY: _pack(next_events)}),
         },
     )
 
@@ -193,6 +253,20 @@ def read_index(
     names = ("events", "least_happened_ns", "greatest_happened_ns")
     events, least, greatest = (_unpack(entries[name], most) for name in names)
     return events, least, greatest
+
+
+def next_events_in_index(metadata: Metadata, *, most: int) -> NDArray[np.int64] | None:
+    """Return the number of the first event behind each chunk; None: no segment was trimmed.
+
+    Args:
+        metadata: The `semmap_index` record.
+        most: As for `read_index`.
+
+    Raises:
+        ValueError: It is damaged, or longer.
+    """
+    text = _checked(metadata).get(_NEXT_KEY)
+    return None if text is None else _unpack(text, most)
 
 
 def head_in_index(metadata: Metadata) -> bytes | None:

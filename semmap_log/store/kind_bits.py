@@ -11,15 +11,26 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.events import KINDS, Event
+from semmap_log.domain.events import (
+    KINDS,
+    DoorObserved,
+    DoorPassed,
+    DoorRequested,
+    DoorUpdated,
+    Event,
+    RobotPose,
+    SightingsThinned,
+)
 from semmap_log.store.form import (
     COMMIT_CHANNEL,
     FLOOR_MAP_CHANNEL,
     KEYFRAME_CHANNEL,
     NOTE_CHANNEL,
+    TOMBSTONE_CHANNEL,
     kind_of_channel,
 )
 
+TOMBSTONE_BIT = 1
 UNKNOWN_BIT = 1 << 27
 """Kinds of events that a later version has added."""
 FOREIGN_BIT = 1 << 28
@@ -29,7 +40,12 @@ KEYFRAME_BIT = 1 << 31
 EVENT_BITS = FOREIGN_BIT - 2
 """Any kind of event, unknown ones, too."""
 
-_CARE = {COMMIT_CHANNEL: COMMIT_BIT, NOTE_CHANNEL: NOTE_BIT, KEYFRAME_CHANNEL: KEYFRAME_BIT}
+_CARE = {
+    COMMIT_CHANNEL: COMMIT_BIT,
+    NOTE_CHANNEL: NOTE_BIT,
+    KEYFRAME_CHANNEL: KEYFRAME_BIT,
+    TOMBSTONE_CHANNEL: TOMBSTONE_BIT,
+}
 
 
 def _bit_of_channel(channel: int) -> int:
@@ -54,6 +70,12 @@ def bits_of_channels(channels: NDArray[np.uint16]) -> NDArray[np.uint32]:
     return bits
 
 
+EXPIRING: tuple[type[Event], ...] = (
+    DoorUpdated, DoorObserved, DoorRequested, DoorPassed, RobotPose, SightingsThinned,
+)  # fmt: skip
+"""What retention takes out of old segments. All other kinds stay: which doors, levels, floor plans
+and rounds there were, what was taken back, and who said so."""
+
 _BITS_OF_KINDS = np.array([_bit_of_kind(kind) for kind in range(2**8)], np.uint32)
 
 
@@ -71,6 +93,9 @@ def bits_of_counts(counts: Mapping[int, int]) -> int:
 def bits_of_kinds(kinds: Iterable[type[Event]]) -> int:
     """Return the bits of these kinds of events together."""
     return sum({_bit_of_kind(kind.kind) for kind in kinds})
+
+
+EXPIRING_BITS = bits_of_kinds(EXPIRING)
 
 
 def kinds_of_bits(bits: int) -> list[int]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.store.bag_metadata import listed_names
-from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME, MANIFEST_NAME
+from semmap_log.store.form import BAG_METADATA_NAME, MANIFEST_NAME, OLD_MARK_NAME
 from semmap_log.store.manifest import Manifest, manifest_in
 
 
@@ -16,7 +16,8 @@ def log_objects(store: ObjectStore) -> list[ObjectStatus]:
     """Return what lies right below a URL, by name.
 
     A web server that lists nothing is asked for what the log's metadata.yaml names: the closed
-    segments, and with it closed.json.
+    segments, which tell how far it reached. What a mark is called, only a list tells; but for those
+    of older versions.
 
     Raises:
         LogAccessError: The store does not let us.
@@ -24,7 +25,7 @@ def log_objects(store: ObjectStore) -> list[ObjectStatus]:
     listed = store.list()
     if listed or not store.is_web_server:
         return listed
-    return _asked_for(store, (*listed_names(metadata_text(store)), CLOSED_MARK_NAME))
+    return _asked_for(store, (*listed_names(metadata_text(store)), OLD_MARK_NAME))
 
 
 def objects_named(store: ObjectStore, names: Sequence[str]) -> list[ObjectStatus]:

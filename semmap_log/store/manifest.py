@@ -19,7 +19,7 @@ from semmap_log.common.lazily import late_pattern
 from semmap_log.errors import CorruptLogError, NewerLogError
 from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.form import HASH_BYTES, NO_HASH, count_events
-from semmap_log.store.header import LogInfo, SegmentHeader
+from semmap_log.store.header import LogInfo, SegmentHeader, Trimmed, TrimReason
 from semmap_log.store.sealed_json import sealed, unsealed
 
 _FORMAT = 1
@@ -165,6 +165,7 @@ def _entries_of(segment: ShippedSegment) -> dict[str, Any]:
         "hash_so_far": header.hash_so_far.hex(),
         "format_minor": header.minor,
         "others": [list(pair) for pair in header.others],
+        **({} if header.trimmed is None else _trimmed_entries(header.trimmed)),
         "head_end": segment.head_end,
         "next_event": segment.next_event,
         "head": segment.head.hex(),
@@ -196,6 +197,7 @@ def _segment_of(entries: dict[str, Any], info: LogInfo) -> ShippedSegment:
         _number(entries, "last_segment"),
         _number(entries, "format_minor"),
         tuple((str(key), str(value)) for key, value in entries["others"]),
+        trimmed=_trimmed_of(entries),
     )
     (least, greatest), (earliest, latest) = entries["recorded_ns"], entries["happened_ns"]
     told = ShippedSegment(
@@ -214,11 +216,29 @@ def _segment_of(entries: dict[str, Any], info: LogInfo) -> ShippedSegment:
     return told
 
 
+def _trimmed_entries(trimmed: Trimmed) -> dict[str, Any]:
+    return {"taken_out": int(trimmed.reasons), "horizon": trimmed.horizon}
+
+
+def _trimmed_of(entries: dict[str, Any]) -> Trimmed | None:
+    if "taken_out" not in entries:
+        return None
+    reasons = TrimReason(_number(entries, "taken_out"))
+    return Trimmed(reasons, _number(entries, "next_event"), _number(entries, "horizon"))
+
+
 def _number(entries: dict[str, Any], name: str) -> int:
     found = entries[name]
     if type(found) is not int or not 0 <= found < 2**63:
         raise ValueError(f"{name}: expected a whole number from 0 on, got {found!r:.40}")
     return found
+
+
+def _is_counted(told: ShippedSegment) -> bool:
+    """Tell whether a segment has as many events as its numbers leave room for."""
+    events = told.next_event - told.header.first_event
+    counted = count_events(told.counts)
+    return counted == events if told.header.trimmed is None else 0 <= counted <= events
 
 
 def _check_possible(told: ShippedSegment) -> None:
@@ -232,7 +252,7 @@ def _check_possible(told: ShippedSegment) -> None:
         "last_segment": header.number <= header.last_number,
         "bytes": told.head_end <= told.size,
         "counts": min(told.counts.values(), default=0) >= 0,
-        "next_event": header.first_event + count_events(told.counts) == told.next_event,
+        "next_event": _is_counted(told),
         "recorded_ns": 0 <= told.recorded[0] <= told.recorded[1] < 2**64,
         "happened_ns": told.happened[0] <= told.happened[1],
     }

@@ -219,7 +219,11 @@ class Page:
         chosen = kinds_of(self.heads["channel_id"]) > 0
         if recorded_by_ns is not None:
             chosen &= self.heads["log_time"] <= recorded_by_ns
-        return numbers_of_sequence(self.heads["sequence"][chosen], self.first_event)
+        return self.numbers(np.flatnonzero(chosen))
+
+    def numbers(self, places: NDArray[np.intp]) -> NDArray[np.int64]:
+        """Return the event numbers that the records at these places bear."""
+        return numbers_of_sequence(self.heads["sequence"][places], self.first_event)
 
     def commit_places(self) -> NDArray[np.intp]:
         """Return the places of its Commit messages, as far as they are of the right size."""
@@ -254,10 +258,13 @@ class Page:
             fixed = fixed_layout(int(wrong[0]))
             raise ValueError(f"a {fixed.name} that is not {fixed.dtype.itemsize} bytes long")
 
-    def _payload(self, i: int) -> bytes:
+    def record(self, i: int) -> bytes | memoryview:
+        """Return a whole Message record, by its place."""
         start = int(self.offsets[i])
-        end = start + mcap.FRAME.size + int(self.heads["length"][i])
-        return bytes(self.records[start + mcap.MESSAGE.size : end])
+        return self.records[start : start + mcap.FRAME.size + int(self.heads["length"][i])]
+
+    def _payload(self, i: int) -> bytes:
+        return bytes(self.record(i)[mcap.MESSAGE.size :])
 
     def _objects(
         self, kind: int, places: NDArray[np.int64], names: Mapping[int, str]

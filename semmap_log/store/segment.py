@@ -51,6 +51,7 @@ from semmap_log.store.form import (
     floor_map_topic,
     offered_qos,
     topics,
+    trimmed_topics,
 )
 from semmap_log.store.header import SegmentHeader, index_metadata
 
@@ -93,7 +94,8 @@ class Head:
     @classmethod
     def of(cls, header: SegmentHeader) -> Head:
         """Return those of a version, and what a later one has added."""
-        schemas, channels = _known_head(min(header.minor, FORMAT_MINOR))
+        is_trimmed = header.trimmed is not None
+        schemas, channels = _known_head(min(header.minor, FORMAT_MINOR), is_trimmed=is_trimmed)
         return cls(
             _in_order(schemas, header.newer.schemas), _in_order(channels, header.newer.channels)
         )
@@ -107,10 +109,11 @@ def _in_order(
 
 @cache
 def _known_head(
-    minor: int,
+    minor: int, *, is_trimmed: bool
 ) -> tuple[tuple[tuple[int, bytes], ...], tuple[tuple[int, bytes], ...]]:
     """Return id and record of each Schema, and of each Channel, of a minor version."""
-    there = [topic for topic in topics() if topic.since_minor <= minor]
+    known = trimmed_topics() if is_trimmed else topics()
+    there = [topic for topic in known if topic.since_minor <= minor]
     schemas = {topic.schema_id: topic.ros_type for topic in there}
     return (
         tuple((number, mcap.record(schema_record(number, schemas[number]))) for number in schemas),
@@ -150,6 +153,7 @@ class SegmentWriter:
         """Once it is closed: the index of its commands."""
         self._chunks: list[tuple[int, ChunkFacts]] = []
         """Where each chunk lies, and what the summary says of it."""
+        self._next_events: list[int] = []
         self._held_back: list[bytes] = []
         self._held_back_size = 0
         self._metadata: list[MetadataIndex] = []
@@ -183,6 +187,7 @@ class SegmentWriter:
         *,
         levels: AbstractSet[int] = frozenset(),
         hold_back: bool = False,
+        next_event: int = -1,
     ) -> None:
         """Append a chunk, after the channels of levels that are new to this segment: one write.
 
@@ -190,6 +195,7 @@ class SegmentWriter:
             chunk: The chunk.
             levels: Levels whose floor maps are in it.
             hold_back: Keep the bytes in memory until there are many, or `flush` is called.
+            next_event: In a trimmed segment the number of the first event behind the chunk.
         """
         data = chunk.data
         offset = self.size
@@ -208,6 +214,7 @@ class SegmentWriter:
             self._is_broken = False
         facts = chunk.facts
         self._chunks.append((offset, facts))
+        self._next_events.append(next_event)
         self.commits += facts.counts.get(COMMIT_CHANNEL, 0)
         self.written.add(chunk)
 
@@ -284,6 +291,7 @@ class SegmentWriter:
             [one.happened[0] for one in facts],
             [one.happened[1] for one in facts],
             self.written.head,
+            None if self.header.trimmed is None else self._next_events,
         )
         self._write_metadata(INDEX_METADATA, mcap.record(index))
         self._write_command_index()

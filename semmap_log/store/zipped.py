@@ -25,7 +25,7 @@ from typing import BinaryIO
 
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.io.file_calls import open_plainly
-from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME, KEPT_SUFFIX, REMOVED_NAME
+from semmap_log.store.form import BAG_METADATA_NAME, KEPT_SUFFIX, REMOVED_NAME, is_mark_name
 
 FREE_BYTES = 128 * 2**20
 MOST_RATIO = 100
@@ -131,7 +131,7 @@ def _stays_inside(name: str) -> bool:
 
 def _is_of_log(name: str) -> bool:
     is_segment = name.endswith((".mcap", KEPT_SUFFIX)) and not name.startswith(".")
-    return is_segment or name in (BAG_METADATA_NAME, CLOSED_MARK_NAME, REMOVED_NAME)
+    return is_segment or is_mark_name(name) or name in (BAG_METADATA_NAME, REMOVED_NAME)
 
 
 def _check_kinds(path: Path, members: list[zipfile.ZipInfo]) -> None:

@@ -7,10 +7,11 @@ from typing import cast
 
 from typing_extensions import assert_never
 
-from semmap_log.common.texts import percent
+from semmap_log.common.texts import counted, percent
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import (
     AnyEvent,
+    ClassDefined,
     DoorAdded,
     DoorAnnotated,
     DoorObserved,
@@ -20,32 +21,42 @@ from semmap_log.domain.events import (
     DoorUpdated,
     Event,
     FloorMap,
+    HistoryTrimmed,
     LevelAdded,
     LogExported,
+    MomentPinned,
     PatrolFinished,
     PatrolStarted,
     Retracted,
     RobotPose,
+    SightingsThinned,
     UnknownEvent,
 )
 from semmap_log.domain.meaning import PARTS, Changed
+from semmap_log.domain.moments import format_utc
+from semmap_log.domain.object_classes import DOOR, ObjectClass
 
 
-def words_of(event: Event) -> str:
-    """Return what happened, such as `seen OPEN (90 %)`."""
+def words_of(event: Event, of: ObjectClass = DOOR) -> str:
+    """Return what happened, such as `seen OPEN (90 %)`.
+
+    Args:
+        event: The event.
+        of: What it is about: its states are called as that class has it.
+    """
     known = cast("AnyEvent", event)
     match known:
         case DoorAdded():
             place = "" if not math.isnan(known.x) else " without a place"
-            return f"added{place}, {known.state.name}{_probabilities(known)}"
+            return f"added{place}, {of.word(known.state)}{_probabilities(known)}"
         case DoorUpdated():
-            return _update(known)
+            return _update(known, of)
         case DoorRemoved():
             return "removed from the map"
         case DoorObserved():
-            return f"seen {known.state.name}{_accuracy(known)}{_opening(known)}"
+            return f"seen {of.word(known.state)}{_accuracy(known)}{_opening(known)}"
         case DoorRequested():
-            return f"asked to be {known.state.name}"
+            return f"asked to be {of.word(known.state)}"
         case DoorPassed():
             waited = "" if math.isnan(known.waited_s) else f" after {known.waited_s:.0f} s"
             return f"passed{waited}" if known.passed else f"given up{waited}"
@@ -68,6 +79,15 @@ def words_of(event: Event) -> str:
             return f"floor plan of level {known.level}: {columns} x {rows} cells"
         case LogExported():
             return f"exported as {known.format}: {known.file_name}"
+        case HistoryTrimmed():
+            return f"history trimmed ({known.reasons}): {known.rule}"
+        case MomentPinned():
+            return f"moment pinned: {known.name}, {format_utc(known.at_ns)}"
+        case SightingsThinned():
+            return f"seen {of.word(known.state)} {counted(known.count, 'time')} more; thinned"
+        case ClassDefined():
+            blocks = f"; {known.blocks} blocks" if known.blocks else "; blocks nothing"
+            return f"class {known.class_name}: a {known.geometry}, {known.states}{blocks}"
         case UnknownEvent():
             return f"{type(known).__name__}: unknown here, of a newer version"
         case _:
@@ -84,10 +104,10 @@ def state_told_by(event: Event) -> DoorState | None:
     return event.values_set().get("state")
 
 
-def _update(event: DoorUpdated) -> str:
+def _update(event: DoorUpdated, of: ObjectClass) -> str:
     said = []
     if event.changed & Changed.STATE:
-        said.append(f"set to {event.state.name}")
+        said.append(f"set to {of.word(event.state)}")
     if event.changed & Changed.POSE:
         said.append(f"moved to {event.x:.2f}, {event.y:.2f}")
     if event.changed & Changed.WIDTH:

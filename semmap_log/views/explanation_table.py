@@ -10,6 +10,7 @@ from rich.text import Text
 from semmap_log.beliefs.door_beliefs import DoorBelief
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import format_local, format_short
+from semmap_log.domain.object_classes import DOOR, ObjectClass
 from semmap_log.door_log.explanation import Explanation, StateReason
 from semmap_log.folds.history import HistoryEntry
 from semmap_log.views.belief_words import why_unknown, with_interval
@@ -53,6 +54,7 @@ class _Rows:
         self.table: PairTable = pairs()
         self._told = told
         self._tz = tz
+        self._of = _class_told(told)
         self._day = format_short(told.time_ns, tz).partition(" ")[0]
 
     def add(self, name: str, value: Callable[[When], Text], *, under: str = "") -> None:
@@ -69,13 +71,13 @@ class _Rows:
         if known.begun_by is None or known.last is None:
             return
         begun, last = known.begun_by, known.last
-        self.add("by", lambda _: _event(begun), under=name)
+        self.add("by", lambda _: _event(begun, self._of), under=name)
         if last.number != begun.number:
             before = duration(told.time_ns - last.folds_ns)
             times = f"; told {known.times_told} times"
             self.add(
                 "last by",
-                lambda _: _event(last).append(f", {before} before{times}"),
+                lambda _: _event(last, self._of).append(f", {before} before{times}"),
                 under=name,
             )
 
@@ -90,6 +92,12 @@ class _Rows:
         if all(said.startswith(f"{self._day} ") for said in both):
             both = [self.drawn(first_ns), self.drawn(last_ns)]
         return " to ".join(both)
+
+
+def _class_told(told: Explanation) -> ObjectClass:
+    """Return what a log tells something of."""
+    door = told.true.door or told.believed.door
+    return DOOR if door is None else door.object_class
 
 
 def _called(told: Explanation) -> str:
@@ -109,18 +117,19 @@ def _state(known: StateReason, told: Explanation, when: When) -> Text:
         return Text(f"removed at {when(known.since_ns)}, {gone} before", style=OTHER_STATE_COLOUR)
     assert known.since_ns is not None, "a door that is there has a state since some time"
     lasted = duration(told.time_ns - known.since_ns)
-    return _coloured(known.state).append(f" since {when(known.since_ns)}, for {lasted}")
+    said = f" since {when(known.since_ns)}, for {lasted}"
+    return _coloured(known.state, _class_told(told)).append(said)
 
 
-def _coloured(state: DoorState, said: str = "") -> Text:
+def _coloured(state: DoorState, of: ObjectClass, said: str = "") -> Text:
     """Return a state, or what is said of it, in its colour; what is appended has none."""
-    return Text.assemble((said or state.name, STATE_COLOURS.get(state, OTHER_STATE_COLOUR)))
+    return Text.assemble((said or of.word(state), STATE_COLOURS.get(state, OTHER_STATE_COLOUR)))
 
 
-def _event(entry: HistoryEntry) -> Text:
+def _event(entry: HistoryEntry, of: ObjectClass) -> Text:
     """Return an event in a sentence: its number, what it says, who and why."""
     ahead = " (its clock was ahead)" if entry.happened_ns > entry.recorded_ns else ""
-    said = words_of_entry(entry)
+    said = words_of_entry(entry, of)
     return Text(f"event {entry.number}, ").append(said).append(f"{ahead}{_who(entry)}")
 
 
@@ -176,16 +185,18 @@ def _add_otherwise(rows: _Rows, told: Explanation) -> None:
     name = "otherwise"
     for entry in told.otherwise:
         if entry in shown:
-            _add_one_otherwise(rows, name, entry)
+            _add_one_otherwise(rows, name, entry, _class_told(told))
             name = ""
     if len(told.otherwise) > len(shown):
         more = f"… and {len(told.otherwise) - len(shown)} more, farther away; all: --json"
         rows.add("", lambda _: Text(more), under="otherwise")
 
 
-def _add_one_otherwise(rows: _Rows, name: str, entry: HistoryEntry) -> None:
+def _add_one_otherwise(rows: _Rows, name: str, entry: HistoryEntry, of: ObjectClass) -> None:
     under = "" if name else "otherwise"
-    rows.add(name, lambda when: Text(f"{when(entry.folds_ns)} ").append(_event(entry)), under=under)
+    rows.add(
+        name, lambda when: Text(f"{when(entry.folds_ns)} ").append(_event(entry, of)), under=under
+    )
 
 
 def _p_open(told: Explanation) -> Text:
@@ -198,20 +209,21 @@ def _p_open(told: Explanation) -> Text:
         why = f": {why_unknown(belief.evidence)}" if isinstance(belief, DoorBelief) else ""
         return Text(f"UNKNOWN{why}", style=OTHER_STATE_COLOUR)
     likely = DoorState.OPEN if belief.p_open >= LIKELY else DoorState.CLOSED
-    said = _coloured(likely, with_interval(belief.p_open, belief.low, belief.high))
+    of = _class_told(told)
+    said = _coloured(likely, of, with_interval(belief.p_open, belief.low, belief.high))
     is_against = told.believed.state in STATE_COLOURS and told.believed.state is not likely
-    doubt = f": rather {likely.name}, against the state that was believed" if is_against else ""
+    doubt = f": rather {of.word(likely)}, against the state that was believed" if is_against else ""
     return said.append(doubt)
 
 
 def _next(told: Explanation, when: When) -> Text:
     """Return what came after."""
-    change = told.next
+    change, of = told.next, _class_told(told)
     if change is not None:
-        named = Text("removed") if change.state is None else _coloured(change.state)
+        named = Text("removed") if change.state is None else _coloured(change.state, of)
         later = duration(change.time_ns - told.time_ns)
         return named.append(f" at {when(change.time_ns)}, {later} later; ").append(
-            _event(change.entry)
+            _event(change.entry, of)
         )
     if told.time_ns > told.end_ns:
         before = duration(told.time_ns - told.end_ns)

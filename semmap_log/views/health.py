@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rich.console import Group, RenderableType
@@ -16,6 +17,7 @@ from semmap_log.store.verification.findings import Finding, Severity, Verificati
 if TYPE_CHECKING:
     from pathlib import PurePath
 
+    from semmap_log.signing.signed_log import SignedVerification
     from semmap_log.store.salvage import Loss, Recovered, RecoveryPlan
 
 VERDICTS = {0: "good", 3: "torn tail", 4: "damaged", 5: "not a log"}
@@ -25,6 +27,7 @@ SEVERITY_STYLES = {
     "NOTE": "dim",
     "WARNING": "yellow",
     "TORN": "yellow",
+    "NOT_AS_SIGNED": "red",
     "DAMAGE": "red",
     "NOT_A_LOG": "red",
 }
@@ -33,12 +36,27 @@ MOST_NOTES = 20
 
 
 def verdict(found: Verification) -> str:
-    """Return in two words how a log is."""
+    """Return in a few words how a log is."""
+    if found.of(Severity.NOT_AS_SIGNED) and not found.of(Severity.DAMAGE, Severity.NOT_A_LOG):
+        return "not as signed"
     return VERDICTS[found.exit_code]
 
 
-def verification_report(found: Verification) -> RenderableType:
-    """Return what was read, what was found in it, and what to do about it."""
+def signed_verification_report(done: SignedVerification) -> RenderableType:
+    """Return the same of a log whose signatures were checked, and up to where it is signed."""
+    good = f"{done.good:,} of {counted(done.statements, 'statement')} good"
+    reach = f"up to event {done.signed_before - 1}" if done.signed_before else "no event"
+    by = [plain_text(f"  by {key}") for key in done.by]
+    return verification_report(done.found, [Text(f"signed {reach}; {good}"), *by])
+
+
+def verification_report(found: Verification, signed: Sequence[Text] = ()) -> RenderableType:
+    """Return what was read, what was found in it, and what to do about it.
+
+    Args:
+        found: That.
+        signed: What is said of its signatures, in lines; empty: they were not checked.
+    """
     if found.exit_code == 5:
         return Group(*(plain_text(f"{f.path}: {f.text}") for f in found.findings))
     checked = (
@@ -50,6 +68,7 @@ def verification_report(found: Verification) -> RenderableType:
     since = found.events_after_head
     if since is not None:
         parts.append(Text(f"holds the head asked for, and {counted(since, 'event')} since"))
+    parts += signed
     notes = 0
     for finding in found.findings:
         notes += finding.severity.name == "NOTE"
@@ -58,7 +77,7 @@ def verification_report(found: Verification) -> RenderableType:
     if notes > MOST_NOTES:
         parts.append(Text(f"… and {notes - MOST_NOTES} more notes (all: --json)", style="dim"))
     parts.append(Text(f"head {found.head.hex()}"))
-    if found.exit_code == 0 and since is None:
+    if found.exit_code == 0 and since is None and not signed:
         parts.append(head_hint(found.path))
     if todo := _what_to_do(found):
         parts.append(pasteable(plain_lines(todo)))
@@ -112,6 +131,11 @@ def _finding(finding: Finding) -> list[RenderableType]:
 
 
 def _what_to_do(found: Verification) -> str:
+    if verdict(found) == "not as signed":
+        return (
+            "To do: where only signatures are missing, `sign` makes them. Else find out who had\n"
+            "access to the log, and compare it with a copy from elsewhere."
+        )
     if found.exit_code == 4 and isinstance(found.path, UrlPath):
         return (
             "To do: remove the objects named above and manifest.json there, and ship the log\n"

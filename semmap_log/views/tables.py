@@ -7,11 +7,12 @@ half a name is no name; in less than 80, columns are left out.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice
 from pathlib import PurePath
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
@@ -21,6 +22,7 @@ from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.domain.events import DoorUpdated, Event, RobotPose, field_names
 from semmap_log.domain.meaning import PART_OF
 from semmap_log.domain.moments import format_local, format_short
+from semmap_log.domain.object_classes import DOOR, ObjectClass
 from semmap_log.folds.levels import levels_of
 from semmap_log.views.column_table import (
     Cell,
@@ -34,6 +36,7 @@ from semmap_log.views.event_words import printable, words_of
 from semmap_log.views.pairs import add_pair, pairs
 
 if TYPE_CHECKING:
+    from semmap_log.door_log.personal_data import PersonalData
     from semmap_log.door_log.summary import LogSummary
     from semmap_log.folds.diff import Diff, FieldChange
     from semmap_log.folds.history import HistoryEntry
@@ -55,10 +58,14 @@ LATE_NS = 60 * SECOND_NS
 
 MOST_EVENTS_OF_A_DIFF = 40
 MOST_SUSPECTS = 20
+MOST_NAMES = 8
 PAGE_ROWS = 500
 DATE_WIDTH, TIME_WIDTH = len("2026-03-02"), len("08:00:00")
 
 Names = Mapping[DoorId, str]
+Objects = Mapping[DoorId, ObjectClass]
+"""What all objects are that are no doors."""
+NO_OBJECTS: Objects = MappingProxyType({})
 SHORTEST_NAME = 14
 
 
@@ -79,7 +86,8 @@ def door_table(door_map: DoorMap, *, tz: str) -> RenderableType:
             _text(door.name or ABSENT),
             _text(door_map.level_name(door.level) if door.level in known else ABSENT),
             *(_number(getattr(door, name)) for name in ("x", "y", "theta", "width")),
-            _state(door.state),
+            *([_text(door.object_class.name)] if door_map.classes else []),
+            state_in_words(door.state, door.object_class),
             *(_number(getattr(door, name)) for name in ("prob_open", "prob_closed")),
             age(door.last_seen_ns, door_map.moment_ns),
             ABSENT if door.last_seen_ns is None else format_local(door.last_seen_ns, tz),
@@ -104,6 +112,7 @@ def _door_columns(door_map: DoorMap) -> list[TableColumn]:
         TableColumn("y", "y" if placed else None, right=True, yields=4),
         TableColumn("theta", "theta" if placed else None, right=True, yields=5),
         TableColumn("width", "width" if placed else None, right=True, yields=5),
+        *([TableColumn("class", "class", yields=1)] if door_map.classes else []),
         TableColumn("state", "state"),
         TableColumn("prob_open", "P of\nopen" if open_given else None, right=True, yields=2),
         TableColumn("prob_closed", "P of\nclosed" if closed_given else None, right=True, yields=3),
@@ -113,14 +122,22 @@ def _door_columns(door_map: DoorMap) -> list[TableColumn]:
 
 
 def history_table(
-    entries: Iterable[HistoryEntry], *, tz: str, names: Names = MappingProxyType({})
+    entries: Iterable[HistoryEntry],
+    *,
+    tz: str,
+    names: Names = MappingProxyType({}),
+    objects: Objects = NO_OBJECTS,
 ) -> ColumnTable:
     """Return events with who and why, one a row; for many, print `history_pages` one by one."""
-    return _history_page(list(entries), tz=tz, names=names, before=None)
+    return _history_page(list(entries), tz=tz, names=names, objects=objects, before=None)
 
 
 def history_pages(
-    entries: Iterable[HistoryEntry], *, tz: str, names: Names = MappingProxyType({})
+    entries: Iterable[HistoryEntry],
+    *,
+    tz: str,
+    names: Names = MappingProxyType({}),
+    objects: Objects = NO_OBJECTS,
 ) -> Iterator[ColumnTable]:
     """Yield the table of `history_table` in pieces whose columns line up; the first has the head.
 
@@ -128,12 +145,13 @@ def history_pages(
         entries: Events, in the order to show.
         tz: IANA zone of the times.
         names: What the doors are called; one without a name is its number.
+        objects: What is no door.
     """
     waiting = iter(entries)
     page = list(islice(waiting, PAGE_ROWS))
     before: HistoryEntry | None = None
     while page or before is None:
-        yield _history_page(page, tz=tz, names=names, before=before)
+        yield _history_page(page, tz=tz, names=names, objects=objects, before=before)
         if not page:
             return
         before, page = page[-1], list(islice(waiting, PAGE_ROWS))
@@ -168,19 +186,22 @@ def diff_table(found: Diff, *, tz: str) -> RenderableType:
     )
     told = [entry for entry in found.events if not isinstance(entry.event, RobotPose)]
     nothing = [] if found else [Text("No door is different.")]
-    return Group(table, *nothing, moments, *_last_events(told, tz=tz, names=_names(found)))
+    return Group(table, *nothing, moments, *_last_events(told, tz, _names(found), _objects(found)))
 
 
-def _last_events(told: list[HistoryEntry], *, tz: str, names: Names) -> list[RenderableType]:
+def _last_events(
+    told: list[HistoryEntry], tz: str, names: Names, objects: Objects
+) -> list[RenderableType]:
     """Return a table of events of which the last are drawn, and how many there are before."""
     if not told:
         return []
-    drawn = history_table(told[-MOST_EVENTS_OF_A_DIFF:], tz=tz, names=names)
+    of_log: dict[str, Any] = {"tz": tz, "names": names, "objects": objects}
+    drawn = history_table(told[-MOST_EVENTS_OF_A_DIFF:], **of_log)
     parts: list[RenderableType] = [Text(), drawn]
     if len(told) > MOST_EVENTS_OF_A_DIFF:
         earlier = counted(len(told) - MOST_EVENTS_OF_A_DIFF, "event")
         parts.append(Text(f"… and {earlier} before these", style="dim"))
-    return [TextPicture(lambda _: Group(*parts), history_table(told, tz=tz, names=names))]
+    return [TextPicture(lambda _: Group(*parts), history_table(told, **of_log))]
 
 
 def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> ColumnTable:
@@ -229,7 +250,8 @@ def summary_table(summary: LogSummary) -> RenderableType:
             add_pair(table, name, _text(text))
     add_pair(table, "log id", info.log_id)
     add_pair(table, "time zone", tz)
-    add_pair(table, "doors", str(len(summary.door_map)))
+    for name, count in _counted_by_class(summary.door_map):
+        add_pair(table, name, str(count))
     events = f"{summary.events:,} in {counted(summary.commits, 'commit')}"
     add_pair(table, "events", CellValue(events, str(summary.events)))
     for kind, count in summary.counts.items():
@@ -246,11 +268,49 @@ def summary_table(summary: LogSummary) -> RenderableType:
     add_pair(table, "size", CellValue(size, str(summary.bytes)), told_name="bytes")
     if summary.index is not None:
         add_pair(table, "index", _index_words(summary.index, summary.segments[0].path.parent))
+    for name, text in _personal_words(summary.personal):
+        add_pair(table, name, _text(text))
     add_pair(table, "head", summary.head.hex())
     wrong = [*summary.warnings, *_suspects(summary)]
     for text in wrong:
         add_pair(table, "warning", _text(text, style="yellow"))
     return Group(table, *[Text("nothing looks wrong", style="dim")] * (not wrong))
+
+
+def _counted_by_class(door_map: DoorMap) -> Iterator[tuple[str, int]]:
+    """Yield how many doors there are, and how many objects of each class."""
+    if not door_map.classes:
+        yield "doors", len(door_map)
+        return
+    counts = Counter(door.object_class.name for door in door_map.doors.values())
+    yield "doors", counts[DOOR.name]
+    for name in door_map.classes:
+        yield f"class {name}", counts[name]
+
+
+def _personal_words(personal: PersonalData) -> Iterator[tuple[str, str]]:
+    """Yield what of a log tells of persons, in words."""
+    if personal.notes:
+        said = f"{personal.notes:,}, {personal.reasons:,} of them with a reason"
+        yield "notes", f"{said}; by {_most(personal.actors)}"
+    if personal.annotations:
+        yield "annotated", _most(personal.annotations)
+    if personal.poses or personal.patrols:
+        rounds = counted(personal.patrols, "round")
+        yield "tracks", f"{counted(personal.poses, 'pose')}, {rounds}"
+
+
+def _most(names: Counter[str]) -> str:
+    """Return the most frequent names, and how often each is there."""
+    told = [f"{name} {count:,}" for name, count in sorted(names.items(), key=_frequent)]
+    if len(told) > MOST_NAMES:
+        told[MOST_NAMES:] = [f"{len(told) - MOST_NAMES} others"]
+    return ", ".join(told) or "nobody"
+
+
+def _frequent(name_and_count: tuple[str, int]) -> tuple[int, str]:
+    name, count = name_and_count
+    return -count, name
 
 
 def _index_words(index: IndexState, log: PurePath) -> str:
@@ -291,7 +351,12 @@ def age(then_ns: int | None, now_ns: int) -> str:
 
 
 def _history_page(
-    entries: list[HistoryEntry], *, tz: str, names: Names, before: HistoryEntry | None
+    entries: list[HistoryEntry],
+    *,
+    tz: str,
+    names: Names,
+    objects: Objects,
+    before: HistoryEntry | None,
 ) -> ColumnTable:
     """Return one page: drawn, a date stands once a day, who and why once a commit."""
     table = ColumnTable(HISTORY_COLUMNS, has_head=before is None)
@@ -310,7 +375,7 @@ def _history_page(
             entry.kind,
             door_id,
             _text(door_id if entry.door_id is None else names.get(entry.door_id, door_id)),
-            words_of_entry(entry),
+            words_of_entry(entry, class_in(objects, entry.door_id)),
             _text("" if is_same_commit else said),
             *(getattr(entry, part) or ABSENT for part in ("actor", "source", "reason")),
             style="dim" if entry.retracted else "",
@@ -345,13 +410,18 @@ def _text(text: str, *, style: str = "") -> Text:
     return Text(printable(text), style=style)
 
 
-def words_of_entry(entry: HistoryEntry) -> Text:
+def class_in(objects: Objects, door_id: DoorId | None) -> ObjectClass:
+    """Return what an event is about."""
+    return DOOR if door_id is None else objects.get(door_id, DOOR)
+
+
+def words_of_entry(entry: HistoryEntry, of: ObjectClass = DOOR) -> Text:
     """Return what an event says, how late it was told, what was before, and what took it back."""
-    said = words_of(entry.event)
+    said = words_of(entry.event, of)
     late_ns = entry.recorded_ns - entry.happened_ns
     if late_ns > LATE_NS:
         said += f" (told {age(0, late_ns)} later)"
-    return _text(said + _before(entry) + _taken_back(entry))
+    return _text(said + _before(entry, of) + _taken_back(entry))
 
 
 def _taken_back(entry: HistoryEntry) -> str:
@@ -362,12 +432,12 @@ def _taken_back(entry: HistoryEntry) -> str:
     return f" (retracted{by})"
 
 
-def _before(entry: HistoryEntry) -> str:
+def _before(entry: HistoryEntry, of: ObjectClass) -> str:
     """Return what the fields that an event changed had been, such as `, was CLOSED`."""
     known = [change for change in entry.changes if not _is_absent(change.before)]
     if len(known) == 1:
-        return f", was {_short(known[0].before)}"
-    said = ", ".join(f"{change.field} {_short(change.before)}" for change in known)
+        return f", was {_short(known[0].before, of)}"
+    said = ", ".join(f"{change.field} {_short(change.before, of)}" for change in known)
     return f"; was: {said}" if said else ""
 
 
@@ -375,23 +445,24 @@ def _is_absent(value: object) -> bool:
     return value is None or value == "" or (isinstance(value, float) and math.isnan(value))
 
 
-def _short(value: object) -> str:
+def _short(value: object, of: ObjectClass = DOOR) -> str:
     if isinstance(value, DoorState):
-        return value.name
+        return of.word(value)
     return f"{value:.2f}" if isinstance(value, float) else str(value)
 
 
-def _state(state: DoorState) -> Text:
-    return Text(state.name, style=STATE_COLOURS.get(state, OTHER_STATE_COLOUR))
+def state_in_words(state: DoorState, of: ObjectClass = DOOR) -> Text:
+    """Return what a state is called, in its colour."""
+    return Text(printable(of.word(state)), style=STATE_COLOURS.get(state, OTHER_STATE_COLOUR))
 
 
 def _number(value: float) -> str:
     return ABSENT if math.isnan(value) else f"{value:.3f}"
 
 
-def _value(value: object) -> Cell:
+def _value(value: object, of: ObjectClass = DOOR) -> Cell:
     if isinstance(value, DoorState):
-        return _state(value)
+        return state_in_words(value, of)
     if isinstance(value, float):
         return _number(value)
     if isinstance(value, bytes):
@@ -411,7 +482,7 @@ def _who(door: Door) -> tuple[Cell, Cell, Cell]:
 
 def _door_in_short(door: Door) -> Text:
     place = f" at {door.x:.3f}, {door.y:.3f}" if door.is_placed else ""
-    return _state(door.state).append(place, style="default")
+    return state_in_words(door.state, door.object_class).append(place, style="default")
 
 
 def _names(found: Diff) -> Names:
@@ -420,10 +491,17 @@ def _names(found: Diff) -> Names:
     return {door_id: door.name for door_id, door in doors.items() if door.name}
 
 
+def _objects(found: Diff) -> Objects:
+    """Return what is no door at the two moments of a diff."""
+    doors = {**found.before.doors, **found.after.doors}
+    return {i: door.object_class for i, door in doors.items() if not door.object_class.is_door}
+
+
 def _before_and_after(change: FieldChange) -> Iterator[tuple[Cell, Cell]]:
     """Yield what a field was and is; of annotations, of each that changed."""
     if change.field != "annotations":
-        yield _value(change.before), _value(change.after)
+        of = change.door.object_class
+        yield _value(change.before, of), _value(change.after, of)
         return
     for key in sorted({**change.before, **change.after}):
         before, after = change.before.get(key), change.after.get(key)

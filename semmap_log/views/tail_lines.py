@@ -14,7 +14,7 @@ from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorEvent
 from semmap_log.domain.moments import format_local
 from semmap_log.views.event_words import printable, words_of
-from semmap_log.views.tables import ABSENT
+from semmap_log.views.tables import ABSENT, NO_OBJECTS, Objects, class_in
 
 DOOR_WIDTH = 14
 NUMBER_WIDTH = 6
@@ -29,7 +29,12 @@ ROW = ("event", "happened", "recorded", "kind", "door_id", "door", "what",
 
 
 def event_row(
-    recorded: RecordedEvent, *, tz: str, names: Mapping[DoorId, str], note: Note = Note()
+    recorded: RecordedEvent,
+    *,
+    tz: str,
+    names: Mapping[DoorId, str],
+    objects: Objects = NO_OBJECTS,
+    note: Note = Note(),
 ) -> tuple[str, ...]:
     """Return an event as the cells of `ROW`; arguments are those of `event_line`."""
     event = recorded.event
@@ -41,7 +46,7 @@ def event_row(
         type(event).__name__,
         ABSENT if door_id is None else str(door_id),
         ABSENT if door_id is None else names.get(door_id, str(door_id)),
-        words_of(event),
+        words_of(event, class_in(objects, door_id)),
         *(text or ABSENT for text in (note.actor, note.source, note.reason)),
     )
 
@@ -51,6 +56,7 @@ def event_line(
     *,
     tz: str,
     names: Mapping[DoorId, str],
+    objects: Objects = NO_OBJECTS,
     note: Note = Note(),
     width: int = UNBOUNDED,
 ) -> str:
@@ -60,16 +66,18 @@ def event_line(
         recorded: The event.
         tz: IANA zone of the times.
         names: What the doors are called; one without a name is its number.
+        objects: What is no door.
         note: What its commit says.
         width: Of the terminal: what is longer goes on in lines that are indented.
     """
     event = recorded.event
-    door = names.get(event.door_id, str(event.door_id)) if isinstance(event, DoorEvent) else ""
+    door_id = event.door_id if isinstance(event, DoorEvent) else None
+    door = "" if door_id is None else names.get(door_id, str(door_id))
     parts = [
         f"{recorded.number:>{NUMBER_WIDTH}}",
         format_local(recorded.happened_ns, tz),
         _padded(printable(door), DOOR_WIDTH),
-        printable(words_of(event)),
+        printable(words_of(event, class_in(objects, door_id))),
     ]
     if recorded.recorded_ns - recorded.happened_ns > LATE_NS:
         parts.append(f"(recorded {format_local(recorded.recorded_ns, tz)})")

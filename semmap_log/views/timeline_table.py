@@ -9,9 +9,10 @@ from rich.text import Text
 
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import DAY_NS, SECOND_NS, format_local, format_short
+from semmap_log.domain.object_classes import DOOR, ObjectClass
 from semmap_log.folds.timeline import Interval, Timeline
 from semmap_log.views.column_table import CellValue, ColumnTable, TableColumn, with_line_end
-from semmap_log.views.tables import OTHER_STATE_COLOUR, STATE_COLOURS
+from semmap_log.views.tables import state_in_words
 
 PAGE_ROWS = 500
 TIME_WIDTH = len("2026-03-02 08:00:00")
@@ -19,29 +20,31 @@ UNITS = ((DAY_NS, "d"), (3600 * SECOND_NS, "h"), (60 * SECOND_NS, "min"), (SECON
 """Nanoseconds in a unit, and its name."""
 
 
-def timeline_pages(timeline: Timeline, *, tz: str) -> Iterator[ColumnTable]:
+def timeline_pages(timeline: Timeline, *, tz: str, of: ObjectClass = DOOR) -> Iterator[ColumnTable]:
     """Yield the intervals as tables whose columns line up; the first has the head.
 
     Args:
         timeline: A door's.
         tz: IANA zone of the times.
+        of: What it is the timeline of.
     """
     waiting = iter(timeline)
     page = list(islice(waiting, PAGE_ROWS))
     is_first = True
     while page or is_first:
-        yield _page(page, tz=tz, show_header=is_first)
+        yield _page(page, of, tz=tz, show_header=is_first)
         page, is_first = list(islice(waiting, PAGE_ROWS)), False
 
 
-def timeline_totals(timeline: Timeline, *, tz: str) -> Text:
+def timeline_totals(timeline: Timeline, *, tz: str, of: ObjectClass = DOOR) -> Text:
     """Return how much of the known time the door was open, and how the timeline ends, in words."""
     opened, closed = timeline.total_ns(DoorState.OPEN), timeline.total_ns(DoorState.CLOSED)
     known, whole = opened + closed, int(timeline.duration_ns.sum())
-    said = "never known to be open or closed for any time"
+    is_open, is_closed = (of.word(s).lower() for s in (DoorState.OPEN, DoorState.CLOSED))
+    said = f"never known to be {is_open} or {is_closed} for any time"
     if known:
         said = (
-            f"open {opened / known:.1%}, closed {closed / known:.1%} "
+            f"{is_open} {opened / known:.1%}, {is_closed} {closed / known:.1%} "
             f"of the {duration(known)} in which that was known"
         )
         if whole > known:
@@ -63,7 +66,7 @@ def duration(ns: int) -> str:
     return " ".join(filter(None, parts))
 
 
-def _page(intervals: list[Interval], *, tz: str, show_header: bool) -> ColumnTable:
+def _page(intervals: list[Interval], of: ObjectClass, *, tz: str, show_header: bool) -> ColumnTable:
     table = ColumnTable(COLUMNS, has_head=show_header)
     for interval in intervals:
         ends = interval.start_ns, interval.end_ns
@@ -71,7 +74,7 @@ def _page(intervals: list[Interval], *, tz: str, show_header: bool) -> ColumnTab
             *(CellValue(_drawn_time(ns, tz), format_local(ns, tz)) for ns in ends),
             duration(interval.duration_ns),
             f"{interval.duration_ns / SECOND_NS:.3f}",
-            Text(interval.state.name, style=STATE_COLOURS.get(interval.state, OTHER_STATE_COLOUR)),
+            state_in_words(interval.state, of),
             str(interval.sightings),
             str(interval.event),
         )

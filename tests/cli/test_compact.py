@@ -52,7 +52,7 @@ def test_before_and_after_are_printed(log: Path, run: Run) -> None:
     """
     before = sum(path.stat().st_size for path in segment_files(log))
 
-    code, out, err = run(log)
+    code, out, err = run(log, "--free-now")
 
     after = sum(path.stat().st_size for path in segment_files(log))
     assert (0, "") == (code, err)
@@ -65,7 +65,7 @@ def test_json(log: Path, run: Run) -> None:
     """
     One document, with every figure and what became what.
     """
-    code, out, _ = run(log, "--json")
+    code, out, _ = run(log, "--json", "--free-now")
 
     said = json.loads(out)
     assert 0 == code
@@ -78,6 +78,23 @@ def test_json(log: Path, run: Run) -> None:
             "into": "office_000000.mcap",
         }
     ] == said["steps"]
+
+
+def test_what_was_merged_stays_for_copies_under_way(log: Path, run: Run) -> None:
+    """
+    How many files, and their bytes, and when they go; with --free-now they go at once.
+    """
+    parts = segment_files(log)[1:]
+    size = sum(path.stat().st_size for path in parts)
+
+    _, out, _ = run(log)
+    _, again, _ = run(log, "--json")
+
+    assert f"2 merged files, {size:,} bytes, stay for an hour" in out
+    assert (2, size) == (json.loads(again)["merged_files"], json.loads(again)["merged_bytes"])
+    assert all(path.exists() for path in parts)
+    run(log, "--free-now")
+    assert [log / "office_000000.mcap"] == segment_files(log)
 
 
 def test_a_second_time_there_is_nothing_to_do(log: Path, run: Run) -> None:

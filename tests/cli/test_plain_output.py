@@ -51,6 +51,7 @@ def _steering(text: str) -> set[str]:
 VERBS = [
     ["replay"], ["history"], ["show", "0"], ["tail"], ["info"], ["verify"], ["timeline", "1"],
     ["diff", "event:0", "event:2"], ["probabilities"], ["best-time", "1"], ["compact"],
+    ["redact", "--notes", "--dry-run"], ["retain", "--keep", "1d", "--dry-run"],
 ]  # fmt: skip
 
 

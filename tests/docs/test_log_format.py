@@ -25,9 +25,14 @@ from steady_clock import SteadyClock
 
 import semmap_log as sl
 from semmap_log.domain.events import FloorMap, LevelAdded
+from semmap_log.errors import HorizonError
 from semmap_log.messages import layout
-from semmap_log.store.form import topics
-from semmap_log.store.header import LogInfo, SegmentHeader
+from semmap_log.store.form import trimmed_topics
+from semmap_log.store.header import LogInfo, SegmentHeader, Trimmed, TrimReason
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.trimming.redaction import Annotation, Notes, Redaction, Tracks
+from semmap_log.trimming.retention import Retention
+from semmap_log.trimming.trim_log import TrimRule, trim_log
 
 PAGE = (ROOT / "docs" / "log_format.md").read_text(encoding="utf-8")
 (READER,) = [block.text for block in blocks_of(PAGE) if block.language == "python"]
@@ -242,6 +247,85 @@ def test_a_log_without_its_first_segment_is_refused(tmp_path: Path) -> None:
     assert "a segment is missing" in run_reader(log).stderr
 
 
+OF_ALL = 10**9
+HOURS_OF_SUNDAY = ("00:30", "09:00", "10:17", "15:00", "20:30")
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [[Tracks()], [Notes()], [Notes("tinyRobot1"), Annotation(1, "name")]],
+    ids=["tracks", "notes", "notes of one actor, and a name"],
+)
+def test_a_redacted_log(parts: list[Any], tmp_path: Path) -> None:
+    """
+    All of its moments can be asked about, and the head of the hash chain is the product's.
+    """
+    log = tmp_path / "office"
+    shutil.copytree(ROOT / "recordings" / "office", log)
+
+    done = trim_log(log, Redaction(parts, OF_ALL)).done
+
+    assert done.events + done.notes
+    assert read_by_product(log) == without_nan(read_by_page(log))
+    for hour in HOURS:
+        moment = sl.read(log).instant(f"2026-03-02T{hour}")
+        for name in ("at", "known_at"):
+            by_page = read_by_page(log, f"--{name.replace('_', '-')}={moment}")
+            assert read_by_product(log, **{name: moment}) == without_nan(by_page)
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A week of which the last day is kept; and its last names were redacted before."""
+    log = tmp_path_factory.mktemp("kept") / "clinic"
+    shutil.copytree(ROOT / "recordings" / "clinic_week", log)
+    until = sl.read(log).instant("2026-03-08T10:00")
+    assert until is not None
+    rules: list[TrimRule] = [Redaction([Annotation(3, "name"), Notes()], OF_ALL)]
+    rules.append(Retention(LogReader(log), until))
+    assert all(trim_log(log, rule).done.segments for rule in rules)
+    return log
+
+
+@pytest.mark.parametrize("names", ["at", "known_at"])
+def test_a_log_with_a_horizon(names: str, kept: Path) -> None:
+    """
+    The doors at each moment behind it, from the keyframe that stands there.
+    """
+    assert read_by_product(kept) == without_nan(read_by_page(kept))
+    for hour in HOURS_OF_SUNDAY:
+        moment = sl.read(kept).instant(f"2026-03-08T{hour}")
+        by_page = read_by_page(kept, f"--{names.replace('_', '-')}={moment}")
+        assert read_by_product(kept, **{names: moment}) == without_nan(by_page)
+
+
+@pytest.mark.parametrize("option", ["--at", "--known-at"])
+def test_a_moment_before_the_horizon_is_refused(option: str, kept: Path) -> None:
+    """
+    By both.
+    """
+    moment = LogReader(kept).horizon_ns - 1
+
+    assert "is no longer kept" in run_reader(kept, f"{option}={moment}").stderr
+    with pytest.raises(HorizonError, match="no longer kept"):
+        sl.read(kept).replay(**{option[2:].replace("-", "_"): moment})
+
+
+def test_what_is_left_of_a_commit_is_held_to_its_tombstone(tmp_path: Path) -> None:
+    """
+    A segment that claims that something else was left.
+    """
+    log = tmp_path / "office"
+    shutil.copytree(ROOT / "recordings" / "office", log)
+    trim_log(log, Redaction([Tracks()], OF_ALL))
+    reader = READER.replace('lacks["kept_digest"][32', 'lacks["digest"][32')
+
+    line = [sys.executable, "-I", "-c", GUARD + reader, str(log)]
+    done = subprocess.run(line, capture_output=True, text=True, check=False)
+
+    assert "what is left is not what was kept" in done.stderr
+
+
 def _table(heading: str) -> list[list[str]]:
     """Return the cells of the first table below a heading, without its head; backticks off."""
     below = PAGE[PAGE.index(f"# {heading}\n") :]
@@ -260,10 +344,10 @@ def test_the_table_of_channels_is_the_products() -> None:
     floor = told.pop("100 + level, schema 13")
     assert {
         str(topic.channel_id): (topic.topic, topic.ros_type)
-        for topic in topics()
+        for topic in trimmed_topics()
         if topic.channel_id != 100
     } == told
-    assert floor[1] == next(t.ros_type for t in topics() if t.channel_id == 100)
+    assert floor[1] == next(t.ros_type for t in trimmed_topics() if t.channel_id == 100)
 
 
 def test_the_table_of_a_commits_bytes_is_the_products() -> None:
@@ -286,7 +370,8 @@ def test_the_table_of_the_heads_entries_is_the_products() -> None:
     """
     Each key that a writer writes, and those that it leaves out when they say nothing.
     """
-    header = SegmentHeader(LogInfo("0" * 32, "UTC"), 0, 0, bytes(32), minor=1)
+    info, trimmed = LogInfo("0" * 32, "UTC"), Trimmed(TrimReason.EXPIRED, 9, 7)
+    header = SegmentHeader(info, 0, 0, bytes(32), minor=1, trimmed=trimmed)
     told = {
         key for row in _table("The head: Metadata `semmap_log`") for key in row[0].split("`, `")
     }

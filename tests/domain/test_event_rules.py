@@ -21,14 +21,17 @@ from semmap_log.domain.doors import LEVEL_NOT_GIVEN, DoorState
 from semmap_log.domain.events import (
     KINDS,
     Changed,
+    ClassDefined,
     DoorAdded,
     DoorAnnotated,
     DoorObserved,
     DoorPassed,
     DoorUpdated,
     FloorMap,
+    HistoryTrimmed,
     LevelAdded,
     LogExported,
+    MomentPinned,
     Retracted,
     RobotPose,
     field_names,
@@ -54,6 +57,11 @@ EVENT = f"a whole number from 0 to {2**63 - 1}"
 STATE = "one of UNKNOWN OPEN CLOSED MOVING OFFLINE"
 
 BEFORE_0, BEHIND_1, BEFORE_HALF = -LEAST, math.nextafter(1, 2), math.nextafter(0.5, 0)
+WORDS = (
+    "two or three different words with a comma between, for OPEN, CLOSED and MOVING, such as "
+    "free,taken"
+)
+
 EDGES: dict[str, tuple[str, list[Any], list[Any]]] = {
     "door_id": (PATROL, [0, 2**32 - 1], [-1, 2**32, 1.0, True, "1"]),
     "level": (LEVEL, [0, 65_000, LEVEL_NOT_GIVEN], [-1, 65_001, 65_535, 0.0]),
@@ -97,16 +105,42 @@ EDGES: dict[str, tuple[str, list[Any], list[Any]]] = {
     "format": ("text that UTF-8 can hold", ["yaml"], ["\ud800"]),
     "file_name": ("a text", [""], [b"a.yaml"]),
     "at_ns": (EVENT, [0, 2**63 - 1], [-1, 2**63, 1.0]),
+    "next_event": (EVENT, [0, 2**63 - 1], [-1, 2**63, 1.0]),
+    "events_gone": (EVENT, [0, 2**63 - 1], [-1, 2**63]),
+    "notes_gone": (EVENT, [0, 2**63 - 1], [-1, 2**63]),
+    "horizon": (EVENT, [0, 2**63 - 1], [-1, 2**63]),
+    "reasons": ("a text", [""], [5, None]),
+    "rule": ("a text", [""], [5, None]),
+    "tombstones": ("a text", [""], [5, None]),
+    "keyframe": ("a text", [""], [b"eA==", None]),
+    "count": (f"a whole number from 1 to {2**32 - 1}", [1, 2**32 - 1], [0, 2**32]),
+    "first_ns": (EVENT, [0, 2**63 - 1], [-1, 2**63]),
+    "last_ns": (EVENT, [0, 2**63 - 1], [-1, 2**63]),
     "salt": ("", [b"", bytes(16)], []),
+    "class_name": (
+        "the name of a class, such as dock: no door, and without , and /",
+        ["dock", "fire shutter", "d"], ["", " dock", "a,b", "a/b", "Door"],
+    ),
+    "geometry": ("one of segment polygon point", ["segment", "point"], ["", "line", "POINT"]),
+    "states": (
+        WORDS,
+        ["free,taken", "taken, free , moving", "open,taken", "a,TAKEN,moving"],
+        ["", "taken", "taken,Taken", "taken,,free", "taken,open", "a,taken,c,d", "offline,taken"],
+    ),
+    "blocks": ("some of free,taken, commas between", ["", "taken", "Free , TAKEN"], ["wet", ","]),
 }  # fmt: skip
 """Field -> what is said, values at the edge that an event can have, and values behind it."""
 
 PLACED = {"x": 1.0, "y": 2.0, "theta": 0.5, "width": 0.9}
-NUMBERS = {"origin_x": 0.0, "origin_y": 0.0, "resolution": 0.05, "first_event": 7, "last_event": 9}
-TEXTS = {"key": "name", "value": "front", "name": "ground", "format": "yaml", "file_name": "a"}
+NUMBERS = {"origin_x": 0.0, "origin_y": 0.0, "resolution": 0.05, "first_event": 7, "last_event": 9,
+           "next_event": 7, "events_gone": 2, "notes_gone": 1, "horizon": 0,
+           "count": 3, "first_ns": 4, "last_ns": 5}  # fmt: skip
+TEXTS = {"key": "name", "value": "front", "name": "ground", "format": "yaml", "file_name": "a",
+         "reasons": "redacted", "rule": "notes", "tombstones": "ab"}  # fmt: skip
 GOOD = {
     **PLACED, **NUMBERS, **TEXTS, "door_id": 1, "level": 0, "state": DoorState.OPEN, "patrol": 1,
     "changed": Changed(31), "passed": True, "at_ns": 5, "cells": np.zeros((2, 3), np.int8),
+    "class_name": "dock", "geometry": "point", "states": "free,taken", "blocks": "taken",
 }  # fmt: skip
 FIELDS = [(kind, name) for kind in KINDS for name in field_names(kind)]
 
@@ -328,9 +362,10 @@ def test_the_kinds_keep_their_numbers() -> None:
     assert [
         "DoorAdded", "DoorUpdated", "DoorRemoved", "DoorObserved", "DoorRequested", "DoorPassed",
         "PatrolStarted", "PatrolFinished", "RobotPose", "Retracted", "DoorAnnotated", "LevelAdded",
-        "FloorMap", "LogExported",
+        "FloorMap", "LogExported", "HistoryTrimmed", "MomentPinned", "SightingsThinned",
+        "ClassDefined",
     ] == [kind.__name__ for kind in KINDS]  # fmt: skip
-    assert list(range(1, 15)) == [kind.kind for kind in KINDS]
+    assert list(range(1, 19)) == [kind.kind for kind in KINDS]
 
 
 @pytest.mark.parametrize(
@@ -353,7 +388,9 @@ def test_columns_have_room_for_all_that_a_rule_allows(kind: type[Any], name: str
             assert stored == made
 
 
-OBJECTS = [DoorAnnotated, LevelAdded, FloorMap, LogExported]
+OBJECTS = [
+    DoorAnnotated, LevelAdded, FloorMap, LogExported, HistoryTrimmed, MomentPinned, ClassDefined,
+]  # fmt: skip
 
 
 def test_kinds_with_texts_or_cells_are_read_as_objects() -> None:

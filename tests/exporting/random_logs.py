@@ -13,6 +13,7 @@ from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import NAN, DoorState
 from semmap_log.domain.events import (
     Changed,
+    ClassDefined,
     DoorAdded,
     DoorAnnotated,
     DoorEvent,
@@ -23,12 +24,15 @@ from semmap_log.domain.events import (
     DoorUpdated,
     Event,
     FloorMap,
+    HistoryTrimmed,
     LevelAdded,
     LogExported,
+    MomentPinned,
     PatrolFinished,
     PatrolStarted,
     Retracted,
     RobotPose,
+    SightingsThinned,
 )
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.store.writing import segment_chain
@@ -90,7 +94,8 @@ def random_event(draw: random.Random, log: sl.DoorLog, next_event: int) -> Event
 KINDS_DRAWN = (
     *[DoorObserved] * 6, DoorUpdated, DoorUpdated, DoorRemoved, DoorRequested, DoorPassed,
     PatrolStarted, PatrolFinished, RobotPose, RobotPose, Retracted, DoorAnnotated, LevelAdded,
-    FloorMap, LogExported,
+    FloorMap, LogExported, HistoryTrimmed, MomentPinned, SightingsThinned,
+    ClassDefined,
 )  # fmt: skip
 
 
@@ -130,8 +135,21 @@ def values_of(kind: type[Event], draw: random.Random, next_event: int) -> dict[s
         PatrolFinished: {"patrol": draw.randrange(9)},
         RobotPose: {"x": number(), "y": number(), "theta": number(),
                     "sd_xy": draw.choice([NAN, share()]), "sd_theta": NAN},
-        DoorAnnotated: {"key": draw.choice(["name", "kind"]), "value": text},
+        DoorAnnotated: {"key": draw.choice(["name", "kind", "class", "outline"]),
+                        "value": draw.choice([text, "dock", "0,0 1,0 1,1"])},
         LevelAdded: {"level": draw.randrange(3), "name": text,
                      "elevation": draw.choice([NAN, 3.0])},
         LogExported: {"format": "yaml", "file_name": text, "at_ns": draw.randrange(LATER_NS)},
+        HistoryTrimmed: {"next_event": draw.randrange(9), "events_gone": draw.randrange(9),
+                         "notes_gone": 0, "horizon": 0, "reasons": "thinned", "rule": text,
+                         "tombstones": draw.choice(["", "00ff"])},
+        SightingsThinned: {"state": state, "count": draw.randrange(1, 9),
+                           "accuracy_open": share(0.5), "accuracy_closed": share(0.5),
+                           "first_ns": 5, "last_ns": draw.randrange(5, LATER_NS),
+                           "first_event": draw.randrange(next_event)},
+        MomentPinned: {"at_ns": draw.randrange(LATER_NS), "name": text,
+                       "keyframe": draw.choice(["", "eA=="])},
+        ClassDefined: {"class_name": draw.choice(["dock", "spill"]),
+                       "geometry": draw.choice(["segment", "polygon", "point"]),
+                       "states": "free,taken", "blocks": draw.choice(["", "taken"])},
     }[kind]  # fmt: skip

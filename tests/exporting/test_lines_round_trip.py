@@ -162,7 +162,7 @@ def test_a_log_that_grew_brings_only_what_is_new(tmp_path: Path) -> None:
     copied(path)
     held = len(list(sl.read(path).history()))
     with sl.append(path, clock=SteadyClock(1_780_000_000 * 10**9)) as log:
-        door = log.add_door(name="new", actor="eva")
+        door = log.add_door(name="new", level=0, actor="eva")
         log.observe(door, "open")
         log.retract(log.state.event)
 

@@ -10,6 +10,7 @@ from fault_injection.player import Player, Told
 from fault_injection.story import Story, small_limits, story
 
 import semmap_log as sl
+from tests.marks import marks
 
 Played = tuple[Story, Path, Told]
 
@@ -43,7 +44,7 @@ def test_a_lost_commit_is_found(played: Played) -> None:
     told, log, said = played
     last = max(log.glob("*.mcap"))
     before = len(list(sl.read(log).commits()))
-    for gone in (last, log / "closed.json", log / "metadata.yaml"):  # they would tell of it
+    for gone in (last, *marks(log), log / "metadata.yaml"):  # they would tell of it
         gone.unlink()
     left = len(list(sl.read(log).commits()))
 

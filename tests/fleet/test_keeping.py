@@ -32,6 +32,7 @@ from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
 from tests.fleet.test_shipping import RECORDINGS, events_of, run
+from tests.marks import remove_marks
 
 ID = bytes(range(16))
 
@@ -103,13 +104,13 @@ def folded(lines: str) -> dict[str, Any]:
 
 
 QUESTIONS = (
-    ("replay",), ("replay", "--event", "20"), ("replay", "--at", "event:200"),
+    ("replay",), ("replay", "--event", "20"), ("replay", "--at", "event:240"),
     ("history", "--json"), ("history", "door1", "--json"), ("show", "3"),
-    ("show", "200"), ("tail", "--json"),
+    ("show", "240"), ("tail", "--json"),
     ("diff", "event:1", "event:150"), ("timeline", "--json"), ("probabilities", "--json"),
     ("info", "--json"), ("best-time", "door1"), ("verify", "--json"), ("evaluate",),
 )  # fmt: skip
-OF_THE_PRESENT = (("replay",), ("replay", "--at", "event:200"), ("show", "200"))
+OF_THE_PRESENT = (("replay",), ("replay", "--at", "event:240"), ("show", "240"))
 
 
 def asked(
@@ -384,7 +385,7 @@ def test_a_segment_of_another_copy_is_not_taken_for_the_rest(
     removed(log, url)
     (last,) = segments_in(log)
     shutil.copy(other / last.replace("log", "other"), log / last)
-    (log / "closed.json").unlink()
+    remove_marks(log)
 
     assert verify(log).exit_code == 4
     with pytest.raises(CorruptLogError):

@@ -230,4 +230,4 @@ def test_the_verbs_that_read_a_url_take_it_but_verify_which_believes_none() -> N
         name for name, verb in verbs.items() if any("--cache" in one.opts for one in verb.params)
     }
 
-    assert having == (READS_A_ZIP | {"state", "log"}) - {"verify", "join"}
+    assert having == (READS_A_ZIP | {"state", "log"}) - {"verify", "join", "copy"}

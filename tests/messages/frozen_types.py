@@ -14,7 +14,12 @@ TYPE_HASHES = {
     "DoorAnnotated": "RIHS01_fa6a3ba9b8c6fd73a1867e0162b3f61cc3627be40ddab7ae8aa930ecee113dcc",
     "LevelAdded": "RIHS01_00c9cea28dd9d5f2979a8cf93f28bc084018666bfdb6e6b72687a0a791fa2492",
     "LogExported": "RIHS01_a174d55b49b48f3b110381bb371cbac8bdd009828e2a0e31ef9e1c7e12bf94b8",
+    "HistoryTrimmed": "RIHS01_0c96db547b9a674dbaf42c7072f3dbf1aac9ee5356d815e255d642ecf102bdc1",
+    "MomentPinned": "RIHS01_3682796f80b510d6036e64493a2433707435460f260152e67930aa904ea8154e",
+    "SightingsThinned": "RIHS01_79ab4ae280f45c393cdc48d8809fbaba3438cd34cdd4d28523c67def492b4b42",
+    "ClassDefined": "RIHS01_ea8fe13bb3749b07397f2e7a87893d6d0f698e9a5febc5ee9f72946de07ad078",
     "Commit": "RIHS01_30510ac739af49cd50a85384f4a7e214cff848fe12c33c6bb6b97c54f9a8930c",
     "CommitNote": "RIHS01_e495f9ceaca267d3baed47c574eb081900b5e74c2905efe81b3f9bff13242974",
     "Keyframe": "RIHS01_e1e0e5443d74cfa845198ec572bb32e9c2538c8f104fe5a15b4f21797b7f54ea",
+    "Tombstone": "RIHS01_941b84a2494e78c859887843e4199de729a70e6b743123c2b92861ad757c63c5",
 }

@@ -130,9 +130,8 @@ def test_type_hashes_are_what_was_written_before() -> None:
     from tests.messages.frozen_types import TYPE_HASHES
 
     now = {kind.__name__: type_hash(ros_type(kind.kind)) for kind in KINDS if kind is not FloorMap}
-    now |= {
-        name: type_hash(f"semmap_msgs/msg/{name}") for name in ("Commit", "CommitNote", "Keyframe")
-    }
+    own = ("Commit", "CommitNote", "Keyframe", "Tombstone")
+    now |= {name: type_hash(f"semmap_msgs/msg/{name}") for name in own}
 
     assert now == TYPE_HASHES
 

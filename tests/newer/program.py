@@ -53,9 +53,11 @@ def install(folder: Path, later: Later) -> Path:
     if later.kind:
         _add_kind(package, later)
     have = KINDS_OF_MINOR[-1] + bool(later.kind)
-    counts = (*KINDS_OF_MINOR, *[have] * later.minors) if later.minors else (have,)
+    counts = (
+        (*KINDS_OF_MINOR, *[have] * later.minors) if later.minors else (*KINDS_OF_MINOR[:-1], have)
+    )
     form, header = package / "store" / "form.py", package / "store" / "header.py"
-    edit(form, f"KINDS_OF_MINOR = ({KINDS_OF_MINOR[-1]},)", f"KINDS_OF_MINOR = {counts}")
+    edit(form, f"KINDS_OF_MINOR = {KINDS_OF_MINOR}", f"KINDS_OF_MINOR = {counts}")
     edit(form, 'FORMAT_VERSION = "3"', f'FORMAT_VERSION = "{later.major}"')
     if later.has_entry:
         written = "                **minor,\n"

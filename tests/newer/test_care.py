@@ -11,8 +11,10 @@ import semmap_log as sl
 from semmap_log.errors import NewerLogError
 from semmap_log.replay.care import plan_recovery, recover, verify
 from semmap_log.store.compaction import compact
+from semmap_log.store.form import FORMAT_MINOR
 from semmap_log.store.records import MESSAGE
 from tests.newer.logs import UNKNOWN, NewerLogs
+from tests.signing.signed_logs import a_key, is_good, sign
 from tests.store.logs import digest_of_records, segment_files
 
 STRENGTH = b"\0\0\0\0\0\0\x08@"
@@ -31,6 +33,17 @@ def test_verify_names_what_it_could_not_look_into(newer: NewerLogs, tmp_path: Pa
     assert [f.kind for f in found.findings] == ["newer"]
     assert "1 DoorLocked" in found.findings[0].text
     assert newer.ask("locked", log)["head"] == found.head.hex()
+
+
+@pytest.mark.parametrize("name", ["locked", "weighed", "unsaid"])
+def test_events_of_a_later_version_are_signed(newer: NewerLogs, tmp_path: Path, name: str) -> None:
+    """
+    Their bytes and their place are in the hash chain, as all others are.
+    """
+    log, key = newer.log(name, tmp_path), a_key(tmp_path)
+
+    assert 1 == len(sign(log, key).made)
+    assert is_good(log, key)
 
 
 def test_the_hash_chain_goes_over_unknown_events(newer: NewerLogs, tmp_path: Path) -> None:
@@ -92,7 +105,7 @@ def test_a_merged_segment_has_what_any_of_them_had(newer: NewerLogs, tmp_path: P
     newer.run("weighed", _GO_ON, log)
     assert len(segment_files(log)) == 1
     before = newer.ask("weighed", log)
-    assert before["minor"] == [1]
+    assert before["minor"] == [FORMAT_MINOR + 1]
 
     compact(log)
 
@@ -114,7 +127,7 @@ def test_an_older_writer_goes_on_where_nothing_is_changed(newer: NewerLogs, tmp_
     assert after["kinds"] == [*before["kinds"], "DoorObserved"]
     assert after["fields"] == before["fields"]
     assert (after["state"], after["exit"], after["findings"]) == ("OPEN", 0, [])
-    assert after["minor"] == [1]
+    assert after["minor"] == [FORMAT_MINOR + 1]
 
 
 def test_the_next_segment_has_what_the_last_one_had(newer: NewerLogs, tmp_path: Path) -> None:

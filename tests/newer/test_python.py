@@ -12,6 +12,7 @@ import semmap_log as sl
 from semmap_log.domain.events import DoorObserved, RobotPose, UnknownEvent
 from semmap_log.errors import InvalidEventError, NewerLogError, NewerLogWarning
 from semmap_log.folds.door_map import DoorMapState
+from semmap_log.store.form import FORMAT_MINOR
 from semmap_log.store.reading.newer_events import NewerEvents
 from tests.newer.logs import UNKNOWN, NewerLogs
 
@@ -56,7 +57,8 @@ def test_what_may_be_touched_is_refused(
     """
     log = sl.read(newer.log("locked", tmp_path, how=how))
 
-    with pytest.raises(NewerLogError, match=r"format 3\.1.*event 3 is of kind DoorLocked"):
+    newer_version = rf"format 3\.{FORMAT_MINOR + 1}.*event 3 is of kind DoorLocked"
+    with pytest.raises(NewerLogError, match=newer_version):
         READERS[reader](log)
 
 
@@ -150,7 +152,7 @@ def test_a_log_of_our_own_has_none(tmp_path: Path) -> None:
     with sl.create(tmp_path / "office", tz="UTC") as log:
         log.add_door(x=0, y=0, theta=0, width=1)
 
-    assert sl.read(tmp_path / "office")._reader.newer_events == NewerEvents({})
+    assert sl.read(tmp_path / "office")._reader.newer_events == NewerEvents({}, minor=FORMAT_MINOR)
     assert DoorMapState().event == -1
 
 

@@ -50,17 +50,29 @@ WRITE = {
     "observe": ["LOG", "front", "open"],
     "annotate": ["LOG", "front", "key", "value"],
     "retract": ["LOG", "2"],
+    "rebase": ["LOG", "MAP.yaml", "--by", "1,0,0"],
+    "define": ["LOG", "dock"],
     "patrol": ["LOG", "start"],
     "record": ["LOG"],
 }
 OF_NO_LOG = {"demo", "init", "ros-package", "prolog-module", "oprs-package", "ask", "call"}
 NEED_MORE = {"serve", "play", "scan-report"}
 """ROS, or scans; they open the log as `append` and `read` do."""
-IN_PLACE = {"recover": ["LOG", "--yes"], "compact": ["LOG"], "index": ["LOG"]}
+IN_PLACE = {
+    "copy": ["LOG", "COPY"],
+    "recover": ["LOG", "--yes"],
+    "compact": ["LOG"],
+    "redact": ["LOG", "--tracks"],
+    "retain": ["LOG", "--keep", "1d"],
+    "pin": ["LOG", "audit"],
+    "index": ["LOG"],
+}
 CARE = set(IN_PLACE)
 """`test_care`, `test_read_model`."""
 STORES = {"ship", "fetch", "fleet"}
 """`tests/fleet`: a store knows no kinds of events."""
+SIGNS = {"sign"}
+"""`test_care`: the place of an unknown kind is signed as that of any other."""
 JOINS = {"join"}
 """`tests/fleet/join`: what is unknown in one of the logs."""
 
@@ -72,7 +84,7 @@ def test_every_verb_is_asked() -> None:
     command = get_command(app)
     verbs = {name for name, one in command.commands.items() if not one.hidden}  # type: ignore[attr-defined]
 
-    assert verbs == {*LIST, *ANSWER, *WRITE, *OF_NO_LOG, *NEED_MORE, *CARE, *STORES, *JOINS}
+    assert verbs == {*LIST, *ANSWER, *WRITE, *OF_NO_LOG, *NEED_MORE, *CARE, *STORES, *JOINS, *SIGNS}
 
 
 @pytest.mark.parametrize("made", ["locked live", "locked closed", "replaced live", "unsaid live"])
@@ -208,7 +220,7 @@ def test_another_major_version_is_told_by_every_verb(
     said = _ask(capsys, log, verb, arguments[verb])
 
     assert said.code == 1
-    assert "format version '4'" in said.err
+    assert "format version '5'" in said.err
     assert "install a newer semmap-log" in said.err
     assert "damaged" not in said.err
     assert _bytes_of(log) == before
@@ -224,6 +236,9 @@ def _ask(capsys: pytest.CaptureFixture[str], log: Path, verb: str, arguments: li
     said = {
         "TRUTH.csv": "timestamp,door,state\n2026-01-01T12:00:00Z,front,open\n",
         "TRUTH.jsonl": '{"kind": "DoorObserved", "door_id": 1, "state": "OPEN"}\n',
+        "MAP.pgm": "P2 2 2 255 254 254 254 254\n",
+        "MAP.yaml": "image: MAP.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.2\n",
     }
     for name, text in said.items():
         (folder / name).write_text(text, encoding="utf-8")

@@ -35,6 +35,12 @@ KINDS_OF = {
         "FloorMap": "749a8672d761b00e",
         "LogExported": "7d2d7b8b75b91b89",
     },
+    "3.1": {
+        "HistoryTrimmed": "df140af9667fb26b",
+        "MomentPinned": "3285bdc4bb3caca6",
+        "SightingsThinned": "6cd00af43bd704a8",
+        "ClassDefined": "3cfad559eb02ce32",
+    },
 }
 """Version -> the kinds that it added, in their order, with a digest of what their Schema says.
 

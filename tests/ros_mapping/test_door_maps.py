@@ -15,6 +15,7 @@ import semmap_log as sl
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import (
     Changed,
+    ClassDefined,
     DoorAdded,
     DoorAnnotated,
     DoorRemoved,
@@ -185,6 +186,26 @@ def test_a_sensor_without_a_place_is_not_the_servers_door() -> None:
     events = listener.hear(TOPIC, ROBOT.door_map([_door(1)]))
 
     assert [2, 2] == [event.door_id for event in events]  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("removes", ["own", "all"])
+def test_a_dock_is_not_the_servers_door(removes: str) -> None:
+    """
+    One that bears the number by chance stays where and as it is, whenever its class was told.
+    """
+    known = Known()
+    known.apply(DoorAdded(door_id=sl.DoorId(1), x=9.0, y=9.0, theta=0.0, width=0.0,
+                          happened_ns=START))  # fmt: skip
+    known.apply(DoorAnnotated(door_id=sl.DoorId(1), key="class", value="dock", happened_ns=START))
+    assert known.doors[1].object_class.is_door
+    known.apply(ClassDefined(class_name="dock", geometry="point", happened_ns=START))
+    listener = _listener(known, removes=removes)
+
+    events = listener.hear(TOPIC, ROBOT.door_map([_door(1)]))
+    gone = listener.hear(TOPIC, ROBOT.door_map([]), 1)
+
+    assert [2, 2] == [event.door_id for event in events]  # type: ignore[attr-defined]
+    assert [2] == [event.door_id for event in gone]  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(("removes", "removed"), [("own", [2]), ("all", [1, 2]), ("none", [])])

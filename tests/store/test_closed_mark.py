@@ -1,10 +1,11 @@
-"""closed.json: a closed segment that was cut, or is missing, is no shorter log."""
+"""closed-2-26.json: a closed segment that was cut, or is missing, is no shorter log."""
 
 from __future__ import annotations
 
 import json
 import os
 import shutil
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading import local_segments
 from semmap_log.store.verification.findings import Severity
 from semmap_log.store.writing import segment_chain
+from tests.marks import marks, remove_marks
 from tests.store.logs import segment_files
 
 DOOR = sl.DoorId(1)
@@ -45,7 +47,7 @@ def events(log: Path) -> int:
 
 
 def mark(log: Path) -> dict[str, object]:
-    said: dict[str, object] = json.loads((log / "closed.json").read_text())
+    said: dict[str, object] = json.loads(marks(log)[-1].read_text())
     return said
 
 
@@ -93,7 +95,7 @@ def test_a_closed_segment_that_was_cut_is_damage(log: Path, damage: Callable[[Pa
 
     for ask in (sl.read, sl.append, compact):
         with pytest.raises(
-            CorruptLogError, match=r"closed\.json tells that .* ended before event 26"
+            CorruptLogError, match=r"closed-2-26\.json tells that .* ended before event 26"
         ):
             ask(log)
 
@@ -266,7 +268,7 @@ def test_a_log_without_it_opens_and_gets_it(log: Path) -> None:
     """
     Copied without it, or made before there was one.
     """
-    (log / "closed.json").unlink()
+    remove_marks(log)
 
     assert 26 == events(log)
     sl.append(log).close()
@@ -285,10 +287,10 @@ def test_without_it_metadata_yaml_tells(
     log: Path, damage: Callable[[Path], None], problem: str
 ) -> None:
     """
-    Of a log that is older than closed.json: reading and appending are refused as well.
+    Of a log that is older than these marks: reading and appending are refused as well.
     """
     damage(log)
-    (log / "closed.json").unlink()
+    remove_marks(log)
 
     for ask in (sl.read, sl.append):
         with pytest.raises(CorruptLogError, match=problem):
@@ -304,7 +306,7 @@ def test_it_outlives_compaction(log: Path) -> None:
     """
     before = mark(log)
 
-    compact(log)
+    compact(log, keep_s=0)
 
     assert (before, 26, 0) == (mark(log), events(log), verify(log).exit_code)
     removed(log)
@@ -317,9 +319,9 @@ def test_damage_of_the_file_itself_is_named(log: Path, text: str) -> None:
     """
     Whether the log was cut cannot be told then: that is said, and `recover` takes it as it is.
     """
-    (log / "closed.json").write_text(text)
+    marks(log)[-1].write_text(text)
 
-    with pytest.raises(CorruptLogError, match=r"closed\.json: damaged: it is not what was"):
+    with pytest.raises(CorruptLogError, match=r"closed-2-26\.json: damaged: it is not what was"):
         sl.read(log)
     assert 4 == verify(log).exit_code
 
@@ -335,9 +337,9 @@ def test_a_hash_that_is_none_is_damage_of_the_file(log: Path, head: str) -> None
     """
     found = read_mark(LogFolder(log))
     assert found is not None
-    (log / "closed.json").write_text(replace(found, head=head).text())
+    marks(log)[-1].write_text(replace(found, head=head).text())
 
-    with pytest.raises(CorruptLogError, match=r"closed\.json: damaged: it is not what was"):
+    with pytest.raises(CorruptLogError, match=r"closed-2-26\.json: damaged: it is not what was"):
         sl.read(log)
 
 
@@ -345,10 +347,10 @@ def test_no_more_of_it_is_read_than_it_may_have(log: Path) -> None:
     """
     A stranger's may fill the memory; one that begins with so many blanks is not ours.
     """
-    text = (log / "closed.json").read_text()
-    (log / "closed.json").write_text(" " * MOST_BYTES + text)
+    text = marks(log)[-1].read_text()
+    marks(log)[-1].write_text(" " * MOST_BYTES + text)
 
-    with pytest.raises(CorruptLogError, match=r"closed\.json: damaged: it is not what was"):
+    with pytest.raises(CorruptLogError, match=r"closed-2-26\.json: damaged: it is not what was"):
         sl.read(log)
 
 
@@ -356,11 +358,11 @@ def test_every_flipped_bit_of_it_is_seen(log: Path) -> None:
     """
     It has a digest of its own.
     """
-    whole = (log / "closed.json").read_bytes()
+    whole = marks(log)[-1].read_bytes()
     for place in range(len(whole) - 1):
         data = bytearray(whole)
         data[place] ^= 1
-        (log / "closed.json").write_bytes(data)
+        marks(log)[-1].write_bytes(data)
         if data.lower() != whole.lower():
             with pytest.raises(CorruptLogError):
                 sl.read(log)
@@ -371,12 +373,124 @@ def test_of_another_log_it_is_named(log: Path, tmp_path: Path) -> None:
     Files of two logs that were mixed up.
     """
     sl.create(tmp_path / "other", tz="UTC").close()
-    shutil.copy(tmp_path / "other" / "closed.json", log / "closed.json")
+    remove_marks(log)
+    shutil.copy(marks(tmp_path / "other")[-1], log)
 
     with pytest.raises(CorruptLogError, match="it tells of the log"):
         sl.read(log)
 
     assert 4 == verify(log).exit_code
+
+
+def copy_in_order(log: Path, copy: Path, names: list[str]) -> None:
+    """Copy some files, one after the other, as `cp` does; those that have gone are left out."""
+    copy.mkdir(exist_ok=True)
+    for name in names:
+        if (log / name).exists():
+            shutil.copy(log / name, copy)
+
+
+@pytest.mark.parametrize("count", [3, 10, 40])
+def test_a_mark_that_is_copied_later_than_the_segments_is_not_ahead(
+    log: Path, tmp_path: Path, count: int
+) -> None:
+    """
+    `cp -r` lists the names, and copies the segments; the log goes on, rolls and is closed, then the
+    marks and metadata.yaml are copied: the copy holds what was there when the names were listed.
+    """
+    with sl.append(log, compact=False, durability="flush") as writer:
+        names = sorted(path.name for path in log.iterdir())
+        copy_in_order(log, tmp_path / "copy", [n for n in names if n.endswith(".mcap")])
+        see(writer, count)
+    copy_in_order(log, tmp_path / "copy", [n for n in names if not n.endswith(".mcap")])
+
+    assert 26 == events(tmp_path / "copy")
+    assert verify(tmp_path / "copy").exit_code in (0, 3)
+    segment_files(tmp_path / "copy")[-1].unlink()
+    with pytest.raises(CorruptLogError):
+        sl.read(tmp_path / "copy")
+
+
+def test_the_first_closing_is_told_before_it_is_listed(tmp_path: Path) -> None:
+    """
+    Else a copy might hold a metadata.yaml that is ahead, and no mark.
+    """
+    log, written = tmp_path / "log", []
+    with pytest.MonkeyPatch.context() as patch:
+        write_whole = LogFolder.write_whole
+        patch.setattr(
+            LogFolder,
+            "write_whole",
+            lambda self, name, data: (written.append(name), write_whole(self, name, data)),
+        )
+        sl.create(log, tz="UTC").close()
+
+    assert ["closed-0-0.json", "metadata.yaml"] == written
+
+
+def test_of_many_marks_few_stay(log: Path) -> None:
+    """
+    The last ones, for whoever copies the folder now; and of each ten minutes the first.
+    """
+    for _ in range(40):
+        with sl.append(log, compact=False) as opened:
+            see(opened, 1)
+
+    said = [path.name for path in marks(log)]
+
+    assert ["closed-0-10.json"] == said[:1]
+    assert 20 <= len(said) <= 22
+    assert 66 == mark(log)["next_event"]
+
+
+def test_a_mark_stays_for_an_hour_after_another_has_followed(log: Path) -> None:
+    """
+    However old it is itself: a copy may have listed it just before.
+    """
+    now_s = time.time()
+    for path in marks(log):
+        os.utime(path, (now_s - 7000, now_s - 7000))
+    before = [path.name for path in marks(log)]
+
+    with sl.append(log, compact=False) as opened:
+        see(opened, 1)
+
+    assert before[-1:] == [path.name for path in marks(log)][:-1]
+
+
+def test_a_log_of_before_is_read_by_its_old_mark(log: Path) -> None:
+    """
+    It was called closed.json, one for all closings; the next closing adds one of today.
+    """
+    old = marks(log)[-1].read_bytes()
+    remove_marks(log)
+    (log / "closed.json").write_bytes(old)
+    assert 26 == events(log)
+
+    with sl.append(log, compact=False) as opened:
+        see(opened, 2)
+
+    assert 28 == mark(log)["next_event"]
+    removed(log)
+    with pytest.raises(CorruptLogError, match="ended before event 28"):
+        sl.read(log)
+    for path in marks(log)[1:]:
+        path.unlink()
+    with pytest.raises(CorruptLogError, match="ended before event 26"):
+        sl.read(log)
+
+
+def test_what_an_older_version_closes_later_counts(log: Path) -> None:
+    """
+    It knows closed.json alone: of both, the one that tells of more is believed.
+    """
+    with sl.append(log, compact=False) as opened:
+        see(opened, 2)
+    marks(log)[-1].rename(log / "closed.json")
+    removed(log)
+
+    with pytest.raises(CorruptLogError, match="ended before event 28"):
+        sl.read(log)
 
 
 def test_a_swapped_segment_in_the_middle_is_damage_to_every_question(
@@ -388,7 +502,7 @@ def test_a_swapped_segment_in_the_middle_is_damage_to_every_question(
     copy = tmp_path / "copy" / "log"
     for path in segment_files(log)[1:]:
         path.unlink()
-    (log / "closed.json").unlink()
+    remove_marks(log)
     (log / "metadata.yaml").unlink()
     shutil.copytree(log, copy)
     for path, accuracy in ((log, 0.9), (copy, 0.8)):

@@ -153,7 +153,8 @@ def test_a_wrong_head_is_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     """
 
     def wrong(*columns: Any) -> Metadata:
-        return index_metadata(*columns[:-1], bytes(32))
+        events, least_ns, greatest_ns, _, behind = columns
+        return index_metadata(events, least_ns, greatest_ns, bytes(32), behind)
 
     with monkeypatch.context() as patch:
         patch.setattr("semmap_log.store.segment.index_metadata", wrong)
@@ -171,6 +172,8 @@ def test_a_wrong_index_of_commands_is_damage(
     All checksums are right, a fingerprint is another's: only the commits tell.
     """
     with monkeypatch.context() as patch:
+        import semmap_log.store.writing.stored_commands  # noqa: F401 - not first under the patch
+
         patch.setattr("semmap_log.store.command_index.fingerprint", lambda _: 7)
         path = write_log(tmp_path / "log", 5)
 

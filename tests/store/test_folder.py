@@ -464,7 +464,7 @@ def test_a_lock_file_that_is_a_pipe_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
-@pytest.mark.parametrize("name", ["metadata.yaml", "closed.json"])
+@pytest.mark.parametrize("name", ["metadata.yaml", "closed-0-6.json"])
 def test_what_is_written_beside_the_segments_follows_no_link(
     tmp_path: Path, victim: Path, name: str, link: Callable[[Path, Path], None]
 ) -> None:

@@ -21,6 +21,7 @@ import semmap_log as sl
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import (
     Changed,
+    ClassDefined,
     DoorAdded,
     DoorAnnotated,
     DoorObserved,
@@ -30,12 +31,15 @@ from semmap_log.domain.events import (
     DoorUpdated,
     Event,
     FloorMap,
+    HistoryTrimmed,
     LevelAdded,
     LogExported,
+    MomentPinned,
     PatrolFinished,
     PatrolStarted,
     Retracted,
     RobotPose,
+    SightingsThinned,
 )
 from semmap_log.store.compaction import compact
 from semmap_log.store.writing import segment_chain
@@ -62,6 +66,12 @@ ONE_OF_EACH: list[Event] = [
     RobotPose(level=1, x=1.0, y=2.0, theta=3.0),
     DoorRemoved(door_id=DoorId(2)),
     LogExported(format="yaml", file_name="doors.yaml", at_ns=5),
+    HistoryTrimmed(
+        next_event=1, events_gone=0, notes_gone=0, horizon=0, reasons="", rule="", tombstones=""
+    ),
+    MomentPinned(at_ns=5, name="audit"),
+    SightingsThinned(door_id=DOOR, state=DoorState.OPEN, count=3, first_ns=1, last_ns=2),
+    ClassDefined(class_name="dock", geometry="point", states="free,taken", blocks=""),
     Retracted(first_event=7, last_event=7),
 ]
 
@@ -88,7 +98,7 @@ def log(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Monk
         )
         made.append(DoorObserved(door_id=DOOR, state=DoorState.OPEN) for _ in range(20_000))
     if request.param != "as written":
-        compact(path, merge=request.param == "merged")
+        compact(path, merge=request.param == "merged", keep_s=0)
     return path
 
 

@@ -38,7 +38,7 @@ def whole(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
         last.write_bytes(last.read_bytes()[: _data_end(last)])
         (log / "metadata.yaml").unlink()
     elif request.param == "compacted":
-        compact(log)
+        compact(log, keep_s=0)
     return log
 
 

@@ -120,7 +120,8 @@ WRITING: dict[str, list[str]] = {
     "add": ["--x", "1", "--y", "1", "--theta", "0", "--width", "1"],
     "observe": ["1", "open"], "annotate": ["1", "key", "value"], "retract": ["1"],
     "patrol": ["start"], "record": [], "recover": [], "compact": ["--dry-run"],
-    "probabilities": ["--apply"],
+    "probabilities": ["--apply"], "redact": ["--notes"], "retain": ["--keep", "1d"], "pin": ["x"],
+    "define": ["dock"],
 }  # fmt: skip
 
 

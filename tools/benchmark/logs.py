@@ -149,7 +149,7 @@ class Workshop:
             self.say(f"compacting {count:,} events, {per_commit} a commit")
             shutil.copytree(live.path, path)
             with uncompressed() if form == PLAIN else nullcontext():
-                compact(path)
+                compact(path, keep_s=0)
             _check_form(path, form)
         return _described(path, count)
 

@@ -39,7 +39,7 @@ def cuts(plan: Plan) -> Generator[Outcome, None, None]:
 def cut(plan: Plan, logs: list[Subject]) -> Generator[Outcome, None, None]:
     """Cut every segment at every byte, with each kind of tail in turn, and ask what the log says.
 
-    A segment that others follow may not be shortened unseen, nor may the last one if closed.json
+    A segment that others follow may not be shortened unseen, nor may the last one if a mark
     tells where it ended. Else whole commits are left of it: exactly those that lie before the cut,
     also when the log is then opened for appending. (Its head was synced before it got its name: cut
     there, it may as well be refused.)
@@ -75,7 +75,7 @@ def cut(plan: Plan, logs: list[Subject]) -> Generator[Outcome, None, None]:
 
 
 def _refused(judged: Callable[[], Verdict]) -> Verdict:
-    """Judge what closed.json knows to be longer: whatever is left of it is no answer."""
+    """Judge what a mark knows to be longer: whatever is left of it is no answer."""
     verdict = judged()
     if verdict is not Verdict.REFUSED:
         raise WrongAnswerError(f"a closed log was cut: expected an error, got: {verdict.value}")

@@ -62,8 +62,9 @@ class Judge:
         for left_out in range(1, last_commits + 1):
             events = whole[-left_out].first_event
             with copy_of(log) as copy:
-                for known in ("closed.json", "metadata.yaml"):  # they tell what is left out
-                    (copy / known).unlink(missing_ok=True)
+                for known in ("closed*.json", "metadata.yaml"):  # they tell what is left out
+                    for path in copy.glob(known):
+                        path.unlink()
                 for end in reversed(ends):
                     file = copy / last.path.name
                     file.write_bytes(bytes(last.source.read(0, end)))

@@ -22,9 +22,8 @@ from fault_injection.sample import (
     make_sample,
     small_segments,
 )
-from fault_injection.subject import TELL_THE_END, Subject
+from fault_injection.subject import MARKS, TELL_THE_END, Subject, remove_all
 from semmap_log.store import records as mcap
-from semmap_log.store.form import CLOSED_MARK_NAME
 from semmap_log.store.record_scan import frames
 
 Damage = tuple[str, Callable[[Path], object], str, int, Verdict | None]
@@ -113,18 +112,18 @@ def _missing_and_moved() -> Iterator[Damage]:
 def _ended_early(sample: Sample, *, is_known: bool) -> Iterator[Damage]:
     """Yield logs that end earlier than they did.
 
-    Where closed.json does not tell how far it reached, no log can know that by itself: `verify
-    --head` is for that. Without closed.json, metadata.yaml tells that a closed segment is missing.
+    Where no mark tells how far it reached, no log can know that by itself: `verify
+    --head` is for that. Without a mark, metadata.yaml tells that a closed segment is missing.
     """
     older = partial(_replace, name=LAST, source=sample.older / LAST)
     for what, do, named, lost in (
-        ("last segment missing", partial(_remove, names=(LAST,)), CLOSED_MARK_NAME,
+        ("last segment missing", partial(_remove, names=(LAST,)), "closed-",
          COMMITS_A_SEGMENT),
         (f"an older version of {LAST}", older, LAST, TORN_BY_CUT),
     ):  # fmt: skip
         yield (what, do, named, 0, REFUSED) if is_known else (what, do, "", lost, TORN)
-        untold = partial(_then_remove, do=do, names=(CLOSED_MARK_NAME,))
-        without = f"{what}, {CLOSED_MARK_NAME} missing"
+        untold = partial(_then_remove, do=do, names=MARKS)
+        without = f"{what}, its marks missing"
         yield (without, untold, "", 0, REFUSED) if is_known else (without, untold, "", lost, TORN)
         untold = partial(_then_remove, do=do, names=TELL_THE_END)
         yield f"{what}, and all that tells of it", untold, "", lost, TORN
@@ -165,8 +164,7 @@ def _beside_the_segments() -> Iterator[Damage]:
     """Yield what else may lie in the folder: metadata.yaml is a cache, the rest is not ours."""
     bag = "metadata.yaml"
     yield f"{bag} missing", partial(_remove, names=(bag,)), "", 0, HARMLESS
-    mark = CLOSED_MARK_NAME
-    yield f"{mark} missing", partial(_remove, names=(mark,)), "", 0, HARMLESS
+    yield "marks missing", partial(_remove, names=MARKS), "", 0, HARMLESS
     for title, text in (
         ("garbage", b"\xff\xfe: [\0"),
         ("empty", b""),
@@ -204,8 +202,7 @@ def _borders(data: bytes) -> list[int]:
 
 
 def _remove(log: Path, *, names: tuple[str, ...]) -> None:
-    for name in names:
-        (log / name).unlink(missing_ok=True)
+    remove_all(log, names)
 
 
 def _then_remove(log: Path, *, do: Callable[[Path], object], names: tuple[str, ...]) -> None:

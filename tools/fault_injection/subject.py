@@ -21,7 +21,9 @@ MOST_KEPT = 20
 """Logs on which something went wrong; more are alike."""
 MOST_KEPT_BYTES = 2**27
 """A larger file is not kept."""
-TELL_THE_END = ("closed.json", "metadata.yaml")
+MARKS = ("closed.json", "closed-*-*.json")
+"""What is written at each closing; the first as earlier versions named it."""
+TELL_THE_END = (*MARKS, "metadata.yaml")
 """What tells, beside the segments, where a closed log ended."""
 
 
@@ -53,8 +55,7 @@ class Subject:
         copy = folder / title / log.name
         shutil.copytree(log, copy, ignore=shutil.ignore_patterns(".lock"))
         if not told:
-            for name in TELL_THE_END:
-                (copy / name).unlink(missing_ok=True)
+            remove_all(copy, TELL_THE_END)
         places = commit_places(max(copy.glob("*.mcap")))
         return cls(copy, Judge(log, last_commits=last_commits), title, places)
 
@@ -65,19 +66,19 @@ class Subject:
 
     @property
     def is_end_known(self) -> bool:
-        """Whether its last segment is closed, and closed.json tells so: it can lose nothing unseen.
+        """Whether its last segment is closed, and a mark tells so: it can lose nothing unseen.
 
         To be asked while nothing is damaged.
         """
         is_closed = self.files[-1].read_bytes().endswith(MAGIC)
-        return is_closed and (self.log / "closed.json").exists()
+        return is_closed and bool(marks_of(self.log))
 
     def may_lose(self, name: str, data: bytes) -> int:
         """Return how many commits at the end may be taken for torn if a segment has these bytes.
 
         Only commits of the last segment, and only if every commit from the first touched one on is
         touched: a whole one behind it proves that what lies before it was on disk. None of a closed
-        segment, if closed.json tells where it ended.
+        segment, if a mark tells where it ended.
         """
         if name != self.files[-1].name or self.is_end_known:
             return 0
@@ -140,3 +141,15 @@ def commit_places(path: Path) -> tuple[tuple[int, int], ...]:
 
 def _is_tail(touched: list[bool]) -> bool:
     return all(touched[touched.index(True) :])
+
+
+def marks_of(log: Path) -> list[Path]:
+    """Return the files that tell how far a log reached when a segment was closed."""
+    return [path for pattern in MARKS for path in log.glob(pattern)]
+
+
+def remove_all(log: Path, patterns: tuple[str, ...]) -> None:
+    """Remove a log's files of some names, or patterns of names."""
+    for pattern in patterns:
+        for path in log.glob(pattern):
+            path.unlink()

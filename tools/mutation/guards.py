@@ -29,6 +29,7 @@ from mutation.live_guards import LIVE_ROOMS
 from mutation.moment_guards import MOMENTS
 from mutation.mutant import Mutant, guard
 from mutation.newer_guards import NEWER
+from mutation.object_guards import OBJECTS
 from mutation.oprs_guards import OPRS
 from mutation.picture_guards import PICTURES
 from mutation.planner_file_guards import PLANNER_FILES
@@ -36,14 +37,17 @@ from mutation.planner_guards import PLANNERS
 from mutation.planning_guards import PLANNING
 from mutation.proposal_guards import PROPOSALS
 from mutation.query_guards import QUERIES
+from mutation.rebase_guards import REBASES
 from mutation.room_guards import ROOMS
 from mutation.ros_mapping_guards import ROS_MAPPING
 from mutation.scan_guards import SCANS
 from mutation.seen_guards import SEEN
 from mutation.serving_guards import SERVING
 from mutation.sighting_guards import SIGHTINGS
+from mutation.signing_guards import SIGNING
 from mutation.store_guards import STORES
 from mutation.table_guards import TABLES
+from mutation.trimming_guards import TRIMMING
 
 SYNCS = (
     guard("sync of a commit", "SegmentWriter.sync",
@@ -285,7 +289,7 @@ REFUSALS = (
           "test_syscalls", "test_durability"),
     guard("a torn tail that is kept", "reopened",
           "keep_torn_tail(folder, segment)", "", "test_recovery"),
-    guard("a compacted copy that is compared", "_compare",
+    guard("a compacted copy that is compared", "rechunk._compare",
           "whole.digest() != digest", "False", "test_compaction", "test_compaction_merge"),
 )  # fmt: skip
 
@@ -413,11 +417,11 @@ BROUGHT_BACK = (
 
 GUARDS: tuple[Mutant, ...] = (
     *SYNCS, *LOCKS, *CHECKSUMS, *SIZES, *COMPUTED_ONCE, *BYTES, *SEGMENTS_OF_A_LOG, *REFUSALS,
-    *COLUMNS, *REGISTERS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES, *APPENDING,
+    *COLUMNS, *REGISTERS, *FOLDERS, *CLOSED_PARTS, *COMMAND_INDEXES, *APPENDING, *REBASES,
     *CHECKPOINTS, *MOMENTS, *COSTMAPS, *BELIEFS, *PICTURES, *SEEN, *SERVING, *ROS_MAPPING,
     *FOREIGN, *LIVE_ROOMS, *DOOR_0, *BROUGHT_BACK, *LEVELS, *NEWER, *LINES, *HABITS, *ASKING,
     *PLANNERS, *PLANNER_FILES,
     *KERNELS, *OPRS, *SCANS, *LASER_INPUT, *SIGHTINGS, *STORES, *PROPOSALS, *PLANNING, *ROOMS,
-    *TABLES, *EXPERIMENT, *EXPERIMENT_TABLES, *KEEPING, *INDEX, *JOINS, *FLEETS,
-    *QUERIES,
+    *TABLES, *EXPERIMENT, *EXPERIMENT_TABLES, *KEEPING, *INDEX, *JOINS, *FLEETS, *SIGNING,
+    *TRIMMING, *OBJECTS, *QUERIES,
 )  # fmt: skip

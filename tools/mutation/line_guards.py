@@ -59,7 +59,7 @@ LINES = (
           '{"type": "FeatureCollection", "semmap_log": {"coordinates": COORDINATES, "frame": '
           '"map", "unit": "m", **about, "moment": format_utc(door_map.moment_ns), **shown}}',
           "test_geojson"),
-    guard("lines: places beyond all numbers", "geojson._line",
-          "all(math.isfinite(number) for end in ends for number in end)", "door.is_placed",
+    guard("lines: places beyond all numbers", "geojson._geometry",
+          "all(math.isfinite(number) for point in points for number in point)", "door.is_placed",
           "test_geojson"),
 )  # fmt: skip

@@ -42,7 +42,7 @@ NEWER = (
           "self._keyframes.give_up()", "", "test_care"),
     guard("no known Schema is taken for a later one", "SegmentWalk._newer_before",
           "not is_later_kind(number)", "False", "test_care"),
-    guard("another major version is no damage", "_header_of",
+    guard("another major version is no damage", "file_heads._header_of",
           "OtherVersionError", "ZeroDivisionError", "test_verbs"),
     guard("a zip is not written to", "open_for_append", "refuse_zip(path)", "", "test_zipped"),
     guard("a zip is not compacted", "plan_compaction", "refuse_zip(path)", "", "test_zipped"),

@@ -88,7 +88,7 @@ SAVING = (
           '"" if math.isnan(prob) else f"  {key}: {float(prob)!r}\\n"',
           'f"  {key}: {float(prob)!r}\\n"', "test_saving"),
     guard("a service without a log stays stopped", "stopped_for_good",
-          "(NotALogError, FormatError, CommandError)", "FormatError",
+          "(NotALogError, FormatError, CommandError, SigningError)", "FormatError",
           "test_serve"),
     guard("no .. in names of files", "DoorSaver._parts",
           '".." in path.parts', "False", "test_saving"),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from semmap_log.domain.doors import NAN, Door, DoorId, DoorState
 from semmap_log.domain.events import DoorAdded, DoorRemoved
+from semmap_log.domain.object_classes import ObjectClass
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import FormatError, SemmapError
 from semmap_log.fleet.join.door_matches import DoorRow
@@ -66,6 +67,8 @@ class DoorPlan:
     """One log alone stays as it is."""
     names: Mapping[int, str] = field(default_factory=dict)
     """Building door -> name."""
+    classes: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    """(log, class) -> what it is called in the building, where that is something else."""
 
     @property
     def unmatched(self) -> list[BuildingDoor]:
@@ -84,7 +87,8 @@ def plan_doors(joined: JoinedLogs) -> DoorPlan:
     levels = level_plan(joined, states)
     known = {log.name: _doors_of(log.name, states[log.name]) for log in joined.logs}
     told = _told(joined, known)
-    groups = _groups(joined, known, told, levels)
+    classes = _classes(states)
+    groups = _groups(joined, known, told, levels, classes)
     comings = {log.name: list(_comings(log)) for log in joined.logs}
     doors = _numbered(joined, groups, comings, is_alone=is_alone)
     adding, removing = _counting(doors, comings)
@@ -96,7 +100,22 @@ def plan_doors(joined: JoinedLogs) -> DoorPlan:
         levels,
         is_alone,
         {door.door_id: door.name for door in doors},
+        classes,
     )
+
+
+def _classes(states: Mapping[str, DoorMapState]) -> dict[tuple[str, str], str]:
+    """Return other names for classes that logs call the same, and say other things of."""
+    said: dict[str, dict[str, ObjectClass]] = defaultdict(dict)
+    for log, state in states.items():
+        for name, one in state.classes().items():
+            said[name][log] = one
+    return {
+        (log, name): f"{log.replace(',', '.').replace('/', '.')}.{name}"
+        for name, by_log in said.items()
+        if len({*by_log.values()}) > 1
+        for log in by_log
+    }
 
 
 def _doors_of(log: str, state: DoorMapState) -> dict[int, LogDoor]:
@@ -171,11 +190,12 @@ def _groups(
     known: Mapping[str, Mapping[int, LogDoor]],
     told: Mapping[tuple[str, int], str],
     levels: LevelPlan,
+    classes: Mapping[tuple[str, str], str],
 ) -> list[Group]:
     """Return the building's doors: name, and the logs' doors that are it."""
     groups: list[Group] = []
     by_told: dict[str, list[LogDoor]] = defaultdict(list)
-    by_name: dict[tuple[int, str], list[LogDoor]] = defaultdict(list)
+    by_name: dict[tuple[int, str, str], list[LogDoor]] = defaultdict(list)
     for log in joined.logs:
         free = {}
         for each in known[log.name].values():
@@ -185,10 +205,12 @@ def _groups(
                 free[each.door_id] = each
         for each in _unique(free, levels):
             level = levels.of(log.name, each.door.level)
-            by_name[level, each.door.name or ""].append(free.pop(each.door_id))
+            of = each.door.object_class.name  # a dock is no door of its name
+            of = classes.get((log.name, of), of)
+            by_name[level, of, each.door.name or ""].append(free.pop(each.door_id))
         groups += [(_own_name(each), (each,)) for each in free.values()]
     groups += [(name, tuple(doors)) for name, doors in by_told.items()]
-    for (_, name), doors in by_name.items():
+    for (_, _, name), doors in by_name.items():
         groups.append((name if len(doors) > 1 else _own_name(doors[0]), tuple(doors)))
     return groups
 

@@ -22,6 +22,7 @@ from semmap_log.domain.events import (
     DOOR_KINDS,
     KINDS,
     Changed,
+    ClassDefined,
     DoorAdded,
     DoorAnnotated,
     DoorEvent,
@@ -39,6 +40,7 @@ from semmap_log.domain.events import (
     RobotPose,
 )
 from semmap_log.domain.meaning import ALL_CHANGED, FIELDS, PLACING
+from semmap_log.domain.object_classes import CLASS
 from semmap_log.fleet.join.door_plan import DoorPlan
 from semmap_log.fleet.join.joined_logs import JoinedLog
 
@@ -152,6 +154,8 @@ class EventTranslation:
             return [replace(event, level=level)] if mine else []
         if isinstance(event, FloorMap):
             return self._floor(event)
+        if isinstance(event, ClassDefined):
+            return [replace(event, class_name=self._class(event.class_name))]
         return [event]
 
     def _of_door(self, event: DoorEvent, number: int) -> Iterable[Event]:
@@ -163,7 +167,13 @@ class EventTranslation:
             return self._removed(event, number)
         if isinstance(event, DoorAnnotated) and event.key == _NAME and not self._plan.is_alone:
             return [replace(event, value=self._plan.names[event.door_id])]
+        if isinstance(event, DoorAnnotated) and event.key == CLASS:
+            return [replace(event, value=self._class(event.value))]
         return [event]
+
+    def _class(self, name: str) -> str:
+        """Return what the view calls a class of the log."""
+        return self._plan.classes.get((self._log.name, name), name)
 
     def _added(self, event: DoorAdded, number: int) -> Iterable[Event]:
         placed = self._placed(event)

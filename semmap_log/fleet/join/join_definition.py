@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import Any
 
+from semmap_log.domain.rigid_transform import RigidTransform
 from semmap_log.errors import LogError, NotALogError
 from semmap_log.fleet.join.door_matches import DoorRow
-from semmap_log.fleet.join.map_frame import MapTransform
 from semmap_log.io.disk import replace_file
 from semmap_log.io.url_path import UrlPath, place_of
 
@@ -29,7 +29,7 @@ class JoinedPlace:
     """Empty: the robot's, or the folder's."""
     log_id: str = ""
     """Empty: not known."""
-    frame: MapTransform | None = None
+    frame: RigidTransform | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ def _log(folder: Path, said: Mapping[str, Any]) -> JoinedPlace:
         place if isinstance(place, UrlPath) else Path(os.path.normpath(folder / place)),
         str(said.get("name", "")),
         str(said.get("log_id", "")),
-        None if frame is None else MapTransform(*map(float, frame)),
+        None if frame is None else RigidTransform(*map(float, frame)),
     )
 
 

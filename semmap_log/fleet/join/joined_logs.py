@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 
 from semmap_log.common.texts import command_line
+from semmap_log.domain.rigid_transform import RigidTransform
 from semmap_log.door_log.robot_names import BEHIND_ROBOT, BETWEEN_ROBOTS
 from semmap_log.errors import LogError, NotALogError
 from semmap_log.fleet.join.join_definition import (
@@ -16,7 +17,6 @@ from semmap_log.fleet.join.join_definition import (
     JoinedPlace,
     read_definition,
 )
-from semmap_log.fleet.join.map_frame import MapTransform
 from semmap_log.store.reading.reader import LogReader
 
 MAX_NS = 2**63 - 1
@@ -29,7 +29,7 @@ class JoinedLog:
     name: str
     opened: LogReader
     place: PurePath
-    frame: MapTransform | None
+    frame: RigidTransform | None
     """To the building's frame; None: not known, so that its geometry does not count."""
     last_event: int
     head: bytes
@@ -65,7 +65,7 @@ def open_joined(definition: JoinDefinition) -> JoinedLogs:
     named = _named(opened)
     reference = _reference(named, whole.reference)
     logs = tuple(
-        JoinedLog(o.name, o.opened, o.place, o.frame or MapTransform(), *_end(o))
+        JoinedLog(o.name, o.opened, o.place, o.frame or RigidTransform(), *_end(o))
         if o is reference
         else o
         for o in named

@@ -20,6 +20,7 @@ from dataclasses import replace
 from pathlib import Path, PurePath
 
 from semmap_log.domain.keywords import knows_keywords
+from semmap_log.domain.rigid_transform import RigidTransform
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import LogAccessError, LogError
 from semmap_log.fleet.join.door_matches import DoorRow, read_door_rows
@@ -27,7 +28,6 @@ from semmap_log.fleet.join.door_plan import plan_doors
 from semmap_log.fleet.join.join_building import build_join
 from semmap_log.fleet.join.join_definition import JoinDefinition, JoinedPlace, read_definition
 from semmap_log.fleet.join.joined_logs import JoinedLogs, log_called, open_joined
-from semmap_log.fleet.join.map_frame import MapTransform
 from semmap_log.io.object_cache import VARIABLE
 from semmap_log.io.url_path import place_of
 from semmap_log.store.folder import LogFolder
@@ -93,7 +93,7 @@ def seed_of(joined: JoinedLogs) -> bytes:
     return hashlib.sha256(json.dumps(told).encode()).digest()
 
 
-def _listed(frame: MapTransform | None) -> list[float] | None:
+def _listed(frame: RigidTransform | None) -> list[float] | None:
     return None if frame is None else frame.as_list()
 
 
@@ -167,7 +167,7 @@ def defined(
     places = tuple(JoinedPlace(_absolute(place_of(log)), name) for name, log in named)
     rows, rows_from = _rows(doors)
     opened = open_joined(JoinDefinition(places, rows, reference, rows_from))
-    told = {log_called(name, opened.logs).name: MapTransform(*at) for name, at in frames.items()}
+    told = {log_called(name, opened.logs).name: RigidTransform(*at) for name, at in frames.items()}
     found = tuple(
         replace(one, frame=told.get(one.name, _own_frame(one, opened)))
         for one in opened.definition.logs
@@ -175,9 +175,9 @@ def defined(
     return replace(opened.definition, logs=found, doors_from=rows_from)
 
 
-def _own_frame(one: JoinedPlace, opened: JoinedLogs) -> MapTransform | None:
+def _own_frame(one: JoinedPlace, opened: JoinedLogs) -> RigidTransform | None:
     is_reference = one.name == opened.reference.name
-    return None if is_reference and one.frame == MapTransform() else one.frame
+    return None if is_reference and one.frame == RigidTransform() else one.frame
 
 
 def _absolute(place: PurePath) -> PurePath:

@@ -1,57 +1,29 @@
-"""Where a robot's map lies in the building: a turn about its origin, then a shift."""
+"""Where a robot's map lies in the building, as the command line tells it."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
-
+from semmap_log.domain.rigid_transform import EXPECTED, RigidTransform
 from semmap_log.errors import LogError
 
 
-@dataclass(frozen=True, slots=True)
-class MapTransform:
-    """From a log's frame `map` to that of the building."""
+def frame_of(text: str) -> tuple[str, RigidTransform]:
+    """Return a log's name, and the transform to the building's frame, of `log=dx,dy,theta`.
 
-    dx: float = 0.0
-    """Metres."""
-    dy: float = 0.0
-    theta: float = 0.0
-    """Radians, counterclockwise."""
+    Raises:
+        LogError: It is none.
+    """
+    name, _, numbers = text.rpartition("=")
+    try:
+        if name:
+            return name, RigidTransform.parse(numbers)
+    except LogError:
+        if _are_numbers(numbers):  # and one of them is not finite
+            raise
+    raise LogError(f"{text!r}: expected LOG={EXPECTED}, such as tug2=12.5,-3,1.5708.")
 
-    def __post_init__(self) -> None:
-        if not all(map(math.isfinite, (self.dx, self.dy, self.theta))):
-            raise LogError(f"expected finite metres and radians, got {self.as_list()}.")
 
-    @classmethod
-    def parse(cls, text: str) -> tuple[str, MapTransform]:
-        """Return the log's name, and its transform, of `log=dx,dy,theta`.
-
-        Raises:
-            LogError: It is none.
-        """
-        name, _, numbers = text.rpartition("=")
-        try:
-            dx, dy, theta = map(float, numbers.split(","))
-        except ValueError:
-            name = ""
-        if not name:
-            raise LogError(
-                f"{text!r}: expected LOG=DX,DY,THETA (metres, metres, radians), such as "
-                "tug2=12.5,-3,1.5708."
-            )
-        return name, cls(dx, dy, theta)
-
-    def as_list(self) -> list[float]:
-        """Return it as the definition holds it."""
-        return [self.dx, self.dy, self.theta]
-
-    def moved(self, x: Any, y: Any, theta: Any) -> tuple[Any, Any, Any]:
-        """Return poses in the building's frame; numbers, or columns of them."""
-        if self == MapTransform():
-            return x, y, theta
-        cos, sin = math.cos(self.theta), math.sin(self.theta)
-        turned = np.remainder(theta + self.theta + math.pi, 2 * math.pi) - math.pi
-        return self.dx + cos * x - sin * y, self.dy + sin * x + cos * y, turned
+def _are_numbers(text: str) -> bool:
+    try:
+        return len([float(number) for number in text.split(",")]) == 3
+    except ValueError:
+        return False

@@ -1,5 +1,7 @@
 """Doors as GeoJSON (RFC 7946): each a line, with what the map says of it, for maps and tables.
 
+What is no door is a point or a polygon, as its class has it.
+
 RFC 7946 wants longitudes and latitudes (WGS 84). A door map knows where doors are in its own
 frame only, so the coordinates are metres there, and the file says so: in the member `semmap_log`
 for people, and in `crs`, as GeoJSON had it before that RFC. By that GDAL, and with it QGIS and
@@ -15,6 +17,7 @@ from typing import Any
 
 from semmap_log.domain.doors import Door, DoorMap
 from semmap_log.domain.moments import format_utc
+from semmap_log.domain.object_classes import Geometry
 from semmap_log.formats.json.door_json import door_map_to_json, door_to_json
 
 PLANE = (
@@ -39,7 +42,7 @@ def dump_geojson(door_map: DoorMap, about: Mapping[str, str]) -> tuple[str, list
     head = collection_head(door_map, about)
     doors = sorted(door_map.doors.values(), key=lambda door: door.door_id)
     text = feature_collection(head, [_feature(door, door_map) for door in doors])
-    return text, [door for door in doors if _line(door) is None]
+    return text, [door for door in doors if _geometry(door) is None]
 
 
 def feature_collection(head: Mapping[str, Any], features: Iterable[Mapping[str, Any]]) -> str:
@@ -70,17 +73,31 @@ def _feature(door: Door, door_map: DoorMap) -> dict[str, Any]:
     return {
         "type": "Feature",
         "id": door.door_id,
-        "geometry": _line(door),
+        "geometry": _geometry(door),
         "properties": door_to_json(door, door_map),
     }
 
 
-def _line(door: Door) -> dict[str, Any] | None:
-    """Return the door's line; None: it has no place, or one beyond all numbers."""
-    ends = [list(door.start), list(door.end)]
-    if not all(math.isfinite(number) for end in ends for number in end):
+def _geometry(door: Door) -> dict[str, Any] | None:
+    """Return the door's line, or what it is instead; None: no place, or one beyond all numbers."""
+    points = [list(point) for point in door.extent]
+    if not all(math.isfinite(number) for point in points for number in point):
         return None
-    return {"type": "LineString", "coordinates": ends}
+    match door.object_class.geometry:
+        case Geometry.POINT:
+            return {"type": "Point", "coordinates": points[0]}
+        case Geometry.POLYGON if door.outline:
+            return {"type": "Polygon", "coordinates": [_ring(points)]}
+        case _:
+            return {"type": "LineString", "coordinates": points}
+
+
+def _ring(corners: list[list[float]]) -> list[list[float]]:
+    """Return corners counterclockwise, and the first once more, as RFC 7946 (3.1.6) has them."""
+    following = [*corners[1:], corners[0]]
+    area = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, following, strict=True))
+    ring = corners if area >= 0 else corners[::-1]
+    return [*ring, ring[0]]
 
 
 def _text(value: object) -> str:

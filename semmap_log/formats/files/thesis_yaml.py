@@ -81,7 +81,7 @@ def dump_thesis_yaml(
     """Return the text of the file, ids ascending, and what it leaves out of which doors and why.
 
     Numbers are written so that reading gives exactly the same ones. All states but OPEN and
-    CLOSED are written as UNKNOWN.
+    CLOSED are written as UNKNOWN. What is no door has no place in it.
 
     Args:
         door_map: The doors.
@@ -94,7 +94,9 @@ def dump_thesis_yaml(
     """
     if default_prob is not None and not 0 <= default_prob <= 1:
         raise CommandError(f"--default-prob: expected a number from 0 to 1, got {default_prob!r}.")
-    placed = [door for _, door in sorted(door_map.doors.items()) if door.is_placed]
+    objects = [door for _, door in sorted(door_map.doors.items())]
+    doors = [door for door in objects if door.object_class.is_door]
+    placed = [door for door in doors if door.is_placed]
     lacking = _without_probabilities(placed) if default_prob is None else []
     if lacking and not is_partial:
         raise CommandError(
@@ -104,8 +106,13 @@ def dump_thesis_yaml(
     text = "".join(_entry(door, NAN if default_prob is None else default_prob) for door in placed)
     left_out = [
         f"{_named(door)}: has no position, which this format needs"
-        for _, door in sorted(door_map.doors.items())
+        for door in doors
         if not door.is_placed
+    ]
+    left_out += [
+        f"{_named(door)}: is no door, and this format knows nothing else"
+        for door in objects
+        if not door.object_class.is_door
     ]
     return text or "{}\n", left_out + lacking
 
@@ -263,4 +270,5 @@ MOST_NAMED = 10
 
 
 def _named(door: Door) -> str:
-    return f"door {door.door_id} ({door.name})" if door.name else f"door {door.door_id}"
+    said = f"{door.object_class.name} {door.door_id}"
+    return f"{said} ({door.name})" if door.name else said

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from semmap_log.domain.doors import Door, DoorMap, DoorState, Level
 from semmap_log.domain.meaning import FIELDS
 from semmap_log.domain.moments import SECOND_NS, format_utc
+from semmap_log.domain.object_classes import ObjectClass
 from semmap_log.door_log.day import Day
 from semmap_log.folds.diff import Diff, FieldChange
 from semmap_log.folds.history import HistoryEntry
@@ -24,12 +25,16 @@ from semmap_log.formats.json.event_json import event_to_json
 
 
 def door_map_to_json(door_map: DoorMap) -> dict[str, Any]:
-    """Return a door map: the moment, the levels, and the doors with ids ascending."""
+    """Return a door map: the moment, the levels, and the doors with ids ascending.
+
+    Where classes of other objects are defined, these, and of each door what it is.
+    """
     return {
         "event": door_map.event if door_map.event >= 0 else None,
         "at": _time(door_map.at_ns),
         "known_at": _time(door_map.known_at_ns),
         "levels": [_level(level) for level in door_map.levels.values()],
+        **({"classes": list(map(_class, door_map.classes.values()))} if door_map.classes else {}),
         "doors": [door_to_json(door, door_map) for door in door_map.doors.values()],
     }
 
@@ -46,6 +51,21 @@ def door_to_json(door: Door, door_map: DoorMap) -> dict[str, Any]:
         "last_seen": _time(door.last_seen_ns),
         "last_event": door.last_event,
         "annotations": dict(door.annotations),
+        **(_what(door) if door_map.classes else {}),
+    }
+
+
+def _what(door: Door) -> dict[str, Any]:
+    """Return what an object is, and what that calls its state."""
+    return {"class": door.object_class.name, "state_word": door.state_word}
+
+
+def _class(one: ObjectClass) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "geometry": one.geometry.value,
+        "states": list(one.words),
+        "blocks": [one.word(state) for state in sorted(one.blocks)],
     }
 
 
@@ -109,7 +129,7 @@ def _change(change: FieldChange) -> dict[str, Any]:
     return {
         "door_id": change.door.door_id,
         "name": change.door.name,
-        "field": change.field.removesuffix("_ns"),
+        "field": change.field.removesuffix("_ns").removeprefix("object_"),
         "before": before,
         "after": after,
     }
@@ -129,6 +149,8 @@ def _value(value: Any) -> Any:
         return value.name
     if isinstance(value, Mapping):
         return dict(value)
+    if isinstance(value, ObjectClass):
+        return _class(value)
     return _number(value) if isinstance(value, float) else value
 
 

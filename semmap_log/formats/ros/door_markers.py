@@ -12,13 +12,15 @@ The markers' stamps are 0, and they are frame-locked: good at any time, however 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 
 from semmap_log.domain.doors import Door, DoorId
+from semmap_log.domain.object_classes import Corners, middle_of
 from semmap_log.formats.ros.array_messages import ArrayType, EncodedElement
 from semmap_log.formats.ros.ros_messages import Messages
 from semmap_log.formats.ros.ros_types import MARKER, MARKERS, RosVersion
@@ -35,6 +37,7 @@ LETTER_SHARE = 0.6
 """How wide a letter is, of its height: as in Foxglove's font; RViz's is a little narrower."""
 
 _CUBE: Final = 1
+_LINE: Final = 4
 _TEXT: Final = 9
 _ADD: Final = 0
 _DELETE_ALL: Final = 3
@@ -56,6 +59,8 @@ class DoorLook:
     label: str
     colour: Rgb
     text_colour: Rgb
+    outline: Corners = ()
+    """Of a polygon: its line on the floor is drawn, and no leaf."""
 
 
 def is_drawn(door: Door) -> bool:
@@ -84,12 +89,16 @@ class DoorMarkers:
         along = (half * math.cos(look.theta), half * math.sin(look.theta))
         middle = (x + along[0], y + along[1])
         marker_id = marker_id_of(look.door_id)
-        yield self._marker(
-            LEAVES, marker_id, _CUBE,
-            pose=self._messages.pose(*middle, look.z + LEAF_HEIGHT_M / 2, look.theta),
-            scale=(max(look.width, LEAF_THICKNESS_M), LEAF_THICKNESS_M, LEAF_HEIGHT_M),
-            colour=look.colour,
-        )  # fmt: skip
+        if look.outline:
+            middle, along = middle_of(look.outline), (0.0, 0.0)
+            yield self._outline(look)
+        else:
+            yield self._marker(
+                LEAVES, marker_id, _CUBE,
+                pose=self._messages.pose(*middle, look.z + LEAF_HEIGHT_M / 2, look.theta),
+                scale=(max(look.width, LEAF_THICKNESS_M), LEAF_THICKNESS_M, LEAF_HEIGHT_M),
+                colour=look.colour,
+            )  # fmt: skip
         name_at = _name_place(middle, along, look.label)
         yield self._marker(
             NAMES, marker_id, _TEXT,
@@ -97,6 +106,16 @@ class DoorMarkers:
             scale=(0.0, 0.0, NAME_HEIGHT_M),
             colour=look.text_colour,
             text=look.label,
+        )  # fmt: skip
+
+    def _outline(self, look: DoorLook) -> Any:
+        point = partial(self._messages.new, "geometry_msgs/msg/Point", z=look.z)
+        corners = [point(x=x, y=y) for x, y in look.outline]
+        return self._marker(
+            LEAVES, marker_id_of(look.door_id), _LINE,
+            scale=(LEAF_THICKNESS_M, 0.0, 0.0),
+            colour=look.colour,
+            points=[*corners, corners[0]],
         )  # fmt: skip
 
     def _marker(
@@ -110,6 +129,7 @@ class DoorMarkers:
         scale: tuple[float, float, float] = (1.0, 1.0, 1.0),
         colour: Rgb = (0, 0, 0),
         text: str = "",
+        points: Sequence[Any] = (),
     ) -> Any:
         new = self._messages.new
         red, green, blue = (part / 255 for part in colour)
@@ -125,7 +145,7 @@ class DoorMarkers:
             color=new("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=1.0),
             lifetime=new("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
             frame_locked=True,
-            points=[],
+            points=list(points),
             colors=[],
             text=text,
             mesh_resource="",

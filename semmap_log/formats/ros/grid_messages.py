@@ -36,6 +36,8 @@ class GridFrame:
     """(height, width), row 0 at the lowest y; looked at before the next frame is asked for."""
     windows: Sequence[CellWindow]
     """Where cells may have changed since the frame before."""
+    geometry: GridGeometry | None = None
+    """From now on; None: as before. On another grid than before all of it is sent."""
 
 
 def write_grids(
@@ -54,7 +56,7 @@ def write_grids(
 
     Args:
         bag: Has both topics; that of the updates only if they are wanted.
-        geometry: Of the frames.
+        geometry: Of the frames, until one says otherwise.
         frames: Times ascending.
         every_ns: Between whole grids; 0: one at each change.
         updates: Write each change as a patch, too, as soon as it happens.
@@ -102,6 +104,9 @@ class GridStream:
         """Publish what changed; frames come with ascending times."""
         if self._changed_ns is not None and self._next_ns < frame.at_ns:
             self._publish_grid(self._next_ns)
+        if frame.geometry is not None and frame.geometry != self._messages.geometry:
+            self._grid = None
+            self._messages = _Messages(self._bag.ros_version, frame.geometry)
         if self._grid is None:
             self._grid = to_occupancy(frame.costs)
             self._publish_grid(frame.at_ns)
@@ -144,10 +149,10 @@ class _Messages:
 
     def __init__(self, ros_version: RosVersion, geometry: GridGeometry) -> None:
         self._messages = Messages(ros_version)
-        self._geometry = geometry
+        self.geometry = geometry
 
     def grid(self, at_ns: int, number: int, cells: NDArray[np.int8]) -> Any:
-        geometry = self._geometry
+        geometry = self.geometry
         origin = self._messages.pose(geometry.origin_x, geometry.origin_y)
         return grid_message(
             self._messages, at_ns, number, cells, resolution=geometry.resolution, origin=origin

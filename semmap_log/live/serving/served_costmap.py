@@ -148,7 +148,7 @@ class _Level:
         self.plan_event = plan_event
         self._level = level
         self._floor = floor
-        self._by = options.by
+        self._by, self._only = options.by, options.object_class
         self._geometry = geometry = geometry_of(floor, ends_of(doors, level), level, options)
         if floor is None and geometry.width * geometry.height > MOST_CELLS:
             raise CostmapError(
@@ -173,13 +173,13 @@ class _Level:
         if self._floor is not None:
             return True
         there = (door for door in doors.values() if door and self._is_here(door))
-        ends = (end for door in there for end in (door.start, door.end))
+        ends = (end for door in there for end in door.extent)
         return all(self._geometry.world_to_map(x, y) is not None for x, y in ends)
 
     def show(self, doors: Changes, at_ns: int) -> None:
         """Draw doors as they are now, and send what changed by that."""
         lines = {
-            door_id: line_of(door, level=self._level, by=self._by)
+            door_id: line_of(door, level=self._level, by=self._by, only=self._only)
             for door_id, door in doors.items()
         }
         drawn = self._layer.update(lines)

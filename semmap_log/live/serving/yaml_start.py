@@ -14,6 +14,7 @@ from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.domain.events import DoorRemoved, Event, LogExported
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import CommandError
+from semmap_log.folds.doors_of_class import only_doors
 from semmap_log.formats.files.door_table import DoorTable, TableDoor
 from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
 from semmap_log.importing.import_plan import differences
@@ -85,12 +86,15 @@ def _differing(table: DoorTable, doors: DoorMap, default_prob: float | None) -> 
         if there is None:
             yield f"line {door.line}: door {door.door_id}: in the file only"
             continue
+        if not there.object_class.is_door:
+            yield f"line {door.line}: door {door.door_id}: a {there.object_class.name} in the log"
+            continue
         there = _with_default(there, default_prob)
         said = [f"{name} {_told(old)} in the log, {new} in the file"
                 for name, old, new in differences(door, there)]  # fmt: skip
         if said:
             yield f"line {door.line}: door {door.door_id}: {', '.join(said)}"
-    for door_id, there in doors.doors.items():
+    for door_id, there in only_doors(doors).doors.items():
         if there.is_placed and door_id not in listed:
             yield f"door {door_id}: in the log only"
 
@@ -126,7 +130,7 @@ def _replace(
     listed = {door.door_id for door in table.doors}
     removed: list[Event] = [
         DoorRemoved(door_id=door_id)
-        for door_id, door in log.door_map().doors.items()
+        for door_id, door in only_doors(log.door_map()).doors.items()
         if door.is_placed and door_id not in listed
     ]
     file_id = _replace_id(table.path)

@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.distinct import distinct
 from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import STATE_KINDS, Event, field_names
+from semmap_log.domain.events import (
+    STATE_KINDS,
+    DoorObserved,
+    Event,
+    SightingsThinned,
+    field_names,
+)
 from semmap_log.folds.door_changes import STATE, STATE_CHANGE, THERE, chosen_of, fill, known_states
 
 Rows = NDArray[np.void]
@@ -74,6 +80,28 @@ class Reports:
                 places = chosen_of(batch, kind, setting=STATE | THERE)
                 if len(places):
                     self._take_kind(batch, kind, places)
+        if SightingsThinned in batch:
+            self._take_thinned(batch)
+
+    def _take_thinned(self, batch: EventBatch) -> None:
+        """Take up sightings that were taken out: as many, spread over the time that they took.
+
+        They have the number of the first: while that is here, too, they do not count.
+        """
+        told = batch[SightingsThinned]
+        counts = told["count"].astype(np.intp)
+        of_row = np.repeat(np.arange(len(told)), counts)
+        within = np.arange(len(of_row)) - np.repeat(np.cumsum(counts) - counts, counts)
+        rows = self._room_for(len(of_row))
+        span_ns = (told["last_ns"] - told["first_ns"])[of_row]
+        rows["folds_ns"] = told["first_ns"][of_row] + span_ns * within // np.maximum(
+            counts[of_row] - 1, 1
+        )
+        rows["door_id"], rows["kind"] = told["door_id"][of_row], SightingsThinned.kind
+        rows["number"] = told["first_event"][of_row]
+        rows["state"] = known_states(told["state"])[of_row]
+        of_nobody = np.zeros(len(told), np.intp)
+        rows["sensor"] = self._sensors_of(told, of_nobody, [""])[of_row]
 
     def _take_kind(self, batch: EventBatch, kind: type[Event], places: NDArray[np.intp]) -> None:
         rows = self._room_for(len(places))
@@ -104,7 +132,7 @@ class Reports:
         places = np.append(self._index.of(door_id), late)
         order = np.lexsort((self._rows["number"][places], self._rows["folds_ns"][places]))
         # Of rows with several fields `take` is ten times as quick as an index.
-        return self._rows.take(places[order])
+        return _that_count(self._rows.take(places[order]))
 
     def newer(self, count: int) -> NDArray[np.uint32]:
         """Return which doors the reports behind the first `count` are about."""
@@ -122,7 +150,7 @@ class Reports:
         chosen = np.flatnonzero((rows["folds_ns"] <= until_ns) & np.isin(rows["door_id"], door_ids))
         if len(chosen) > most:
             chosen = chosen[np.argsort(rows["folds_ns"][chosen], kind="stable")[-most:]]
-        rows = rows.take(chosen)
+        rows = _that_count(rows.take(chosen))
         return rows.take(np.lexsort((rows["number"], rows["folds_ns"], rows["door_id"])))
 
     def known_sensors(self) -> list[Sensor]:
@@ -191,6 +219,17 @@ class Reports:
 
     def _code(self, sensor: Sensor) -> int:
         return self._sensors.setdefault(sensor, len(self._sensors))
+
+
+def _that_count(rows: Rows) -> Rows:
+    """Return reports without sightings that a thinning tells of, and that are still there."""
+    is_told = rows["kind"] == SightingsThinned.kind
+    if not is_told.any():
+        return rows
+    is_there = np.isin(rows["number"], rows["number"][~is_told])
+    rows["kind"][is_told] = DoorObserved.kind
+    counting: Rows = rows[~(is_told & is_there)]
+    return counting
 
 
 class _Index:

@@ -65,6 +65,7 @@ def events_about(
     Raises:
         CorruptLogError: A chunk is not what was written, or events are missing.
     """
+    reader.check_horizon(window)
     tables = {} if doors is None else _tables(reader, window)
 
     def read(first: int, before: int | None = None) -> Iterator[EventBatch]:
@@ -73,7 +74,12 @@ def events_about(
         if part is None:
             return
         found = reader.batches(
-            part, doors=doors, progress=progress, on_page=on_page, with_newer=with_newer
+            part,
+            doors=doors,
+            progress=progress,
+            on_page=on_page,
+            with_newer=with_newer,
+            is_part=True,
         )
         for batch in found:
             chosen = about(batch, doors, with_newer=with_newer)
@@ -135,7 +141,8 @@ def has_tables(reader: LogReader) -> bool:
 def tables_of(reader: LogReader, segment: Segment) -> SegmentTables | None:
     """Return the tables of a segment; None: it has none that can be used."""
     folder = reader.given / FOLDER
-    if not segment.closed or segment.told is not None or segment.has_unknown_events:
+    is_whole = segment.closed and segment.told is None and segment.header.trimmed is None
+    if not is_whole or segment.has_unknown_events:
         return None
     assert isinstance(folder, Path), "`has_tables` said so"
     try:

@@ -134,12 +134,36 @@ class IndexState:
     """Bytes of its files."""
 
 
+def _indexable(reader: LogReader) -> list[Segment]:
+    """Return the segments of which there can be tables: closed ones that are here, and whole."""
+    return [
+        segment
+        for segment in reader.segments
+        if segment.closed and segment.told is None and segment.header.trimmed is None
+    ]
+
+
+def remove_stale_tables(log: Path) -> None:
+    """Remove the tables of segments that are not there any more, or were trimmed since.
+
+    Raises:
+        LogAccessError: The file system does not let us.
+    """
+    folder = log / FOLDER
+    if not folder.is_dir():
+        return
+    try:
+        _tidied(folder, {s.path.stem for s in _indexable(LogReader(log))})
+    except OSError as error:
+        raise LogAccessError(f"{folder}: cannot be tidied: {error.strerror or error}.") from error
+
+
 def index_state(reader: LogReader) -> IndexState | None:
     """Return how far the read model of a log is; None: it has none."""
     if not isinstance(reader.given, Path) or not (reader.given / FOLDER).is_dir():
         return None
     folder = reader.given / FOLDER
-    closed = [s for s in reader.segments if s.closed and s.told is None]
+    closed = _indexable(reader)
     indexed = sum(_is_good(folder, segment, thorough=False) for segment in closed)
     return IndexState(len(closed), indexed, sum(map(_size_of, _files_in(folder))))
 
@@ -183,7 +207,7 @@ def _problems(log: Path, told: Sequence[Path]) -> Iterator[tuple[Path, str]]:
     """Yield what is wrong with the tables that these files tell of."""
     if not told:
         return
-    segments = [s for s in LogReader(log).segments if s.closed and s.told is None]
+    segments = _indexable(LogReader(log))
     known = {segment.path.stem: segment for segment in segments}
     for file in told:
         segment = known.get(file.stem)
@@ -224,7 +248,7 @@ def _index(
     pause: Callable[[], None] | None,
 ) -> Indexed:
     done = Indexed()
-    closed = [s for s in reader.segments if s.closed and s.told is None]
+    closed = _indexable(reader)
     done.segments = len(closed)
     done.removed = _tidied(folder, {s.path.stem for s in closed})
     total, at = sum(s.statistics.message_count for s in closed), 0

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from semmap_log.domain.doors import Door, DoorState
-from semmap_log.domain.events import DoorAnnotated, Event
+from semmap_log.domain.events import ClassDefined, DoorAnnotated, Event
 from semmap_log.domain.meaning import PLACING, Presence
+from semmap_log.domain.object_classes import CLASS
 from semmap_log.ros_mapping.known import Known
 from semmap_log.scans.placed_scan import DoorPlaces
 
@@ -16,8 +17,8 @@ _NO = frozenset({"", "no", "false", "0", "none"})
 
 
 def places_of(doors: Iterable[Door]) -> DoorPlaces:
-    """Return the places of those that have one."""
-    placed = [door for door in doors if door.is_placed]
+    """Return the places of those that have one; a laser is not asked about what is no door."""
+    placed = [door for door in doors if door.is_placed and door.object_class.is_door]
     lines = [(door.x, door.y, door.theta, door.width) for door in placed]
     return DoorPlaces(
         ids=np.array([door.door_id for door in placed], np.int64),
@@ -36,7 +37,9 @@ def is_glass(door: Door) -> bool:
 def changes_places(event: Event) -> bool:
     """Tell whether an event can change what `places_of` returns."""
     if isinstance(event, DoorAnnotated):
-        return event.key in {"kind", "glass"}
+        return event.key in {"kind", "glass", CLASS}
+    if isinstance(event, ClassDefined):
+        return True
     parts = getattr(event, "changed", event.effect.sets)
     return event.effect.presence is not Presence.STAYS or bool(parts & PLACING)
 

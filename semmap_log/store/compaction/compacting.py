@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
 from semmap_log.errors import CorruptLogError, LogAccessError, SemmapError
 from semmap_log.io.progress import Progress
 from semmap_log.store.bag_metadata import write_bag_metadata
-from semmap_log.store.compaction.merge import Step, plan, remove_merged
+from semmap_log.store.compaction.merge import MergedFiles, Step, plan
 from semmap_log.store.compaction.rechunk import needs_compaction, rechunked
 from semmap_log.store.compaction.repaging import Pause, no_pause
 from semmap_log.store.folder import LogFolder
@@ -38,9 +38,19 @@ class Compacted:
     """In all closed segments."""
     steps: tuple[tuple[PurePath, ...], ...]
     """For each file that was written: what it was made of; it has the first one's name."""
+    merged_files: int = 0
+    """Files that lie in merged ones, and stay until no copy of the folder can need them."""
+    merged_bytes: int = 0
+    """What they take."""
 
 
-def compact(path: Path, *, merge: bool = True, progress: Progress | None = None) -> Compacted:
+def compact(
+    path: Path,
+    *,
+    merge: bool = True,
+    keep_s: float | None = None,
+    progress: Progress | None = None,
+) -> Compacted:
     """Rechunk the closed segments of a log, and merge small ones that follow each other.
 
     The live segment is not touched. Stopped at any point, by whatever, the folder holds the log.
@@ -48,6 +58,9 @@ def compact(path: Path, *, merge: bool = True, progress: Progress | None = None)
     Args:
         path: The log's folder.
         merge: Merge small segments, up to 64 MiB of records in a file.
+        keep_s: How long the files stay that were merged into another, for copies of the folder
+            that are under way; default: an hour. The first writer or compaction after that
+            removes them.
         progress: Told how far the work is.
 
     Raises:
@@ -61,8 +74,10 @@ def compact(path: Path, *, merge: bool = True, progress: Progress | None = None)
     lock = WriterLock(folder)
     try:
         folder.remove_leftovers()
-        remove_merged(folder, LogReader(folder).leftovers)
-        return _compact(folder, merge=merge, progress=progress)
+        _remove_merged(folder, keep_s)
+        done = _compact(folder, merge=merge, progress=progress)
+        left = _remove_merged(folder, keep_s)
+        return replace(done, merged_files=len(left), merged_bytes=sum(left))
     except LogAccessError:
         raise
     except OSError as error:
@@ -79,6 +94,13 @@ def plan_compaction(path: Path, *, merge: bool = True) -> Compacted:
     steps = plan(closed, merge=merge)
     merged_away = sum(len(step.sources) - 1 for step in steps)
     return _summary(closed, steps, len(closed) - merged_away, None)
+
+
+def _remove_merged(folder: LogFolder, keep_s: float | None) -> list[int]:
+    """Remove what lies in merged files, if they are old enough; return the sizes of what stays."""
+    reader = LogReader(folder)
+    left = MergedFiles.of(reader.segments, reader.leftovers).remove(folder, keep_s)
+    return [folder.status(name).st_size for name in left.parts]
 
 
 def _compact(folder: LogFolder, *, merge: bool, progress: Progress | None) -> Compacted:

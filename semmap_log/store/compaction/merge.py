@@ -1,13 +1,15 @@
 """Small segments that become one: which, in what order of steps, and what a crash leaves of it.
 
-The merged file takes the first one's name, then the others are removed. A crash in between leaves
-*leftovers*: whole segments that lie inside the merged one. Readers pass over them; the next
-compaction removes them. `metadata.yaml` lists only the first from before the swap on, with what it
+The merged file takes the first one's name; the others are *leftovers* then: whole segments that lie
+inside the merged one. Readers pass over them, and they stay for an hour: `cp -r` lists the names
+first, and may have copied the first file as it was before the merge. Who writes later, or compacts,
+removes them. `metadata.yaml` lists only the first from before the swap on, with what it
 will hold: so rosbag2's tools never meet a file that is missing, nor a message twice.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
@@ -22,6 +24,9 @@ from semmap_log.store.reading.segment_scan import Segment
 MERGE_BYTES = ROLL_BYTES
 """Records that a merged segment holds at most, uncompressed."""
 
+
+MERGED_KEPT_S = 3600
+"""So long files stay that were merged into another: a copy of the folder may take as long."""
 
 Listing = dict[PurePath, ClosedSegment]
 """What metadata.yaml lists, by path, in order."""
@@ -60,9 +65,6 @@ class Step:
             if others:
                 write_bag_metadata(folder, listed.values())
             copy.install(replacing=self.sources[0].source.identity)
-        for path in others:
-            folder.remove(path.name)
-        folder.sync()
         return listed
 
 
@@ -81,7 +83,8 @@ def _small_neighbours(closed: Sequence[Segment]) -> Iterator[tuple[Segment, ...]
     group: list[Segment] = []
     room = 0
     for segment in closed:
-        size = _size(segment)
+        is_trimmed = segment.header.trimmed is not None  # its Tombstones are of one segment
+        size = MERGE_BYTES if is_trimmed else _size(segment)
         if size > room or size > MERGE_BYTES // 2:
             if group:
                 yield tuple(group)
@@ -96,20 +99,38 @@ def _size(segment: Segment) -> int:
     return int(segment.chunks.rows["size"].sum())
 
 
-def remove_merged(folder: LogFolder, leftovers: Sequence[PurePath]) -> None:
-    """Remove what a merge that was killed left: segments whose commits lie in a merged one.
+@dataclass(frozen=True, slots=True)
+class MergedFiles:
+    """Files whose segments lie in merged ones, and these, by name."""
 
-    Only for who holds the writer's lock.
+    parts: tuple[str, ...] = ()
+    wholes: tuple[str, ...] = ()
 
-    Args:
-        folder: The log's.
-        leftovers: What a reader found that was opened since it is held.
+    @classmethod
+    def of(cls, segments: Sequence[Segment], leftovers: Sequence[PurePath]) -> MergedFiles:
+        """Return those of a log, from what a reader has found."""
+        wholes = [s.path.name for s in segments if s.header.last_number > s.header.number]
+        return cls(tuple(path.name for path in leftovers), tuple(wholes))
 
-    Raises:
-        OSError: As the file system says.
-    """
-    if leftovers:
+    def remove(self, folder: LogFolder, keep_s: float | None = None) -> MergedFiles:
+        """Remove the parts, once no copy of the folder can need them; return what stays for now.
+
+        Only for who holds the writer's lock, and has opened the reader since.
+
+        Args:
+            folder: The log's.
+            keep_s: How old the last merge must be; default: an hour.
+
+        Raises:
+            OSError: As the file system says.
+        """
+        if not self.parts:
+            return self
+        last_s = max(folder.status(name, follows=True).st_mtime for name in self.wholes)
+        if time.time() - last_s < (MERGED_KEPT_S if keep_s is None else keep_s):
+            return self
         folder.sync()  # the merged file's name may not be on the disk yet; they are
-        for path in leftovers:
-            folder.remove(path.name)
+        for name in self.parts:
+            folder.remove(name)
         folder.sync()
+        return MergedFiles()

@@ -75,6 +75,8 @@ def needs_compaction(segment: Segment) -> bool:
 
     Reads few chunks: of a segment that was compacted those that would not get smaller by it.
     """
+    if segment.header.trimmed is not None:
+        return False  # it was written in such chunks
     plain = np.flatnonzero(segment.chunks.rows["compression"] != b"zstd").tolist()
     return not are_pages(segment.chunks) or any(_shrinks(segment, i) for i in plain)
 

@@ -15,7 +15,7 @@ from semmap_log.store import records as mcap
 from semmap_log.store.chunks import NO_SPAN
 from semmap_log.store.event_fields import kinds_of
 from semmap_log.store.form import INDEX_METADATA
-from semmap_log.store.header import read_index
+from semmap_log.store.header import next_events_in_index, read_index
 from semmap_log.store.opening_records import Metadata, MetadataIndex
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.closed_summary import ClosedSummary
@@ -63,6 +63,22 @@ def spans_of_summary(summary: ClosedSummary) -> NDArray[np.void]:
     except (ValueError, KeyError) as error:
         raise CorruptLogError(summary.path, at, f"its {INDEX_METADATA}: {error}") from None
     return spans
+
+
+def next_events_of_summary(summary: ClosedSummary) -> NDArray[np.int64]:
+    """Return the number of the first event behind each chunk of a trimmed segment.
+
+    Raises:
+        CorruptLogError: Its index is missing or damaged, or the numbers do not rise.
+    """
+    at, index = index_of(summary)
+    try:
+        found = next_events_in_index(index, most=summary.most_chunks)
+        if found is None or (np.diff(found) < 0).any():
+            raise ValueError("it does not tell which events are behind its chunks")  # noqa: TRY301
+    except ValueError as error:
+        raise CorruptLogError(summary.path, at, f"its {INDEX_METADATA}: {error}") from None
+    return found
 
 
 def total_span(spans: NDArray[np.void]) -> tuple[int, int]:

@@ -165,6 +165,8 @@ def _judged(scan: LiveScan, source: ByteSource) -> LiveScan:
         scan = replace(scan, problem="a closing section with chunks behind it")
     if not scan.problem and not scan.place.is_whole:
         scan = replace(scan, problem="a commit that was not finished")
+    if not scan.problem and not len(scan.table):
+        scan = replace(scan, problem="the keyframe at its head is missing")
     if not scan.problem:
         return scan
     lost = (

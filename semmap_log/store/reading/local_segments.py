@@ -10,11 +10,10 @@ from semmap_log.errors import LogAccessError, NotALogError
 from semmap_log.io.byte_source import ByteSource
 from semmap_log.io.made_logs import is_called_as_made
 from semmap_log.io.url_path import UrlPath
-from semmap_log.store.closed_mark import ClosedMark, read_mark
+from semmap_log.store.closed_mark import ClosedMark, listed_marks, read_mark
 from semmap_log.store.folder import LogFolder, Version
 from semmap_log.store.form import (
     BAG_METADATA_NAME,
-    CLOSED_MARK_NAME,
     REMOVED_NAME,
     has_name_of_file,
 )
@@ -50,8 +49,8 @@ class LocalSegments:
         """Those whose files are not there, as listed last."""
         self._listed: Listing = []
         """The files that were there at the last look: while they are, none was removed."""
-        self._mark: tuple[Version | None, ClosedMark | None] = None, None
-        """What closed.json said, and what tells that it is still the same file."""
+        self._mark: tuple[list[tuple[str, Version]], ClosedMark | None] = [], None
+        """How far the log reaches, and what tells that its marks are still the same files."""
 
     @property
     def path(self) -> Path:
@@ -123,21 +122,21 @@ class LocalSegments:
         return self.folder.status(name, follows=True).st_size
 
     def mark(self) -> ClosedMark | None:
-        """Return what closed.json says; it is read again where it is another file."""
+        """Return what the last mark says; it is read again where it is another file."""
         try:
-            version = self.folder.version(CLOSED_MARK_NAME)
-        except (FileNotFoundError, NotADirectoryError):
-            return None
+            found = [(name, self.folder.version(name)) for name in listed_marks(self.folder)]
+        except FileNotFoundError:  # one has gone since: another has followed it
+            return read_mark(self.folder)
         except OSError as error:
             raise LogAccessError(
                 f"{self.folder.path}: cannot be read: {error.strerror}."
             ) from error
-        if version != self._mark[0]:
-            self._mark = version, read_mark(self.folder)
+        if found != self._mark[0]:
+            self._mark = found, read_mark(self.folder) if found else None
         return self._mark[1]
 
     def closed_names(self) -> list[str]:
-        """Return the closed segments that metadata.yaml lists: in a log without closed.json."""
+        """Return the closed segments that metadata.yaml lists: in a log without a mark."""
         from semmap_log.store.bag_metadata import listed_names
 
         try:

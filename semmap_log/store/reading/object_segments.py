@@ -12,8 +12,14 @@ from semmap_log.io.object_source import ObjectSource
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.io.url_path import UrlPath
 from semmap_log.store.bag_metadata import listed_names
-from semmap_log.store.closed_mark import MOST_BYTES, ClosedMark, mark_in
-from semmap_log.store.form import CLOSED_MARK_NAME
+from semmap_log.store.closed_mark import (
+    MOST_BYTES,
+    ClosedMark,
+    last_mark,
+    mark_in,
+    those_that_count,
+)
+from semmap_log.store.form import mark_names
 from semmap_log.store.log_objects import KeptManifest, log_objects, metadata_text, read_manifest
 from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.reading.segment_store import Listing
@@ -52,7 +58,7 @@ class ObjectSegments:
         self._manifest: KeptManifest | None = None
         self._told: dict[str, ShippedSegment] = {}
         self._listed: dict[str, ObjectStatus] = {}
-        self._mark: tuple[ObjectStatus | None, ClosedMark | None] = None, None
+        self._mark: tuple[list[ObjectStatus], ClosedMark | None] = [], None
 
     @property
     def path(self) -> UrlPath:
@@ -94,17 +100,18 @@ class ObjectSegments:
         return self._status(name).size
 
     def mark(self) -> ClosedMark | None:
-        """Return how far the log reaches, by the manifest, or by closed.json."""
+        """Return how far the log reaches, by the manifest, or by the last mark."""
         self._look()
         if self._manifest is not None:
             return self._manifest.manifest.mark
-        status = self._listed.get(CLOSED_MARK_NAME)
-        if status != self._mark[0]:
-            self._mark = status, None if status is None else self._read_mark(status)
+        names = those_that_count(mark_names(self._listed))
+        found = [self._listed[name] for name in names]
+        if found != self._mark[0]:
+            self._mark = found, last_mark(names, self._read_mark)
         return self._mark[1]
 
     def closed_names(self) -> list[str]:
-        """Return the closed segments that metadata.yaml lists: in a log without closed.json."""
+        """Return the closed segments that metadata.yaml lists: in a log without a mark."""
         return listed_names(metadata_text(self._store))
 
     def _status(self, name: str) -> ObjectStatus:
@@ -136,9 +143,10 @@ class ObjectSegments:
             self._listed_at = now
         return self._listed
 
-    def _read_mark(self, status: ObjectStatus) -> ClosedMark | None:
+    def _read_mark(self, name: str) -> ClosedMark | None:
+        status = self._listed[name]
         try:
             data = self._store.part(status, 0, min(status.size, MOST_BYTES))
         except FileNotFoundError:
             return None
-        return mark_in(data, self.path)
+        return mark_in(data, self.path / name)

@@ -16,12 +16,19 @@ from numpy.typing import NDArray
 from semmap_log.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.batches.retraction import Retractions
 from semmap_log.domain.commits import Commit
-from semmap_log.domain.events import Retracted
-from semmap_log.errors import CorruptLogError, LogError
+from semmap_log.domain.events import MAX_EVENT, Retracted
+from semmap_log.domain.moments import format_utc
+from semmap_log.errors import CorruptLogError, HorizonError, HorizonWarning, LogError
 from semmap_log.io.progress import Progress
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.header import LogInfo
-from semmap_log.store.kind_bits import EVENT_BITS, bits_of_kinds
+from semmap_log.store.header import LogInfo, TrimReason
+from semmap_log.store.kind_bits import (
+    COMMIT_BIT,
+    EVENT_BITS,
+    EXPIRING_BITS,
+    KEYFRAME_BIT,
+    bits_of_kinds,
+)
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.newer_events import NewerEvents, without_newer
 from semmap_log.store.reading.read_progress import ReadProgress
@@ -82,7 +89,7 @@ class LogReader:
         """Files whose segments were merged into another: for the next writer to remove."""
         self._retractions: Retractions | None = None
         self._newer: NewerEvents | None = None
-        self._has_warned = False
+        self._has_warned = self._has_warned_of_horizon = False
         """Whether somebody was told that events of a later version are left out."""
         self._latest_ns: NDArray[np.int64] | None = None
         """Of each segment and those before it, the latest happened time."""
@@ -179,6 +186,7 @@ class LogReader:
         progress: Progress | None = None,
         on_page: OnPage | None = None,
         with_newer: bool = False,
+        is_part: bool = False,
     ) -> Iterator[EventBatch]:
         """Yield the events of a window, numbers ascending, retracted ones included.
 
@@ -192,11 +200,15 @@ class LogReader:
             progress: Told how far the reading is.
             on_page: Called with the records of each batch that follows.
             with_newer: Yield events of unknown kinds, too.
+            is_part: It is a part of a question of which `check_horizon` was asked.
 
         Raises:
             CorruptLogError: A chunk is not what was written, or events are missing.
+            HorizonError: Some were taken out, since they were older than the log is kept.
         """
         self._check_order()
+        if self.horizon and not is_part and start <= self.horizon_place():
+            self.check_horizon(window)
         reading = ReadProgress(self.segments[start.segment :], progress)
         last: Page | None = None
 
@@ -232,8 +244,9 @@ class LogReader:
         """
         previous = self.segments[first_segment].header.hash_so_far
         for segment, page in self.pages(ChunkPlace(first_segment, 0)):
+            may_lack = segment.header.trimmed is not None
             for commit in page.commits():
-                if commit.previous_hash != previous:
+                if commit.previous_hash != previous and not may_lack:
                     problem = f"the commit of event {commit.first_event} does not follow the last"
                     raise CorruptLogError(segment.path, page.offset, problem)
                 previous = commit.hash
@@ -260,20 +273,29 @@ class LogReader:
         A commit is known from the log time of its first record on.
         """
         self._check_order()
+        if self.horizon and known_at_ns < self.horizon_ns:
+            raise self.behind_horizon()
         early = bisect_right(self.segments, known_at_ns, key=lambda s: s.recorded[0])
         for segment in reversed(self.segments[:early]):
-            with_events = segment.chunks[: segment.chunks.starting_by(known_at_ns)].having(
-                EVENT_BITS
-            )
-            for chunk in reversed(with_events.tolist()):
-                page = page_at(segment, chunk)
-                numbers = page.event_numbers(recorded_by_ns=known_at_ns)
-                if len(numbers):
-                    last = int(numbers[-1])
-                    commit = page.commit_holding(last) or commit_of(segment, last)
-                    if commit is not None:
-                        self._at_hand = PageAtHand(segment, chunk, page)
-                        return commit.last_event
+            found = self._known_in(segment, known_at_ns)
+            if segment.header.trimmed is not None:  # the first record may be gone
+                found = max(found, _known_by_commits(segment, known_at_ns))
+            if found >= 0:
+                return found
+        return -1
+
+    def _known_in(self, segment: Segment, known_at_ns: int) -> int:
+        """Return the last event of a segment whose commit has a record by then; -1: none."""
+        with_events = segment.chunks[: segment.chunks.starting_by(known_at_ns)].having(EVENT_BITS)
+        for chunk in reversed(with_events.tolist()):
+            page = page_at(segment, chunk)
+            numbers = page.event_numbers(recorded_by_ns=known_at_ns)
+            if len(numbers):
+                last = int(numbers[-1])
+                commit = page.commit_holding(last) or commit_of(segment, last)
+                if commit is not None:
+                    self._at_hand = PageAtHand(segment, chunk, page)
+                    return commit.last_event
         return -1
 
     def event(self, number: int) -> RecordedEvent:
@@ -282,11 +304,15 @@ class LogReader:
         Raises:
             LogError: There is none.
         """
-        window = Window(first_event=number, before_event=number + 1)
-        for batch in self.batches(window, with_newer=True):
+        for batch in self.batches(self.window_of(number), with_newer=True):
             (recorded,) = batch
             return recorded
         raise self.no_event(number)
+
+    def window_of(self, number: int) -> Window:
+        """Return the window of one event; what is left before the horizon can be shown, too."""
+        kinds = EVENT_BITS if number >= self.horizon else EVENT_BITS & ~EXPIRING_BITS
+        return Window(first_event=number, before_event=number + 1, kinds=kinds)
 
     def commit_at(self, number: int) -> Commit:
         """Return the commit that holds an event, with its note.
@@ -308,6 +334,10 @@ class LogReader:
     def no_event(self, number: int) -> LogError:
         """Return the error that there is no event of that number, and which is the last."""
         last = self.last_event()
+        if 0 <= number < self.horizon:
+            return self.behind_horizon()
+        if 0 <= number <= last:
+            return LogError(f"{self.folder}: event {number} was taken out of the log on purpose.")
         there = "the log has none yet" if last < 0 else f"the last is event {last}"
         return LogError(f"{self.folder}: there is no event {number}; {there}.")
 
@@ -315,6 +345,91 @@ class LogReader:
         """Return the place of the segment that holds an event, or would; None: none begins yet."""
         behind = bisect_right(self.segments, number, key=lambda s: s.header.first_event)
         return behind - 1 if behind else None
+
+    @property
+    def horizon(self) -> int:
+        """Number of the first event that can be asked about; 0: all can."""
+        trimmed = self.segments[0].header.trimmed
+        return 0 if trimmed is None else trimmed.horizon
+
+    @property
+    def horizon_ns(self) -> int:
+        """When the last event before the horizon was recorded; -1: all can be asked about."""
+        if not self.horizon:
+            return -1
+        place = self.horizon_place()
+        return int(self.segments[place.segment].chunks.rows["start_ns"][place.chunk])
+
+    def horizon_place(self) -> ChunkPlace:
+        """Return where the keyframe lies that tells the state at the horizon.
+
+        Raises:
+            CorruptLogError: It is not there.
+        """
+        base = self.segments[0]
+        if self.horizon == end_of(base) and len(self.segments) > 1:
+            return ChunkPlace(1, 0)
+        is_keyframe = base.chunks.rows["kinds"] == KEYFRAME_BIT
+        found = np.flatnonzero(is_keyframe & (base.next_events == self.horizon))
+        if not len(found):
+            problem = f"the keyframe before event {self.horizon}, its horizon, is not there"
+            raise CorruptLogError(base.path, None, problem)
+        return ChunkPlace(0, int(found[0]))
+
+    @property
+    def first_whole_event(self) -> int:
+        """Number of the first event behind all that was thinned, or is no longer kept."""
+        lost = TrimReason.THINNED | TrimReason.EXPIRED
+        ends = [s.header.trimmed.next_event for s in self.segments
+                if s.header.trimmed is not None and s.header.trimmed.reasons & lost]  # fmt: skip
+        return max(ends, default=0)
+
+    def check_horizon(self, window: Window) -> None:
+        """Return if a question can be answered by what is left of the log, and say if some is gone.
+
+        One that names no beginning is about what there is.
+
+        Raises:
+            HorizonError: It begins, or ends, before the horizon.
+        """
+        if not self._reaches_behind(window):
+            return
+        ends = (window.before_event or MAX_EVENT) <= self.horizon or any(
+            end is not None and end <= self.horizon_ns
+            for end in (window.happened_before_ns, window.recorded_before_ns)
+        )
+        if ends or window.has_beginning:
+            raise self.behind_horizon()
+        if not self._has_warned_of_horizon:
+            self._has_warned_of_horizon = True
+            warnings.warn(HorizonWarning(f"{self.folder}: {self._horizon_words()}."), stacklevel=3)
+
+    def check_reaches_horizon(self, start: ChunkPlace) -> None:
+        """Return if nothing is gone behind a place for its age.
+
+        Raises:
+            HorizonError: Something is.
+        """
+        if self.horizon and start <= self.horizon_place():
+            raise self.behind_horizon()
+
+    def _reaches_behind(self, window: Window) -> bool:
+        return (
+            (window.first_event or 0) < self.horizon
+            and bool(window.kinds & EXPIRING_BITS)
+            and (window.recorded_from_ns is None or window.recorded_from_ns <= self.horizon_ns)
+            and (window.happened_from_ns is None or window.happened_from_ns <= self.horizon_ns)
+        )
+
+    def behind_horizon(self) -> HorizonError:
+        """Return the error that what is asked about is gone for its age; says what can be asked."""
+        return HorizonError(f"{self.folder}: {self._horizon_words()}; ask about a later moment.")
+
+    def _horizon_words(self) -> str:
+        return (
+            f"history begins at event {self.horizon}, recorded after {format_utc(self.horizon_ns)}"
+            "; what was before is no longer kept"
+        )
 
     @property
     def newer_events(self) -> NewerEvents:
@@ -399,3 +514,13 @@ class LogReader:
             for before, segment in pairwise(self.segments):
                 check_adjoins(segment, before)
             self._is_in_order = True
+
+
+def _known_by_commits(segment: Segment, known_at_ns: int) -> int:
+    """Return the last event of the commits that were recorded by then, as they say; -1: none."""
+    behind = segment.chunks.starting_by(known_at_ns) + 1
+    for chunk in reversed(segment.chunks[:behind].having(COMMIT_BIT).tolist()):
+        known = [c for c in page_at(segment, chunk).commits() if c.recorded_ns <= known_at_ns]
+        if known:
+            return known[-1].last_event
+    return -1

@@ -11,7 +11,7 @@ from pathlib import PurePath
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME
+from semmap_log.store.form import BAG_METADATA_NAME
 from semmap_log.store.reading.local_segments import list_segments
 from semmap_log.store.reading.mapped_file import map_file
 from semmap_log.store.reading.segment_scan import Segment, read_head, segment_in
@@ -80,7 +80,7 @@ class SegmentFolder:
         if seen == self._reaches:
             return found
         if mark is not None:
-            check_reaches(mark, self.store.path / CLOSED_MARK_NAME, found.segments)
+            check_reaches(mark, self.store.path / mark.file, found.segments)
         else:
             names = self.store.closed_names()
             check_listed(names, self.store.path / BAG_METADATA_NAME, found.segments)

@@ -97,7 +97,7 @@ def batches_of(
     Raises:
         CorruptLogError: They are not what was written, or not the events that must be there.
     """
-    firsts, ends = numbers_of(segment)
+    (firsts, ends), counts = numbers_of(segment), segment.spans["events"]
     wanted = segment.chunks.chosen(chunks)
     names = segment.newer.names if len(wanted.having(UNKNOWN_BIT)) else {}
 
@@ -105,7 +105,10 @@ def batches_of(
         sources = NoteSources(page, partial(commit_of, segment))
         batch = page.events(sources, names, doors=doors)
         numbers = batch.number if doors is None else page.event_numbers()
-        _check_numbers(page, numbers, firsts[mine], ends[mine])
+        if segment.header.trimmed is None:
+            _check_numbers(page, numbers, firsts[mine], ends[mine])
+        else:
+            _check_left(page, numbers, firsts[mine], ends[mine], counts[mine])
         return page, batch
 
     if at_hand is not None and at_hand.is_all_of(segment, chunks):
@@ -196,6 +199,22 @@ def _check_numbers(
         raise CorruptLogError(page.path, page.offset, problem)
 
 
+def _check_left(
+    page: Page,
+    numbers: NDArray[np.int64],
+    firsts: NDArray[np.int64],
+    ends: NDArray[np.int64],
+    counts: NDArray[np.int64],
+) -> None:
+    """Check that of a trimmed segment's chunks as many events are there as its index tells."""
+    places = np.searchsorted(firsts, numbers, "right") - 1
+    fits = len(numbers) == counts.sum() and (np.diff(numbers) > 0).all()
+    if not fits or (places < 0).any() or (numbers >= ends[places]).any():
+        wanted = counted(int(counts.sum()), "event")
+        problem = f"expected {wanted} from {int(firsts[0])} on, got others"
+        raise CorruptLogError(page.path, page.offset, problem)
+
+
 def statistics_of(segment: Segment) -> ClosedSegment:
     """Return what metadata.yaml is to say of a closed segment: its own Statistics.
 
@@ -223,6 +242,8 @@ def end_of(segment: Segment) -> int:
     """
     if segment.live is not None:
         return segment.live.whole_place.committed
+    if segment.header.trimmed is not None:
+        return segment.header.trimmed.next_event
     assert segment.counts is not None, "a closed segment counts its messages"
     return segment.header.first_event + count_events(segment.counts)
 
@@ -256,7 +277,7 @@ def chunk_of(segment: Segment, event: int) -> int | None:
 
 
 def commit_of(segment: Segment, event: int) -> Commit | None:
-    """Return the commit that holds an event; None: the segment does not hold it."""
+    """Return the commit that holds an event; None: the segment does not, or not any more."""
     chunk = chunk_of(segment, event)
     if chunk is None:
         return None
@@ -264,5 +285,5 @@ def commit_of(segment: Segment, event: int) -> Commit | None:
     for place in places[places >= chunk].tolist():
         commit = page_at(segment, place).commit_holding(event)
         if commit is not None:
-            return commit
+            return commit if commit.first_event <= event else None  # it was taken out
     return None

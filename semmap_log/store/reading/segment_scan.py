@@ -33,7 +33,11 @@ from semmap_log.store.reading.closed_summary import (
     is_footer,
     read_summary,
 )
-from semmap_log.store.reading.happened_spans import spans_of_summary, total_span
+from semmap_log.store.reading.happened_spans import (
+    next_events_of_summary,
+    spans_of_summary,
+    total_span,
+)
 from semmap_log.store.reading.mapped_file import map_file
 from semmap_log.store.reading.segment_head import last_commit_in, stored_head
 from semmap_log.store.record_scan import frames
@@ -204,6 +208,22 @@ class Segment:
     def _spans(self) -> NDArray[np.void]:
         _with_tables.add(self)
         return spans_of_summary(self.summary)
+
+    @computed_once
+    def next_events(self) -> NDArray[np.int64]:
+        """Number of the first event behind each of its chunks.
+
+        Raises:
+            CorruptLogError: The index of a closed segment is damaged.
+        """
+        if self.header.trimmed is None:
+            ends: NDArray[np.int64] = self.header.first_event + np.cumsum(self.spans["events"])
+            return ends
+        ends = next_events_of_summary(self.summary)
+        if len(ends) != len(self.chunks) or len(self.spans) != len(ends):
+            problem = f"its index does not tell of its {counted(len(self.chunks), 'chunk')}"
+            raise CorruptLogError(self.path, self.whole_end, problem)
+        return ends
 
     @computed_once
     def span(self) -> tuple[int, int]:

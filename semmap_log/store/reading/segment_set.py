@@ -135,7 +135,7 @@ def _to_go_on(log: PurePath) -> str:
 
 
 def check_listed(names: Sequence[str], path: PurePath, segments: Sequence[Segment]) -> None:
-    """Check that what metadata.yaml lists is there, and closed; for a log without closed.json.
+    """Check that what metadata.yaml lists is there, and closed; for a log without a mark.
 
     Args:
         names: The closed segments that it lists.

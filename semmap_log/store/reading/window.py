@@ -76,6 +76,11 @@ class Window:
         return batch.select(inside)
 
     @property
+    def has_beginning(self) -> bool:
+        """Whether it says from when on, or from which event."""
+        return (self.first_event, self.recorded_from_ns, self.happened_from_ns) != (None,) * 3
+
+    @property
     def has_happened_bound(self) -> bool:
         """Whether it asks for when events happened."""
         return self.happened_from_ns is not None or self.happened_before_ns is not None
@@ -107,9 +112,8 @@ EVERYTHING = Window()
 
 def numbers_of(segment: Segment) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return for each chunk the number of its first event, and the number behind its last."""
-    events = segment.spans["events"]
-    ends = segment.header.first_event + np.cumsum(events)
-    return ends - events, ends
+    ends = segment.next_events
+    return np.append(segment.header.first_event, ends)[: len(ends)], ends
 
 
 def _meets(span: tuple[int, int], first: int | None, before: int | None) -> bool:

@@ -18,6 +18,7 @@ from semmap_log.store.removed_part import read_removed_part
 from semmap_log.store.salvage.rewriting import Rewriter
 from semmap_log.store.verification import Progress, Severity, Verification, Verifier, WholeCommit
 from semmap_log.store.verification.file_bytes import Vanished
+from semmap_log.store.verification.findings import Finding
 from semmap_log.store.verification.keyframe_place import NewKeyframeCheck
 from semmap_log.store.zip_files import refuse_zip
 
@@ -56,6 +57,8 @@ class RecoveryPlan:
     header: SegmentHeader | None
     """Of the log's first segment, with what later versions have put at any head; None: none of them
     can be read."""
+    is_trimmed: bool
+    """Something was taken out of it on purpose: what is left gets other numbers."""
 
     @property
     def info(self) -> LogInfo | None:
@@ -80,7 +83,8 @@ class RecoveryPlan:
     @property
     def keeps_numbers(self) -> bool:
         """Tell whether every event that survives keeps its number, and every commit its hash."""
-        return not self.dropped and all(loss.before_ns is None for loss in self.losses)
+        is_cut = all(loss.before_ns is None for loss in self.losses)
+        return is_cut and not self.dropped and not self.is_trimmed
 
 
 def plan_recovery(
@@ -96,7 +100,7 @@ def plan_recovery(
     Raises:
         ElsewhereError: A part of it lies in a store only.
         NewerLogError: It is damaged, and holds what only a later version can take over.
-        LogError: It cannot be read, or is no log.
+        LogError: It cannot be read, or is no log; or it is damaged, and has a horizon.
     """
     refuse_zip(path)
     if path.is_dir():
@@ -117,6 +121,13 @@ def plan_recovery(
             f"written {_in_words(verifier.newer)} to it, and only that knows what a new number or "
             "a keyframe must make of them. Nothing was changed; recover with the newer version."
         )
+    trimmed = [header.trimmed for header in headers if header.trimmed is not None]
+    if any(one.horizon for one in trimmed) and found.of(Severity.DAMAGE):
+        raise LogError(
+            f"{path}: damaged, and not to be recovered: nothing but the state at its horizon is "
+            "left of what was before, and no new log can begin there. Nothing was changed; put "
+            "back the damaged files from a copy of the log as it was trimmed."
+        )
     return RecoveryPlan(
         path=path,
         verification=found,
@@ -127,6 +138,7 @@ def plan_recovery(
         events=taken.rewriter.numbers.next_event,
         span_ns=taken.span_ns,
         header=with_all_of(headers) if headers else None,
+        is_trimmed=any(trimmed),
     )
 
 
@@ -168,10 +180,20 @@ class _Taken:
         losses = []
         for first, last, after_ns, before_ns in self._gaps:
             mine = [f for f in wrong if f.events and f.events[0] == first]
+            if self._is_gone(first, last, wrong):
+                continue
             files = tuple(dict.fromkeys(f.path.name for f in mine))
             why = tuple(dict.fromkeys(f.text for f in mine))
             losses.append(Loss(first, last, after_ns, before_ns, files, why))
         return losses
+
+    @staticmethod
+    def _is_gone(first: int, last: int | None, wrong: list[Finding]) -> bool:
+        """Tell whether events were taken out on purpose: nothing is wrong where they were."""
+        spans = [f.events for f in wrong if f.events is not None]
+        return last is not None and not any(
+            begin <= last and (end is None or first <= end) for begin, end in spans
+        )
 
     def _note_doors(self, whole: WholeCommit) -> None:
         """Remember which doors its events are about, and which it adds."""

@@ -8,14 +8,22 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from semmap_log.domain.events import Retracted
+from semmap_log.domain.events import Retracted, SightingsThinned
 from semmap_log.messages import fixed_layout, layout
 from semmap_log.store.chunks import BuiltChunk, build_chunk
 from semmap_log.store.commit_records import commit_hash
-from semmap_log.store.form import CHUNK_BYTES, COMMIT_CHANNEL, HASH_BYTES, NO_HASH, NOTE_CHANNEL
+from semmap_log.store.form import (
+    CHUNK_BYTES,
+    COMMIT_CHANNEL,
+    HASH_BYTES,
+    NO_HASH,
+    NOTE_CHANNEL,
+    TOMBSTONE_CHANNEL,
+)
 from semmap_log.store.records import MESSAGE, message
 from semmap_log.store.salvage.renumbering import Renumbering
 from semmap_log.store.verification import WholeCommit
+from semmap_log.store.verification.hash_chain import SEQUENCE_RANGE
 
 
 class Rewriter:
@@ -76,6 +84,11 @@ class Rewriter:
     def _body(self, channel: int, old: int, record: bytes | memoryview) -> bytes | None:
         """Return a record's payload; of a retraction with the new numbers, None: all are lost."""
         body = bytes(record[MESSAGE.size :])
+        if channel == SightingsThinned.kind and self.has_moved:
+            said = fixed_layout(channel).unpack(body)
+            known = self.numbers.range(said["first_event"], said["first_event"])
+            said["first_event"] = known[0] if known else 0
+            return fixed_layout(channel).pack(*said.values())
         if channel != Retracted.kind:
             return body
         said = fixed_layout(Retracted.kind).unpack(body)
@@ -102,12 +115,13 @@ def _chunk(records: list[bytes]) -> BuiltChunk:
 
 
 def _records_of(whole: WholeCommit) -> Iterator[tuple[int, int, bytes | memoryview]]:
-    """Yield (channel, event number, record); the number is that of the last event for a note."""
-    number = whole.commit.first_event
+    """Yield (channel, event number, record); what stands for records that are gone is left out."""
+    first = whole.commit.first_event
     for part in whole.parts:
-        for channel, _, _, _, start, end in part.piece.messages[part.first : part.last]:
-            yield channel, number, part.piece.records[start:end]
-            number += channel != NOTE_CHANNEL
+        for channel, sequence, _, _, start, end in part.piece.messages[part.first : part.last]:
+            if channel != TOMBSTONE_CHANNEL:
+                number = first + (sequence - first) % SEQUENCE_RANGE
+                yield channel, number, part.piece.records[start:end]
 
 
 def _digests(records: list[bytes]) -> dict[int, bytes]:

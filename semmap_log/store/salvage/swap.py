@@ -25,10 +25,10 @@ from semmap_log.io.disk import TEMPORARY_SUFFIX, sync_folder
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import (
     BAG_METADATA_NAME,
-    CLOSED_MARK_NAME,
     LOCK_NAME,
     RECOVERING_NAME,
     TORN_SUFFIX,
+    is_mark_name,
 )
 
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
@@ -124,7 +124,8 @@ def _is_of_log(path: Path) -> bool:
     return (
         path.suffix == ".mcap"
         or TORN_SUFFIX in name
-        or name in (BAG_METADATA_NAME, CLOSED_MARK_NAME, LOCK_NAME)
+        or name in (BAG_METADATA_NAME, LOCK_NAME)
+        or is_mark_name(name)
         or name.endswith(TEMPORARY_SUFFIX)
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
@@ -31,15 +32,26 @@ from semmap_log.store.command_index import attachment, command_rows
 from semmap_log.store.form import (
     COMMIT_CHANNEL,
     INDEX_METADATA,
+    KEYFRAME_CHANNEL,
     LOG_METADATA,
+    NOTE_CHANNEL,
+    TOMBSTONE_CHANNEL,
     count_events,
     floor_map_topic,
 )
-from semmap_log.store.header import LogInfo, SegmentHeader, head_in_index, read_index
+from semmap_log.store.header import (
+    LogInfo,
+    SegmentHeader,
+    head_in_index,
+    next_events_in_index,
+    read_index,
+)
 from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.segment import Head, attachment_index, channel_record
+from semmap_log.store.tombstone import Tombstone
 from semmap_log.store.verification.file_bytes import FileBytes
 from semmap_log.store.verification.file_heads import FOOTER_BYTES, first_bytes
+from semmap_log.store.verification.hash_chain import SEQUENCE_RANGE
 from semmap_log.store.verification.pieces import Piece
 from semmap_log.store.verification.walk import Flaw, name_of_record
 
@@ -71,6 +83,8 @@ class Contents:
     """Of each commit."""
     head_hash: bytes = b""
     """Of the last commit; empty where there is none."""
+    next_events: list[int] = field(default_factory=list)
+    """In a trimmed segment the number of the first event behind each chunk."""
 
     def add(self, piece: Piece) -> None:
         """Take the next chunk in."""
@@ -82,6 +96,9 @@ class Contents:
             self.command_ids += commit["command_id"]
             self.first_events.append(commit["first_event"])
             self.head_hash = commit["hash"]
+        if self.header is not None and self.header.trimmed is not None:
+            before = self.next_events[-1] if self.next_events else self.header.first_event
+            self.next_events.append(_next_event(piece, before))
 
     def closing_head(self) -> bytes:
         """Return the hash that the closing must tell: of the last commit, or of the one before."""
@@ -133,7 +150,8 @@ class Contents:
         spans = [(least, greatest) for count, least, greatest in self.spans if count]
         happened = (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else NO_SPAN
         recorded = said.message_start_time, said.message_end_time
-        next_event = header.first_event + count_events(self.counts)
+        trimmed, counted = header.trimmed, header.first_event + count_events(self.counts)
+        next_event = counted if trimmed is None else trimmed.next_event
         return ShippedSegment(
             name, size, "", header, self.header_end, next_event, self.closing_head(),
             dict(self.counts), recorded, happened,
@@ -231,6 +249,8 @@ def _index(file: FileBytes, at: int, contents: Contents) -> tuple[Metadata | Non
     try:
         record = mcap.read_record(Metadata, file[at + mcap.FRAME.size : at + length])
         index = [column.tolist() for column in read_index(record, most=most)]
+        behind = next_events_in_index(record, most=most)
+        index += [] if behind is None else [behind.tolist()]
         head = head_in_index(record)
         expected = mcap.record(record)  # the length in the frame is believed no more
     except (ValueError, KeyError) as error:
@@ -238,7 +258,7 @@ def _index(file: FileBytes, at: int, contents: Contents) -> tuple[Metadata | Non
     flaws = []
     if expected != file[at : at + len(expected)] or record.name != INDEX_METADATA:
         flaws.append(Flaw("index", at, f"not the Metadata {INDEX_METADATA} as we write it"))
-    if index != [list(column) for column in zip(*contents.spans, strict=True)]:
+    if index != _columns_of(contents):
         text = "the index of the chunks' events is not what they are"
         flaws.append(Flaw("index", at, text))
     if head is not None and head != contents.closing_head():
@@ -248,6 +268,34 @@ def _index(file: FileBytes, at: int, contents: Contents) -> tuple[Metadata | Non
         )
         flaws.append(Flaw("index", at, text))
     return record, len(expected), flaws
+
+
+def _columns_of(contents: Contents) -> list[list[int]]:
+    """Return what the index must say of the chunks."""
+    columns = [list(column) for column in zip(*contents.spans, strict=True)]
+    is_trimmed = contents.header is not None and contents.header.trimmed is not None
+    return [*columns, contents.next_events] if is_trimmed else columns
+
+
+def _next_event(piece: Piece, before: int) -> int:
+    """Return the number of the first event behind a chunk of a trimmed segment.
+
+    Args:
+        piece: The chunk.
+        before: The same of the chunk before it.
+    """
+    for channel, sequence, *_, start, end in piece.messages:
+        if channel == TOMBSTONE_CHANNEL and not _stands_for_commits(piece, start, end):
+            continue  # it stands in the middle of its commit
+        if channel not in (KEYFRAME_CHANNEL, NOTE_CHANNEL):
+            before += (sequence + 1 - before) % SEQUENCE_RANGE
+    return before
+
+
+def _stands_for_commits(piece: Piece, start: int, end: int) -> bool:
+    with suppress(ValueError):
+        return Tombstone.in_record(piece.records[start:end]).commits > 0
+    return False
 
 
 def _records_behind(

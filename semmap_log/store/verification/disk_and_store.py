@@ -40,7 +40,7 @@ class DiskAndStorePlace:
         return self._disk.is_folder()
 
     def mark(self) -> ClosedMark | None:
-        """Return what closed.json says; as `FilePlace.mark`."""
+        """Return what the last mark says; as `FilePlace.mark`."""
         return self._disk.mark()
 
     @contextmanager

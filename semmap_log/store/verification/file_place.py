@@ -77,7 +77,7 @@ class FilePlace(Protocol):
         """
 
     def mark(self) -> ClosedMark | None:
-        """Return what closed.json says; None: there is none.
+        """Return what the last mark says; None: there is none.
 
         Raises:
             CorruptLogError: It is not what was written.
@@ -148,7 +148,7 @@ class DiskPlace:
         return ()
 
     def mark(self) -> ClosedMark | None:
-        """Return what closed.json says; as `FilePlace.mark`."""
+        """Return what the last mark says; as `FilePlace.mark`."""
         return read_mark(LogFolder(self.path))
 
     def removed(self) -> RemovedPart | None:

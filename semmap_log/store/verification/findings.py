@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from pathlib import PurePath
 
@@ -20,14 +21,17 @@ class Severity(IntEnum):
     """A cache is not as it should be; the log itself is."""
     TORN = 2
     """An unfinished end, as a crash leaves it; the next writer puts it in order."""
-    DAMAGE = 3
+    NOT_AS_SIGNED = 3
+    """No signature vouches for it, or one says otherwise; each byte may fit the others."""
+    DAMAGE = 4
     """Bytes are not what was written, or are missing."""
-    NOT_A_LOG = 4
+    NOT_A_LOG = 5
     """There is nothing of ours at that path."""
 
 
 _EXIT_CODES = {
     Severity.TORN: EXIT_TORN,
+    Severity.NOT_AS_SIGNED: EXIT_DAMAGE,
     Severity.DAMAGE: EXIT_DAMAGE,
     Severity.NOT_A_LOG: EXIT_NOT_A_LOG,
 }
@@ -51,6 +55,18 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
+class CommitEnd:
+    """Where a commit ends, and a log might."""
+
+    head: bytes
+    """Its hash: the head of a log that ends here."""
+    commits: int
+    """Up to here, of those that were read, with those that were taken out on purpose."""
+    recorded_ns: int | None = None
+    """When it was recorded; None: no commit before it was read."""
+
+
+@dataclass(frozen=True, slots=True)
 class Verification:
     """What reading every byte of a log has shown."""
 
@@ -71,10 +87,19 @@ class Verification:
     """Hash of the last commit: kept elsewhere, it proves that nothing was cut off."""
     events_after_head: int | None = None
     """How many events came after the head that was asked about; None: none was, or not found."""
+    ends: Mapping[int, CommitEnd] = field(default_factory=dict)
+    """The number behind a commit's last event -> that end; the first, the last, and those asked
+    about."""
+    first_event: int = 0
+    """With which the reading began."""
+    next_event: int = 0
+    """The number behind the last event."""
+    closed_before: int = 0
+    """Events below this number lie in closed segments."""
 
     @property
     def exit_code(self) -> int:
-        """Return 0 good, 3 torn tail and nothing else, 4 damage, 5 not a log."""
+        """Return 0 good, 3 torn tail and nothing else, 4 damage or not as signed, 5 not a log."""
         worst = max((finding.severity for finding in self.findings), default=Severity.NOTE)
         return _EXIT_CODES.get(worst, EXIT_GOOD)
 

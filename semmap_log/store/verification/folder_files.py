@@ -13,7 +13,6 @@ from semmap_log.store.bag_metadata import ClosedSegment, bag_metadata_text, list
 from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.form import (
     BAG_METADATA_NAME,
-    CLOSED_MARK_NAME,
     RECOVERING_NAME,
     REMOVED_NAME,
     TORN_SUFFIX,
@@ -140,6 +139,7 @@ def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None
     """Compare metadata.yaml with the closed segments; it is a cache, but it knows what there was.
 
     What it names only now was closed while the files were read, and is no evidence against them.
+    Nor is what it names in a log that has a mark: `cp -r` may copy it later than the segments.
 
     Args:
         found: The log's files.
@@ -150,7 +150,7 @@ def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None
     if text is None:
         return findings
     for name in listed_names(text):
-        if name not in found.listed:
+        if name not in found.listed or found.mark is not None:
             continue
         number = number_in(name)
         present = next((s for s in found.segments if s.path.name == name), None)
@@ -172,17 +172,17 @@ def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None
 
 
 def mark_findings(found: FolderFiles, next_event: int, head: bytes | None) -> list[Finding]:
-    """Compare how far the log reached, as closed.json tells, with how far it does.
+    """Compare how far the log reached, as its last mark tells, with how far it does.
 
     Args:
         found: The log's files.
         next_event: The number behind its last event.
-        head: Hash of its commit that ends where closed.json says; None: none ends there.
+        head: Hash of its commit that ends where the mark says; None: none ends there.
     """
     mark = found.mark
     if mark is None:
         return []
-    path, last = found.folder / CLOSED_MARK_NAME, found.segments[-1]
+    path, last = found.folder / mark.file, found.segments[-1]
     if last.header is not None and last.header.info.log_id != mark.log_id:
         text = f"it tells of the log {mark.log_id}, not of this one"
         return [_damage("mark", path, text)]
@@ -190,14 +190,14 @@ def mark_findings(found: FolderFiles, next_event: int, head: bytes | None) -> li
         where = last.path if last.last_number >= mark.segment else path
         text = (
             f"the log's last segment that was closed ended before event {mark.next_event} "
-            f"({CLOSED_MARK_NAME}), and now all ends before event {next_event}: a segment was "
+            f"({mark.file}), and now all ends before event {next_event}: a segment was "
             "cut, is missing, or is an older state of itself"
         )
         lost = (next_event, mark.next_event - 1)
         return [Finding("shortened", Severity.DAMAGE, where, None, lost, text)]
     if mark.next_event and head is not None and head.hex() != mark.head:
         text = (
-            f"the commit before event {mark.next_event} is not the one that {CLOSED_MARK_NAME} "
+            f"the commit before event {mark.next_event} is not the one that {mark.file} "
             "tells of: one of the two is of another copy of this log"
         )
         return [_damage("mark", last.path, text)]

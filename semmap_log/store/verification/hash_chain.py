@@ -23,10 +23,12 @@ from semmap_log.store.form import (
     KEYFRAME_CHANNEL,
     NO_HASH,
     NOTE_CHANNEL,
+    TOMBSTONE_CHANNEL,
     kind_of_channel,
 )
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.records import MESSAGE
+from semmap_log.store.tombstone import TakenOut, Tombstone
 from semmap_log.store.verification.findings import Finding, Severity
 from semmap_log.store.verification.pieces import Message, Piece
 
@@ -54,6 +56,8 @@ class WholeCommit:
     commit: Commit
     parts: list[CommitPart]
     """Its events and its note; empty where nobody asked for them."""
+    left: int
+    """How many of its events are there."""
 
 
 OnCommit = Callable[[WholeCommit], None]
@@ -65,16 +69,32 @@ class _Pending:
 
     first_event: int
     count: int = 0
+    skipped: int = 0
+    """Events that are not there, before the last one that is."""
     last_ns: int = -1
     problem: str = ""
     note: Note = _NO_NOTE
     has_note: bool = False
     digests: dict[int, Any] = field(default_factory=dict)
     parts: list[CommitPart] = field(default_factory=list)
+    tombstone: Tombstone | None = None
+    """What it lacks."""
 
-    def add(self, channel: int, record: bytes | memoryview, log_ns: int) -> None:
-        """Take a record in; within a commit each is one nanosecond later than the one before."""
-        if self.last_ns >= 0 and log_ns != self.last_ns + 1:
+    @property
+    def next_event(self) -> int:
+        """Number of the event that must come next."""
+        return self.first_event + self.count + self.skipped
+
+    def add(self, channel: int, record: bytes | memoryview, log_ns: int, gap: int = 0) -> None:
+        """Take a record in; within a commit each is one nanosecond later than the one before.
+
+        Args:
+            channel: Its channel.
+            record: All of it.
+            log_ns: Its log time.
+            gap: So many records that are gone were before it.
+        """
+        if self.last_ns >= 0 and log_ns != self.last_ns + 1 + gap:
             self.wrong(f"a record of {log_ns} ns follows one of {self.last_ns} ns")
         self.last_ns = log_ns
         digest = self.digests.get(channel)
@@ -115,6 +135,8 @@ class Chain:
         """The greatest event number seen in a chunk that was whole, whatever came of it."""
         self.breaks = 0
         """How often something was wrong with it."""
+        self.taken_out = TakenOut()
+        self._is_trimmed = False
         self._report = report
         self._on_commit = on_commit
         self._keep_parts = keep_parts
@@ -130,6 +152,7 @@ class Chain:
     def begin_segment(self, path: PurePath, header: SegmentHeader | None) -> None:
         """Go on in the next segment; None: its header cannot be read, so it is not asked."""
         self._path = path
+        self._is_trimmed = header is not None and header.trimmed is not None
         if header is None:
             return
         if self._pending is not None:
@@ -175,6 +198,8 @@ class Chain:
             channel, _, _, _, start, end = message
             if channel == KEYFRAME_CHANNEL:
                 self._keyframe(piece, message)
+            elif channel == TOMBSTONE_CHANNEL and self._is_trimmed:
+                self._tombstone(piece, records[start:end])
             elif channel == COMMIT_CHANNEL:
                 self._commit(piece, i, records[start:end])
             else:
@@ -205,7 +230,8 @@ class Chain:
         last = self.last_ns
         is_rising = True
         for channel, _, time, *_ in piece.messages:
-            is_rising &= time > last or (time == last and channel == KEYFRAME_CHANNEL)
+            may_repeat = channel in (KEYFRAME_CHANNEL, TOMBSTONE_CHANNEL)
+            is_rising &= time > last or (time == last and may_repeat)
             last = time
         if not is_rising:
             problem = f"its log times do not rise from {self.last_ns} ns on"
@@ -214,7 +240,7 @@ class Chain:
 
     def _keyframe(self, piece: Piece, message: Message) -> None:
         pending = self._pending
-        behind = self.next_event if pending is None else pending.first_event + pending.count
+        behind = self.next_event if pending is None else pending.next_event
         is_here = (message[1] - behind + 1) % SEQUENCE_RANGE == 0
         if not self._open and not (is_here and message[2] == message[3]):
             problem = f"a keyframe that is not of event {behind - 1}, behind which it is"
@@ -224,11 +250,13 @@ class Chain:
         channel, sequence, log_ns, publish_ns, *_ = piece.messages[i]
         pending = self._pending
         if pending is None:
-            pending = self._pending = _Pending(self._number(sequence))
+            pending = self._pending = self._begun(sequence)
         if self._keep_parts:
             pending.keep(piece, i)
-        pending.add(channel, record, log_ns)
-        expected = pending.first_event + pending.count
+        gap = self._gap(pending, channel, sequence)
+        pending.skipped += gap
+        pending.add(channel, record, log_ns, gap)
+        expected = pending.next_event
         if channel == NOTE_CHANNEL:
             pending.note = self._note(pending, record)
             if (sequence - expected + 1) % SEQUENCE_RANGE or log_ns != publish_ns:
@@ -242,6 +270,49 @@ class Chain:
         else:
             pending.count += 1
             self.last_seen = max(self.last_seen, expected)
+
+    def _begun(self, sequence: int) -> _Pending:
+        """Return the commit that begins with the event of that sequence."""
+        number = self._number(sequence)
+        is_behind_a_gap = self._is_trimmed and not self._open and number > self.next_event
+        return _Pending(self.next_event if is_behind_a_gap else number)
+
+    def _gap(self, pending: _Pending, channel: int, sequence: int) -> int:
+        """Return how many events are not there before a record of a trimmed segment."""
+        if not self._is_trimmed:
+            return 0
+        expected = pending.next_event - (channel in (NOTE_CHANNEL, COMMIT_CHANNEL))
+        return max(0, self._number(sequence) - expected)
+
+    def _tombstone(self, piece: Piece, record: bytes | memoryview) -> None:
+        """Take what stands for records that are gone: whole commits, or some of the next."""
+        try:
+            found = Tombstone.in_record(record)
+        except ValueError as error:
+            self.wrong("tombstone", self._path, piece.stored.offset, str(error))
+            return
+        self.taken_out.add(found, record)
+        if not found.commits:
+            self._pending = self._pending or _Pending(found.first_event)
+            self._pending.tombstone = found
+        elif self._pending is not None:
+            self.wrong("tombstone", self._path, piece.stored.offset, "it is within a commit")
+        else:
+            self._whole_commits(found, piece.stored.offset)
+
+    def _whole_commits(self, gone: Tombstone, offset: int) -> None:
+        """Go on behind commits that are gone."""
+        told = (gone.first_event, gone.previous_hash)
+        if not self._open and told != (self.next_event, self.head):
+            problem = (
+                f"expected commits from event {self.next_event} on that follow "
+                f"{self.head.hex()[:16]}…, got those from {gone.first_event} on that follow "
+                f"{gone.previous_hash.hex()[:16]}…"
+            )
+            self.wrong("tombstone", self._path, offset, problem)
+        self._settle(gone.first_event)
+        self.next_event, self.head = gone.next_event, gone.hash
+        self.last_seen = max(self.last_seen, gone.next_event - 1)
 
     def _note(self, pending: _Pending, record: bytes | memoryview) -> Note:
         if pending.has_note:
@@ -259,15 +330,21 @@ class Chain:
         begun, offset = self._pending is not None, piece.stored.offset
         self._pending = None
         _, sequence, log_ns, publish_ns, *_ = piece.messages[i]
-        digests = {channel: digest.digest() for channel, digest in pending.digests.items()}
-        pending.add(COMMIT_CHANNEL, record, log_ns)
+        pending.skipped += (gap := self._gap(pending, COMMIT_CHANNEL, sequence))
+        digests = _digests_as_written(pending)
+        pending.add(COMMIT_CHANNEL, record, log_ns, gap)
         said = _fields_of(record)
         if said is None:
             self.wrong("commit", self._path, offset, "a Commit record that cannot be read")
             return
         first, count = said["first_event"], said["count"]
         self.last_seen = max(self.last_seen, min(first + count, 2**63) - 1)
-        if (first, count) != (pending.first_event, pending.count):
+        gone = 0 if pending.tombstone is None else pending.tombstone.events_gone
+        if pending.tombstone is not None:
+            told = (pending.tombstone.first_event, pending.tombstone.count)
+            if told != (first, count):
+                pending.wrong("its tombstone is of other events")
+        if (first, count) != (pending.first_event, pending.count + gone) or pending.skipped != gone:
             got = f"{pending.count} from {pending.first_event} on"
             has = counted(count, "event")
             pending.wrong(f"the commit has {has} from {first} on, but {got} are here")
@@ -288,7 +365,7 @@ class Chain:
         commit = Commit(
             recorded_ns=log_ns - count - has_note, closed_ns=log_ns, note=pending.note, **said
         )
-        self._place(WholeCommit(commit, pending.parts), offset)
+        self._place(WholeCommit(commit, pending.parts, pending.count), offset)
 
     def _place(self, whole: WholeCommit, offset: int) -> None:
         """Put a commit that is whole behind the last one, if it belongs there."""
@@ -311,7 +388,7 @@ class Chain:
         self._settle(commit.first_event)
         self.next_event, self.head = commit.last_event + 1, commit.hash
         self.commits += 1
-        self.events += commit.count
+        self.events += whole.left
         if self._on_commit is not None:
             self._on_commit(whole)
 
@@ -322,6 +399,16 @@ class Chain:
             self._report(replace(finding, events=lost))
         self._open = []
         self.next_event = next_event
+
+
+def _digests_as_written(pending: _Pending) -> dict[int, bytes]:
+    """Return the digest of each channel of a commit, of what is gone by its tombstone."""
+    digests = {channel: digest.digest() for channel, digest in pending.digests.items()}
+    for part in () if pending.tombstone is None else pending.tombstone.parts:
+        if digests.get(part.channel, NO_HASH) != part.kept_digest:
+            pending.wrong("what is left of it is not what its tombstone tells")
+        digests[part.channel] = part.digest
+    return digests
 
 
 def _damage(kind: str, path: PurePath, text: str, offset: int | None = None) -> Finding:

@@ -11,8 +11,14 @@ from pathlib import PurePath
 from semmap_log.errors import LogAccessError, LogError, ObjectChangedError
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.io.url_path import UrlPath
-from semmap_log.store.closed_mark import MOST_BYTES, ClosedMark, mark_in
-from semmap_log.store.form import BAG_METADATA_NAME, CLOSED_MARK_NAME, MANIFEST_NAME
+from semmap_log.store.closed_mark import (
+    MOST_BYTES,
+    ClosedMark,
+    last_mark,
+    mark_in,
+    those_that_count,
+)
+from semmap_log.store.form import BAG_METADATA_NAME, MANIFEST_NAME, mark_names
 from semmap_log.store.log_objects import KeptManifest, log_objects, objects_named, read_manifest
 from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.manifest_differences import differences
@@ -173,12 +179,16 @@ class ObjectPlace:
             yield opened
 
     def mark(self) -> ClosedMark | None:
-        """Return what closed.json says; as `FilePlace.mark`."""
+        """Return what the last mark says; as `FilePlace.mark`."""
         self._manifest = read_manifest(self._store, self._manifest)
         if self._manifest is not None:
             return self._manifest.manifest.mark
-        data = self._whole(CLOSED_MARK_NAME)
-        return None if data is None else mark_in(data[:MOST_BYTES], self.path)
+        names = mark_names(status.name for status in log_objects(self._store))
+        return last_mark(those_that_count(names), self._read_mark)
+
+    def _read_mark(self, name: str) -> ClosedMark | None:
+        data = self._whole(name)
+        return None if data is None else mark_in(data[:MOST_BYTES], self.path / name)
 
     def removed(self) -> None:
         """Return none: nothing is removed from a store by a list of ours."""

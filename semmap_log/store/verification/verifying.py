@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path, PurePath
@@ -11,9 +11,11 @@ from pathlib import Path, PurePath
 from mcap.opcode import Opcode
 
 from semmap_log.common.texts import counted
+from semmap_log.domain.events import HistoryTrimmed
 from semmap_log.errors import CorruptLogError, LogError, NotALogError
 from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.url_path import UrlPath, place_of
+from semmap_log.messages import decode
 from semmap_log.store.bag_metadata import ClosedSegment
 from semmap_log.store.clock_check import ClockCheck
 from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION, NO_HASH
@@ -21,6 +23,7 @@ from semmap_log.store.header import SegmentHeader
 from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.newer import NOTHING_NEWER, is_later_kind
 from semmap_log.store.newer import name_of as name_of_kind
+from semmap_log.store.records import MESSAGE
 from semmap_log.store.removed_part import rest_of_environment
 from semmap_log.store.verification.closing import (
     Contents,
@@ -33,7 +36,7 @@ from semmap_log.store.verification.disk_and_store import DiskAndStorePlace
 from semmap_log.store.verification.file_bytes import Vanished
 from semmap_log.store.verification.file_heads import SegmentFile, bytes_of, first_bytes, name_of
 from semmap_log.store.verification.file_place import DiskPlace, FilePlace
-from semmap_log.store.verification.findings import Finding, Severity, Verification
+from semmap_log.store.verification.findings import CommitEnd, Finding, Severity, Verification
 from semmap_log.store.verification.folder_files import (
     FolderFiles,
     arrange,
@@ -63,6 +66,8 @@ def verify(
     new_check: NewKeyframeCheck,
     head: bytes | None = None,
     progress: Progress | None = None,
+    *,
+    ends: Collection[int] = (),
 ) -> Verification:
     """Read all of a log, or one segment of it, and return what is wrong.
 
@@ -76,6 +81,7 @@ def verify(
         head: Hash of a commit that the log must hold, kept elsewhere: shows whether commits were
             cut off since.
         progress: Told how many bytes are read.
+        ends: Event numbers: whether a commit ends before each of them, and with which hash.
 
     Raises:
         LogAccessError: The file system does not let us read it.
@@ -90,13 +96,13 @@ def verify(
             files = unpacked(path)
         except (NotALogError, CorruptLogError) as error:
             return Verification(path, (_of_zip(path, error),))
-        return verify(files.path, new_check, head, progress).moved(files.path, path)
+        return verify(files.path, new_check, head, progress, ends=ends).moved(files.path, path)
     rest_at = rest_of_environment()
     if isinstance(path, Path) and path.is_dir() and rest_at is not None:
         path = DiskAndStorePlace(path, ObjectStore(rest_at))
     for _ in range(_ATTEMPTS):
         with suppress(Vanished):
-            return Verifier(path, new_check, head, progress).run()
+            return Verifier(path, new_check, head, progress, ends=ends).run()
     where = path if isinstance(path, Path) else path.path
     raise LogError(f"{where}: its files change faster than they can be read; try again.")
 
@@ -120,6 +126,7 @@ class Verifier:
         on_commit: OnCommit | None = None,
         *,
         keep_parts: bool = False,
+        ends: Collection[int] = (),
     ) -> None:
         """Prepare to read.
 
@@ -130,6 +137,7 @@ class Verifier:
             progress: As for `verify`.
             on_commit: Takes each commit that is whole and in its place.
             keep_parts: Whether it wants the commit's records: a long commit is in memory then.
+            ends: As for `verify`.
         """
         self._place = DiskPlace(path) if isinstance(path, Path) else path
         self.path = self._place.path
@@ -148,15 +156,23 @@ class Verifier:
         """Last event of a leftover -> its file, and the hash of that event's commit."""
         self._closed: list[ClosedSegment] = []
         self._entries: list[ShippedSegment] = []
-        self._current = PurePath()
+        self._current, self._at = PurePath(), 0
         self.headers: list[SegmentHeader] = []
         """Of the segments so far, with what later versions have put there."""
         self.newer: Counter[str] = Counter()
         """How many events there are of each kind that is unknown here."""
         self.has_unknown_changes = False
         """Whether some of them may have changed more than themselves."""
+        self._trimming: HistoryTrimmed | None = None
+        """The last event that tells of records that were taken out."""
+        self._wanted_ends = frozenset(ends)
+        self._ends: dict[int, CommitEnd] = {}
+        self._first_event = self._closed_before = 0
+        """With which it begins; below which events lie in closed segments."""
+        self._recorded_ns: int | None = None
+        """When the last commit was recorded."""
         self._marked: bytes | None = None
-        """Hash of the commit that ends where closed.json says that the log ended once."""
+        """Hash of the commit that ends where its mark says that the log ended once."""
 
     def run(self) -> Verification:
         """Return what was found."""
@@ -174,6 +190,7 @@ class Verifier:
         if self._place.is_folder():
             self._folder(found)
         self._check_head()
+        self._check_trimming()
         if self.newer or any(header.minor > FORMAT_MINOR for header in self.headers):
             self.findings.append(self._newer_finding())
         return self._result(found)
@@ -185,10 +202,12 @@ class Verifier:
             self.chain.start_at(first.header)
         if self.chain.next_event == 0:
             self._keyframes.begin()
+        self._first_event = self._closed_before = self.chain.next_event
+        self._ends[self._first_event] = CommitEnd(self.chain.head, 0)
 
     def _segment(self, i: int) -> None:
         file = self.arrangement.segments[i]
-        self._current = file.path
+        self._current, self._at = file.path, i
         is_last = i == len(self.arrangement.segments) - 1
         is_live = is_last and not file.is_closed
         contents = Contents(file.header_end, file.header, is_complete=file.header_end > 0)
@@ -205,6 +224,8 @@ class Verifier:
                 self._end_of_segment(file, walk, contents, is_live=is_live)
             for start, end in data.unreadable:
                 self._damage("unreadable", start, f"the disk does not give bytes {start}..{end}")
+        if not is_live:
+            self._closed_before = self.chain.next_event
         if self.chain.breaks != self._breaks:
             self._breaks = self.chain.breaks
             self._keyframes.forget()
@@ -226,6 +247,8 @@ class Verifier:
             self._damage("header", at, file.problem)
             contents.is_flawless = False
         self.chain.begin_segment(file.path, file.header)
+        if file.header is not None and file.header.trimmed is not None:
+            self._keyframes.forget()
 
     def _chunks(self, i: int, walk: SegmentWalk, contents: Contents, *, is_live: bool) -> bool:
         """Take all chunks of a segment; return False where the rest of it is a torn tail."""
@@ -260,8 +283,28 @@ class Verifier:
         self._breaks = self.chain.breaks
         if self._breaks != breaks:
             self._keyframes.forget()
-        else:
+        elif not self._is_trimmed:  # else what is left is not all that the keyframes know
             self._keyframes.add(self._current, piece, place, expected)
+        self._note_trimming(piece)
+
+    @property
+    def _is_trimmed(self) -> bool:
+        """Whether records were taken out of the segment under way."""
+        file = self.arrangement.segments[self._at]
+        return file.header is not None and file.header.trimmed is not None
+
+    def _note_trimming(self, piece: Piece) -> None:
+        """Remember the last event that tells of records that were taken out."""
+        if HistoryTrimmed.kind not in piece.counts:
+            return
+        for channel, *_, start, end in piece.messages:
+            if channel == HistoryTrimmed.kind:
+                with suppress(ValueError):  # which the check of keyframes tells
+                    found = decode(channel, piece.records[start + MESSAGE.size : end], None)
+                    assert isinstance(found, HistoryTrimmed)
+                    header = self.arrangement.segments[self._at].header
+                    if header is not None and _log_of(found) == header.info.log_id:
+                        self._trimming = found
 
     def _note_newer(self, piece: Piece, walk: SegmentWalk) -> None:
         """Count events of kinds unknown here; no keyframe can be folded behind some of them."""
@@ -358,6 +401,10 @@ class Verifier:
             self._marked = commit.hash
         if commit.hash == self._head:
             self._head_event = commit.last_event
+        behind, self._recorded_ns = commit.last_event + 1, commit.recorded_ns
+        if behind in self._wanted_ends:
+            commits = self.chain.commits + self.chain.taken_out.commits
+            self._ends[behind] = CommitEnd(commit.hash, commits, commit.recorded_ns)
         path, wanted = self._merged.pop(commit.last_event, (self._current, commit.hash))
         if wanted != commit.hash:
             text = "its number is that of a merged segment, but its commits are others"
@@ -373,7 +420,7 @@ class Verifier:
             self._on_commit(whole)
 
     def _folder(self, found: FolderFiles) -> None:
-        """Compare what closed.json and metadata.yaml know; a leftover's hash must have come."""
+        """Compare what its mark and metadata.yaml know; a leftover's hash must have come."""
         mark = found.mark
         damaged = {f.path for f in self.findings if f.severity is Severity.DAMAGE}
         marks = mark_findings(found, self.chain.next_event, self._marked)
@@ -397,12 +444,36 @@ class Verifier:
     def _check_head(self) -> None:
         if self._head is None or self._head_event is not None:
             return
+        gone = self.chain.taken_out.commits
+        or_gone = f", or it is of one of the {counted(gone, 'commit')} that were taken out"
         text = (
             f"expected a commit with the hash {self._head.hex()}, but the log ends with event "
             f"{self.chain.next_event - 1} and the head {self.chain.head.hex()}: its tail was "
-            "cut, or the log was rewritten"
+            f"cut, or the log was rewritten{or_gone if gone else ''}"
         )
         self.findings.append(Finding("head", Severity.DAMAGE, self.path, None, None, text))
+
+    def _check_trimming(self) -> None:
+        """Compare what was taken out with what the log's last event about it tells."""
+        taken, told = self.chain.taken_out, self._trimming
+        is_part = self.path == self.arrangement.segments[0].path
+        if is_part or (told is None and not taken.reasons):
+            return
+        what = f"{counted(taken.events, 'event')} and {counted(taken.notes, 'note')}"
+        digest = "" if told is None else told.tombstones.rpartition(":")[2]
+        if told is not None and digest == taken.digest.hexdigest():
+            text = f"{what} were taken out ({told.reasons}); the last time: {told.rule}"
+            self.findings.append(Finding("trimmed", Severity.NOTE, self.path, None, None, text))
+            return
+        if told is not None and not digest:
+            text = f"{what} were taken out, and that was not finished: {told.rule}; do it again"
+            self.findings.append(Finding("trimmed", Severity.WARNING, self.path, None, None, text))
+            return
+        text = (
+            f"{what} are gone, and the log does not tell that just these were taken out: records "
+            "were taken out, or put back, by another"
+        )
+        self.findings.append(Finding("trimmed", Severity.DAMAGE, self.path, None, None, text))
 
     def _newer_finding(self) -> Finding:
         minor = max((header.minor for header in self.headers), default=0)
@@ -418,9 +489,12 @@ class Verifier:
         chain = self.chain
         header = next((f.header for f in found.segments if f.header is not None), None)
         since = None if self._head_event is None else chain.next_event - 1 - self._head_event
+        self._ends[chain.next_event] = CommitEnd(
+            chain.head, chain.commits + chain.taken_out.commits, self._recorded_ns
+        )
         return Verification(
             path=self.path,
-            findings=tuple(sorted(self.findings, key=lambda finding: -finding.severity)),
+            findings=tuple(sorted(self.findings, key=_weight)),
             log_id="" if header is None else header.info.log_id,
             segments=len(found.segments),
             commits=chain.commits,
@@ -429,6 +503,10 @@ class Verifier:
             size=self._bytes,
             head=chain.head,
             events_after_head=since,
+            ends=self._ends,
+            first_event=self._first_event,
+            next_event=chain.next_event,
+            closed_before=self._closed_before,
         )
 
     def _reread(self, place: KeyframePlace) -> Iterator[Piece]:
@@ -458,6 +536,16 @@ class Verifier:
 
     def _report(self, finding: Finding) -> None:
         self.findings.append(finding)
+
+
+def _weight(finding: Finding) -> tuple[int, bool]:
+    """Return what comes first: the worst, and what was taken out before other notes."""
+    return -finding.severity, finding.kind != "trimmed"
+
+
+def _log_of(told: HistoryTrimmed) -> str:
+    """Return the id of the log that an event is about: imports bring those of others."""
+    return told.tombstones.partition(":")[0]
 
 
 def _leftover(path: PurePath, *, is_whole: bool) -> Finding:

@@ -18,6 +18,7 @@ from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.closed_mark import ClosedMark, read_mark, write_mark
 from semmap_log.store.compaction.background import BackgroundCompactor, KeepUp
+from semmap_log.store.compaction.merge import MergedFiles
 from semmap_log.store.compaction.rechunk import needs_compaction
 from semmap_log.store.folder import LogFolder, Version
 from semmap_log.store.form import (
@@ -28,6 +29,7 @@ from semmap_log.store.form import (
     segment_name,
 )
 from semmap_log.store.header import SegmentHeader
+from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import statistics_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.segment import SegmentWriter
@@ -86,6 +88,8 @@ class SegmentChain:
         """Held while metadata.yaml is made: the background thread changes it, too."""
         self._written: dict[str, Version] = {}
         """Segments that this writer has closed, or compacted, as they were then."""
+        self._merged = MergedFiles()
+        """What was merged before this writer came, and is not old enough to go."""
         self._tell_closed = closed
         self._compacts = compacts
         self._compactor = BackgroundCompactor(folder, self._compacted, keep_up)
@@ -130,9 +134,10 @@ class SegmentChain:
                 first.abandon()
         self.live = segment
 
-    def take_up(self, segments: Sequence[Segment], end: LogEnd) -> None:
-        """Go on behind these: a live segment is repaired now, a closed one when it is needed."""
-        *older, last = segments
+    def take_up(self, reader: LogReader, end: LogEnd) -> None:
+        """Go on behind a log: a live segment is repaired now, a closed one when it is needed."""
+        *older, last = reader.segments
+        self._merged = MergedFiles.of(reader.segments, reader.leftovers)
         self._older, self._header, self._small = older, last.full_header, last
         if last.closed:
             self.folder.sync_file(last.path.name)  # who closed it may have been killed before that
@@ -149,7 +154,8 @@ class SegmentChain:
         last, self._small = self._small, None
         if last is None:
             return  # a crash left a large one: it was made whole, and closed
-        if last.closed and last.size >= CONTINUE_BELOW_BYTES:
+        is_done = last.size >= CONTINUE_BELOW_BYTES or last.header.trimmed is not None
+        if last.closed and is_done:
             self._older = (*self._older, last)
             return
         segment = reopened(self.folder, last)
@@ -172,6 +178,8 @@ class SegmentChain:
         """Close the live segment, since another will follow, and have it compacted."""
         segment = self.live
         self.close_live(end)
+        with suppress(OSError):  # the next writer does it
+            self._merged = self._merged.remove(self.folder)
         if segment is not None:
             self._compact(segment.name)
 
@@ -189,8 +197,8 @@ class SegmentChain:
                 segment.abandon()
                 raise
             self._tell_closed(segment)
+            write_mark(self.folder, end.mark(segment.header))  # first: see `check_listed`
             self._list(segment.closed_segment())
-            write_mark(self.folder, end.mark(segment.header))
             self._check_written(segment.name)
 
     def abandon(self) -> None:

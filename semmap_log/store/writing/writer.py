@@ -97,7 +97,7 @@ class LogWriter:
         if commit:
             self.next_event, self._last_hash = commit.last_event + 1, commit.hash
         self._syncs.durable_before = self.next_event  # closed, or about to be copied and synced
-        self._chain.take_up(reader.segments, self._end)
+        self._chain.take_up(reader, self._end)
 
     @property
     def is_fresh(self) -> bool:

@@ -12,7 +12,7 @@ from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError, LogError, LogExistsError
 from semmap_log.io.disk import sync_folder
 from semmap_log.io.file_calls import check_can_write
-from semmap_log.store.compaction.merge import remove_merged
+from semmap_log.store.compaction.merge import MergedFiles
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import NO_HASH, has_name_of_file
 from semmap_log.store.header import LogInfo, SegmentHeader
@@ -104,7 +104,7 @@ def _taken_up(
     environment: Environment,
 ) -> OpenedLog[K_co]:
     reader = LogReader(folder)
-    remove_merged(folder, reader.leftovers)
+    MergedFiles.of(reader.segments, reader.leftovers).remove(folder)
     writer = LogWriter(folder, lock, environment)
     keyframes = new_keyframes(folder, writer.flush, reader)
     writer.go_on(reader, keyframes)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from semmap_log.folds.patrol_rounds import ROUND_KINDS, rounds
 from semmap_log.io.disk import log_name
 from semmap_log.replay.replay import Scope
 from semmap_log.views.belief_words import why_unknown
+from semmap_log.views.excerpt.object_shapes import ObjectShape, shapes_of
 from semmap_log.views.excerpt.shown_levels import home_of_0
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.how_to_begin import how_to_begin
@@ -37,7 +38,7 @@ from semmap_log.views.report.page_doors import (
     placed_on,
 )
 from semmap_log.views.report.page_events import PageEvents, gather
-from semmap_log.views.report.plans import shown_levels
+from semmap_log.views.report.plans import PageContent, begins_of_plans, shown_levels
 from semmap_log.views.report.track import track_of
 from semmap_log.views.week_shades import shade
 from semmap_log.views.zone_times import DAY_MS, MS_NS, Span, first_ms, zone_offsets
@@ -113,12 +114,12 @@ def report_data(
     rest = brought_by(found, excerpt.before().doors, excerpt.since_ns or 0)
     home = home_of_0(levels_of(now).keys() | placed_on(rest))
     bring_home(rest, found.poses, home)
-    told = page_doors(found, rest, excerpt.before().doors)
+    told = page_doors(found, rest, excerpt.before().doors, _shapes(excerpt))
     states, lag_ms = coded_states(told, span)
     beliefs = beliefs_of(excerpt, tz, {page_door.door_id for page_door in told})
-    levels = shown_levels(excerpt, now, told, found.poses, home)
+    levels = shown_levels(excerpt, now, PageContent(told, found.poses, span), home)
     said = _annotations(excerpt, now)
-    track = track_of(found.poses, span)
+    track = track_of(found.poses, span, begins_of_plans(levels, span))
     return {
         "log": _log(log, tz),
         "begin": span.begin_ms,
@@ -177,7 +178,7 @@ def _annotations(excerpt: Excerpt, now: DoorMap) -> dict[DoorId, dict[str, str]]
 def _door(
     page_door: PageDoor, said: dict[str, str], levels: list[dict[str, Any]]
 ) -> dict[str, Any]:
-    name = said.get("name") or f"door {page_door.door_id}"
+    name = said.get("name") or f"{page_door.shape.object_class.name} {page_door.door_id}"
     level = next((lv["name"] for lv in levels if lv["level"] == page_door.last_level), "")
     return {
         "id": int(page_door.door_id),
@@ -185,6 +186,11 @@ def _door(
         "short": without_level(name, level),
         "said": [[key, value] for key, value in sorted(said.items()) if key != "name"],
     }
+
+
+def _shapes(excerpt: Excerpt) -> Mapping[DoorId, ObjectShape]:
+    """Return what each object is that is no door when the page ends, and its outline."""
+    return shapes_of(excerpt.log.state_in(Scope(at_ns=excerpt.last_ns())))
 
 
 def rounds_of(log: DoorLog, span: Span) -> list[list[Any]]:

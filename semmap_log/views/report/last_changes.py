@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from semmap_log.domain.object_classes import ObjectClass
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.folds.history import HistoryEntry, history
 from semmap_log.store.reading.window import Window
@@ -14,6 +15,7 @@ from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.door_rows import sorted_by_stamp
 from semmap_log.views.report.page_doors import PageDoor
 from semmap_log.views.report.page_events import MOST_CHANGES, Rows
+from semmap_log.views.tables import class_in
 from semmap_log.views.tail_lines import LATE_NS
 from semmap_log.views.zone_times import Span
 
@@ -31,7 +33,11 @@ def changes_of(
     """
     stamps = np.unique(np.concatenate([told, *(page_door.changes for page_door in page_doors)]))
     latest = sorted_by_stamp(stamps)[-MOST_CHANGES:]["number"]
-    lines = {entry.number: _line(entry, span) for entry in _entries(log, latest[latest >= 0])}
+    objects = log.objects()
+    lines = {
+        entry.number: _line(entry, class_in(objects, entry.door_id), span)
+        for entry in _entries(log, latest[latest >= 0])
+    }
     doors = {None, *(page_door.door_id for page_door in page_doors)}
     in_turn = [lines[number] for number in reversed(latest.tolist()) if number in lines]
     return [line for line in in_turn if line["door"] in doors]
@@ -51,14 +57,14 @@ def _entries(log: DoorLog, numbers: Rows) -> Iterator[HistoryEntry]:
     yield from history(found, finder.said_of, log.retractions())
 
 
-def _line(entry: HistoryEntry, span: Span) -> dict[str, Any]:
+def _line(entry: HistoryEntry, of: ObjectClass, span: Span) -> dict[str, Any]:
     state = state_told_by(entry.event)
     late_ns = entry.recorded_ns - entry.folds_ns
     return {
         "event": entry.number,
         "t": span.since_begin(entry.folds_ns),
         "door": entry.door_id,
-        "what": words_of(entry.event),
+        "what": words_of(entry.event, of),
         "state": None if state is None else int(state),
         "actor": entry.actor,
         "source": entry.source,

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from semmap_log.domain.doors import Door, DoorId
+from semmap_log.domain.doors import Door, DoorId, DoorState
 from semmap_log.domain.events import DoorAdded
 from semmap_log.domain.meaning import Changed, Presence
 from semmap_log.folds.door_changes import STATE_CHANGE, Changes, Stamp, known_states, of_presence
@@ -26,6 +27,7 @@ from semmap_log.views.excerpt.door_rows import (
     by_door,
     opening_changes,
 )
+from semmap_log.views.excerpt.object_shapes import AS_A_DOOR, ObjectShape
 from semmap_log.views.report.page_events import STAMP, PageEvents, Rows
 from semmap_log.views.zone_times import MS_NS, Span
 
@@ -44,6 +46,7 @@ class PageDoor:
     """Rows of `STATE_CHANGE` while it was in the map, in the order in which they count."""
     picture: DoorPicture
     """Its places, and the probabilities that were set."""
+    shape: ObjectShape = AS_A_DOOR
 
     @property
     def changes(self) -> Rows:
@@ -84,19 +87,29 @@ def bring_home(rest: Changes, poses: Rows, home: int | None) -> None:
         rows["level"][rows["level"] == 0] = home or 0
 
 
-def page_doors(found: PageEvents, rest: Changes, before: Mapping[DoorId, Door]) -> list[PageDoor]:
+def page_doors(
+    found: PageEvents,
+    rest: Changes,
+    before: Mapping[DoorId, Door],
+    shapes: Mapping[DoorId, ObjectShape] = MappingProxyType({}),
+) -> list[PageDoor]:
     """Return the doors that are in the map at some time, ids ascending.
 
     Args:
         found: The events.
         rest: What brings, places or removes doors: `brought_by`.
         before: The doors just before the first of them.
+        shapes: Of what is no door.
     """
     told = [
         _story(before.get(DoorId(int(mine["door_id"][0]))), mine, found.states)
         for mine in by_door(rest)
     ]
-    return [page_door for page_door in told if page_door is not None]
+    return [
+        replace(page_door, shape=shapes.get(page_door.door_id, AS_A_DOOR))
+        for page_door in told
+        if page_door is not None
+    ]
 
 
 def _story(before: Door | None, rest: Changes, states: Rows) -> PageDoor | None:
@@ -201,12 +214,18 @@ def _deltas(times: Rows) -> list[int]:
 
 
 def coded_life(page_door: PageDoor, span: Span) -> dict[str, Any]:
-    """Return when a door came and went, where it was, and the probabilities that were set."""
-    removed = page_door.life.removed
+    """Return when a door came and went, where it was, and the probabilities that were set.
+
+    Of what is no door, what its states are called, too.
+    """
+    removed, shape = page_door.life.removed, page_door.shape
+    words = [shape.object_class.word(state).capitalize() for state in DoorState]
+    of_others = {"isOutlined": not shape.is_line, "words": words}
     return {
+        **({} if shape.object_class.is_door else of_others),
         "added": span.since_begin(page_door.life.added[0]),
         "removed": None if removed == NEVER else span.since_begin(removed[0]),
-        "places": [_place(row, span) for row in page_door.picture.placements],
+        "places": [_place(row, shape, span) for row in page_door.picture.placements],
         "probs": [
             [span.since_begin(int(row["folds_ns"])),
              _number(row["prob_open"], 6), _number(row["prob_closed"], 6)]
@@ -215,13 +234,20 @@ def coded_life(page_door: PageDoor, span: Span) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _place(row: Any, span: Span) -> list[Any]:
-    """Return [from when, level, x and y of its start, of its end]; nothing behind: unplaced."""
+def _place(row: Any, shape: ObjectShape, span: Span) -> list[Any]:
+    """Return [from when, level, x and y of its start, of its end]; nothing behind: unplaced.
+
+    Of what is no line, x and y of each of its corners, the first once more at the end.
+    """
     since, level = span.since_begin(int(row["folds_ns"])), int(row["level"])
     x, y, theta, width = (float(row[name]) for name in ("x", "y", "theta", "width"))
     ends = (x, y, x + width * math.cos(theta), y + width * math.sin(theta))
     if not all(map(math.isfinite, ends)):
         return [since, level]
+    if not shape.is_line:
+        points = shape.strips(row[None])[0].ravel()
+        seen = points.tolist() if np.isfinite(points).all() else []
+        return [since, level, *(_number(value, 3) for value in seen)]
     return [since, level, *(_number(value, 3) for value in ends)]
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import base64
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,11 +16,12 @@ from PIL import Image
 from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import FloorMap
 from semmap_log.views.bounds import UNKNOWN_CELL, Bounds, bounds_of_floor
-from semmap_log.views.excerpt.door_rows import strips_of
+from semmap_log.views.excerpt.floor_plans import NO_PLANS, PlanEra, doors_at_ends, level_plans
 from semmap_log.views.report.page_doors import PageDoor
 from semmap_log.views.report.page_events import Rows
 from semmap_log.views.report.page_rooms import rooms_of_page
 from semmap_log.views.rooms_shown import rooms_shown
+from semmap_log.views.zone_times import MS_NS, Span
 
 if TYPE_CHECKING:
     from semmap_log.views.excerpt.span import Excerpt
@@ -31,30 +33,77 @@ FLOOR_INK, WALL_INK = 14, 190
 OCCUPIED = 100
 
 
+@dataclass(frozen=True, slots=True)
+class PageContent:
+    """What a page shows on its levels."""
+
+    told: Sequence[PageDoor]
+    """Its doors."""
+    poses: Rows
+    """Where the robot was."""
+    span: Span
+
+
 def shown_levels(
-    excerpt: Excerpt, now: DoorMap, told: Sequence[PageDoor], poses: Rows, home: int | None
+    excerpt: Excerpt, now: DoorMap, content: PageContent, home: int | None
 ) -> list[dict[str, Any]]:
     """Return the levels with something on them, numbers ascending; at least one.
+
+    A level that was mapped anew is as on its last plan, `since` then; `earlier` are the others.
 
     Args:
         excerpt: The part of the log.
         now: The map at its end.
-        told: Its doors.
-        poses: Where the robot was.
+        content: What is shown.
         home: Where level 0 is shown, and what is said of it is already; None: nowhere.
     """
-    used = {int(n) for page_door in told for n in np.unique(page_door.picture.placements["level"])}
-    used |= set(np.unique(poses["level"]).tolist())
+    used = {int(n) for door in content.told for n in np.unique(door.picture.placements["level"])}
+    used |= set(np.unique(content.poses["level"]).tolist())
     if excerpt.doors is None:
         used |= {n for n, level in now.levels.items() if level.floor_map_event is not None}
     if home is None:
         used.discard(0)
     rooms = rooms_shown(excerpt.log, now)
-    return [
-        _level(number, now, excerpt.log.floor_of(now, number), _bounds(number, told, poses))
-        | {"rooms": rooms_of_page(rooms, number)}
-        for number in sorted(used) or [0]
-    ]
+    plans = level_plans(excerpt, used)
+    shown = []
+    for number in sorted(used) or [0]:
+        eras = plans.get(number, NO_PLANS).happened
+        if len(eras) > 1:
+            shown.append(_mapped_anew(number, excerpt, now, content, eras))
+            continue
+        floor = excerpt.log.floor_of(now, number)
+        bounds = _bounds(number, content, ALL_TIME)
+        shown.append(_level(number, now, floor, bounds) | {"rooms": rooms_of_page(rooms, number)})
+    return shown
+
+
+def begins_of_plans(levels: Iterable[Mapping[str, Any]], span: Span) -> dict[int, list[int]]:
+    """Return, for each level that was mapped anew, from when on each later plan is, ns."""
+    return {
+        level["level"]: [
+            (plan["since"] + span.begin_ms) * MS_NS for plan in [*level["earlier"][1:], level]
+        ]
+        for level in levels
+        if "earlier" in level
+    }
+
+
+ALL_TIME = (-(2**63), 2**63 - 1)
+"""First and last nanosecond."""
+
+
+def _mapped_anew(
+    number: int, excerpt: Excerpt, now: DoorMap, content: PageContent, eras: Sequence[PlanEra]
+) -> dict[str, Any]:
+    begins = [ALL_TIME[0], *(int(era.since["folds_ns"][0]) for era in eras[1:])]
+    ends = [*(begin - 1 for begin in begins[1:]), ALL_TIME[1]]
+    plans = []
+    for (era, doors), begin, end in zip(doors_at_ends(eras, excerpt), begins, ends, strict=True):
+        bounds = _bounds(number, content, (begin, end))
+        rooms = rooms_of_page(rooms_shown(excerpt.log, doors), number)
+        since = content.span.since_begin(max(begin, 0))
+        plans.append(_level(number, now, era.floor, bounds) | {"rooms": rooms, "since": since})
+    return plans[-1] | {"earlier": plans[:-1]}
 
 
 def _level(number: int, now: DoorMap, floor: FloorMap | None, bounds: Bounds) -> dict[str, Any]:
@@ -73,15 +122,24 @@ def _level(number: int, now: DoorMap, floor: FloorMap | None, bounds: Bounds) ->
     }  # fmt: skip
 
 
-def _bounds(number: int, told: Sequence[PageDoor], poses: Rows) -> Bounds:
+def _bounds(number: int, content: PageContent, time: tuple[int, int]) -> Bounds:
+    """Return what is around doors and robots of a level at some time, its ends included."""
+    poses = _during(content.poses, time)
     here = poses[poses["level"] == number]
     bounds = Bounds().around(here["x"], here["y"])
-    for page_door in told:
-        places = page_door.picture.placements
+    for page_door in content.told:
+        placements = page_door.picture.placements
+        held = max(int(np.searchsorted(placements["folds_ns"], time[0], "right")) - 1, 0)
+        places = _during(placements[held:], (ALL_TIME[0], time[1]))
         with np.errstate(over="ignore", invalid="ignore"):
-            ends = strips_of(places[places["level"] == number]).reshape(-1, 2)
+            ends = page_door.shape.strips(places[places["level"] == number]).reshape(-1, 2)
         bounds = bounds.around(ends[:, 0], ends[:, 1])
     return bounds
+
+
+def _during(rows: Rows, time: tuple[int, int]) -> Rows:
+    during: Rows = rows[(rows["folds_ns"] >= time[0]) & (rows["folds_ns"] <= time[1])]
+    return during
 
 
 def picture_of(floor: FloorMap) -> Mapping[str, Any] | None:

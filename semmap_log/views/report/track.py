@@ -6,7 +6,9 @@ Between two points the robot went straight, at one speed; behind the last of a r
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -38,11 +40,19 @@ class DrawnTrack:
     """So far at most a pose lies off it."""
 
 
-def track_of(poses: Rows, span: Span) -> DrawnTrack:
-    """Return the track of poses that are in the order of their times."""
+def track_of(
+    poses: Rows, span: Span, plans: Mapping[int, Sequence[int]] = MappingProxyType({})
+) -> DrawnTrack:
+    """Return the track of poses that are in the order of their times.
+
+    Args:
+        poses: Where robots were.
+        span: What the page shows.
+        plans: Level -> when it got another floor plan, ns: over that, nobody drove.
+    """
     if not len(poses):
         return DrawnTrack([], [], TOLERANCE_M + ROUNDING_M)
-    runs = _runs(poses)
+    runs = _runs(poses, plans)
     tolerance_m = TOLERANCE_M
     while True:
         kept = [run[telling(run, tolerance_m)] for run in runs]
@@ -53,12 +63,14 @@ def track_of(poses: Rows, span: Span) -> DrawnTrack:
         tolerance_m *= 2
 
 
-def _runs(poses: Rows) -> list[Rows]:
-    """Cut where the level changes, or where nothing was told for long; robot after robot."""
+def _runs(poses: Rows, plans: Mapping[int, Sequence[int]]) -> list[Rows]:
+    """Cut where the level or its plan changes, or nothing was told for long; robot by robot."""
     poses = poses[np.argsort(poses["robot"], kind="stable")]
     jumps = np.diff(poses["robot"].astype(np.int32)) != 0
     jumps |= np.diff(poses["level"].astype(np.int32)) != 0
     jumps |= np.diff(poses["folds_ns"]) > GAP_MS * 10**6
+    for begins in plans.values():
+        jumps |= np.diff(np.searchsorted(begins, poses["folds_ns"], "right")) != 0
     return np.split(poses, np.flatnonzero(jumps) + 1)
 
 

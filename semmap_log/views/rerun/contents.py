@@ -31,6 +31,8 @@ from semmap_log.views.excerpt.door_rows import (
     opening_changes,
     strips_of,
 )
+from semmap_log.views.excerpt.floor_plans import NO_PLANS, level_plans
+from semmap_log.views.excerpt.object_shapes import AS_A_DOOR, ObjectShape, shapes_of
 from semmap_log.views.excerpt.shown_levels import home_of_0
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.label_places import without_level
@@ -77,13 +79,14 @@ class RecordingContents:
             self._is_whole = True  # behind this, nothing is taken back any more
             for one in taken_back(self._excerpt):
                 pass_.take_back(one)
-        doors = self._excerpt.log.replay(at=self._excerpt.last_ns())
+        state = self._excerpt.log.state_in(Scope(at_ns=self._excerpt.last_ns()))
+        doors, shapes = state.door_map(), shapes_of(state)
         placed = {n for door in pass_.doors.values() if door.is_ever_there for n in door.placed_on}
         home = home_of_0(placed | levels_of(doors).keys())
         robot_level = pass_.robot_last[1]
         levels = _levels(self._excerpt, doors, pass_, home)
         return Scene(
-            doors=_doors(pass_, levels, home),
+            doors=_doors(pass_, levels, home, shapes),
             levels=levels,
             home_of_0=home,
             robot_level=home if robot_level == 0 else robot_level,
@@ -348,12 +351,18 @@ def _levels(
     names = {n: level.name or "" for n, level in known.items()}
     names |= {0: "No level"} if home is None else {}
     parts = unique_parts(((n, names.get(n) or str(n)) for n in numbers), "level")
+    plans = level_plans(excerpt, numbers)
     levels = {}
     for n in numbers:
         floor = excerpt.log.floor_of(doors, n)
         bounds = pass_.bounds.get(n, Bounds()).including(robot.get(n, Bounds()))
-        if floor is not None:
-            bounds = bounds.including(bounds_of_floor(floor))
+        outlined = [p for door in doors.doors.values() if door.level == n for p in door.outline]
+        if outlined:
+            bounds = bounds.around(*np.array(outlined).T)
+        eras = plans.get(n, NO_PLANS)
+        for drawn in [floor, *(era.floor for era in (*eras.happened, *eras.recorded))]:
+            if drawn is not None:
+                bounds = bounds.including(bounds_of_floor(drawn))
         levels[n] = SceneLevel(
             level=n,
             name=drawable_name(names.get(n) or "", f"Level {n}"),
@@ -363,12 +372,16 @@ def _levels(
             is_empty=bounds.is_empty,
             doors=sum((door.last_level or home or 0) == n for door in there),
             has_robot=n in robot,
+            plans=eras,
         )
     return levels
 
 
 def _doors(
-    pass_: _Pass, levels: Mapping[int, SceneLevel], home: int | None
+    pass_: _Pass,
+    levels: Mapping[int, SceneLevel],
+    home: int | None,
+    shapes: Mapping[DoorId, ObjectShape],
 ) -> dict[DoorId, SceneDoor]:
     """Return the doors that are in the map at some time on some timeline, ids ascending."""
     there = {i: door for i, door in sorted(pass_.doors.items()) if door.is_ever_there}
@@ -390,6 +403,7 @@ def _doors(
             known=found.known,
             state_changes=found.state_changes,
             has_probabilities=found.has_probabilities,
+            shape=shapes.get(door_id, AS_A_DOOR),
             is_plain=found.is_plain,
             disturbed_ns=np.sort(np.concatenate([np.empty(0, np.int64), *found.disturbed])),
         )

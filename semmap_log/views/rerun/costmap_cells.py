@@ -2,21 +2,22 @@
 
 Of several doors on a cell the one with the greatest id has it, whatever its state (an unknown one
 erases): so a door shows the cells of its line that no door with a greater id lies on. That changes
-when it is put elsewhere, or another one is.
+when it is put elsewhere, or another one is. What is no line, such as an area, lies above all that
+are: it shows all of its cells where it blocks, and nothing where it does not.
 """
 
 from __future__ import annotations
 
 from bisect import insort
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.costmap_2d.costs import NO_INFORMATION
-from semmap_log.costmap_2d.door_layer import DoorLine, cells_of
+from semmap_log.costmap_2d.door_layer import cells_of
 from semmap_log.costmap_2d.grid import MOST_CELLS, CellWindow, GridGeometry
 from semmap_log.domain.doors import DoorId
 from semmap_log.folds.door_changes import CHANGE, Changes
@@ -66,6 +67,10 @@ def versions_of(
     last: dict[DoorId, _Move] = {}
     doors_at: dict[int, list[DoorId]] = {}
     for move in _moves(doors, level, geometry, order):
+        if not doors[move.door].shape.is_line:
+            patch = _patch(move, move.cells.tolist())
+            versions.setdefault(move.door, []).append((move.stamp, patch))
+            continue
         before = last[move.door].cells if move.door in last else _NO_CELLS
         if not len(before) and not len(move.cells):
             continue
@@ -78,7 +83,8 @@ def versions_of(
             insort(doors_at.setdefault(cell, []), move.door)
         shown_after = _shown(doors_at, touched)
         for door in sorted({move.door, *shown_before, *shown_after}):
-            versions.setdefault(door, []).append((move.stamp, _patch(last[door], doors_at)))
+            mine = [cell for cell in last[door].cells.tolist() if doors_at[cell][-1] == door]
+            versions.setdefault(door, []).append((move.stamp, _patch(last[door], mine)))
     return versions
 
 
@@ -87,9 +93,7 @@ def grid_around(doors: Iterable[DoorRows], level: int) -> GridGeometry | None:
     corners = [np.zeros((0, 2))]
     for rows in doors:
         here = _placed(rows.placements[rows.placements["level"] == level])
-        start = np.stack([here["x"], here["y"]], -1)
-        along = np.stack([np.cos(here["theta"]), np.sin(here["theta"])], -1)
-        corners += [start, start + here["width"][:, None] * along]
+        corners.append(rows.shape.points(here))
     points = np.concatenate(corners)
     if not len(points):
         return None
@@ -132,7 +136,10 @@ def _moves(
            for r in doors.values()]
     )  # fmt: skip
     stays = ~is_removal & (rows["level"] == level)
-    lines = {index: _line(rows[index]) for index in np.flatnonzero(stays).tolist()}
+    lines = {
+        index: doors[owner[index]].shape.drawn(rows[index])
+        for index in np.flatnonzero(stays).tolist()
+    }
     place, cells = cells_of(geometry, lines)
     parts_of = dict(zip(lines, np.split(cells, np.searchsorted(place, np.arange(1, len(lines)))),
                         strict=False))  # fmt: skip
@@ -143,12 +150,6 @@ def _moves(
 
 
 _NO_CELLS = np.empty(0, np.int64)
-
-
-def _line(row: Any) -> DoorLine:
-    return DoorLine(
-        float(row["x"]), float(row["y"]), float(row["theta"]), float(row["width"]), NO_INFORMATION
-    )
 
 
 def _move(stamp: Stamp, door: DoorId, cells: Cells, columns: int) -> _Move:
@@ -164,11 +165,9 @@ def _shown(doors_at: Mapping[int, list[DoorId]], cells: Iterable[int]) -> set[Do
     return {doors[-1] for cell in cells if (doors := doors_at.get(cell))}
 
 
-def _patch(move: _Move, doors_at: Mapping[int, list[DoorId]]) -> Patch | None:
-    if move.window is None:
-        return None
-    mine = [cell for cell in move.cells.tolist() if doors_at[cell][-1] == move.door]
-    if not mine:
+def _patch(move: _Move, mine: Sequence[int]) -> Patch | None:
+    """Return the cells of a door that it shows; None: there are none."""
+    if move.window is None or not mine:
         return None
     y, x = np.divmod(np.array(mine), move.columns)
     shown = np.zeros(move.window.shape, np.bool_)

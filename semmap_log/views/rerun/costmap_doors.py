@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from semmap_log.folds.door_changes import Changes
 from semmap_log.views.excerpt.door_fold import DoorPicture
+from semmap_log.views.excerpt.object_shapes import AS_A_DOOR, ObjectShape
 
 STAMPS = ("number", "folds_ns", "recorded_ns")
 STATE = np.dtype([(name, "i8") for name in STAMPS] + [("state", "u1")])
@@ -25,11 +26,12 @@ class DoorRows:
     placements: Changes
     """Rows of `CHANGE`, as the removals."""
     removals: Changes
+    shape: ObjectShape = AS_A_DOOR
 
     @classmethod
-    def of(cls, picture: DoorPicture) -> DoorRows:
+    def of(cls, picture: DoorPicture, shape: ObjectShape) -> DoorRows:
         """Return what is needed of a picture."""
-        return cls(slim(picture.states), picture.placements, picture.removals)
+        return cls(slim(picture.states), picture.placements, picture.removals, shape)
 
     def __len__(self) -> int:
         """How many there are."""
@@ -45,11 +47,12 @@ class DoorRows:
     def joined(cls, pieces: Sequence[DoorRows]) -> DoorRows:
         """Return all of a door's rows, of which these are the pieces."""
         fields = ((one.states, one.placements, one.removals) for one in pieces)
-        return cls(*(np.concatenate(parts) for parts in zip(*fields, strict=True)))
+        states, placements, removals = map(np.concatenate, zip(*fields, strict=True))
+        return cls(states, placements, removals, pieces[-1].shape)
 
     def last(self) -> DoorRows:
         """Return what counts at the end: all that later rows need to go on from."""
-        return DoorRows(self.states[-1:], self.placements[-1:], self.removals[-1:])
+        return DoorRows(self.states[-1:], self.placements[-1:], self.removals[-1:], self.shape)
 
 
 def slim(changes: Changes) -> Changes:

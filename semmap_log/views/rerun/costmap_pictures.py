@@ -6,7 +6,8 @@ the costs themselves, so that hovering over a cell tells them, and get their col
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from semmap_log.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
 from semmap_log.costmap_2d.grid import GridGeometry
 from semmap_log.domain.doors import DoorId
+from semmap_log.domain.events import FloorMap
+from semmap_log.views.excerpt.floor_plans import PlanEra
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.costmap_cells import Patch, grid_around
 from semmap_log.views.rerun.costmap_doors import DoorRows
@@ -23,13 +26,18 @@ from semmap_log.views.rerun.costmap_rows import (
     PICTURE,
     DoorPatches,
     Pictures,
+    TimeSpan,
     patches_along,
 )
+from semmap_log.views.rerun.floor import eras_along, since_of
 from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.rows import EVENT, EVERYWHERE, HAPPENED, RECORDED, RowWriter
 from semmap_log.views.rerun.scene import EntityPath, Scene, SceneLevel
 
 COSTMAP = "costmap"
+
+ORDER_OF_LINES, ORDER_OF_AREAS = -5.0, -4.9
+"""What lies on the floor is above what stands in walls."""
 
 NOTHING_WRITTEN = -2
 """Less than any event's number; -1 is what a recording begins with."""
@@ -39,7 +47,7 @@ class CostmapWriter:
     """Takes what happens to doors, and writes the layers of all levels when told that it is all.
 
     More may come behind it, if none of it is late. A level whose floor map is turned against its
-    grid has no costmap.
+    grid has no costmap. One that was mapped anew has a layer on each of its plans.
     """
 
     def __init__(self, writer: RowWriter, scene: Scene, palette: Palette) -> None:
@@ -79,9 +87,11 @@ class CostmapWriter:
             if not has_costmap(self._scene, level):
                 continue
             here = [self._on(level, doors) for doors in (happened, recorded)]
-            geometry = _geometry(level, [rows for doors in here for rows in doors.values()])
-            if geometry is not None:
-                self._write_level(level, geometry, *here)
+            if self._written == NOTHING_WRITTEN:
+                colours = colours_of_costs(self._palette)
+                self._writer.static((*level.path, COSTMAP), colours)
+            for part in _parts(self._scene, level, here):
+                self._write_part(level, part, *here)
 
     def _on(self, level: SceneLevel, doors: dict[DoorId, DoorRows]) -> dict[DoorId, DoorRows]:
         """Return the rows of the doors that are on a level at some time."""
@@ -91,28 +101,40 @@ class CostmapWriter:
             if level.level in self._scene.doors[door].lines
         }
 
-    def _write_level(
+    def _write_part(
         self,
         level: SceneLevel,
-        geometry: GridGeometry,
+        part: _Part,
         happened: dict[DoorId, DoorRows],
         recorded: dict[DoorId, DoorRows],
     ) -> None:
-        if self._written == NOTHING_WRITTEN:
-            self._writer.static((*level.path, COSTMAP), colours_of_costs(self._palette))
-        one = dict(patches_along(happened, level.level, geometry, recorded=False))
-        other = dict(patches_along(recorded, level.level, geometry, recorded=True))
+        one, other = (
+            dict(patches_along(doors, level.level, part.geometry, recorded=is_recorded))
+            for doors, is_recorded in ((happened, False), (recorded, True))
+        )
         for door in sorted(one.keys() | other.keys()):
-            path = (*level.path, COSTMAP, self._scene.doors[door].path[-1])
-            along = (patches.pop(door, _NOTHING).behind(self._written) for patches in (one, other))
-            self._write_door(path, geometry, *along)
+            path = (*level.path, COSTMAP, *part.path, self._scene.doors[door].path[-1])
+            along = (
+                part.shown(patches.pop(door, _NOTHING), recorded=is_recorded).behind(self._written)
+                for patches, is_recorded in ((one, False), (other, True))
+            )
+            is_line = self._scene.doors[door].shape.is_line
+            order = ORDER_OF_LINES if is_line else ORDER_OF_AREAS
+            self._write_door(path, part.geometry, *along, draw_order=order)
 
     def _write_door(
-        self, path: EntityPath, geometry: GridGeometry, happened: DoorPatches, recorded: DoorPatches
+        self,
+        path: EntityPath,
+        geometry: GridGeometry,
+        happened: DoorPatches,
+        recorded: DoorPatches,
+        *,
+        draw_order: float,
     ) -> None:
         if not (len(happened.pictures) or len(recorded.pictures)):
             return
-        self._writer.static(path, rr.SegmentationImage.from_fields(opacity=1.0, draw_order=-5.0))
+        order = rr.SegmentationImage.from_fields(opacity=1.0, draw_order=draw_order)
+        self._writer.static(path, order)
         if happened.patches == recorded.patches and np.array_equal(
             happened.pictures, recorded.pictures
         ):
@@ -139,10 +161,59 @@ class CostmapWriter:
 _NOTHING = DoorPatches([], np.empty(0, PICTURE))
 
 
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """The layer on one of a level's plans, and when it shows."""
+
+    geometry: GridGeometry
+    path: EntityPath
+    """Behind that of the layer."""
+    happened: Sequence[TimeSpan] | None
+    """None: at all times."""
+    recorded: Sequence[TimeSpan] | None
+
+    def shown(self, patches: DoorPatches, *, recorded: bool) -> DoorPatches:
+        """Return what a door shows on that plan."""
+        spans = self.recorded if recorded else self.happened
+        return patches if spans is None else patches.within(spans, recorded=recorded)
+
+
+def _parts(
+    scene: Scene, level: SceneLevel, doors: Sequence[Mapping[DoorId, DoorRows]]
+) -> Iterator[_Part]:
+    """Yield a part for each plan of a level that lies along its grid, or one for all times."""
+    if level.plans.is_one:
+        geometry = _geometry(level, [rows for one in doors for rows in one.values()])
+        if geometry is not None:
+            yield _Part(geometry, (), None, None)
+        return
+    spans = [_spans(scene, eras) for _, eras in eras_along(level)]
+    for number, floor in _floors(level).items():
+        if not floor.origin_theta:
+            happened, recorded = (along.get(number, []) for along in spans)
+            yield _Part(_grid_of(floor), (f"plan {number}",), happened, recorded)
+
+
+def _spans(scene: Scene, eras: Sequence[PlanEra]) -> dict[int, list[TimeSpan]]:
+    """Return in which spans each plan shows, by the number of its event."""
+    spans: dict[int, list[TimeSpan]] = {}
+    since = since_of(eras, scene)
+    for era, begin, end in zip(eras, since, [*since[1:], None], strict=True):
+        spans.setdefault(era.plan_event, []).append(TimeSpan(begin, end))
+    return spans
+
+
+def _floors(level: SceneLevel) -> dict[int, FloorMap]:
+    """Return all plans of a level, by the numbers of their events."""
+    eras = (*level.plans.happened, *level.plans.recorded)
+    return {era.plan_event: era.floor for era in eras if era.floor is not None}
+
+
 def has_costmap(scene: Scene, level: SceneLevel) -> bool:
     """Tell whether a level has a layer to show: doors, and no floor map that is turned."""
-    is_turned = level.floor is not None and level.floor.origin_theta != 0
-    return not is_turned and any(level.level in door.lines for door in scene.doors.values())
+    floors = [level.floor] if level.plans.is_one else list(_floors(level).values())
+    is_upright = any(floor is None or floor.origin_theta == 0 for floor in floors)
+    return is_upright and any(level.level in door.lines for door in scene.doors.values())
 
 
 def colours_of_costs(palette: Palette) -> Any:
@@ -177,9 +248,12 @@ def shades_of_costs(palette: Palette) -> NDArray[np.uint8]:
 
 def _geometry(level: SceneLevel, doors: Iterable[DoorRows]) -> GridGeometry | None:
     """Return the grid of the level's floor map, or one around its doors."""
-    floor = level.floor
-    if floor is None:
+    if level.floor is None:
         return grid_around(doors, level.level)
+    return _grid_of(level.floor)
+
+
+def _grid_of(floor: FloorMap) -> GridGeometry:
     rows, columns = floor.cells.shape
     return GridGeometry.of_map((rows, columns), floor.resolution, (floor.origin_x, floor.origin_y))
 

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.costmap_2d.costs import NO_INFORMATION
 from semmap_log.costmap_2d.grid import GridGeometry
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.folds.door_layer_fold import cost_of_state
+from semmap_log.domain.doors import DoorId
 from semmap_log.views.excerpt.door_rows import NO_STATE
 from semmap_log.views.rerun.costmap_cells import Patch, Version, versions_of
 from semmap_log.views.rerun.costmap_doors import (
@@ -34,10 +34,6 @@ NO_PATCH = -1
 
 Pictures = NDArray[np.void]
 
-COSTS = np.full(256, NO_INFORMATION, np.uint8)
-"""State -> cost."""
-COSTS[: len(DoorState)] = [cost_of_state(state) for state in DoorState]
-
 
 @dataclass(frozen=True, slots=True)
 class DoorPatches:
@@ -49,6 +45,47 @@ class DoorPatches:
     def behind(self, number: int) -> DoorPatches:
         """Return those from events with greater numbers."""
         return DoorPatches(self.patches, self.pictures[self.pictures["number"] > number])
+
+    def within(self, spans: Sequence[TimeSpan], *, recorded: bool) -> DoorPatches:
+        """Return what shows in some spans of time alone: it comes and goes with them.
+
+        Args:
+            spans: Their beginnings and ends, times ascending.
+            recorded: The pictures are in the order of recording; else in that of happening.
+        """
+        parts = [_within(self.pictures, span, recorded=recorded) for span in spans]
+        return DoorPatches(self.patches, np.concatenate([self.pictures[:0], *parts]))
+
+
+class TimeSpan(NamedTuple):
+    """From when on something shows, and when it is over; rows of `STAMPS`."""
+
+    since: NDArray[np.void]
+    """One row."""
+    end: NDArray[np.void] | None
+    """One row; None: it lasts."""
+
+
+def _within(pictures: Pictures, span: TimeSpan, *, recorded: bool) -> Pictures:
+    time = "number" if recorded else "folds_ns"
+    times, first_time = pictures[time], span.since[time][0]
+    first = int(np.searchsorted(times, first_time))
+    behind = len(times) if span.end is None else int(np.searchsorted(times, span.end[time][0]))
+    shown = pictures[first:behind]
+    if first and not (len(shown) and shown[time][0] == first_time):
+        shown = np.concatenate([_restamped(pictures[first - 1 : first], span.since), shown])
+    if span.end is not None and len(shown):
+        nothing = _restamped(shown[-1:], span.end)
+        nothing["patch"], nothing["cost"] = NO_PATCH, NO_INFORMATION
+        shown = np.concatenate([shown, nothing])
+    return shown
+
+
+def _restamped(picture: Pictures, stamp: NDArray[np.void]) -> Pictures:
+    row: Pictures = picture.copy()
+    for name in STAMPS:
+        row[name] = stamp[name]
+    return row
 
 
 def patches_along(
@@ -87,7 +124,7 @@ def _door_patches(
     pictures = np.zeros(len(stamps), PICTURE)
     for name in STAMPS:
         pictures[name] = stamps[name]
-    pictures["cost"] = COSTS[_held(stamps["state"], is_state, NO_STATE)]
+    pictures["cost"] = rows.shape.costs()[_held(stamps["state"], is_state, NO_STATE)]
     pictures["patch"] = _held(patch_of, ~is_state, NO_PATCH)
     nothing = (pictures["cost"] == NO_INFORMATION) | (pictures["patch"] == NO_PATCH)
     pictures["cost"][nothing], pictures["patch"][nothing] = NO_INFORMATION, NO_PATCH

@@ -10,7 +10,7 @@ import numpy as np
 from semmap_log.domain.doors import DoorState
 from semmap_log.folds.door_changes import CHANGE, Changes
 from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
-from semmap_log.views.excerpt.door_rows import RecordingEdge, strips_of
+from semmap_log.views.excerpt.door_rows import RecordingEdge
 from semmap_log.views.palette import Palette, packed
 from semmap_log.views.rerun.costmap_doors import DoorRows
 from semmap_log.views.rerun.costmap_pictures import CostmapWriter
@@ -61,7 +61,7 @@ class DoorWriter:
         for path in self._door.lines.values():
             self._writer.clear(path, picture.removals, self._timelines, returns=picture.returns)
         if self._costmap is not None:
-            rows = DoorRows.of(picture)
+            rows = DoorRows.of(picture, self._door.shape)
             self._costmap.take(self._door.door_id, rows, self._timelines)
 
     def _write_states(self, changes: Changes) -> None:
@@ -82,7 +82,16 @@ class DoorWriter:
         for level, path in self._door.lines.items():
             here = placements.copy()
             here["width"][~is_placed | (placements["level"] != level)] = np.nan
-            self._writer.rows(path, here, _lines, self._timelines)
+            self._writer.rows(path, here, self._lines, self._timelines)
+
+    def _lines(self, part: Changes) -> Sequence[Any]:
+        """Return one line, and the place of its name, for each row; none where the width is NaN."""
+        drawn = np.isfinite(part["width"])
+        each = drawn.astype(np.uint32)
+        strips = self._door.shape.strips(part[drawn])
+        lines = rr.LineStrips2D.columns(strips=strips).partition(each)
+        names = rr.Points2D.columns(positions=strips.mean(axis=1)).partition(each)
+        return [*lines, *names]
 
     def _write_curves(self, picture: DoorPicture, end: RecordingEdge | None) -> None:
         """Write the points of the curves, each chunk from the last point of the one before.
@@ -138,7 +147,7 @@ def write_style(writer: RowWriter, door: SceneDoor, palette: Palette, *, doors_b
         door.path,
         rr.StateConfiguration(
             values=STATE_NAMES.tolist(),
-            labels=[name.capitalize() for name in STATE_NAMES.tolist()],
+            labels=[door.shape.object_class.word(state).capitalize() for state in DoorState],
             colors=colours,
         ),
     )
@@ -156,16 +165,6 @@ def write_style(writer: RowWriter, door: SceneDoor, palette: Palette, *, doors_b
 
 def _colours(palette: Palette) -> np.ndarray:
     return rgba([palette.of_state(state) for state in DoorState])
-
-
-def _lines(part: Changes) -> Sequence[Any]:
-    """Return one line, and the place of its name, for each row; none where the width is NaN."""
-    drawn = np.isfinite(part["width"])
-    each = drawn.astype(np.uint32)
-    strips = strips_of(part[drawn])
-    lines = rr.LineStrips2D.columns(strips=strips).partition(each)
-    names = rr.Points2D.columns(positions=strips.mean(axis=1)).partition(each)
-    return [*lines, *names]
 
 
 def _points(part: Changes) -> Sequence[Any]:

@@ -30,7 +30,6 @@ from semmap_log.views.rerun.rows import RowWriter
 from semmap_log.views.rerun.scene import Scene
 from semmap_log.views.rerun.sighting_views import SightingsShown, write_sightings
 from semmap_log.views.rerun.thinning import LeftOut
-from semmap_log.views.rooms_shown import rooms_shown
 
 APPLICATION_ID = "semmap_log"
 """Dots and other odd characters would be rewritten by rerun."""
@@ -104,12 +103,7 @@ class Converter:
         writer = RowWriter(recording, excerpt, scene.commits)
         write_nothing(writer, excerpt, scene)
         write_floors(writer, scene, palette)
-        write_rooms(
-            writer,
-            scene,
-            rooms_shown(excerpt.log, excerpt.log.replay(at=excerpt.last_ns())),
-            palette,
-        )
+        write_rooms(writer, scene, excerpt, palette)
         write_rounds(writer, rounds, palette)
         self._layers = CostmapWriter(writer, scene, palette) if costmap else None
         self._doors = DoorsWriter(writer, excerpt, scene, palette, self._layers)

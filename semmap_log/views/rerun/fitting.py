@@ -20,6 +20,7 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.meaning import Changed, Presence
 from semmap_log.views.bounds import Bounds
+from semmap_log.views.excerpt.floor_plans import NO_PLANS
 from semmap_log.views.rerun.contents import RecordingContents
 from semmap_log.views.rerun.scene import Scene, SceneDoor, SceneLevel
 
@@ -66,7 +67,10 @@ def with_room(scene: Scene) -> Scene:
 def _look(scene: Scene) -> tuple[list[SceneDoor], list[SceneLevel], int | None]:
     """Return all of a scene that is drawn once; not how much happened, nor how far it reaches."""
     doors = [replace(door, state_changes=0) for door in scene.doors.values()]
-    levels = [replace(level, floor=None, bounds=Bounds()) for level in scene.levels.values()]
+    levels = [
+        replace(level, floor=None, plans=NO_PLANS, bounds=Bounds())
+        for level in scene.levels.values()
+    ]
     return doors, levels, scene.home_of_0
 
 

@@ -14,6 +14,7 @@ from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import DoorEvent, Event, Retracted, RobotPose
 from semmap_log.domain.meaning import NO_EFFECT, PLACING, Presence
 from semmap_log.domain.moments import SECOND_NS
+from semmap_log.domain.object_classes import DOOR
 from semmap_log.folds.door_changes import Changes, Stamp
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.views.event_words import state_told_by, words_of
@@ -102,7 +103,8 @@ class EventLines:
         self, event: Event, stamp: Stamp, *, is_void: bool
     ) -> tuple[str, str, DoorState | None]:
         """Return importance, words and state."""
-        said = drawable(words_of(event))
+        known = self._scene.doors.get(event.door_id) if isinstance(event, DoorEvent) else None
+        said = drawable(words_of(event, DOOR if known is None else known.shape.object_class))
         if is_void:
             said = f"{said} (taken back later)"
         if not isinstance(event, DoorEvent):

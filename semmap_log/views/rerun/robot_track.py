@@ -18,8 +18,9 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.events import RobotPose
 from semmap_log.door_log.robot_names import robots_of_poses
 from semmap_log.views.palette import Palette, packed
+from semmap_log.views.rerun.floor import eras_along, since_of
 from semmap_log.views.rerun.rerun_sdk import rr
-from semmap_log.views.rerun.rows import MOST_ROWS, RowWriter
+from semmap_log.views.rerun.rows import EVERYWHERE, MOST_ROWS, RowWriter
 from semmap_log.views.rerun.scene import EntityPath, Scene, SceneLevel
 from semmap_log.views.rerun.thinning import is_long, telling_poses
 
@@ -29,6 +30,9 @@ GAP_NS = 600 * 10**9
 ARROW_SHARE = 0.03
 """Length of the arrow, as a share of the level's longer side."""
 SHORTEST_ARROW_M = 0.6
+
+FAR_M = 1e7
+"""Out of every view."""
 
 POSE = np.dtype([
     ("number", "i8"), ("folds_ns", "i8"), ("recorded_ns", "i8"),
@@ -89,6 +93,7 @@ class _RobotTrack:
         """Poses so far that are not drawn: others stand in their place."""
         for level in self._levels:
             self._write_style(level, palette)
+            self._leave_old_plans(level, scene)
 
     def take(self, poses: Poses) -> None:
         """Take its next poses, in order of their numbers."""
@@ -122,6 +127,19 @@ class _RobotTrack:
             poses["from_level"][0] = -1
         self._last, self._has_last = poses[-1:].copy(), True
 
+    def _leave_old_plans(self, level: SceneLevel, scene: Scene) -> None:
+        """Let the robot vanish when another plan comes: it told its place on the one before."""
+        for timelines, eras in eras_along(level):
+            for row in since_of(eras, scene)[1:]:
+                path = _pose_path(level, self._name)
+                self._writer.clear(path, row, timelines, returns=row[:0])
+        # The track reaches back in time, so that a cleared one would still show: it goes away.
+        tracks = _track_paths(level, self._name)
+        for path, era in zip(tracks, level.plans.happened[1:], strict=False):
+            self._writer.one(
+                path, era.since, [rr.Transform3D(translation=[FAR_M, 0.0, 0.0])], EVERYWHERE
+            )
+
     def _write_style(self, level: SceneLevel, palette: Palette) -> None:
         self._writer.static(
             _pose_path(level, self._name),
@@ -129,12 +147,15 @@ class _RobotTrack:
                 colors=packed(palette.robot), radii=rr.Radius.ui_points(3.0), draw_order=8.0
             ),
         )
-        self._writer.static(
-            _track_path(level, self._name),
-            rr.LineStrips2D.from_fields(
-                colors=packed(palette.robot, 0x70), radii=rr.Radius.ui_points(1.0), draw_order=5.0
-            ),
-        )
+        for path in _track_paths(level, self._name):
+            self._writer.static(
+                path,
+                rr.LineStrips2D.from_fields(
+                    colors=packed(palette.robot, 0x70),
+                    radii=rr.Radius.ui_points(1.0),
+                    draw_order=5.0,
+                ),
+            )
 
     def _write_level(self, level: SceneLevel, poses: Poses) -> None:
         arrow_m = max(SHORTEST_ARROW_M, ARROW_SHARE * level.bounds.longest_side_m)
@@ -146,16 +167,30 @@ class _RobotTrack:
         self._writer.events(_pose_path(level, self._name), poses[here | came_from_here], arrows)
         apart_ns = poses["folds_ns"] - poses["from_ns"]
         drove = here & came_from_here & (apart_ns >= 0) & (apart_ns <= GAP_NS)
-        self._writer.events(_track_path(level, self._name), poses[drove], _segments)
+        plan, from_plan = (_plan_of(level, poses[name]) for name in ("folds_ns", "from_ns"))
+        for place, path in enumerate(_track_paths(level, self._name)):
+            on_it = drove & (plan == place) & (from_plan == place)
+            self._writer.events(path, poses[on_it], _segments)
+
+
+def _plan_of(level: SceneLevel, folds_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return on which of a level's plans each time is: between two of them nobody drove."""
+    begins = [int(era.since["folds_ns"][0]) for era in level.plans.happened[1:]]
+    which: NDArray[np.int64] = np.searchsorted(begins, folds_ns, "right")
+    return which
 
 
 def track_paths(level: SceneLevel, scene: Scene) -> list[EntityPath]:
     """Return the entities of the robots' tracks on a level."""
-    return [_track_path(level, name) for name in _named(scene)]
+    return [path for name in _named(scene) for path in _track_paths(level, name)]
 
 
-def _track_path(level: SceneLevel, name: str) -> EntityPath:
-    return (*_robot_path(level, name), "track")
+def _track_paths(level: SceneLevel, name: str) -> list[EntityPath]:
+    """Return the entity of the track on each of a level's plans, or the one for all times."""
+    path = (*_robot_path(level, name), "track")
+    if len(level.plans.happened) < 2:
+        return [path]
+    return [(*path, f"plan {era.plan_event}") for era in level.plans.happened]
 
 
 def _pose_path(level: SceneLevel, name: str) -> EntityPath:

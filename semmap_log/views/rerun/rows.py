@@ -95,6 +95,14 @@ class RowWriter:
                 entity(path), indexes=indexes, columns=columns(part), strict=True
             )
 
+    def one(
+        self, path: EntityPath, row: Rows, archetypes: Sequence[Any], timelines: Sequence[str]
+    ) -> None:
+        """Write what an entity is from one row on, as `static` takes it."""
+        batches = [each for one in archetypes for each in one.as_component_batches()]
+        columns = [each.partition([len(each.as_arrow_array())]) for each in batches]
+        self.rows(path, row, lambda _: columns, timelines)
+
     def clear(
         self, path: EntityPath, rows: Rows, timelines: Sequence[str], *, returns: Rows
     ) -> None:

@@ -12,6 +12,8 @@ from semmap_log.domain.doors import Door, DoorId
 from semmap_log.domain.events import FloorMap
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.excerpt.door_rows import DoorLifetime, RecordingEdge
+from semmap_log.views.excerpt.floor_plans import NO_PLANS, LevelPlans
+from semmap_log.views.excerpt.object_shapes import ObjectShape
 from semmap_log.views.rerun.knowledge import KnownDoor
 
 EntityPath = tuple[str, ...]
@@ -42,6 +44,7 @@ class SceneDoor:
     behind each retraction of one of its events."""
     state_changes: int
     has_probabilities: bool
+    shape: ObjectShape
     is_plain: bool
     """All its events came in the order in which they count, and none was taken back: along every
     timeline it is the same."""
@@ -58,11 +61,14 @@ class SceneLevel:
     path: EntityPath
     """Of all that is drawn on it."""
     floor: FloorMap | None
+    """At the end."""
     bounds: Bounds
     is_empty: bool
     """Nothing on it has a place: its doors are sensors without geometry."""
     doors: int
     has_robot: bool
+    plans: LevelPlans = NO_PLANS
+    """All plans that it is drawn on, from when on each; `floor` is the last of them."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from semmap_log.domain.events import (
     KINDS,
     MAX_EVENT,
     Changed,
+    ClassDefined,
     DoorAdded,
     DoorAnnotated,
     DoorObserved,
@@ -22,12 +23,15 @@ from semmap_log.domain.events import (
     DoorUpdated,
     Event,
     FloorMap,
+    HistoryTrimmed,
     LevelAdded,
     LogExported,
+    MomentPinned,
     PatrolFinished,
     PatrolStarted,
     Retracted,
     RobotPose,
+    SightingsThinned,
 )
 from semmap_log.domain.meaning import ALL_CHANGED
 from semmap_log.errors import FormatError, UnknownDoorError
@@ -274,6 +278,18 @@ EVENTS = {
                             lambda shape: np.full(shape, -1, np.int8))),
     LogExported: st.builds(LogExported, format=texts, file_name=texts,
                            at_ns=st.integers(0, MAX_TIME_NS)),
+    HistoryTrimmed: st.builds(HistoryTrimmed, next_event=ids, events_gone=ids, notes_gone=ids,
+                              horizon=ids, reasons=texts, rule=texts, tombstones=texts),
+    SightingsThinned: st.builds(SightingsThinned, door_id=ids, state=states,
+                                count=st.integers(1, 2**32 - 1),
+                                first_ns=st.integers(0, MAX_TIME_NS),
+                                last_ns=st.integers(0, MAX_TIME_NS), first_event=ids),
+    MomentPinned: st.builds(MomentPinned, at_ns=st.integers(0, MAX_TIME_NS), next_event=ids,
+                            name=texts, keyframe=texts),
+    ClassDefined: st.builds(ClassDefined, class_name=st.sampled_from(["dock", "Spülbecken"]),
+                            geometry=st.sampled_from(["segment", "polygon", "point"]),
+                            states=st.just("free,taken"),
+                            blocks=st.sampled_from(["", "taken", "free,taken"])),
 }  # fmt: skip
 
 

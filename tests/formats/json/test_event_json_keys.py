@@ -11,10 +11,13 @@ from semmap_log.formats.json.event_json_reader import DoorLookup, parse_event_li
 
 VALUES = {
     "door_id|door": ("door_id", "7"), "state": ("state", '"OPEN"'), "name": ("name", '"x"'),
+    "class_name": ("class_name", '"dock"'), "geometry": ("geometry", '"point"'),
     "key": ("key", '"k"'), "value": ("value", '"v"'), "passed": ("passed", "true"),
     "at": ("at", '"2026-03-01T00:00Z"'), "format": ("format", '"yaml"'),
     "file_name": ("file_name", '"x.yaml"'), "cells_zlib_base64": ("", ""),
     "changed": ("changed", '["WIDTH"]'), "width": ("width", "1"),
+    "reasons": ("reasons", '"thinned"'), "rule": ("rule", '"poses"'),
+    "tombstones": ("tombstones", '""'),
 }  # fmt: skip
 LOOKUP = DoorLookup(lambda _: DoorId(7), lambda: DoorId(8), lambda _: 0, lambda _: 0)
 

@@ -42,7 +42,7 @@ def compacted(original: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[
     """What becomes of it when nobody disturbs."""
     log = tmp_path_factory.mktemp("whole") / "log"
     shutil.copytree(original, log)
-    compact(log)
+    compact(log, keep_s=0)
     return contents(log)
 
 
@@ -63,7 +63,7 @@ def check(log: Path, original: Path, compacted: dict[str, bytes]) -> int:
     assert digest_of_records(original) == digest_of_records(log)
     check_listing(log, {segment.path.name for segment in reader.segments})
 
-    compact(log)
+    compact(log, keep_s=0)
 
     assert compacted == contents(log)
     with sl.append(log) as opened:
@@ -84,7 +84,7 @@ def killed_after(delay_s: float, log: Path) -> bool:
     pid = os.fork()
     if pid == 0:
         try:
-            compact(log)
+            compact(log, keep_s=0)
         finally:
             os._exit(0)
     time.sleep(delay_s)
@@ -152,7 +152,7 @@ def strace_compact(log: Path, fault: str) -> subprocess.CompletedProcess[str]:
     calls = ",".join(CALLS)
     strace = ["strace", "-f", "-qq", "-o", os.devnull, "-e", f"trace={calls}", "-e", fault]
     return subprocess.run(
-        [*strace, sys.executable, "-m", "semmap_log", "compact", str(log)],
+        [*strace, sys.executable, "-m", "semmap_log", "compact", "--free-now", str(log)],
         capture_output=True,
         text=True,
         check=False,

@@ -6,7 +6,7 @@ import os
 import random
 import struct
 import tracemalloc
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from semmap_log.store.reading import live_records, live_scan
 from semmap_log.store.reading.resync import whole_chunks
 from semmap_log.store.reading.segment_reading import pages_of
 from semmap_log.store.reading.segment_scan import Segment, open_segment
+from semmap_log.store.record_scan import frames
 from semmap_log.store.segment import SegmentWriter
 from tests.store.logs import empty_keyframe
 
@@ -488,8 +489,10 @@ def test_texts_that_hold_chunks_hide_nothing(path: Path) -> None:
     assert 3 == _events(open_segment(path))
 
 
-def _cuts(size: int) -> Iterator[int]:
-    yield from range(0, size, 97)
+def _cuts(data: bytes, head: int) -> list[int]:
+    """Return where to cut: all over, and where each record of the head ends."""
+    ends = (at + length for _, at, length in frames(data, len(mcap.MAGIC), head))
+    return sorted({*range(0, len(data), 97), *ends})
 
 
 def test_a_file_cut_anywhere_is_never_another_log(path: Path) -> None:
@@ -499,7 +502,7 @@ def test_a_file_cut_anywhere_is_never_another_log(path: Path) -> None:
     _live(path, [[SEEN]] * 20)
     data = path.read_bytes()
     ends = [chunk.offset + chunk.length for chunk in open_segment(path).chunks]
-    for size in _cuts(len(data)):
+    for size in _cuts(data, ends[0]):
         path.write_bytes(data[:size])
         if size < ends[0]:
             with pytest.raises(sl.SemmapError):

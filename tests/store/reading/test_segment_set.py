@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, LogAccessError, NotALogError
 from semmap_log.store.chunks import build_chunk
+from semmap_log.store.compaction.merge import MERGED_KEPT_S
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.reading import local_segments
@@ -23,6 +25,7 @@ from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.record_scan import walk
 from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.writing import segment_chain
+from tests.marks import remove_marks
 
 
 @pytest.fixture
@@ -147,7 +150,7 @@ def test_a_shortened_segment_is_named(cut: int, log: Path) -> None:
 def test_a_segment_of_another_copy_of_the_log_is_named(log: Path, tmp_path: Path) -> None:
     """
     Two copies went their own ways; a segment of one in the other has fitting numbers, but not the
-    hash. Whoever opens it is told; in a copy without closed.json, whoever asks anything.
+    hash. Whoever opens it is told; in a copy without marks, whoever asks anything.
     """
     copy = tmp_path / "copy"
     shutil.copytree(log, copy)
@@ -160,7 +163,7 @@ def test_a_segment_of_another_copy_of_the_log_is_named(log: Path, tmp_path: Path
     shutil.copy(_segment(copy, last), _segment(log, last))
     with pytest.raises(CorruptLogError, match="is of another copy of this log"):
         LogReader(log)
-    (log / "closed.json").unlink()
+    remove_marks(log)
     reader = LogReader(log)
 
     for read in (reader.batches, reader.commits):
@@ -212,9 +215,13 @@ def test_a_merged_segment_in_the_place_of_its_first(log: Path) -> None:
 
 def test_the_next_writer_removes_what_is_left_over(log: Path) -> None:
     """
-    A merge that was killed before its removals is ended by whoever writes next.
+    What lies in a merged file goes once no copy of the folder can need it.
     """
     _merge(log, [0, 1, 2, 3], _segment(log, 0))
+    sl.append(log).close()
+    assert [_segment(log, n) for n in (1, 2, 3)] == LogReader(log).leftovers
+    long_ago_s = time.time() - MERGED_KEPT_S - 1
+    os.utime(_segment(log, 0), (long_ago_s, long_ago_s))
 
     sl.append(log).close()
 
@@ -341,6 +348,7 @@ import semmap_log as sl
 from semmap_log.store.writing import segment_chain
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.compaction import compact
+from tests.marks import remove_marks
 segment_chain.ROLL_COMMITS = 3
 segment_chain.CONTINUE_BELOW_BYTES = 30_000
 path, end = Path(sys.argv[1]), Path(sys.argv[2])

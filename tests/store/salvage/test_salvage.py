@@ -121,7 +121,9 @@ def test_into_another_folder(log: Path, tmp_path: Path) -> None:
     assert ACTOR == last[3]
     assert "lost were events 2..3" in last[4]
     assert [tmp_path / "log", tmp_path / "new"] == sorted(tmp_path.iterdir())
-    assert ["closed.json", "metadata.yaml", "new_000000.mcap"] == sorted(contents(tmp_path / "new"))
+    assert ["closed-0-12.json", "metadata.yaml", "new_000000.mcap"] == sorted(
+        contents(tmp_path / "new")
+    )
 
 
 def entry_with_old_numbers(entry: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -38,7 +38,7 @@ def test_what_is_found_is_the_same(where: int | None, tmp_path: Path) -> None:
 
 def test_a_missing_segment_and_one_that_was_cut_are_found(tmp_path: Path) -> None:
     """
-    What closed.json and metadata.yaml tell is had from that place, too.
+    What the mark and metadata.yaml tell is had from that place, too.
     """
     log = eventful_log(tmp_path / "log")
     files = sorted(log.glob("*.mcap"))

@@ -24,6 +24,7 @@ from semmap_log.store.reading.segment_reading import read_chunk
 from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.record_scan import frames
 from semmap_log.store.verification import Finding, Severity, Verification
+from tests.marks import remove_marks
 from tests.store.eventful import contents, eventful_log, flip
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"
@@ -87,7 +88,7 @@ def test_a_log_with_everything_is_good_whatever_is_done_to_it(log: Path, live: P
 
     assert (0, 0) == (verify(log).exit_code, verify(live).exit_code)
     assert before == (contents(log), contents(live))
-    compact(log)
+    compact(log, keep_s=0)
     assert () == verify(log).findings
     with sl.append(log) as opened:
         opened.observe("front", "closed")
@@ -185,8 +186,8 @@ def test_a_live_segment_cut_at_every_byte(live: Path) -> None:
 @pytest.mark.slow
 def test_a_closing_that_was_not_finished_is_a_torn_tail(log: Path) -> None:
     """
-    Of a single file cut in its summary, or with lost sectors there; in the folder metadata.yaml
-    knows that it was closed, and it is damage.
+    Of a single file cut in its summary, or with lost sectors there; in the folder, too, where a
+    mark tells that all commits are there. Without one, metadata.yaml knows that it was closed.
     """
     file = segment(log, 2)
     whole = file.read_bytes()
@@ -197,6 +198,8 @@ def test_a_closing_that_was_not_finished_is_a_torn_tail(log: Path) -> None:
     file.write_bytes(whole[: len(whole) // 512 * 512 - 512].ljust(len(whole), b"\0"))
     assert 3 == verify(file).exit_code
 
+    assert 3 == verify(log).exit_code
+    remove_marks(log)
     found = verify(log)
 
     assert (4, "shortened", file) == (found.exit_code, worst(found).kind, worst(found).path)
@@ -336,7 +339,7 @@ def test_a_cut_tail_shows_by_what_was_written_or_by_a_head_kept_elsewhere(log: P
 
     segment(log, -1).unlink()
     by_mark = verify(log)
-    (log / "closed.json").unlink()
+    remove_marks(log)
     by_metadata = verify(log)
     (log / "metadata.yaml").unlink()
     alone = verify(log)

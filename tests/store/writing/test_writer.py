@@ -134,7 +134,7 @@ def test_segments_roll(
     """
     By commits, by size and by age; each segment begins with the state so far.
     """
-    limit = {"ROLL_COMMITS": 5, "ROLL_BYTES": 20_000, "ROLL_AGE_NS": 10 * 10**6}[rule]
+    limit = {"ROLL_COMMITS": 5, "ROLL_BYTES": 25_000, "ROLL_AGE_NS": 10 * 10**6}[rule]
     monkeypatch.setattr(segment_chain, rule, limit)
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", clock=clock, compact=False) as log:
@@ -364,7 +364,7 @@ def test_a_full_disk_poisons_the_writer_and_loses_nothing(tmp_path: Path) -> Non
 import resource, sys, semmap_log as sl
 from semmap_log.errors import LogPoisonedError
 log = sl.create(sys.argv[1], tz="UTC")
-resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY))
+resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, resource.RLIM_INFINITY))
 stored = 0
 try:
     while True:

@@ -111,3 +111,16 @@ def test_two_robots_have_a_track_each() -> None:
     assert [0, 1] == track.robots
     assert [0, 900] == [run[2] for run in track.runs]
     assert all({0} == set(run[5::3]) for run in track.runs)
+
+
+def test_nobody_drives_from_one_plan_to_another() -> None:
+    """
+    A level that was mapped anew between two poses a second apart.
+    """
+    poses = np.zeros(4, POSE)
+    poses["folds_ns"] = BEGIN_MS * MS_NS + np.arange(4) * 10**9
+    poses["x"] = [0, 1, 50, 51]
+
+    runs = track_of(poses, SPAN, {0: [BEGIN_MS * MS_NS + 2 * 10**9]}).runs
+
+    assert [[0, 0, 0, 0, 10, 10, 0], [0, 20, 500, 0, 10, 10, 0]] == runs

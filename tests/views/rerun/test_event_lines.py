@@ -13,6 +13,7 @@ from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import (
     KINDS,
     Changed,
+    ClassDefined,
     DoorAdded,
     DoorAnnotated,
     DoorObserved,
@@ -22,12 +23,15 @@ from semmap_log.domain.events import (
     DoorUpdated,
     Event,
     FloorMap,
+    HistoryTrimmed,
     LevelAdded,
     LogExported,
+    MomentPinned,
     PatrolFinished,
     PatrolStarted,
     Retracted,
     RobotPose,
+    SightingsThinned,
 )
 from semmap_log.folds.door_changes import door_changes
 from semmap_log.views.event_words import state_told_by, words_of
@@ -68,6 +72,15 @@ SAID: list[tuple[Event, str, DoorState | None]] = [
     (PLAN, "floor plan of level 0: 10 x 8 cells", None),
     (LogExported(format="yaml", file_name="doors.yaml", at_ns=0), "exported as yaml: doors.yaml",
      None),
+    (HistoryTrimmed(next_event=9, events_gone=3, notes_gone=2, horizon=0, reasons="redacted",
+                    rule="tracks of the robot", tombstones=""),
+     "history trimmed (redacted): tracks of the robot", None),
+    (SightingsThinned(door_id=ONE, state=DoorState.OPEN, count=3, first_ns=1, last_ns=2),
+     "seen OPEN 3 times more; thinned", None),
+    (MomentPinned(at_ns=10**18, name="audit"),
+     "moment pinned: audit, 2001-09-09T01:46:40.000000000Z", None),
+    (ClassDefined(class_name="dock", geometry="point", states="free,taken", blocks=""),
+     "class dock: a point, free,taken; blocks nothing", None),
 ]  # fmt: skip
 
 

@@ -48,7 +48,7 @@ def replaced_by_a_copy(box: Box) -> None:
     """A copy takes the folder's name; perhaps somebody else writes to it."""
     path = box.folder / "office"
     one = _writer(box, path)
-    shutil.copytree(path, box.folder / "copy", ignore=shutil.ignore_patterns(".lock"))
+    shutil.copytree(path, box.folder / "copy", ignore=shutil.ignore_patterns(".lock", "*.tmp"))
     path.rename(box.folder / "office_old")
     one.add(box.dice.randrange(4))
     (box.folder / "copy").rename(path)
@@ -112,7 +112,7 @@ def read_while_exchanged(box: Box) -> None:
     one = _writer(box, path)
     one.add()
     if box.dice.random() < 0.5:
-        shutil.copytree(path, other, ignore=shutil.ignore_patterns(".lock"))
+        shutil.copytree(path, other, ignore=shutil.ignore_patterns(".lock", "*.tmp"))
     two = _writer(box, other)
     two.add()
     reader = sl.read(path)
@@ -182,7 +182,7 @@ def segment_of_another(box: Box) -> None:
     one.add()
     other.parent.mkdir()
     if box.dice.random() < 0.5:
-        shutil.copytree(path, other, ignore=shutil.ignore_patterns(".lock"))
+        shutil.copytree(path, other, ignore=shutil.ignore_patterns(".lock", "*.tmp"))
     two = _writer(box, other)
     two.add(12)
     two.close()

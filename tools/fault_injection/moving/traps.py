@@ -27,7 +27,7 @@ PID = "{pid}"
 LONGEST_S = 10
 ALWAYS = (
     ".lock", "metadata.yaml", f".metadata.yaml.{PID}.tmp", ".recovering", "damaged-1",
-    "closed.json", f".closed.json.{PID}.tmp",
+    "closed.json", f".closed.json.{PID}.tmp", "closed-0-12.json",
 )  # fmt: skip
 VICTIM = b"a file of somebody else\n" * 20
 

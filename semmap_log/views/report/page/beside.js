@@ -93,5 +93,5 @@ function recentLine([door, when, state]) {
     el("button", { type: "button", class: "when", title: `${dateText(when)}: go there`, onclick: () => clock.set(when) },
       dayText(when) === dayText(clock.t) ? clockText(when) : shortTime(when)),
     el("button", { type: "button", class: "who", title: door.name, onclick: () => clock.choose(door.id) }, dot(state), quoted(shortened(door.short, LONGEST_RECENT))),
-    el("span", { class: `state ${CLASSES[state]}` }, STATE_WORDS[state].toLowerCase()));
+    el("span", { class: `state ${CLASSES[state]}` }, wordOf(door, state).toLowerCase()));
 }

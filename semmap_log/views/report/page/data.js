@@ -4,6 +4,8 @@ const data = JSON.parse(byId("data").textContent);
 const END = data.end;
 const CLASSES = ["unknown", "open", "closed", "unknown", "unknown"];
 const STATE_WORDS = data.states.map((name) => name[0] + name.slice(1).toLowerCase());
+/** What a state is called: a dock, which is no door, may be free or taken. */
+const wordOf = (door, state) => (door.words || STATE_WORDS)[state];
 
 class Door {
   constructor(raw) {
@@ -83,12 +85,18 @@ const robots = data.robots.map((name, place) => {
   return { name, runs: own, runsBegin: Float64Array.from(own, (run) => run.t[0]) };
 });
 
-/** Where a robot is; null: nobody knows, or nobody has known for a day. */
+/** From when on each level has been drawn on its later plans: a building may be mapped anew. */
+const plansBegin = new Map(data.levels.map((level) => [level.level, (level.earlier ? [...level.earlier.slice(1), level] : []).map((plan) => plan.since)]));
+
+/** Whether a level was mapped anew between two moments; tracks tell tenths of seconds. */
+const wasMappedAnew = (level, from, to) => (plansBegin.get(level) || []).some((begin) => from + 100 <= begin && begin <= to);
+
+/** Where a robot is; null: nobody knows, nobody has known for a day, or it was told on another plan. */
 function robotAt({ runs, runsBegin }, t) {
   const run = runs[lastUpTo(runsBegin, t)];
   if (!run) return null;
   const i = lastUpTo(run.t, t), told = run.t[i];
-  if (t - told > DAY) return null;
+  if (t - told > DAY || wasMappedAnew(run.level, told, t)) return null;
   if (i + 1 >= run.t.length) return { level: run.level, x: run.x[i], y: run.y[i], told };
   const share = (t - told) / (run.t[i + 1] - told);
   return {

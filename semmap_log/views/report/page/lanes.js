@@ -132,7 +132,7 @@ class Lane {
     const now = this.door.at(t);
     const title = el("b", {}, quoted(this.door.name));
     if (!now) return [title, when, "not in the map"];
-    return [title, when, el("span", {}, dot(now.state), `${STATE_WORDS[now.state]} ${sinceText(now)}`)];
+    return [title, when, el("span", {}, dot(now.state), `${wordOf(this.door, now.state)} ${sinceText(now)}`)];
   }
 }
 

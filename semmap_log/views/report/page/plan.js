@@ -8,35 +8,45 @@ const ROOM_LETTER = 5.5; // pixels, about
 class LevelPanel {
   constructor(level) {
     this.level = level.level;
-    this.bounds = level.bounds;
-    this.floor = level.floor;
+    this.plans = [...(level.earlier || []), level]; // a building may be mapped anew
+    this.plan = null;
     this.zoom = 1;
     this.marks = doors
       .filter((door) => door.places.some((place) => place[1] === this.level && place.length > 2))
       .map((door) => this.markOf(door));
-    this.picture = this.floor && drawn("image", {
-      class: "floor", href: this.floor.src, width: this.floor.width, height: this.floor.height,
-      preserveAspectRatio: "none",
-    });
-    this.rooms = level.rooms;
-    this.tints = this.rooms && drawn("image", {
-      class: "rooms", href: this.rooms.src, width: this.rooms.width, height: this.rooms.height,
-      preserveAspectRatio: "none",
-    });
+    this.pictures = this.plans.map(({ floor }) => floor && pictureOf("floor", floor));
+    this.tints = this.plans.map(({ rooms }) => rooms && pictureOf("rooms", rooms));
     this.roomNames = drawn("g", { class: "room-names", "aria-hidden": "true" });
     this.track = drawn("path", { class: "track" });
     this.robots = robots.map(() => drawn("circle", { class: "robot", r: 6 }));
     this.labels = drawn("g", { class: "labels", "aria-hidden": "true" });
     this.metres = drawn("g", { class: "metres", "aria-hidden": "true" });
     this.svg = drawn("svg", { class: "map", role: "group", "aria-label": `Plan of ${level.name}` },
-      this.tints, this.picture, this.roomNames, this.track, ...this.marks.map((mark) => mark.group), ...this.robots, this.labels, this.metres);
+      ...this.tints, ...this.pictures, this.roomNames, this.track, ...this.marks.map((mark) => mark.group), ...this.robots, this.labels, this.metres);
     this.unplaced = el("div", { class: "unplaced" });
     this.unlabelled = el("p", { class: "aside unlabelled" });
     this.element = el("div", { class: "level", role: "tabpanel", id: `level-${this.level}`, "aria-label": level.name },
       el("h3", { class: "printed" }, quoted(level.name)), level.isEmpty ? el("p", { class: "aside" }, "Nothing on this level has a place: there is no plan to draw.") : this.svg,
       this.unlabelled, this.unplaced);
     this.isEmpty = level.isEmpty;
+    this.drawOn(this.plans.length - 1);
     this.setUpPointer();
+  }
+
+  /** Take the plan of that place; doors and robots of its time lie in its frame. */
+  drawOn(place) {
+    this.plan = this.plans[place];
+    for (const images of [this.pictures, this.tints]) {
+      images.forEach((image, i) => image && image.classList.toggle("gone", i !== place));
+    }
+    this.zoom = 1;
+  }
+
+  /** Return the place of the plan on which a moment is drawn. */
+  planAt(t) {
+    let place = this.plans.length - 1;
+    while (place > 0 && t < this.plans[place].since) place -= 1;
+    return place;
   }
 
   markOf(door) {
@@ -57,21 +67,27 @@ class LevelPanel {
       },
       onblur: hideHint,
     });
-    const mark = { door, group, halo: drawn("line", { class: "halo" }), line: drawn("line", { class: "leaf" }), hit: drawn("line", { class: "hit" }) };
+    const shape = door.isOutlined ? "polyline" : "line";
+    const mark = { door, group, halo: drawn(shape, { class: "halo" }), line: drawn(shape, { class: "leaf" }), hit: drawn(shape, { class: "hit" }) };
     group.append(mark.halo, mark.line, mark.hit);
     return mark;
   }
 
   /** Fit the bounds into the room there is; the size in pixels is the viewBox. */
   resize(width) {
-    const [left, low, right, high] = this.bounds;
+    const [left, low, right, high] = this.plan.bounds;
     this.width = Math.max(width, 200);
-    const most = Math.min(this.floor ? 640 : 420, Math.max(window.innerHeight * 0.72, 320));
-    this.height = clamp((this.width * (high - low)) / (right - left), Math.min(220, most), most);
+    // As high as the highest of the plans: what lies below must not jump when another one comes.
+    this.height = Math.max(...this.plans.map((plan) => this.heightOf(plan)));
     this.fit = Math.min(this.width / (right - left), this.height / (high - low));
     this.svg.setAttribute("viewBox", `0 0 ${this.width} ${this.height}`);
     if (this.zoom === 1) this.middle = [(left + right) / 2, (low + high) / 2];
     this.layOut();
+  }
+
+  heightOf({ bounds: [left, low, right, high], floor }) {
+    const most = Math.min(floor ? 640 : 420, Math.max(window.innerHeight * 0.72, 320));
+    return clamp((this.width * (high - low)) / (right - left), Math.min(220, most), most);
   }
 
   pixel(x, y) {
@@ -98,7 +114,7 @@ class LevelPanel {
   }
 
   keepInside() {
-    const [left, low, right, high] = this.bounds;
+    const [left, low, right, high] = this.plan.bounds;
     if (this.zoom === 1) this.middle = [(left + right) / 2, (low + high) / 2];
     this.middle = [clamp(this.middle[0], left, right), clamp(this.middle[1], low, high)];
     this.svg.classList.toggle("zoomed", this.zoom > 1);
@@ -108,8 +124,9 @@ class LevelPanel {
   layOut() {
     if (!this.width) return;
     const scale = this.fit * this.zoom;
-    this.lay(this.picture, this.floor, scale);
-    this.lay(this.tints, this.rooms, scale);
+    const place = this.plans.indexOf(this.plan);
+    this.lay(this.pictures[place], this.plan.floor, scale);
+    this.lay(this.tints[place], this.plan.rooms, scale);
     this.nameRooms(scale);
     this.drawMetres(scale);
     this.places = null;
@@ -134,7 +151,7 @@ class LevelPanel {
 
   /** Write the names that find room; the others wait until somebody looks more closely. */
   nameRooms(scale) {
-    const names = (this.rooms ? this.rooms.names : []).filter(([, , name, side]) => side * scale > name.length * ROOM_LETTER);
+    const names = (this.plan.rooms ? this.plan.rooms.names : []).filter(([, , name, side]) => side * scale > name.length * ROOM_LETTER);
     this.roomNames.replaceChildren(...names.map(([x, y, name]) => {
       const [across, down] = this.pixel(x, y);
       return drawn("text", { x: across, y: down }, name);
@@ -152,6 +169,12 @@ class LevelPanel {
 
   show(t, chosen) {
     if (!this.width) return;
+    const place = this.planAt(t);
+    if (this.plans[place] !== this.plan) {
+      this.drawOn(place);
+      this.resize(this.width); // which shows all of it
+      return;
+    }
     const now = this.marks.map(({ door }) => door.at(t));
     const places = now.map((state) => (state && state.place && state.level === this.level ? state.place : null));
     const moved = !this.places || chosen !== this.chosenThen || places.some((place, i) => place !== this.places[i]);
@@ -163,7 +186,7 @@ class LevelPanel {
       mark.group.classList.toggle("chosen", mark.door.id === chosen);
       if (state) {
         mark.group.dataset.state = data.states[state.state];
-        mark.group.setAttribute("aria-label", `${mark.door.name}: ${STATE_WORDS[state.state]}`);
+        mark.group.setAttribute("aria-label", `${mark.door.name}: ${wordOf(mark.door, state.state)}`);
       }
     });
     if (moved) this.drawDoors();
@@ -176,8 +199,13 @@ class LevelPanel {
     this.marks.forEach(({ door, halo, line, hit }, i) => {
       const place = this.places[i];
       if (!place) return;
-      const [a, b] = [this.pixel(place[2], place[3]), this.pixel(place[4], place[5])];
+      const points = pointsOf(place).map(([x, y]) => this.pixel(x, y));
+      const [a, b] = door.isOutlined ? boxAround(points) : points;
       for (const part of [halo, line, hit]) {
+        if (door.isOutlined) {
+          part.setAttribute("points", points.map((point) => point.join()).join(" "));
+          continue;
+        }
         part.setAttribute("x1", a[0]);
         part.setAttribute("y1", a[1]);
         part.setAttribute("x2", b[0]);
@@ -201,6 +229,7 @@ class LevelPanel {
   }
 
   showRobot(t) {
+    const since = this.plans.indexOf(this.plan) ? this.plan.since : -Infinity;
     robots.forEach((one, i) => {
       const robot = robotAt(one, t), mark = this.robots[i];
       const here = robot !== null && robot.level === this.level;
@@ -210,7 +239,7 @@ class LevelPanel {
       mark.setAttribute("cx", x);
       mark.setAttribute("cy", y);
     });
-    const lines = robots.flatMap((one) => wayOf(one, this.level, t - TRACK_MS, t)).map((line) =>
+    const lines = robots.flatMap((one) => wayOf(one, this.level, Math.max(t - TRACK_MS, since), t)).map((line) =>
       "M" + line.map(([x, y]) => this.pixel(x, y).map((n) => n.toFixed(1)).join(" ")).join("L"));
     this.track.setAttribute("d", lines.join(""));
   }
@@ -259,12 +288,24 @@ class LevelPanel {
   }
 }
 
+const pictureOf = (kind, { src, width, height }) => drawn("image", { class: kind, href: src, width, height, preserveAspectRatio: "none" });
+
+/** The points of a place: the ends of a door's line, or the corners of another object. */
+const pointsOf = (place) => place.slice(2).flatMap((x, i, all) => (i % 2 ? [] : [[x, all[i + 1]]]));
+
+/** The left and the right end of the middle of what lies between points. */
+function boxAround(points) {
+  const [across, down] = [0, 1].map((i) => points.map((point) => point[i]));
+  const y = (Math.min(...down) + Math.max(...down)) / 2;
+  return [[Math.min(...across), y], [Math.max(...across), y]];
+}
+
 /** What hovering over a door tells. */
 function linesOf(door, t) {
   const now = door.at(t);
   const title = el("b", {}, quoted(door.name));
   if (!now) return [title, "not in the map at this moment"];
-  const lines = [title, el("span", {}, dot(now.state), `${STATE_WORDS[now.state]} ${sinceText(now)}`),
+  const lines = [title, el("span", {}, dot(now.state), `${wordOf(door, now.state)} ${sinceText(now)}`),
     `last seen ${shortTime(now.seen)}, ${agoText(t - now.seen)}`];
   if (now.given) lines.push(`set in the map: ${givenText(now.given)}`);
   const usual = usualAt(door, t);
@@ -299,7 +340,7 @@ function setUpPlan() {
   }, quoted(levelNames.get(panel.level))))));
   byId("tabs").hidden = panels.length === 1;
   const withRooms = byId("with-rooms");
-  withRooms.hidden = panels.every((panel) => !panel.rooms);
+  withRooms.hidden = panels.every((panel) => !panel.plans.some((plan) => plan.rooms));
   withRooms.addEventListener("click", () => {
     const without = byId("levels").classList.toggle("without-rooms");
     withRooms.setAttribute("aria-pressed", String(!without));

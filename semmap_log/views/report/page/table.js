@@ -64,7 +64,7 @@ function showState(row, now) {
   row.element.dataset.state = now === NOT_THERE ? "" : data.states[now.state];
   say(row.cells.level, levelNames.get(now.level ?? levelOf(row.door)) || "");
   row.cells.state.replaceChildren(...(now === NOT_THERE ? [el("span", { class: "aside" }, "not in the map")]
-    : [dot(now.state), STATE_WORDS[now.state]]));
+    : [dot(now.state), wordOf(row.door, now.state)]));
 }
 
 function sortBy(key) {

@@ -1,0 +1,1 @@
+"""A log told to others without names: what `export --pseudonymous` writes."""

@@ -1,0 +1,133 @@
+"""Whom to believe: public keys, from a `.pub` file of OpenSSH or an allowed_signers file."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from semmap_log.errors import SigningError
+from semmap_log.signing.ssh_format import KEY_TYPE, public_blob, public_bytes_in
+from semmap_log.signing.ssh_signature import NAMESPACE
+
+_MOST_BYTES = 2**20
+_NAMESPACES = re.compile(r'namespaces="([^"]*)"')
+
+
+@dataclass(frozen=True, slots=True)
+class PublicKey:
+    """A key that is believed, and whose it is."""
+
+    public_bytes: bytes
+    owner: str = ""
+    """The comment of a `.pub`, or the principals of an allowed_signers file."""
+
+    @property
+    def fingerprint(self) -> str:
+        """Return it as `ssh-keygen -l` shows it: `SHA256:…`."""
+        return fingerprint(self.public_bytes)
+
+    @property
+    def line(self) -> str:
+        """Return it as the line of a `.pub` file."""
+        blob = base64.b64encode(public_blob(self.public_bytes)).decode()
+        return f"{KEY_TYPE} {blob} {self.owner}".rstrip() + "\n"
+
+    def __str__(self) -> str:
+        return f"{self.owner} ({self.fingerprint})" if self.owner else self.fingerprint
+
+
+def fingerprint(public_bytes: bytes) -> str:
+    """Return a public key's fingerprint as `ssh-keygen -l` shows it."""
+    digest = hashlib.sha256(public_blob(public_bytes)).digest()
+    return "SHA256:" + base64.b64encode(digest).decode().rstrip("=")
+
+
+def short_id(public_bytes: bytes) -> str:
+    """Return 16 hexadecimal digits that tell keys apart in the names of files."""
+    return hashlib.sha256(public_blob(public_bytes)).hexdigest()[:16]
+
+
+def read_public_keys(paths: Iterable[Path]) -> Mapping[bytes, PublicKey]:
+    """Return the keys in some files, by their bytes.
+
+    Raises:
+        SigningError: A file cannot be read, holds no key, or something that is none.
+    """
+    keys: dict[bytes, PublicKey] = {}
+    for path in paths:
+        found = [_key_in(path, number, line) for number, line in _lines(path)]
+        if not found:
+            raise SigningError(f"{path}: expected a public key ({KEY_TYPE} …), got none.")
+        for key in found:
+            keys.setdefault(key.public_bytes, key)
+    return keys
+
+
+def _lines(path: Path) -> list[tuple[int, str]]:
+    """Return the lines of a file that say something, with their numbers."""
+    try:
+        with path.open("rb") as file:
+            text = file.read(_MOST_BYTES).decode("utf-8", "replace")
+    except OSError as error:
+        raise SigningError(f"{path}: the public key cannot be read: {error.strerror}.") from None
+    if "PRIVATE KEY" in text:
+        raise SigningError(f"{path}: expected a public key, got a private one; give its .pub file.")
+    stripped = ((number, line.strip()) for number, line in enumerate(text.split("\n"), 1))
+    return [(number, line) for number, line in stripped if line and not line.startswith("#")]
+
+
+def _key_in(path: Path, number: int, line: str) -> PublicKey:
+    """Return the key of a line: `[principals [options]] ssh-ed25519 BASE64 [comment]`."""
+    before, behind = _parted(line)
+    where = f"{path}, line {number}"
+    blob, _, comment = behind.strip().partition(" ")
+    try:
+        key = _key_of(blob)
+    except ValueError as error:
+        raise SigningError(
+            f"{where}: expected `{KEY_TYPE} BASE64`, as in a .pub file or allowed_signers: {error}."
+        ) from None
+    principals, _, options = before.partition(" ")
+    _check_options(where, options.strip())
+    return PublicKey(key, principals or comment.strip())
+
+
+def _parted(line: str) -> tuple[str, str]:
+    """Return what stands before the kind of key, and what behind; behind nothing without it."""
+    if line.startswith(f"{KEY_TYPE} "):
+        return "", line.removeprefix(KEY_TYPE)
+    before, _, behind = line.partition(f" {KEY_TYPE} ")
+    return before.strip(), behind
+
+
+def _key_of(text: str) -> bytes:
+    """Return the key in base64.
+
+    Raises:
+        ValueError: It is none of Ed25519, or not as it is written.
+    """
+    if not text:
+        raise ValueError("there is none in it")
+    data = base64.b64decode(text, validate=True)
+    key = public_bytes_in(data)
+    if base64.b64encode(data).decode() != text:
+        raise ValueError("its base64 is not as it is written")
+    return key
+
+
+def _check_options(where: str, options: str) -> None:
+    """Check the options of an allowed_signers line: what is not understood is not believed."""
+    found = _NAMESPACES.fullmatch(options)
+    if options and found is None:
+        raise SigningError(
+            f'{where}: of the options only namespaces="…" is understood here, got {options!r}; '
+            "check with ssh-keygen -Y verify, or give the key without them."
+        )
+    patterns = found[1].split(",") if found else ["*"]
+    if not any(fnmatchcase(NAMESPACE, pattern) for pattern in patterns):
+        raise SigningError(f"{where}: its namespaces do not allow {NAMESPACE}.")

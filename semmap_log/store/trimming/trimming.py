@@ -1,0 +1,177 @@
+"""The closed segments of a log, trimmed one after the other under the writer's lock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+
+from semmap_log.errors import LogAccessError
+from semmap_log.io.progress import Progress
+from semmap_log.store.bag_metadata import write_bag_metadata
+from semmap_log.store.compaction.merge import MergedFiles
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.form import TOMBSTONE_CHANNEL
+from semmap_log.store.header import TrimReason
+from semmap_log.store.kind_bits import TOMBSTONE_BIT
+from semmap_log.store.lock import WriterLock
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_reading import page_at, statistics_of
+from semmap_log.store.reading.segment_scan import Segment
+from semmap_log.store.tombstone import TakenOut, Tombstone
+from semmap_log.store.trimming.records_left import RecordsLeft, Selection
+from semmap_log.store.trimming.trimmed_copy import TrimmedCopy, trimmed
+
+Select = Callable[[Segment], Selection | None]
+"""Returns what is to be taken out of a segment; None: nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trimming:
+    """What was taken out of a log, or would be."""
+
+    segments: int = 0
+    """That lose something."""
+    events: int = 0
+    notes: int = 0
+    bytes_before: int = 0
+    """Of these segments."""
+    bytes_after: int | None = 0
+    """None where it was only counted."""
+
+    def with_more(self, left: RecordsLeft, size: int | None) -> Trimming:
+        """Return what was taken out with that of some segments more, of which so much is left."""
+        return Trimming(
+            self.segments + len(left.sources),
+            self.events + left.events_gone,
+            self.notes + left.notes_gone,
+            self.bytes_before + sum(segment.size for segment in left.sources),
+            None if self.bytes_after is None or size is None else self.bytes_after + size,
+        )
+
+
+def trim_segments(log: Path, select: Select, progress: Progress | None = None) -> Trimming:
+    """Take records out of the closed segments of a log.
+
+    Stopped at any point, by whatever, each segment is as it was, or as it will be.
+
+    Args:
+        log: The log's folder.
+        select: Says what goes.
+        progress: Told how many bytes of segments are done.
+
+    Raises:
+        LogLockedError: Somebody is writing.
+        LogAccessError: The file system says no; what was done until then stays done.
+        CorruptLogError: A segment is damaged; it stays as it is, and so do those behind it.
+    """
+    folder = LogFolder.held(log)
+    lock = WriterLock(folder)
+    try:
+        folder.remove_leftovers()
+        reader = LogReader(folder)
+        at_once = 0.0  # what was merged into other files holds what goes, too
+        MergedFiles.of(reader.segments, reader.leftovers).remove(folder, at_once)
+        return _trim(folder, select, progress)
+    except LogAccessError:
+        raise
+    except OSError as error:
+        problem = f"{log}: cannot be trimmed: {error.strerror or error}. Do it again."
+        raise LogAccessError(problem) from error
+    finally:
+        lock.release()
+
+
+def _trim(folder: LogFolder, select: Select, progress: Progress | None) -> Trimming:
+    segments = [s for s in LogReader(folder).segments if s.closed and s.told is None]
+    done, total = 0, sum(segment.size for segment in segments)
+    found = Trimming()
+    for sources, selection in _steps(segments, select):
+        if selection is not None:
+            found = _trim_one(folder, sources, selection, found)
+        done += sum(segment.size for segment in sources)
+        if progress is not None:
+            progress(done, total)
+    closed = [s for s in LogReader(folder).segments if s.closed and s.told is None]
+    write_bag_metadata(folder, [statistics_of(segment) for segment in closed])
+    return found
+
+
+def _steps(
+    segments: Sequence[Segment], select: Select
+) -> Iterator[tuple[tuple[Segment, ...], Selection | None]]:
+    """Yield which segments are trimmed together: those from which all goes that can expire."""
+    for selection, some in groupby(segments, select):
+        if selection is not None and selection.reason is TrimReason.EXPIRED:
+            yield tuple(some), selection
+        else:
+            yield from (((segment,), selection) for segment in some)
+
+
+def _trim_one(
+    folder: LogFolder, sources: tuple[Segment, ...], selection: Selection, found: Trimming
+) -> Trimming:
+    with trimmed(folder, sources, selection) as copy:
+        if not copy.left.is_changed:
+            return found
+        _install(folder, copy)
+    return found.with_more(copy.left, copy.writer.size)
+
+
+def _install(folder: LogFolder, copy: TrimmedCopy) -> None:
+    """Put a copy in the place of its sources, as a merge does; at every instant there is a log."""
+    others = {segment.path.name for segment in copy.left.sources[1:]}
+    if others:
+        stay = [s for s in LogReader(folder).segments if s.closed and s.told is None]
+        listed = {s.path.name: statistics_of(s) for s in stay if s.path.name not in others}
+        listed[copy.writer.name] = copy.writer.closed_segment()
+        write_bag_metadata(folder, listed.values())
+    copy.install()
+    for name in sorted(others):
+        folder.remove(name)
+    folder.sync()
+
+
+def count_selected(reader: LogReader, select: Select, progress: Progress | None = None) -> Trimming:
+    """Return what `trim_segments` would take out of a log, the live segment included.
+
+    Args:
+        reader: Of the log.
+        select: Says what would go.
+        progress: Told how many bytes of segments are done.
+
+    Raises:
+        CorruptLogError: A segment is damaged.
+    """
+    done, total = 0, sum(segment.size for segment in reader.segments)
+    found = Trimming(bytes_after=None)
+    for sources, selection in _steps([s for s in reader.segments if s.told is None], select):
+        if selection is not None:
+            left = RecordsLeft(sources, selection)
+            for _ in left.parts():
+                pass
+            if left.is_changed:
+                found = found.with_more(left, None)
+        done += sum(segment.size for segment in sources)
+        if progress is not None:
+            progress(done, total)
+    return found
+
+
+def taken_out(reader: LogReader) -> TakenOut:
+    """Return what the tombstones of a log tell.
+
+    Raises:
+        CorruptLogError: One cannot be read.
+    """
+    found = TakenOut()
+    for segment in reader.segments:
+        for chunk in segment.chunks.having(TOMBSTONE_BIT).tolist():
+            page = page_at(segment, chunk)
+            for i in np.flatnonzero(page.heads["channel_id"] == TOMBSTONE_CHANNEL):
+                record = page.record(int(i))
+                found.add(Tombstone.in_record(record), record)
+    return found

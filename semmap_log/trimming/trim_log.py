@@ -1,0 +1,175 @@
+"""A log trimmed: what goes is told by an event before and after, which says who, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import Protocol
+
+from semmap_log.batches.event_batch import EventBatch
+from semmap_log.common.texts import command_line, counted
+from semmap_log.domain.commits import Note
+from semmap_log.domain.events import Event, HistoryTrimmed
+from semmap_log.door_log.opening import append
+from semmap_log.errors import LogError
+from semmap_log.io.progress import Progress
+from semmap_log.replay.read_model.indexing import remove_stale_tables
+from semmap_log.store.form import RECOVERING_NAME, TORN_SUFFIX
+from semmap_log.store.header import TrimReason
+from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_scan import Segment
+from semmap_log.store.reading.window import Window
+from semmap_log.store.trimming.records_left import Selection
+from semmap_log.store.trimming.trimming import Trimming, count_selected, taken_out, trim_segments
+from semmap_log.store.zip_files import refuse_zip
+
+
+class TrimRule(Protocol):
+    """What is to be taken out of a log."""
+
+    reason: TrimReason
+
+    @property
+    def words(self) -> str:
+        """What goes, for the log's own history."""
+        ...
+
+    @property
+    def before(self) -> int:
+        """Events below this number, and their notes, may go."""
+        ...
+
+    def told_before(self) -> Iterable[Event | EventBatch]:
+        """Return what must be in the log before anything goes."""
+        ...
+
+    def select(self, segment: Segment) -> Selection | None:
+        """Return what goes of a segment; None: nothing."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class TrimmedLog:
+    """What was taken out of a log now, and what still lies elsewhere."""
+
+    done: Trimming
+    event: int | None
+    """Number of the event that tells of it; None: it was only counted."""
+    copies: tuple[Path, ...] = ()
+    """Files in and beside the log that may hold what was taken out."""
+
+
+def plan_trimming(log: Path, rule: TrimRule, progress: Progress | None = None) -> TrimmedLog:
+    """Return what `trim_log` would take out; nothing is written.
+
+    Raises:
+        CorruptLogError: A segment is damaged.
+        LogError: Some of what is to be redacted lies in a store only; or it is a zip file.
+    """
+    refuse_zip(log)
+    reader = LogReader(log)
+    _refuse_elsewhere(reader, rule)
+    return TrimmedLog(count_selected(reader, rule.select, progress), None, copies_of(log))
+
+
+def trim_log(
+    log: Path,
+    rule: TrimRule,
+    *,
+    note: Note = Note(),
+    progress: Progress | None = None,
+) -> TrimmedLog:
+    """Take records out of a log for ever, and say so in it; where nothing can go, do nothing.
+
+    Stopped anywhere, the log is whole, and answers as before or as it will; do it again.
+
+    Args:
+        log: Its folder.
+        rule: What goes.
+        note: Who does it, and why.
+        progress: Told how far the work is.
+
+    Raises:
+        LogLockedError: Somebody is writing.
+        LogAccessError: The file system says no.
+        CorruptLogError: A segment is damaged; it stays as it is, and so do those behind it.
+        LogError: Some of what is to be redacted lies in a store only; or it is a zip file.
+    """
+    refuse_zip(log)
+    reader = LogReader(log)
+    _refuse_elsewhere(reader, rule)
+    if not any(rule.select(segment) for segment in reader.segments) and not _is_begun(reader):
+        return TrimmedLog(Trimming(), None, copies_of(log))
+    with append(log) as opened:
+        reader = LogReader(log)
+        begun = _told(rule, reader)
+        opened.append(
+            chain(rule.told_before(), [replace(begun, tombstones=_of(reader, ""))]), note=note
+        )
+    done = trim_segments(log, rule.select, progress)
+    remove_stale_tables(log)
+    with append(log) as opened:
+        appended = opened.append([_told(rule, LogReader(log))], note=note)
+    return TrimmedLog(done, appended.commit.last_event, copies_of(log))
+
+
+def _refuse_elsewhere(reader: LogReader, rule: TrimRule) -> None:
+    """Refuse a redaction of segments whose files were removed from the disk once they were shipped.
+
+    What only grew old may stay there.
+
+    Raises:
+        LogError: There are such segments.
+    """
+    if rule.reason is not TrimReason.REDACTED:
+        return
+    elsewhere = [one for one in reader.segments if one.told is not None and rule.select(one)]
+    if elsewhere:
+        fetch = command_line("fetch", "URL", "NEW")
+        raise LogError(
+            f"{reader.folder}: {counted(len(elsewhere), 'segment')} that may hold it lie in a "
+            f"store only, from {elsewhere[0].path.name} on; nothing was taken out. Fetch the whole "
+            f"log ({fetch}), redact that, ship it to a new place, and remove the old one."
+        )
+
+
+def _is_begun(reader: LogReader) -> bool:
+    """Tell whether a trimming was stopped before the log could say that it is done."""
+    window = Window(kinds=bits_of_kinds([HistoryTrimmed]))
+    told = [one.event.tombstones for batch in reader.batches(window) for one in batch
+            if isinstance(one.event, HistoryTrimmed)]  # fmt: skip
+    mine = [one for one in told if one.startswith(_of(reader, ""))]
+    return bool(mine) and mine[-1] == _of(reader, "")
+
+
+def _told(rule: TrimRule, reader: LogReader) -> HistoryTrimmed:
+    found = taken_out(reader)
+    names = [str(one.name).lower() for one in TrimReason if one & (found.reasons | rule.reason)]
+    return HistoryTrimmed(
+        next_event=rule.before,
+        events_gone=found.events,
+        notes_gone=found.notes,
+        horizon=reader.horizon,
+        reasons=", ".join(names),
+        rule=rule.words,
+        tombstones=_of(reader, found.digest.hexdigest()),
+    )
+
+
+def _of(reader: LogReader, digest: str) -> str:
+    """Return a digest with the log that it is of: events go over into other logs."""
+    return f"{reader.info.log_id}:{digest}"
+
+
+def copies_of(log: Path) -> tuple[Path, ...]:
+    """Return files of a log's folder that are no part of it, and may hold what was written once."""
+    return tuple(
+        sorted(
+            path
+            for path in log.iterdir()
+            if TORN_SUFFIX in path.name or path.name.startswith(("damaged-", RECOVERING_NAME))
+        )
+    )

@@ -1,0 +1,239 @@
+"""`sign`, `verify --public-key` and `--sign-key` as a user types them."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import semmap_log as sl
+from tests.cli.test_verify import semmap
+from tests.live.running import wait_until
+from tests.store.eventful import eventful_log, flip
+
+LINE = '{"kind": "DoorObserved", "door": "front", "state": "OPEN"}\n'
+BAD_LINE = '{"kind": "DoorObserved", "door": "nowhere", "state": "OPEN"}\n'
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return eventful_log(tmp_path_factory.mktemp("original") / "log")
+
+
+@pytest.fixture
+def log(original: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy to sign; the folder above is where commands run."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("SEMMAP_LOG_KEY_PASSPHRASE", raising=False)
+    return Path(shutil.copytree(original, tmp_path / "log"))
+
+
+def test_a_key_a_signature_and_its_check(log: Path, capsys) -> None:
+    """
+    The three commands of the guide, each with what it says; 80 columns are enough.
+    """
+    code, out, err = semmap(capsys, "sign", "log", "--key", "key", "--new-key")
+    assert code == 0
+    assert out.startswith("log: 3 new signatures; signed up to event 12 by SHA256:")
+    assert err == "key: a new private key; keep it from others. Whom to believe: key.pub\n"
+
+    code, again, _ = semmap(capsys, "sign", "log", "--key", "key")
+    assert (0, out.replace("3 new signatures", "nothing new to sign")) == (code, again)
+
+    code, out, err = semmap(capsys, "verify", "log", "--public-key", "key.pub")
+    lines = out.splitlines()
+    assert (0, "") == (code, err)
+    assert lines[0].startswith("log: good; 13 events in 11 commits")
+    assert lines[1] == "signed up to event 12; 3 of 3 statements good"
+    assert lines[2].startswith("  by ")
+    assert all(len(line) <= 80 for line in lines)
+
+
+def test_json(log: Path, capsys) -> None:
+    """
+    What was signed, by which key; and what its check shows.
+    """
+    said = json.loads(semmap(capsys, "sign", "log", "--key", "k", "--new-key", "--json")[1])
+    assert said == {
+        "key": said["key"],
+        "made": sorted(path.name for path in log.glob("signatures/*.head")),
+        "signed_before": 13,
+        "live": False,
+    }
+
+    found = json.loads(semmap(capsys, "verify", "log", "--public-key", "k.pub", "--json")[1])
+
+    assert ("good", 0) == (found["verdict"], found["exit_code"])
+    assert found["signatures"] == {
+        "statements": 3,
+        "good": 3,
+        "signed_before": 13,
+        "by": [{"key": said["key"], "owner": found["signatures"]["by"][0]["owner"]}],
+    }
+    assert "signatures" not in json.loads(semmap(capsys, "verify", "log", "--json")[1])
+
+
+def test_what_is_not_as_signed_is_told_with_exit_code_4(log: Path, capsys) -> None:
+    semmap(capsys, "sign", "log", "--key", "k", "--new-key")
+    last = max(log.glob("signatures/*.head"))
+    last.write_text(last.read_text().replace("first-event: 10", "first-event: 9"))
+
+    code, out, _ = semmap(capsys, "verify", "log", "--public-key", "k.pub")
+
+    assert code == 4
+    assert out.startswith("log: not as signed; 13 events")
+    assert "one of the two was altered" in " ".join(out.split())
+    assert "To do: where only signatures are missing" in out
+    said = json.loads(semmap(capsys, "verify", "log", "--public-key", "k.pub", "--json")[1])
+    assert ["signature", "unsigned"] == [one["kind"] for one in said["findings"]]
+    assert {"not_as_signed"} == {one["severity"] for one in said["findings"]}
+    assert 0 == semmap(capsys, "verify", "log")[0]
+
+
+def test_a_damaged_log_is_damaged_first(log: Path, capsys) -> None:
+    semmap(capsys, "sign", "log", "--key", "k", "--new-key")
+    file = min(log.glob("*.mcap"))
+    flip(file, file.stat().st_size // 2)
+
+    code, out, _ = semmap(capsys, "verify", "log", "--public-key", "k.pub")
+
+    assert code == 4
+    assert out.startswith("log: damaged; ")
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "problem"),
+    [
+        (("verify", "log", "--signatures", "log/signatures"), 2, "say whom to believe"),
+        (("verify", "log/log_000000.mcap", "--public-key", "k.pub"), 2, "one whole log"),
+        (("verify", "log", "--public-key", "nothing.pub"), 1, "cannot be read"),
+        (("verify", "log", "--public-key", "k"), 1, "got a private one"),
+        (("verify", "log", "--public-key", "k.pub", "--signatures", "no"), 1, "cannot be read"),
+        (("sign", "log"), 2, "--key"),
+        (("sign", "log", "--key", "nothing"), 1, "nothing: the private key cannot be read"),
+        (("sign", "log", "--key", "k", "--new-key"), 1, "k: is there already"),
+        (("sign", "nolog", "--key", "k"), 1, "nolog"),
+        (("sign", "nolog", "--key", "k2", "--new-key"), 1, "nolog"),
+        (("record", "log", "--sign-key", "nothing"), 2, "nothing: the private key"),
+        (("record", "log", "--ros2", "--dry-run", "--sign-key", "k"), 2, "nothing is written"),
+        (("serve", "log", "--ask", "unix:s", "--sign-key", "no"), 2, "no: the private key"),
+        (("serve", "log", "--ask", "unix:s", "--read-only", "--sign-key", "k"), 2, "--read-only"),
+    ],
+)
+def test_what_cannot_be_is_said(
+    log: Path, capsys, options: Sequence[str], code: int, problem: str
+) -> None:
+    """
+    In one message, without a traceback; and no key is made for no log.
+    """
+    semmap(capsys, "sign", "log", "--key", "k", "--new-key")
+
+    said = semmap(capsys, *options)
+
+    assert code == said[0]
+    assert problem in " ".join(said[2].replace("│", " ").split())
+    assert "Traceback" not in said[2]
+    assert not Path("k2").exists()
+
+
+def test_the_passphrase_comes_from_the_environment(
+    log: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Where there is no terminal to ask at.
+    """
+    pytest.importorskip("bcrypt")
+    if shutil.which("ssh-keygen") is None:
+        pytest.skip("needs OpenSSH's ssh-keygen")
+    subprocess.run(
+        ["ssh-keygen", "-q", "-t", "ed25519", "-N", "sesame", "-f", "locked"], check=True
+    )
+
+    code, _, err = semmap(capsys, "sign", "log", "--key", "locked")
+    assert (1, "semmap-log: locked: it is encrypted; its passphrase is needed.") == (
+        code, err.strip(),
+    )  # fmt: skip
+    monkeypatch.setenv("SEMMAP_LOG_KEY_PASSPHRASE", "sesame")
+    assert 0 == semmap(capsys, "sign", "log", "--key", "locked")[0]
+
+
+@pytest.mark.parametrize(("lines", "code"), [(LINE * 3, 0), (LINE + BAD_LINE, 1)])
+def test_record_signs_what_it_closes(log: Path, capsys, lines: str, code: int) -> None:
+    """
+    Also where a bad line makes the exit code.
+    """
+    semmap(capsys, "sign", "log", "--key", "k", "--new-key")
+
+    done = _run(["record", "log", "--sign-key", "k"], lines)
+
+    last = 12 + lines.count("front")
+    assert code == done.returncode
+    assert f"log: signed up to event {last}." in done.stderr
+    assert 0 == semmap(capsys, "verify", "log", "--public-key", "k.pub")[0]
+
+
+def test_record_goes_on_where_it_cannot_sign(log: Path, capsys) -> None:
+    """
+    It says so once, and how to sign later.
+    """
+    semmap(capsys, "sign", "log", "--key", "k", "--new-key")
+    shutil.rmtree(log / "signatures")
+    (log / "signatures").write_text("in the way")
+
+    done = _run(["record", "log", "--sign-key", "k"], LINE * 3)
+
+    assert done.returncode == 0
+    assert "log: 3 events recorded." in done.stderr
+    assert 1 == done.stderr.count("not signed:")
+    assert "To sign it: semmap-log sign log --key KEY" in done.stderr
+    (log / "signatures").unlink()
+    assert 0 == semmap(capsys, "sign", "log", "--key", "k")[0]
+    assert 0 == semmap(capsys, "verify", "log", "--public-key", "k.pub")[0]
+
+
+def test_serve_signs_what_it_closes(log: Path, capsys) -> None:
+    """
+    A planner sets a door; at the end that is signed, too.
+    """
+    semmap(capsys, "sign", "log", "--key", "k", "--new-key")
+    line = [
+        sys.executable,
+        "-m",
+        "semmap_log",
+        "serve",
+        "log",
+        "--ask",
+        "unix:s",
+        "--sign-key",
+        "k",
+    ]
+    server = subprocess.Popen(line, stderr=subprocess.PIPE, text=True)
+    try:
+        wait_until(lambda: Path("s").exists() or server.poll(), "the socket")
+        before = len(list(sl.read(log).history()))
+        asked = _run(["ask", "unix:s", "SET_DOOR_CLOSED DOOR_front"], "")
+        assert asked.returncode == 0, asked
+    finally:
+        server.send_signal(signal.SIGTERM)
+        _, said = server.communicate(timeout=100)
+
+    assert server.returncode == 0
+    assert before < len(list(sl.read(log).history()))
+    assert "log: signed up to event" in said
+    assert 0 == semmap(capsys, "verify", "log", "--public-key", "k.pub")[0]
+
+
+def _run(words: list[str], lines: str) -> subprocess.CompletedProcess[str]:
+    environment: dict[str, Any] = {**os.environ, "COLUMNS": "80"}
+    return subprocess.run(
+        [sys.executable, "-m", "semmap_log", *words],
+        input=lines, capture_output=True, text=True, env=environment, check=False,
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Objects that are no doors, as who uses a log meets them."""
