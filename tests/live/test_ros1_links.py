@@ -36,7 +36,7 @@ topics._PublisherImpl.add_connection = late_link
 """
 
 SLOW_LINKS = """
-import sys, time
+import os, time
 from rospy import topics
 from rospy.impl.tcpros_pubsub import TCPROSHandler
 
@@ -47,7 +47,8 @@ def make_slowly(*asked):
     return make(*asked)
 
 def add_aloud(subscriber, link):
-    print("link", subscriber.resolved_name, link.endpoint_id, file=sys.stderr, flush=True)
+    line = f"link {subscriber.resolved_name} {link.endpoint_id}\\n"
+    os.write(2, line.encode())  # print writes word by word: two threads' words would mix
     return add(subscriber, link)
 
 TCPROSHandler.create_transport = make_slowly
@@ -97,7 +98,9 @@ def test_clients_that_come_together_are_linked_once(ros1: RosWorld, tmp_path: Pa
         for client in (one, other):
             client.send("goal", **goal)
         statuses = [client.answer()["status"] for client in (one, other)]
-        ros1.wait_until(lambda: len(_links(server)) >= 4, "two links of each client")
+        ros1.wait_until(
+            lambda: len(_links(server)) >= 4, lambda: f"two links of each client: {server}"
+        )
 
     links = _links(server)
     assert ["ABORTED"] * 2 == statuses
