@@ -51,7 +51,20 @@ def events_at_horizon(
         wanted = set(doors)
         found = [one for one in found if getattr(one.event, "door_id", None) in wanted]
     if found:
-        yield _batch(sorted(found, key=lambda one: one.number))
+        yield _batch(found)
+
+
+def last_writes(reader: LogReader, left: Collection[int]) -> EventBatch:
+    """Return the state at a log's horizon, as far as no event that is left tells it: updates.
+
+    Args:
+        reader: Of a log that has a horizon.
+        left: Numbers of the events before the horizon that are left.
+
+    Raises:
+        HorizonError: The state at the horizon cannot be read.
+    """
+    return _batch(list(_last_writes(_state_at_horizon(reader), but=list(left))))
 
 
 def _state_at_horizon(reader: LogReader) -> DoorMapState:
@@ -101,6 +114,7 @@ def _update(door_id: int, values: dict[str, Any], happened_ns: int) -> Event:
 
 
 def _batch(events: list[RecordedEvent]) -> EventBatch:
+    events = sorted(events, key=lambda one: one.number)
     made = EventBatch.from_events([one.event for one in events])
     numbers = np.array([one.number for one in events], np.int64)
     recorded = np.array([one.recorded_ns for one in events], np.int64)

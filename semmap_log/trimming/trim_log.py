@@ -6,13 +6,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.texts import command_line, counted
 from semmap_log.domain.commits import Note
 from semmap_log.domain.events import Event, HistoryTrimmed
-from semmap_log.door_log.opening import append
+from semmap_log.door_log.opening import WritingOptions, append
 from semmap_log.errors import LogError
 from semmap_log.io.progress import Progress
 from semmap_log.replay.read_model.indexing import remove_stale_tables
@@ -25,6 +25,9 @@ from semmap_log.store.reading.window import Window
 from semmap_log.store.trimming.records_left import Selection
 from semmap_log.store.trimming.trimming import Trimming, count_selected, taken_out, trim_segments
 from semmap_log.store.zip_files import refuse_zip
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 
 class TrimRule(Protocol):
@@ -81,6 +84,7 @@ def trim_log(
     *,
     note: Note = Note(),
     progress: Progress | None = None,
+    **writing: Unpack[WritingOptions],
 ) -> TrimmedLog:
     """Take records out of a log for ever, and say so in it; where nothing can go, do nothing.
 
@@ -91,6 +95,7 @@ def trim_log(
         rule: What goes.
         note: Who does it, and why.
         progress: Told how far the work is.
+        writing: How that is written, as for `append`.
 
     Raises:
         LogLockedError: Somebody is writing.
@@ -103,7 +108,7 @@ def trim_log(
     _refuse_elsewhere(reader, rule)
     if not any(rule.select(segment) for segment in reader.segments) and not _is_begun(reader):
         return TrimmedLog(Trimming(), None, copies_of(log))
-    with append(log) as opened:
+    with append(log, **writing) as opened:
         reader = LogReader(log)
         begun = _told(rule, reader)
         opened.append(
@@ -111,7 +116,7 @@ def trim_log(
         )
     done = trim_segments(log, rule.select, progress)
     remove_stale_tables(log)
-    with append(log) as opened:
+    with append(log, **writing) as opened:
         appended = opened.append([_told(rule, LogReader(log))], note=note)
     return TrimmedLog(done, appended.commit.last_event, copies_of(log))
 

@@ -328,21 +328,6 @@ def test_joined_with_another_it_tells_what_is_left(
             assert now == was, moment
 
 
-@pytest.mark.xfail(reason="a join does not know the horizons of its logs", strict=True)
-def test_joined_what_one_no_longer_keeps_is_an_error(untrimmed: Path, tmp_path: Path) -> None:
-    """
-    As of that log alone; never that its doors were in no state.
-    """
-    other, log = another_log(tmp_path / "other"), shutil.copytree(untrimmed, tmp_path / "log")
-    trim_log(log, RULES["keep"](log))
-    asked = [{"at": f"@{LogReader(log).horizon_ns - 3600 * SECOND_NS}"}]
-    before = [places_and_states(one) for one in joined(untrimmed, other, asked)]
-
-    (found,) = [places_and_states(one) for one in joined(log, other, asked)]
-
-    assert found in (*before, "HorizonError")
-
-
 def joined(one: Path, two: Path, asked: Sequence[dict[str, Any]]) -> list[Any]:
     return answers_of(sl.join({"one": one, "two": two}), asked)
 

@@ -34,10 +34,12 @@ from semmap_log.domain.events import (
     Event,
     FloorMap,
     LevelAdded,
+    MomentPinned,
     PatrolFinished,
     PatrolStarted,
     Retracted,
     RobotPose,
+    SightingsThinned,
 )
 from semmap_log.domain.meaning import ALL_CHANGED, FIELDS, PLACING
 from semmap_log.domain.object_classes import CLASS
@@ -52,14 +54,22 @@ _NAME = "name"
 class EventTranslation:
     """Translates the commits of one log, in their order."""
 
-    def __init__(self, log: JoinedLog, plan: DoorPlan, rounds: dict[tuple[str, int], int]) -> None:
+    def __init__(
+        self,
+        log: JoinedLog,
+        plan: DoorPlan,
+        rounds: dict[tuple[str, int], int],
+        horizon_ns: int = -1,
+    ) -> None:
         """Take a log.
 
         Args:
             log: The log.
             plan: Its doors and levels in the building.
             rounds: (log, round) -> number in the view, of all logs.
+            horizon_ns: Where the history of the view begins; -1: it has no horizon.
         """
+        self._horizon_ns = horizon_ns
         self._log, self._plan, self._rounds = log, plan, rounds
         self._own, self._building = plan.ids[log.name]
         self._numbers = np.full(log.last_event + 1, -1, np.int64)
@@ -156,6 +166,8 @@ class EventTranslation:
             return self._floor(event)
         if isinstance(event, ClassDefined):
             return [replace(event, class_name=self._class(event.class_name))]
+        if isinstance(event, MomentPinned) and event.at_ns < self._horizon_ns:
+            return []  # the state that it keeps is that of the log alone
         return [event]
 
     def _of_door(self, event: DoorEvent, number: int) -> Iterable[Event]:
@@ -169,7 +181,13 @@ class EventTranslation:
             return [replace(event, value=self._plan.names[event.door_id])]
         if isinstance(event, DoorAnnotated) and event.key == CLASS:
             return [replace(event, value=self._class(event.value))]
+        if isinstance(event, SightingsThinned):
+            return [replace(event, first_event=self._number(event.first_event))]
         return [event]
+
+    def _number(self, number: int) -> int:
+        """Return the number of one of the log's events in the view; 0: it is not there."""
+        return max(0, int(self._numbers[number])) if 0 < number < len(self._numbers) else 0
 
     def _class(self, name: str) -> str:
         """Return what the view calls a class of the log."""

@@ -14,15 +14,19 @@ from semmap_log.door_log.robot_names import BEHIND_ROBOT, BETWEEN_ROBOTS
 from semmap_log.errors import LogError
 from semmap_log.fleet.join.door_plan import DoorPlan
 from semmap_log.fleet.join.event_translation import EventTranslation
+from semmap_log.fleet.join.join_horizon import horizon_of, state_before
 from semmap_log.fleet.join.joined_logs import JoinedLog, JoinedLogs
 from semmap_log.io.clock import KeptClock
 from semmap_log.io.progress import Progress
 from semmap_log.replay.written_state import WrittenState
 from semmap_log.store.header import LogInfo
 from semmap_log.store.reading.following import FollowedCommit, commits_after
+from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing.durability import DurabilityPolicy
 from semmap_log.store.writing.writer import Environment, LogWriter
 from semmap_log.store.writing.writer_opening import create_log
+from semmap_log.trimming.retention import Retention
+from semmap_log.trimming.trim_log import trim_log
 
 ID_BYTES = 16
 TOLD_EVERY = 1000
@@ -86,8 +90,23 @@ def build_join(
         building.write(progress)
     finally:
         writer.close()
+    if building.horizon_ns >= 0:
+        _forget_before(building.horizon_ns, folder, writer.last_ns, entropy)
     left_out = {name: each.left_out for name, each in building.translations.items()}
     return BuiltJoin(writer.next_event, left_out)
+
+
+def _forget_before(horizon_ns: int, folder: Path, last_ns: int, entropy: SeededBytes) -> None:
+    """Give a join the horizon of its logs: before it not all of it is known."""
+    trim_log(
+        folder,
+        Retention(LogReader(folder), horizon_ns + 1),
+        note=Note(reason="where history begins in one of its logs, it begins in a join"),
+        durability=Durability.NONE,
+        compact=False,
+        clock=KeptClock(last_ns),
+        entropy=entropy,
+    )
 
 
 def _info(joined: JoinedLogs, entropy: SeededBytes) -> LogInfo:
@@ -106,18 +125,30 @@ class _Building:
         self._seen: set[bytes] = set()
         """Commands that are stored: a goal may have been given to two robots."""
         rounds: dict[tuple[str, int], int] = {}
-        self.translations = {log.name: EventTranslation(log, plan, rounds) for log in joined.logs}
+        self.horizon_ns = horizon_of(joined)
+        """Where its history begins; -1: it has no horizon."""
+        self.translations = {
+            log.name: EventTranslation(log, plan, rounds, self.horizon_ns) for log in joined.logs
+        }
 
     def write(self, progress: Progress | None) -> None:
         total = sum(log.last_event + 1 for log in self._joined.logs)
-        done = 0
+        done, is_behind = 0, self.horizon_ns < 0
         for place, (_, _, _, log, followed) in enumerate(
             merge(*map(_commits, self._joined.logs), key=lambda found: found[:3])
         ):
+            if not is_behind and followed.commit.recorded_ns > self.horizon_ns:
+                is_behind = True
+                self._begin_history()
             self._append(log, followed)
             done += followed.commit.count
             if progress is not None and place % TOLD_EVERY == 0:
                 progress(done, total)
+
+    def _begin_history(self) -> None:
+        """Write the state at the horizon: a keyframe at the head of a segment."""
+        self._writer.begin_segment(self.horizon_ns)
+        self.horizon_ns = self._writer.last_ns
 
     def _append(self, log: JoinedLog, followed: FollowedCommit) -> None:
         commit, writer = followed.commit, self._writer
@@ -163,13 +194,27 @@ Found = tuple[int, str, int, JoinedLog, FollowedCommit]
 def _commits(log: JoinedLog) -> Iterator[Found]:
     """Yield the commits that a log had when it was opened, with what orders them.
 
+    Where the log has a horizon, one more stands there for what it no longer keeps.
+
     Raises:
         LogError: A recorded time does not grow.
     """
     last_ns = -1
+    left: list[int] | None = [] if log.opened.horizon else None
     for followed in commits_after(log.opened, -1):
         commit = followed.commit
+        if left is not None:
+            numbers = followed.batch.number
+            left += numbers[numbers < log.opened.horizon].tolist()
+            if commit.last_event >= log.opened.horizon:
+                yield _ordered(log, state_before(log, followed, left))
+                left = None
         if commit.recorded_ns <= last_ns:
             raise LogError(f"{log.place}: event {commit.first_event} was recorded out of order.")
         last_ns = commit.recorded_ns
-        yield commit.recorded_ns, log.log_id, commit.first_event, log, followed
+        yield _ordered(log, followed)
+
+
+def _ordered(log: JoinedLog, followed: FollowedCommit) -> Found:
+    commit = followed.commit
+    return commit.recorded_ns, log.log_id, commit.first_event, log, followed

@@ -33,7 +33,7 @@ from semmap_log.io.url_path import place_of
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.reader import LogReader
 
-VIEW_VERSION = 1
+VIEW_VERSION = 2
 """Of what becomes of events: another version's views are not used."""
 FOLDER = "joined"
 """In a cache: where views lie."""

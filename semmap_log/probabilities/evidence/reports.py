@@ -226,7 +226,7 @@ def _that_count(rows: Rows) -> Rows:
     is_told = rows["kind"] == SightingsThinned.kind
     if not is_told.any():
         return rows
-    is_there = np.isin(rows["number"], rows["number"][~is_told])
+    is_there = np.isin(rows["number"], rows["number"][~is_told]) & (rows["number"] > 0)
     rows["kind"][is_told] = DoorObserved.kind
     counting: Rows = rows[~(is_told & is_there)]
     return counting

@@ -123,6 +123,31 @@ class LogWriter:
             raise self._poisoned(error.strerror) from error
         self._in_commit = False
 
+    def begin_segment(self, recorded_ns: int) -> None:
+        """Close the live segment, and begin another with a keyframe of that moment.
+
+        Args:
+            recorded_ns: When; a later one if something was recorded since.
+
+        Raises:
+            LogPoisonedError: It could not be written.
+        """
+        self.check_usable()
+        self._in_commit = True  # an interrupt leaves neither
+        try:
+            with self._syncs.lock:  # nobody may be syncing the file that is closed here
+                self._begin_next(recorded_ns)
+        except OSError as error:
+            raise self._poisoned(error.strerror) from error
+        self._in_commit = False
+
+    def _begin_next(self, recorded_ns: int) -> None:
+        self._chain.roll(self._end)
+        self.last_ns = max(recorded_ns, self.last_ns + 1)
+        keyframe = self._keyframe(self.last_ns)
+        self._chain.begin_next(self.next_event, self._last_hash, keyframe)
+        self._syncs.durable_before = self.next_event
+
     @property
     def _end(self) -> LogEnd:
         return LogEnd(self.next_event, self._last_hash)
@@ -380,9 +405,6 @@ class LogWriter:
             if chain.live is None:
                 chain.continue_last(self._end)
             if chain.live is None or chain.is_full(max(wall_ns, self.last_ns)):
-                chain.roll(self._end)
-                self.last_ns = max(wall_ns - 1, self.last_ns + 1)  # the commit's time stays free
-                keyframe = self._keyframe(self.last_ns)
-                chain.begin_next(self.next_event, self._last_hash, keyframe)
+                self._begin_next(wall_ns - 1)  # the commit's time stays free
             self._syncs.durable_before = self.next_event
         self._in_commit = False

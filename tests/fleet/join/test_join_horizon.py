@@ -1,0 +1,210 @@
+"""Joins of logs that no longer keep all of their history: as before, or an error; never a guess."""
+
+from __future__ import annotations
+
+import random
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import semmap_log as sl
+from semmap_log.beliefs.door_beliefs import probabilities
+from semmap_log.cli import main
+from semmap_log.errors import HorizonError, HorizonWarning
+from semmap_log.replay.care import verify
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.trimming.repeated_sightings import Thinning
+from semmap_log.trimming.retention import Retention
+from semmap_log.trimming.trim_log import trim_log
+from tests.trimming.logs import SECOND_NS, MinuteClock, answers_of, moments, random_log
+
+pytestmark = [
+    pytest.mark.filterwarnings(f"ignore::semmap_log.errors.{name}")
+    for name in ("HorizonWarning", "SensorWarning")
+]
+
+KEYS = ("at", "known_at")
+FRAMES = dict.fromkeys(("one", "two"), (0.0, 0.0, 0.0))
+
+
+def trimmed(log: Path, folder: Path, until_ns: int) -> Path:
+    copy = Path(shutil.copytree(log, folder / log.name))
+    trim_log(copy, Retention(LogReader(copy), until_ns))
+    assert LogReader(copy).horizon
+    return copy
+
+
+def places_and_states(answer: Any) -> Any:
+    """Return an answer without numbers, which follow from who was added first."""
+    return answer if isinstance(answer, str) else sorted(row[1:3] for row in answer)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_it_answers_as_before_from_the_latest_horizon_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    """
+    Of two logs one or both keep less; at what had happened, at what was known, and both.
+    """
+    draw = random.Random(seed)
+    logs = {
+        name: random_log(tmp_path / name, 10 * seed + i, monkeypatch, commits=150, roll=30)
+        for i, name in enumerate(("one", "two"))
+    }
+    asked = [m for m in moments(logs["one"], seed, count=40) if "event" not in m]
+    before = [places_and_states(a) for a in answers_of(sl.join(logs, frames=FRAMES), asked)]
+    keeping = ["one", "two"] if seed % 2 else ["one"]
+    for name in keeping:
+        until_ns = [c.recorded_ns for c in LogReader(logs[name]).commits()][draw.randrange(70, 140)]
+        logs[name] = trimmed(logs[name], tmp_path / f"kept {name}", until_ns)
+
+    joined = sl.join(logs, frames=FRAMES)
+    after = [places_and_states(a) for a in answers_of(joined, asked)]
+
+    horizon_ns = max(LogReader(log).horizon_ns for log in logs.values())
+    for moment, was, now in zip(asked, before, after, strict=True):
+        is_kept = all(int(moment[key][1:]) > horizon_ns for key in KEYS if key in moment)
+        assert now == (was if is_kept else "HorizonError"), moment
+    assert any(now == "HorizonError" for now in after)
+    assert any(now == was for was, now in zip(before, after, strict=True))
+    assert joined.replay().doors.keys() == sl.join(logs, frames=FRAMES).replay().doors.keys()
+
+
+@pytest.mark.parametrize("is_kept", [True, False], ids=["kept since", "kept"])
+@pytest.mark.parametrize("seed", range(3))
+def test_alone_it_believes_what_the_log_itself_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int, *, is_kept: bool
+) -> None:
+    """
+    Its sightings were thinned: what went counts, though its number is that of another event here.
+    """
+    log = random_log(tmp_path / "one", seed, monkeypatch, commits=300, roll=30)
+    times = [c.recorded_ns for c in LogReader(log).commits()]
+    until_ns, last_ns = times[250], times[-1]
+    trim_log(log, Thinning(LogReader(log), until_ns))
+    if is_kept:
+        trim_log(log, Retention(LogReader(log), until_ns - 100 * 60 * SECOND_NS))
+        assert LogReader(log).horizon
+    with a_log(tmp_path / "two", MinuteClock()) as other:
+        for i in range(30):
+            other.add_door(x=50.0, y=float(i), theta=0.0, width=0.9, name=f"other {i}")
+
+    joined = sl.join({"one": log, "two": tmp_path / "two"}, frames=FRAMES)
+
+    at = f"@{last_ns + SECOND_NS}"
+    mine = {f"one/{b.door.name}": b.p_open for b in probabilities(sl.read(log), at=at)}
+    theirs = {b.door.name: b.p_open for b in probabilities(joined, at=at)}
+    assert len(mine) == 3
+    for name, p_open in mine.items():
+        assert theirs[name] == pytest.approx(p_open, abs=0.001), name
+
+
+def test_a_pin_of_one_log_is_none_of_the_join(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    The state that it keeps is that of its own doors; later ones are names of moments as ever.
+    """
+    log = quiet_and_busy(tmp_path, monkeypatch)
+    commits = [c.recorded_ns for c in LogReader(log).commits()]
+    with sl.append(log, clock=MinuteClock(), compact=False) as opened:
+        opened.pin("early", at=f"@{commits[3]}")
+        opened.pin("late", at=f"@{commits[-1]}")
+    trim_log(log, Retention(LogReader(log), commits[-1]))
+    assert sl.read(log).replay(at="pin:early").doors
+    with a_log(tmp_path / "two", MinuteClock()) as other:
+        other.add_door(x=9.0, y=1.0, theta=0.0, width=0.9, name="other", state="closed")
+
+    joined = sl.join({"one": log, "two": tmp_path / "two"})
+
+    assert answers_of(joined, [{"at": f"@{commits[3]}"}]) == ["HorizonError"]
+    with pytest.raises(sl.SemmapError, match="early"):
+        joined.replay(at="pin:early")
+    assert len(joined.replay(at="pin:late").doors) == 3
+
+
+def a_log(path: Path, clock: MinuteClock) -> sl.DoorLogWriter:
+    return sl.create(path, tz="UTC", clock=clock, compact=False)
+
+
+def quiet_and_busy(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Make a log with a door that is seen once, and one that is seen for long."""
+    monkeypatch.setattr("semmap_log.store.writing.segment_chain.ROLL_COMMITS", 10)
+    with a_log(folder / "one", MinuteClock()) as log:
+        quiet = log.add_door(x=1.0, y=1.0, theta=0.0, width=0.9, name="quiet", state="closed")
+        busy = log.add_door(x=2.0, y=1.0, theta=0.0, width=0.9, name="busy")
+        log.observe(quiet, "open")
+        for i in range(40):
+            log.observe(busy, "open" if i % 2 else "closed")
+    return folder / "one"
+
+
+def test_a_door_that_was_last_seen_before_the_horizon_is_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Its sighting is gone; the keyframe at the horizon knows of it.
+    """
+    log = trimmed(quiet_and_busy(tmp_path, monkeypatch), tmp_path / "kept", 2**62)
+    with a_log(tmp_path / "two", MinuteClock()) as other:
+        other.add_door(x=9.0, y=1.0, theta=0.0, width=0.9, name="other", state="closed")
+
+    joined = sl.join({"one": log, "two": tmp_path / "two"})
+
+    states = {door.name: door.state.name for door in joined.replay().doors.values()}
+    assert states == {"one/quiet": "OPEN", "one/busy": "OPEN", "two/other": "CLOSED"}
+    with pytest.warns(HorizonWarning, match="history begins at event"):
+        list(joined.history("one/quiet"))
+    with pytest.raises(HorizonError, match="ask about a later moment"):
+        joined.replay(event=1)
+
+
+def test_what_is_taken_back_later_makes_history_begin_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    The other log takes back what it told before the horizon: before that, both were believed.
+    """
+    log = trimmed(quiet_and_busy(tmp_path, monkeypatch), tmp_path / "kept", 2**62)
+    clock = MinuteClock()
+    with a_log(tmp_path / "two", clock) as other:
+        door = other.add_door(x=9.0, y=1.0, theta=0.0, width=0.9, name="other", state="closed")
+        wrong = other.observe(door, "open").commit.last_event
+        clock.now_ns += 3600 * SECOND_NS
+        other.observe(door, "closed", at="@1700000000")  # late: it does not count
+        back_ns = other.retract(wrong).commit.recorded_ns
+
+    joined = sl.join({"one": log, "two": tmp_path / "two"})
+
+    horizon_ns = LogReader(log).horizon_ns
+    assert horizon_ns < back_ns
+    assert joined.horizon() > 0
+    told = answers_of(joined, [{"at": f"@{horizon_ns + 1}"}, {"at": f"@{back_ns + 2 * SECOND_NS}"}])
+    assert told[0] == "HorizonError"
+    assert sorted(row[1].name for row in told[1]) == ["CLOSED", "OPEN", "OPEN"]
+
+
+def test_a_log_that_is_made_of_it_knows_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    It verifies, says what it no longer keeps, and is the same again byte for byte.
+    """
+    log = trimmed(quiet_and_busy(tmp_path, monkeypatch), tmp_path / "kept", 2**62)
+    for new in ("new", "again"):
+        with pytest.raises(SystemExit, match="0"):
+            main(["join", f"{tmp_path}/{new}.join.json", str(log), "--write", f"{tmp_path}/{new}"])
+
+    found = verify(tmp_path / "new")
+
+    assert not [one for one in found.findings if one.severity]
+    doors = sl.read(tmp_path / "new").replay().doors.values()
+    assert {door.name: door.state.name for door in doors} == {"quiet": "OPEN", "busy": "OPEN"}
+    assert answers_of(sl.read(tmp_path / "new"), [{"event": 1}]) == ["HorizonError"]
+    first, second = (
+        [path.read_bytes() for path in sorted((tmp_path / new).glob("*.mcap"))]
+        for new in ("new", "again")
+    )
+    assert first == second
