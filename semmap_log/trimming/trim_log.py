@@ -23,7 +23,13 @@ from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
 from semmap_log.store.trimming.records_left import Selection
-from semmap_log.store.trimming.trimming import Trimming, count_selected, taken_out, trim_segments
+from semmap_log.store.trimming.trimming import (
+    Trimming,
+    count_selected,
+    of_log,
+    told_of,
+    trim_segments,
+)
 from semmap_log.store.zip_files import refuse_zip
 
 if TYPE_CHECKING:
@@ -112,7 +118,7 @@ def trim_log(
         reader = LogReader(log)
         begun = _told(rule, reader)
         opened.append(
-            chain(rule.told_before(), [replace(begun, tombstones=_of(reader, ""))]), note=note
+            chain(rule.told_before(), [replace(begun, tombstones=of_log(reader, ""))]), note=note
         )
     done = trim_segments(log, rule.select, progress)
     remove_stale_tables(log)
@@ -146,27 +152,12 @@ def _is_begun(reader: LogReader) -> bool:
     window = Window(kinds=bits_of_kinds([HistoryTrimmed]))
     told = [one.event.tombstones for batch in reader.batches(window) for one in batch
             if isinstance(one.event, HistoryTrimmed)]  # fmt: skip
-    mine = [one for one in told if one.startswith(_of(reader, ""))]
-    return bool(mine) and mine[-1] == _of(reader, "")
+    mine = [one for one in told if one.startswith(of_log(reader, ""))]
+    return bool(mine) and mine[-1] == of_log(reader, "")
 
 
 def _told(rule: TrimRule, reader: LogReader) -> HistoryTrimmed:
-    found = taken_out(reader)
-    names = [str(one.name).lower() for one in TrimReason if one & (found.reasons | rule.reason)]
-    return HistoryTrimmed(
-        next_event=rule.before,
-        events_gone=found.events,
-        notes_gone=found.notes,
-        horizon=reader.horizon,
-        reasons=", ".join(names),
-        rule=rule.words,
-        tombstones=_of(reader, found.digest.hexdigest()),
-    )
-
-
-def _of(reader: LogReader, digest: str) -> str:
-    """Return a digest with the log that it is of: events go over into other logs."""
-    return f"{reader.info.log_id}:{digest}"
+    return told_of(reader, before=rule.before, rule=rule.words, reason=rule.reason)
 
 
 def copies_of(log: Path) -> tuple[Path, ...]:

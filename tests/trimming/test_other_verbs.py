@@ -159,21 +159,76 @@ def test_what_thinning_has_told_is_of_the_new_log(untrimmed: Path, tmp_path: Pat
         assert one.event.first_event == 0 or one.event.first_event not in there
 
 
-def test_a_damaged_one_that_has_a_horizon_is_not_recovered(untrimmed: Path, tmp_path: Path) -> None:
+def test_what_is_saved_behind_a_horizon_answers_as_if_all_were_kept(
+    untrimmed: Path, tmp_path: Path
+) -> None:
+    """
+    The same byte of each later chunk, in the log and in one that keeps all; both are recovered.
+    """
+    kept = Path(shutil.copytree(untrimmed, tmp_path / "kept" / "log"))
+    trim_log(kept, RULES["keep"](kept), compact=False)
+    there = {path.name: path.read_bytes() for path in untrimmed.glob("*.mcap")}
+    later = [
+        one for one in LogReader(kept).segments if one.path.read_bytes() == there.get(one.path.name)
+    ]
+    horizon_ns = LogReader(kept).horizon_ns
+    asked = [m for m in moments(untrimmed, 7, count=30) if "event" not in m]
+    asked = [m for m in asked if all(int(time[1:]) > horizon_ns for time in m.values())]
+    places = [(one.path.name, chunk.data_offset + 20) for one in later for chunk in one.chunks[1:]]
+    assert len(places) > 40
+    for i, (name, at) in enumerate([places[0], *places[1:-1:5], places[-1]]):
+        whole = Path(shutil.copytree(untrimmed, tmp_path / f"{i} whole" / "log"))
+        log = Path(shutil.copytree(kept, tmp_path / f"{i} kept" / "log"))
+        for one in (whole, log):
+            flip(one / name, at)
+            recover(one)
+
+        found = verify(log)
+        assert not [one for one in found.findings if one.severity]
+        assert read_plainly(log).head == found.head
+        assert LogReader(log).horizon == LogReader(kept).horizon
+        assert answers(log, asked) == answers(whole, asked)
+        early = LogReader(log).horizon_ns - 1
+        assert answers(log, [{"at": f"@{early}"}, {"event": 1}]) == ["HorizonError"] * 2
+
+
+def test_what_is_recovered_can_be_trimmed_and_recovered_again(
+    untrimmed: Path, tmp_path: Path
+) -> None:
+    """
+    It is a log as any other.
+    """
+    log = Path(shutil.copytree(untrimmed, tmp_path / "log"))
+    trim_log(log, RULES["keep"](log))
+    for _ in range(2):
+        segment = LogReader(log).segments[-1]
+        flip(segment.path, segment.chunks[1].data_offset + 20)
+        recover(log)
+        assert not [one for one in verify(log).findings if one.severity]
+        trim_log(log, Retention(LogReader(log), LogReader(log).segments[-1].recorded[0]))
+
+        assert not [one for one in verify(log).findings if one.severity]
+        assert sl.read(log).replay().doors.keys() == set(DOORS)
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_where_the_beginning_is_damaged_a_log_with_a_horizon_is_not_recovered(
+    untrimmed: Path, tmp_path: Path, place: int
+) -> None:
     """
     What its states rest on can be in no new log; it is said, and nothing changes.
     """
     log = Path(shutil.copytree(untrimmed, tmp_path / "log"))
     trim_log(log, RULES["keep"](log))
-    for segment in LogReader(log).segments[:2]:
-        flip(segment.path, segment.chunks[0].data_offset + 20)
-        files = {path.name: path.read_bytes() for path in log.iterdir()}
+    segment = LogReader(log).segments[place]
+    flip(segment.path, segment.chunks[0].data_offset + 20)
+    files = {path.name: path.read_bytes() for path in log.iterdir()}
 
-        with pytest.raises(LogError, match=r"horizon.*from a copy"):
-            recover(log)
+    with pytest.raises(LogError, match=r"horizon.*from a copy"):
+        recover(log)
 
-        assert {path.name: path.read_bytes() for path in log.iterdir()} == files
-        assert [path.name for path in log.parent.iterdir()] == ["log"]
+    assert {path.name: path.read_bytes() for path in log.iterdir()} == files
+    assert [path.name for path in log.parent.iterdir()] == ["log"]
 
 
 def test_tables_tell_the_same(log: Path) -> None:

@@ -7,7 +7,7 @@ from mutation.mutant import guard
 TRIMMING = (
     guard("a log tells before anything is taken out of it", "trim_log.trim_log",
           "opened.append("
-          'chain(rule.told_before(), [replace(begun, tombstones=_of(reader, ""))]), note=note)',
+          'chain(rule.told_before(), [replace(begun, tombstones=of_log(reader, ""))]), note=note)',
           "opened.append([*rule.told_before(), _told(rule, reader)], note=note)",
           "test_what_stays", "test_trim_log", "test_trimming_faults"),
     guard("merged files that hold it go, too", "trimming.trim_segments",
@@ -47,6 +47,18 @@ TRIMMING = (
           "event is None or event < self.before", "False", "test_what_stays", "test_trim_log"),
     guard("sightings that still are there count once", "reports._that_count",
           "rows[~(is_told & is_there)]", "rows", "test_trimming_faults"),
+    guard("sightings without the number of the first count", "reports._that_count",
+          'np.isin(rows["number"], rows["number"][~is_told]) & (rows["number"] > 0)',
+          'np.isin(rows["number"], rows["number"][~is_told])', "test_join_horizon"),
+    guard("a recovered log keeps its horizon", "NewLog.add",
+          "self._beginning is not None "
+          "and whole.commit.last_event < self._beginning.next_event", "False",
+          "test_other_verbs"),
+    guard("a recovered log begins with a beginning that is whole",
+          "kept_beginning.kept_beginning",
+          "is_whole and trimmed is not None", "trimmed is not None", "test_other_verbs"),
+    guard("a recovered log tells what had been taken out", "NewLog.finish",
+          "events.append(self._beginning.told(self.folder))", "", "test_other_verbs"),
     guard("what a stopped thinning told is taken back", "Thinning.told_before",
           "yield Retracted(first_event=number, last_event=number)", "pass",
           "test_what_stays", "test_trimming_faults"),

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 
 from semmap_log.domain.commits import Note
-from semmap_log.domain.events import LogExported
+from semmap_log.domain.events import Event, LogExported
 from semmap_log.io.clock import Clock
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.store.closed_mark import ClosedMark, write_mark
@@ -14,10 +14,16 @@ from semmap_log.store.commit_records import CommitBuilder, Stamp
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import FLOOR_MAP_CHANNEL, ROLL_BYTES, ROLL_COMMITS, segment_name
 from semmap_log.store.header import SegmentHeader
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.salvage.kept_beginning import KeptBeginning
 from semmap_log.store.salvage.rewriting import Rewriter, chunks_of
 from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.verification import WholeCommit
-from semmap_log.store.writing.keyframe_source import KeyframeSource, keyframe_chunk
+from semmap_log.store.writing.keyframe_source import (
+    KeyframeSource,
+    NewKeyframeSource,
+    keyframe_chunk,
+)
 
 ACTOR = "semmap-log recover"
 FORMAT = "semmap-log"
@@ -27,7 +33,11 @@ class NewLog:
     """Writes segments into an empty folder; everything is synced once `finish` has returned."""
 
     def __init__(
-        self, folder: LogFolder, name: str, header: SegmentHeader, keyframes: KeyframeSource
+        self,
+        folder: LogFolder,
+        name: str,
+        header: SegmentHeader,
+        new_source: NewKeyframeSource[KeyframeSource],
     ) -> None:
         """Begin a log.
 
@@ -35,18 +45,31 @@ class NewLog:
             folder: Where it is made.
             name: The name that its folder will have: segments are named after it.
             header: Of its first segment.
-            keyframes: Knows the state that each of its segments begins with.
+            new_source: Makes what knows the state that each of its segments begins with.
         """
         self.rewriter = Rewriter()
         self.folder = folder
         self._name = name
         self._next = header
         self._segment: SegmentWriter | None = None
-        self._keyframes = keyframes
+        self._new_source = new_source
+        self._keyframes = new_source(folder, holds_nothing_back)
+        self._beginning: KeptBeginning | None = None
         self._closed: list[ClosedSegment] = []
 
+    def begin_with(self, beginning: KeptBeginning) -> None:
+        """Take over the beginning of a log that has a horizon; to be called first."""
+        self._beginning = beginning
+        writer = beginning.copy_to(self.folder, self._name, self._next.info)
+        self._closed.append(writer.closed_segment())
+        self.rewriter.begin_behind(beginning.next_event, beginning.segment.head, beginning.last_ns)
+        self._next = writer.header.next(beginning.next_event, beginning.segment.head)
+        self._keyframes = self._new_source(self.folder, holds_nothing_back, LogReader(self.folder))
+
     def add(self, whole: WholeCommit) -> None:
-        """Append a commit that survives."""
+        """Append a commit that survives, if it is not there yet."""
+        if self._beginning is not None and whole.commit.last_event < self._beginning.next_event:
+            return
         before = self.rewriter.last_ns
         segment = self._segment_for(whole.commit.recorded_ns, before)
         records = self.rewriter.rewrite(whole)
@@ -75,7 +98,10 @@ class NewLog:
         note = Note(actor=ACTOR, source=source, reason=reason)
         event = LogExported(format=FORMAT, file_name=source, at_ns=max(last_ns, 0))
         last = CommitBuilder(stamp, note, entropy)
-        for chunk in last.chunks([event]):
+        events: list[Event] = [event]
+        if self._beginning is not None:
+            events.append(self._beginning.told(self.folder))
+        for chunk in last.chunks(events):
             segment.add(chunk)
         self._close()
         write_bag_metadata(self.folder, self._closed)
@@ -114,6 +140,10 @@ class NewLog:
         self._closed.append(segment.closed_segment())
         self._next = segment.header.next(self.rewriter.numbers.next_event, self.rewriter.head)
         self._segment = None
+
+
+def holds_nothing_back() -> None:
+    """Do nothing: what a recovery writes is at once with the kernel."""
 
 
 def _levels(counts: dict[int, int]) -> set[int]:

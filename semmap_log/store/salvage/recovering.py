@@ -96,7 +96,7 @@ def recover(
             made = LogFolder.held(folder)
             new_lock = WriterLock(made)
             try:
-                new = NewLog(made, log.name, header, parts.new_source(made, _holds_nothing_back))
+                new = NewLog(made, log.name, header, parts.new_source)
                 _write(found, new, parts.new_check, clock or SystemClock(), entropy)
                 take_place(log, old)
                 kept = put_away(log)
@@ -145,7 +145,7 @@ def recover_into(
         with new_folder_beside(target) as folder:
             header = _header(found, entropy, is_new=True)
             made = LogFolder.held(folder)
-            new = NewLog(made, target.name, header, parts.new_source(made, _holds_nothing_back))
+            new = NewLog(made, target.name, header, parts.new_source)
             _write(found, new, parts.new_check, clock or SystemClock(), entropy)
             (folder / RECOVERING_NAME).unlink()
             folder.rename(target)
@@ -199,15 +199,13 @@ def _header(found: RecoveryPlan, entropy: Entropy, *, is_new: bool) -> SegmentHe
     return replace(first, minor=old.minor, others=old.others, newer=old.newer)
 
 
-def _holds_nothing_back() -> None:
-    """Do nothing: what a recovery writes is at once with the kernel."""
-
-
 def _write(
     found: RecoveryPlan, new: NewLog, new_check: NewKeyframeCheck, clock: Clock, entropy: Entropy
 ) -> None:
     """Write the new log, and verify it before anybody sees it."""
     try:
+        if found.beginning is not None:
+            new.begin_with(found.beginning)
         Verifier(found.path, new_check, on_commit=new.add, keep_parts=True).run()
         source = f"{found.path.name} ({found.verification.log_id})"
         new.finish(source, loss_in_words(found), clock, entropy)
@@ -215,7 +213,8 @@ def _write(
         new.abandon()
         raise
     made = verify(new.folder.path, new_check)
-    if made.exit_code != 0 or made.events != found.events + 1:
+    own = 1 if found.beginning is None else 2
+    if made.exit_code != 0 or made.events != found.events + own:
         first = made.findings[0].text if made.findings else counted(made.events, "event")
         raise CorruptLogError(
             new.folder.path, 0, f"the new log is not good: {first}; the old one is kept"

@@ -15,6 +15,7 @@ from semmap_log.store.form import kind_of_channel
 from semmap_log.store.header import LogInfo, SegmentHeader, with_all_of
 from semmap_log.store.records import MESSAGE
 from semmap_log.store.removed_part import read_removed_part
+from semmap_log.store.salvage.kept_beginning import KeptBeginning, kept_beginning, kept_below
 from semmap_log.store.salvage.rewriting import Rewriter
 from semmap_log.store.verification import Progress, Severity, Verification, Verifier, WholeCommit
 from semmap_log.store.verification.file_bytes import Vanished
@@ -58,7 +59,9 @@ class RecoveryPlan:
     """Of the log's first segment, with what later versions have put at any head; None: none of them
     can be read."""
     is_trimmed: bool
-    """Something was taken out of it on purpose: what is left gets other numbers."""
+    """Something was taken out of it on purpose: what is left gets other numbers …"""
+    beginning: KeptBeginning | None = None
+    """… but for this: the log has a horizon."""
 
     @property
     def info(self) -> LogInfo | None:
@@ -100,17 +103,26 @@ def plan_recovery(
     Raises:
         ElsewhereError: A part of it lies in a store only.
         NewerLogError: It is damaged, and holds what only a later version can take over.
-        LogError: It cannot be read, or is no log; or it is damaged, and has a horizon.
+        LogError: It cannot be read, or is no log; or its horizon is damaged.
     """
     refuse_zip(path)
     if path.is_dir():
         _check_is_all_here(path)
     taken = _Taken()
-    verifier = Verifier(path, new_check, progress=progress, on_commit=taken.add, keep_parts=True)
+    verifier = Verifier(
+        path,
+        new_check,
+        progress=progress,
+        on_commit=lambda whole: taken.add(whole, kept_below(verifier.arrangement)),
+        keep_parts=True,
+    )
     try:
         found = verifier.run()
     except Vanished:
         raise LogError(f"{path}: somebody is writing to this log; stop that first.") from None
+    beginning = None
+    if found.of(Severity.DAMAGE):
+        beginning = kept_beginning(verifier.arrangement, found)
     if not verifier.arrangement.segments:
         raise LogError("\n".join(f"{f.path}: {f.text}" for f in found.findings))
     headers = verifier.headers
@@ -121,13 +133,6 @@ def plan_recovery(
             f"written {_in_words(verifier.newer)} to it, and only that knows what a new number or "
             "a keyframe must make of them. Nothing was changed; recover with the newer version."
         )
-    trimmed = [header.trimmed for header in headers if header.trimmed is not None]
-    if any(one.horizon for one in trimmed) and found.of(Severity.DAMAGE):
-        raise LogError(
-            f"{path}: damaged, and not to be recovered: nothing but the state at its horizon is "
-            "left of what was before, and no new log can begin there. Nothing was changed; put "
-            "back the damaged files from a copy of the log as it was trimmed."
-        )
     return RecoveryPlan(
         path=path,
         verification=found,
@@ -135,10 +140,11 @@ def plan_recovery(
         doors=tuple(sorted(taken.doors - taken.added)),
         dropped=tuple(taken.rewriter.dropped),
         commits=taken.commits,
-        events=taken.rewriter.numbers.next_event,
+        events=taken.events,
         span_ns=taken.span_ns,
         header=with_all_of(headers) if headers else None,
-        is_trimmed=any(trimmed),
+        is_trimmed=any(header.trimmed is not None for header in headers),
+        beginning=beginning,
     )
 
 
@@ -151,22 +157,30 @@ class _Taken:
 
     def __init__(self) -> None:
         self.rewriter = Rewriter()
-        self.commits = 0
+        self.commits = self.events = 0
         self.doors: set[int] = set()
         self.added: set[int] = set()
         self.span_ns: tuple[int, int] | None = None
         self._next = 0
         self._gaps: list[tuple[int, int | None, int | None, int | None]] = []
 
-    def add(self, whole: WholeCommit) -> None:
-        """Take the next commit that is whole."""
+    def add(self, whole: WholeCommit, kept_below: int) -> None:
+        """Take the next commit that is whole; one below a number is taken over as it is."""
         commit = whole.commit
         last_ns = self.span_ns[1] if self.span_ns else None
         if commit.first_event > self._next:
             self._gaps.append((self._next, commit.first_event - 1, last_ns, commit.recorded_ns))
         self._next = commit.last_event + 1
         self.span_ns = (self.span_ns or (commit.recorded_ns, 0))[0], commit.closed_ns
-        self.commits += bool(self.rewriter.rewrite(whole))
+        if commit.last_event < kept_below:
+            self.commits, self.events = self.commits + 1, self.events + whole.left
+        else:
+            numbers = self.rewriter.numbers
+            if numbers.next_event < kept_below:
+                self.rewriter.begin_behind(kept_below, commit.previous_hash, commit.recorded_ns - 1)
+            before = numbers.next_event
+            self.commits += bool(self.rewriter.rewrite(whole))
+            self.events += numbers.next_event - before
         self._note_doors(whole)
 
     def losses(self, found: Verification) -> list[Loss]:

@@ -17,6 +17,11 @@ class Renumbering:
         self.next_event = 0
         """The new number that comes next."""
 
+    def keep_all_below(self, old: int) -> None:
+        """Let all events below a number keep theirs, gaps included; to be called first."""
+        self._old, self._new, self._counts = [0], [0], [old]
+        self.next_event = old
+
     def keep(self, old: int) -> int:
         """Return the new number of an event that survives; to be called in ascending order."""
         new = self.next_event

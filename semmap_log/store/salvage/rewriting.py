@@ -44,6 +44,17 @@ class Rewriter:
         self.has_moved = False
         """Whether an event has got another number."""
 
+    def begin_behind(self, next_event: int, head: bytes, last_ns: int) -> None:
+        """Go on behind commits that are taken over as they are.
+
+        Args:
+            next_event: Number of the first event behind them.
+            head: The hash of the last.
+            last_ns: Log time of the last record.
+        """
+        self.numbers.keep_all_below(next_event)
+        self.head, self.last_ns = head, last_ns
+
     def rewrite(self, whole: WholeCommit) -> list[bytes]:
         """Return the records of a commit in its new place; none if no event of it is left."""
         commit, first = whole.commit, self.numbers.next_event

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from semmap_log.domain.events import HistoryTrimmed
 from semmap_log.errors import LogAccessError
 from semmap_log.io.progress import Progress
 from semmap_log.store.bag_metadata import write_bag_metadata
@@ -159,6 +160,38 @@ def count_selected(reader: LogReader, select: Select, progress: Progress | None 
         if progress is not None:
             progress(done, total)
     return found
+
+
+def told_of(
+    reader: LogReader, *, before: int, rule: str, reason: TrimReason = TrimReason(0)
+) -> HistoryTrimmed:
+    """Return the event that says in a log what was taken out of it.
+
+    Args:
+        reader: Of the log, as it is without what was taken out.
+        before: It was about events below this number.
+        rule: What was taken out, in words.
+        reason: Why, if the tombstones do not tell it yet.
+
+    Raises:
+        CorruptLogError: A tombstone cannot be read.
+    """
+    found = taken_out(reader)
+    names = [str(one.name).lower() for one in TrimReason if one & (found.reasons | reason)]
+    return HistoryTrimmed(
+        next_event=before,
+        events_gone=found.events,
+        notes_gone=found.notes,
+        horizon=reader.horizon,
+        reasons=", ".join(names),
+        rule=rule,
+        tombstones=of_log(reader, found.digest.hexdigest()),
+    )
+
+
+def of_log(reader: LogReader, digest: str) -> str:
+    """Return a digest with the log that it is of: events go over into other logs."""
+    return f"{reader.info.log_id}:{digest}"
 
 
 def taken_out(reader: LogReader) -> TakenOut:

@@ -1,0 +1,128 @@
+"""The beginning of a damaged log whose oldest events are no longer kept: it is taken over whole.
+
+Behind its horizon a log rests on the keyframe there, and the events before it have the numbers
+that the keyframe knows them by. So the first segment comes into the new log as it is, numbers,
+gaps and tombstones; what survives behind it follows without gaps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from semmap_log.domain.events import HistoryTrimmed
+from semmap_log.errors import CorruptLogError, LogError
+from semmap_log.store.chunks import build_chunk
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.form import segment_name
+from semmap_log.store.header import LogInfo, Trimmed
+from semmap_log.store.kind_bits import KEYFRAME_BIT
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_reading import end_of, page_at
+from semmap_log.store.reading.segment_scan import Segment, open_segment
+from semmap_log.store.segment import SegmentWriter
+from semmap_log.store.trimming.trimming import told_of
+from semmap_log.store.verification import Severity, Verification
+from semmap_log.store.verification.folder_files import FolderFiles
+from semmap_log.store.writing.keyframe_source import KeyframeMessage, keyframe_chunk
+
+
+@dataclass(frozen=True, slots=True)
+class KeptBeginning:
+    """A first segment that has a horizon, whole."""
+
+    segment: Segment
+    trimmed: Trimmed
+    state: bytes | None
+    """The Keyframe message at the horizon, where that stands at the head of the next segment."""
+
+    @property
+    def next_event(self) -> int:
+        """Number of the first event behind it."""
+        return end_of(self.segment)
+
+    @property
+    def last_ns(self) -> int:
+        """Log time of its last record."""
+        return int(page_at(self.segment, len(self.segment.chunks) - 1).heads["log_time"].max())
+
+    def copy_to(self, folder: LogFolder, name: str, info: LogInfo) -> SegmentWriter:
+        """Write it as the first segment of a new log, closed and installed, with its keyframe.
+
+        Raises:
+            CorruptLogError: It is damaged.
+            OSError: As the file system says.
+        """
+        header = replace(self.segment.full_header, info=info)
+        writer = SegmentWriter(folder, segment_name(name, header.number), header)
+        try:
+            for i, next_event in enumerate(self.segment.next_events.tolist()):
+                page = page_at(self.segment, i)
+                chunk = build_chunk(bytes(page.records), page.offsets, compression="zstd")
+                writer.add(chunk, levels=page.levels, next_event=next_event)
+            if self.state is not None:
+                keyframe = KeyframeMessage(self.next_event - 1, self.state)
+                chunk = keyframe_chunk(keyframe, self.last_ns)
+                writer.add(chunk, next_event=self.next_event)
+            writer.close()
+            writer.install()
+        except BaseException:
+            writer.abandon()
+            raise
+        return writer
+
+    def told(self, folder: LogFolder) -> HistoryTrimmed:
+        """Return what says in the new log that just these records were taken out of it."""
+        rule = "as before the log was recovered"
+        return told_of(LogReader(folder), before=self.trimmed.next_event, rule=rule)
+
+
+def kept_below(found: FolderFiles) -> int:
+    """Return below which number a log's events are taken over as they are; 0: none is."""
+    header = found.segments[0].header if found.segments else None
+    trimmed = None if header is None else header.trimmed
+    return trimmed.next_event if trimmed is not None and trimmed.horizon else 0
+
+
+def kept_beginning(found: FolderFiles, verified: Verification) -> KeptBeginning | None:
+    """Return the beginning of a damaged log that has a horizon; None: it has none.
+
+    Args:
+        found: Its files.
+        verified: What is wrong with it.
+
+    Raises:
+        LogError: The beginning itself, or the state at the horizon, is damaged.
+    """
+    if not kept_below(found):
+        return None
+    path = found.segments[0].path
+    try:
+        segment = open_segment(Path(path))
+        trimmed = segment.header.trimmed
+        is_whole = all(finding.path != path for finding in verified.of(Severity.DAMAGE))
+        if is_whole and trimmed is not None:
+            return KeptBeginning(segment, trimmed, _state_behind(found, segment, trimmed))
+    except (CorruptLogError, IndexError):
+        pass
+    raise LogError(
+        f"{found.folder}: damaged, and not to be recovered: nothing but the state at its horizon "
+        "is left of what was before, and that, or the segment before it, is damaged. Nothing was "
+        "changed; put back the damaged files from a copy of the log as it was trimmed."
+    )
+
+
+def _state_behind(found: FolderFiles, segment: Segment, trimmed: Trimmed) -> bytes | None:
+    """Return the keyframe at the head of the second segment, if the state at the horizon is there.
+
+    Raises:
+        CorruptLogError: It is damaged.
+        IndexError: It is not there.
+    """
+    is_keyframe = segment.chunks.rows["kinds"] == KEYFRAME_BIT
+    if (is_keyframe & (segment.next_events == trimmed.horizon)).any():
+        return None
+    behind = open_segment(Path(found.segments[1].path))
+    if behind.header.first_event != trimmed.horizon:
+        raise IndexError
+    return page_at(behind, 0).keyframes()[0]
