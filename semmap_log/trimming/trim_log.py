@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.texts import command_line, counted
@@ -31,9 +31,6 @@ from semmap_log.store.trimming.trimming import (
     trim_segments,
 )
 from semmap_log.store.zip_files import refuse_zip
-
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
 
 
 class TrimRule(Protocol):
@@ -90,7 +87,7 @@ def trim_log(
     *,
     note: Note = Note(),
     progress: Progress | None = None,
-    **writing: Unpack[WritingOptions],
+    writing: WritingOptions | None = None,
 ) -> TrimmedLog:
     """Take records out of a log for ever, and say so in it; where nothing can go, do nothing.
 
@@ -101,7 +98,7 @@ def trim_log(
         rule: What goes.
         note: Who does it, and why.
         progress: Told how far the work is.
-        writing: How that is written, as for `append`.
+        writing: Options of `append`, for the events that tell of it.
 
     Raises:
         LogLockedError: Somebody is writing.
@@ -114,7 +111,7 @@ def trim_log(
     _refuse_elsewhere(reader, rule)
     if not any(rule.select(segment) for segment in reader.segments) and not _is_begun(reader):
         return TrimmedLog(Trimming(), None, copies_of(log))
-    with append(log, **writing) as opened:
+    with append(log, **(writing or {})) as opened:
         reader = LogReader(log)
         begun = _told(rule, reader)
         opened.append(
@@ -122,7 +119,7 @@ def trim_log(
         )
     done = trim_segments(log, rule.select, progress)
     remove_stale_tables(log)
-    with append(log, **writing) as opened:
+    with append(log, **(writing or {})) as opened:
         appended = opened.append([_told(rule, LogReader(log))], note=note)
     return TrimmedLog(done, appended.commit.last_event, copies_of(log))
 

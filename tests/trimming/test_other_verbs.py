@@ -166,7 +166,7 @@ def test_what_is_saved_behind_a_horizon_answers_as_if_all_were_kept(
     The same byte of each later chunk, in the log and in one that keeps all; both are recovered.
     """
     kept = Path(shutil.copytree(untrimmed, tmp_path / "kept" / "log"))
-    trim_log(kept, RULES["keep"](kept), compact=False)
+    trim_log(kept, RULES["keep"](kept), writing={"compact": False})
     there = {path.name: path.read_bytes() for path in untrimmed.glob("*.mcap")}
     later = [
         one for one in LogReader(kept).segments if one.path.read_bytes() == there.get(one.path.name)

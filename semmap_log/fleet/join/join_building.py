@@ -91,21 +91,25 @@ def build_join(
     finally:
         writer.close()
     if building.horizon_ns >= 0:
-        _forget_before(building.horizon_ns, folder, writer.last_ns, entropy)
+        rule = Retention(LogReader(folder), building.horizon_ns + 1)
+        assert rule.horizon == building.horizon, "nothing behind it takes back what was before"
+        _trim(folder, rule, writer.last_ns, entropy)
     left_out = {name: each.left_out for name, each in building.translations.items()}
     return BuiltJoin(writer.next_event, left_out)
 
 
-def _forget_before(horizon_ns: int, folder: Path, last_ns: int, entropy: SeededBytes) -> None:
+def _trim(folder: Path, rule: Retention, last_ns: int, entropy: SeededBytes) -> None:
     """Give a join the horizon of its logs: before it not all of it is known."""
     trim_log(
         folder,
-        Retention(LogReader(folder), horizon_ns + 1),
+        rule,
         note=Note(reason="where history begins in one of its logs, it begins in a join"),
-        durability=Durability.NONE,
-        compact=False,
-        clock=KeptClock(last_ns),
-        entropy=entropy,
+        writing={
+            "durability": Durability.NONE,
+            "compact": False,
+            "clock": KeptClock(last_ns),
+            "entropy": entropy,
+        },
     )
 
 
@@ -126,7 +130,9 @@ class _Building:
         """Commands that are stored: a goal may have been given to two robots."""
         rounds: dict[tuple[str, int], int] = {}
         self.horizon_ns = horizon_of(joined)
-        """Where its history begins; -1: it has no horizon."""
+        """Where its history begins; -1: it has no horizon …"""
+        self.horizon = 0
+        """… and the number of the first event there, once it has come."""
         self.translations = {
             log.name: EventTranslation(log, plan, rounds, self.horizon_ns) for log in joined.logs
         }
@@ -148,7 +154,7 @@ class _Building:
     def _begin_history(self) -> None:
         """Write the state at the horizon: a keyframe at the head of a segment."""
         self._writer.begin_segment(self.horizon_ns)
-        self.horizon_ns = self._writer.last_ns
+        self.horizon_ns, self.horizon = self._writer.last_ns, self._writer.next_event
 
     def _append(self, log: JoinedLog, followed: FollowedCommit) -> None:
         commit, writer = followed.commit, self._writer
