@@ -23,7 +23,7 @@ from semmap_log.store.verification.findings import Severity
 from tests.page_reader import READ
 from tests.store.beside import recording
 
-COPIES_A_LOG = 50
+COPIES_A_LOG = 25
 MAY_GO = re.compile(r"(\.tmp|/closed-\d+-\d+\.json|/metadata\.yaml)'")
 """Files of a log that come and go; without them the copy is a log."""
 SKIPPED = re.compile(r"skipping file '[^']*\.mcap'")
