@@ -33,6 +33,7 @@ ORDER = [
     {"replay"},
     {"door_log"},
     {"trimming"},
+    {"retelling"},
     {"costmaps", "beliefs", "scans", "rooms"},
     {"fleet", "queries", "signing"},
     {"planning"},

@@ -418,6 +418,10 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """Return the number of the first event that is kept; 0: all are, as far as age goes."""
         return self._reader.horizon
 
+    def horizon_ns(self) -> int:
+        """Return the moment from which on it can be asked; -1: any."""
+        return self._reader.horizon_ns
+
     def last_event(self) -> int:
         """Return the number of the log's last event; -1: there is none."""
         return self._reader.last_event()
@@ -444,6 +448,18 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         from semmap_log.store.reading.following import commits_after
 
         return commits_after(self._reader, event, with_newer=with_newer)
+
+    def kept_commits(self, scope: Scope = Scope()) -> Iterator[FollowedCommit]:
+        """Yield the commits of a scope, and the state at the log's horizon, as one more.
+
+        Raises:
+            NewerLogError: A commit has an event of an unknown kind that may change others.
+            HorizonError: The scope ends before the horizon.
+        """
+        from semmap_log.replay.kept_commits import kept_commits
+
+        limit = self.limit_of(scope)
+        return kept_commits(self._reader, at_ns=scope.at_ns, limit=limit)
 
     def last_patrol(self, kind: type[PatrolStarted | PatrolFinished]) -> int:
         """Return the greatest number of a round that began, or ended; 0: none did."""

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from semmap_log.batches.event_batch import EventBatch, RecordedEvent
-from semmap_log.domain.commits import Commit
-from semmap_log.domain.events import Retracted
+from semmap_log.batches.event_batch import EventBatch
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.formats.json.event_json import line_to_json
 from semmap_log.io.progress import Progress
+from semmap_log.replay.kept_commits import happened_by
 from semmap_log.replay.replay import Scope
 from semmap_log.store.reading.reader import OnPage
 from semmap_log.store.reading.window import Window
-
-Retell = Callable[[RecordedEvent, Commit], tuple[RecordedEvent, Commit] | None]
-"""Returns an event and its commit as they are told to others; None: not at all."""
 
 
 @dataclass(slots=True)
@@ -36,7 +32,6 @@ def write_event_lines(
     path: Path,
     scope: Scope,
     *,
-    retell: Retell | None = None,
     progress: Progress | None = None,
 ) -> WrittenLines:
     """Write the events of a scope, numbers ascending, retracted ones marked.
@@ -48,7 +43,6 @@ def write_event_lines(
         log: The log.
         path: The file.
         scope: Which events.
-        retell: How they are told; None: as they are.
         progress: Told how far the reading is.
     """
     finder = log.commit_finder()
@@ -60,10 +54,7 @@ def write_event_lines(
             hidden = retractions.hidden(batch).tolist()
             for recorded, retracted in zip(batch, hidden, strict=True):
                 commit = finder.commit_at(recorded.number)
-                told = (recorded, commit) if retell is None else retell(recorded, commit)
-                if told is None:
-                    continue
-                file.write(_line(zone | line_to_json(*told, retracted=retracted)))
+                file.write(_line(zone | line_to_json(recorded, commit, retracted=retracted)))
                 zone = {}
                 written.events += 1
                 written.retracted += retracted
@@ -81,9 +72,7 @@ def _batches(
         return
     window = Window.up_to(at_ns=None, event=limit)
     for batch in log.batches_in(window, progress=progress, on_page=on_page):
-        chosen = batch
-        if at_ns is not None:
-            chosen = batch.select((batch.folds_ns <= at_ns) | (batch.kind == Retracted.kind))
+        chosen = batch if at_ns is None else happened_by(batch, at_ns)
         if len(chosen):
             yield chosen
 

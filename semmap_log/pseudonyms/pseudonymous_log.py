@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from semmap_log.batches.event_batch import RecordedEvent
-from semmap_log.domain.commits import Commit
+from semmap_log.domain.events import Event
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.door_log.opening import create
 from semmap_log.door_log.read_log import read
-from semmap_log.errors import CommandError
-from semmap_log.exporting.json_lines import write_event_lines
-from semmap_log.importing.importing import import_file
 from semmap_log.io.progress import Progress
 from semmap_log.pseudonyms.pseudonyms import Pseudonyms
 from semmap_log.replay.replay import Scope
+from semmap_log.retelling.log_anew import LogAnew
+from semmap_log.retelling.new_numbers import NewNumbers
+from semmap_log.store.header import LogInfo
+from semmap_log.store.reading.following import FollowedCommit
+
+ID_BYTES = 16
+TOLD_EVERY = 1000
+"""Commits between two words of progress."""
 
 
 @contextmanager
@@ -32,33 +36,53 @@ def pseudonymous(
     """Hand out a copy of a log without names; it goes when it was used.
 
     Events that are left out have no number in it, so that those behind have others than in the
-    log. Its times are those of the log.
+    log. Its times are those of the log, and so is its horizon.
 
     Args:
         log: The log.
         scope: Which events there are in the copy.
         with_tracks: Tell where the robot was.
-        progress: Told how far the reading is.
+        progress: Told how many of the events are done.
 
     Raises:
-        OutputError: There is no room for it.
-        CommandError: The log has a horizon: how doors were there is in no event.
+        LogPoisonedError: There is no room for it.
+        HorizonError: The scope ends before the log's horizon.
     """
-    if log.horizon():
-        raise CommandError(
-            f"{log.path}: its history begins at event {log.horizon()}, and how doors were there is "
-            "in no event: no pseudonymous copy can be made of it."
-        )
     names = Pseudonyms(with_tracks=with_tracks)
-
-    def retell(event: RecordedEvent, commit: Commit) -> tuple[RecordedEvent, Commit] | None:
-        told = names.event(event.event)
-        return None if told is None else (replace(event, event=told), names.commit(commit))
-
     with TemporaryDirectory(prefix="semmap-log-") as folder:
-        lines, path = Path(folder, "events.jsonl"), Path(folder, "log")
-        write_event_lines(log, lines, scope, retell=retell, progress=progress)
-        with create(path, tz=log.info.timezone, durability="none") as copy:
-            import_file(copy, lines)
-        lines.unlink()
+        path = Path(folder, "log")
+        info = LogInfo(os.urandom(ID_BYTES).hex(), log.info.timezone)
+        made = LogAnew(path, info, os.urandom, horizon_ns=log.horizon_ns())
+        try:
+            _retell(log, scope, names, made, progress)
+        finally:
+            made.close()
+        made.finish()
         yield read(path), names
+
+
+def _retell(
+    log: DoorLog, scope: Scope, names: Pseudonyms, made: LogAnew, progress: Progress | None
+) -> None:
+    total = log.last_event() + 1
+    numbers = NewNumbers(total)
+    for place, followed in enumerate(log.kept_commits(scope)):
+        first = made.place(followed.commit.recorded_ns).first_event
+        events = list(_without_names(followed, names, numbers, first))
+        if events:
+            commit = names.commit(followed.commit)
+            made.append(events, commit, note=commit.note, command_id=commit.command_id)
+        if progress is not None and place % TOLD_EVERY == 0:
+            progress(followed.commit.last_event, total)
+
+
+def _without_names(
+    followed: FollowedCommit, names: Pseudonyms, numbers: NewNumbers, first: int
+) -> Iterator[Event]:
+    """Yield what is told of a commit, numbered from `first` on."""
+    for recorded in followed:
+        event = names.event(recorded.event)
+        for told in () if event is None else numbers.renamed(event):
+            numbers.add(recorded.number, first)
+            first += 1
+            yield replace(told, happened_ns=recorded.happened_ns)

@@ -11,6 +11,7 @@ import pytest
 from mcap.reader import make_reader
 
 import semmap_log as sl
+from semmap_log.beliefs.door_beliefs import probabilities
 from semmap_log.cli import main as run
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorId
@@ -26,17 +27,20 @@ from semmap_log.domain.events import (
     MomentPinned,
     RobotPose,
 )
-from semmap_log.errors import CommandError, HorizonWarning
+from semmap_log.errors import HorizonError, HorizonWarning
 from semmap_log.exporting.log_files import export
 from semmap_log.importing.importing import import_file
 from semmap_log.pseudonyms.pseudonymous_log import pseudonymous
 from semmap_log.pseudonyms.pseudonyms import Pseudonyms
+from semmap_log.replay.care import verify
+from semmap_log.replay.replay import Scope
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.trimming.repeated_sightings import Thinning
 from semmap_log.trimming.retention import Retention
 from semmap_log.trimming.trim_log import trim_log
 from tests.conftest import SteadyClock
 from tests.store.test_other_readers import ONE_OF_EACH
-from tests.trimming.logs import random_log
+from tests.trimming.logs import answers_of, moments, random_log, without_texts
 
 SECRETS = ("Anna", "Bert", "Zoe", "whisper", "Morgue", "Chapel", "Tower", "Villa", "robbie")
 """All that somebody wrote by hand."""
@@ -209,16 +213,53 @@ def test_what_is_said_of_doors_under_other_keys_goes() -> None:
     assert Pseudonyms().event(said) is None
 
 
-def test_a_log_with_a_horizon_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.filterwarnings("ignore::semmap_log.errors.HorizonWarning")
+@pytest.mark.filterwarnings("ignore::semmap_log.errors.SensorWarning")
+@pytest.mark.parametrize("seed", range(4))
+def test_a_log_with_a_horizon_has_copies_with_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
     """
-    Its copy would say UNKNOWN where the log knows; other exports of its events say what they lack.
+    From there on they answer as the log does, and believe the same; before, that it is gone.
     """
-    kept = random_log(tmp_path, 1, monkeypatch, commits=150, roll=30)
-    trim_log(kept, Retention(LogReader(kept), LogReader(kept).last_log_time_ns()))
-    opened = sl.read(kept)
+    log = random_log(tmp_path, seed, monkeypatch, commits=200, roll=30)
+    until_ns = [commit.recorded_ns for commit in LogReader(log).commits()][150]
+    if seed % 2:
+        trim_log(log, Thinning(LogReader(log), until_ns))
+    trim_log(log, Retention(LogReader(log), until_ns))
+    opened = sl.read(log)
+    begins_ns = opened.horizon_ns()
+    asked = [
+        moment
+        for moment in moments(log, seed)
+        if "event" not in moment
+        and all(abs(int(t[1:]) - begins_ns) > 1000 for t in moment.values())
+    ]
 
-    with pytest.raises(CommandError, match="history begins at event"), pseudonymous(opened):
-        pass
+    with pseudonymous(opened) as (copy, _):
+        ours, theirs = (without_texts(answers_of(one, asked)) for one in (opened, copy))
+        believed, told = (
+            [p for b in probabilities(one, at=opened.end_ns()) for p in (b.p_open, b.low, b.high)]
+            for one in (opened, copy)
+        )
+        assert [] == [one for one in verify(Path(str(copy.path))).findings if one.severity]
+
+    assert ours == theirs
+    assert "HorizonError" in ours
+    assert told == pytest.approx(believed, nan_ok=True)
+
+
+def test_no_copy_ends_before_the_horizon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    Nor do lines of events say how doors were there, and they say so.
+    """
+    log = random_log(tmp_path, 1, monkeypatch, commits=150, roll=30)
+    trim_log(log, Retention(LogReader(log), LogReader(log).last_log_time_ns()))
+    opened = sl.read(log)
+
+    for scope in (Scope(at_ns=opened.horizon_ns() - 1), Scope(event=opened.horizon() - 1)):
+        with pytest.raises(HorizonError), pseudonymous(opened, scope):
+            pass
     with pytest.warns(HorizonWarning):
         notes = export(opened, tmp_path / "events.jsonl").notes
     assert "in no event" in notes[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from mutation.mutant import guard
 
 LINES = (
-    guard("lines: retractions whenever they happened", "_batches",
+    guard("lines: retractions whenever they happened", "happened_by",
           "(batch.folds_ns <= at_ns) | (batch.kind == Retracted.kind)", "batch.folds_ns <= at_ns",
           "test_lines_round_trip"),
     guard("lines: numbers of what was taken back", "line_commits.taken",

@@ -68,6 +68,11 @@ TRIMMING = (
           "reaching is not None", "False", "test_what_stays", "test_trim_log"),
     guard("names go from exports for others", "Pseudonyms.commit",
           "self.note(commit.note)", "commit.note", "test_pseudonyms"),
+    guard("a copy under other names ends no sooner than the log begins",
+          "kept_commits.kept_commits",
+          "limit is not None and limit < reader.horizon", "False", "test_pseudonyms"),
+    guard("a copy under other names takes back the same", "pseudonymous_log._without_names",
+          "numbers.add(recorded.number, first)", "", "test_pseudonyms"),
     guard("words go from exports for others", "Pseudonyms._annotation",
           "return None", "return event", "test_pseudonyms"),
 )  # fmt: skip

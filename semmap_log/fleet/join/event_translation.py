@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -45,6 +44,7 @@ from semmap_log.domain.meaning import ALL_CHANGED, FIELDS, PLACING
 from semmap_log.domain.object_classes import CLASS
 from semmap_log.fleet.join.door_plan import DoorPlan
 from semmap_log.fleet.join.joined_logs import JoinedLog
+from semmap_log.retelling.new_numbers import NewNumbers
 
 _QUICK = {kind.kind for kind in (DoorObserved, DoorRequested, DoorPassed, RobotPose)}
 """Kinds that are translated as columns."""
@@ -72,8 +72,7 @@ class EventTranslation:
         self._horizon_ns = horizon_ns
         self._log, self._plan, self._rounds = log, plan, rounds
         self._own, self._building = plan.ids[log.name]
-        self._numbers = np.full(log.last_event + 1, -1, np.int64)
-        """Of each event the number in the view; -1: it is not there."""
+        self._numbers = NewNumbers(log.last_event + 1)
         self.left_out: Counter[str] = Counter()
         """Kind -> events that are not in the view."""
 
@@ -101,7 +100,7 @@ class EventTranslation:
             batch, happened = batch.select(keep), happened[keep]
             if not len(batch):
                 return []
-        self._numbers[batch.number] = np.arange(first, first + len(batch))
+        self._numbers.add(batch.number, first)
         columns = {kind: self._moved(kind, rows.copy()) for kind, rows in batch.columns.items()}
         return [replace(batch, happened_ns=happened, columns=columns, known_door_ids=None)]
 
@@ -125,7 +124,7 @@ class EventTranslation:
             event = replace(recorded.event, happened_ns=happened_ns)
             becomes = list(self._becomes(event, recorded.number))
             if becomes:
-                self._numbers[recorded.number] = first + len(made)
+                self._numbers.add(recorded.number, first + len(made))
             elif not isinstance(event, Retracted):
                 self.left_out[type(event).__name__] += 1
             made += becomes
@@ -153,7 +152,7 @@ class EventTranslation:
             event = replace(event, door_id=DoorId(int(self._building[place])))
             return self._of_door(event, number)
         if isinstance(event, Retracted):
-            return self._retracted(event)
+            return self._numbers.renamed(event)
         if isinstance(event, (PatrolStarted, PatrolFinished)):
             return [replace(event, patrol=self._round(event.patrol))]
         if isinstance(event, RobotPose):
@@ -182,12 +181,8 @@ class EventTranslation:
         if isinstance(event, DoorAnnotated) and event.key == CLASS:
             return [replace(event, value=self._class(event.value))]
         if isinstance(event, SightingsThinned):
-            return [replace(event, first_event=self._number(event.first_event))]
+            return self._numbers.renamed(event)
         return [event]
-
-    def _number(self, number: int) -> int:
-        """Return the number of one of the log's events in the view; 0: it is not there."""
-        return max(0, int(self._numbers[number])) if 0 < number < len(self._numbers) else 0
 
     def _class(self, name: str) -> str:
         """Return what the view calls a class of the log."""
@@ -249,19 +244,6 @@ class EventTranslation:
         if (self._log.name, number) in self._plan.removing or self._is_own(event.door_id):
             return [event]
         return []
-
-    def _retracted(self, event: Retracted) -> Iterable[Event]:
-        """Return the retractions of the same events, which may lie apart in the view."""
-        theirs = self._numbers[event.first_event : event.last_event + 1]
-        theirs = theirs[theirs >= 0]
-        if not len(theirs):
-            return []
-        cuts = np.flatnonzero(np.diff(theirs) != 1) + 1
-        ends = [0, *cuts.tolist(), len(theirs)]
-        return [
-            replace(event, first_event=int(theirs[a]), last_event=int(theirs[b - 1]))
-            for a, b in pairwise(ends)
-        ]
 
     def _round(self, patrol: int) -> int:
         if self._plan.is_alone:

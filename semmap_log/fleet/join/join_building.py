@@ -4,29 +4,23 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from heapq import merge
 from pathlib import Path
 
-from semmap_log.domain.commits import Commit, Durability, Note
+from semmap_log.domain.commits import Commit, Note
 from semmap_log.door_log.robot_names import BEHIND_ROBOT, BETWEEN_ROBOTS
 from semmap_log.errors import LogError
 from semmap_log.fleet.join.door_plan import DoorPlan
 from semmap_log.fleet.join.event_translation import EventTranslation
-from semmap_log.fleet.join.join_horizon import horizon_of, state_before
+from semmap_log.fleet.join.join_horizon import horizon_of
 from semmap_log.fleet.join.joined_logs import JoinedLog, JoinedLogs
-from semmap_log.io.clock import KeptClock
 from semmap_log.io.progress import Progress
-from semmap_log.replay.written_state import WrittenState
+from semmap_log.replay.kept_commits import kept_commits
+from semmap_log.retelling.log_anew import LogAnew
 from semmap_log.store.header import LogInfo
-from semmap_log.store.reading.following import FollowedCommit, commits_after
-from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.writing.durability import DurabilityPolicy
-from semmap_log.store.writing.writer import Environment, LogWriter
-from semmap_log.store.writing.writer_opening import create_log
-from semmap_log.trimming.retention import Retention
-from semmap_log.trimming.trim_log import trim_log
+from semmap_log.store.reading.following import FollowedCommit
 
 ID_BYTES = 16
 TOLD_EVERY = 1000
@@ -81,36 +75,19 @@ def build_join(
     """
     for log in joined.logs:
         log.opened.check_known()
-    entropy = SeededBytes(seed)
-    policy = DurabilityPolicy(Durability.NONE)
-    environment = Environment(policy, KeptClock(1), entropy, compacts=False)
-    writer = create_log(folder, _info(joined, entropy), WrittenState, environment).writer
-    building = _Building(writer, joined, plan, names_origin=names_origin)
+    entropy, horizon_ns = SeededBytes(seed), horizon_of(joined)
+    made = LogAnew(folder, _info(joined, entropy), entropy, horizon_ns=horizon_ns)
+    rounds: dict[tuple[str, int], int] = {}
+    translations = {
+        log.name: EventTranslation(log, plan, rounds, horizon_ns) for log in joined.logs
+    }
     try:
-        building.write(progress)
+        _Building(made, translations, names_origin=names_origin).write(joined, progress)
     finally:
-        writer.close()
-    if building.horizon_ns >= 0:
-        rule = Retention(LogReader(folder), building.horizon_ns + 1)
-        assert rule.horizon == building.horizon, "nothing behind it takes back what was before"
-        _trim(folder, rule, writer.last_ns, entropy)
-    left_out = {name: each.left_out for name, each in building.translations.items()}
-    return BuiltJoin(writer.next_event, left_out)
-
-
-def _trim(folder: Path, rule: Retention, last_ns: int, entropy: SeededBytes) -> None:
-    """Give a join the horizon of its logs: before it not all of it is known."""
-    trim_log(
-        folder,
-        rule,
-        note=Note(reason="where history begins in one of its logs, it begins in a join"),
-        writing={
-            "durability": Durability.NONE,
-            "compact": False,
-            "clock": KeptClock(last_ns),
-            "entropy": entropy,
-        },
-    )
+        made.close()
+    made.finish()
+    left_out = {name: each.left_out for name, each in translations.items()}
+    return BuiltJoin(made.next_event, left_out)
 
 
 def _info(joined: JoinedLogs, entropy: SeededBytes) -> LogInfo:
@@ -123,55 +100,30 @@ class _Building:
     """Appends one commit of the logs after the other."""
 
     def __init__(
-        self, writer: LogWriter, joined: JoinedLogs, plan: DoorPlan, *, names_origin: bool
+        self, made: LogAnew, translations: Mapping[str, EventTranslation], *, names_origin: bool
     ) -> None:
-        self._writer, self._joined, self._names_origin = writer, joined, names_origin
+        self._made, self._translations, self._names_origin = made, translations, names_origin
         self._seen: set[bytes] = set()
         """Commands that are stored: a goal may have been given to two robots."""
-        rounds: dict[tuple[str, int], int] = {}
-        self.horizon_ns = horizon_of(joined)
-        """Where its history begins; -1: it has no horizon …"""
-        self.horizon = 0
-        """… and the number of the first event there, once it has come."""
-        self.translations = {
-            log.name: EventTranslation(log, plan, rounds, self.horizon_ns) for log in joined.logs
-        }
 
-    def write(self, progress: Progress | None) -> None:
-        total = sum(log.last_event + 1 for log in self._joined.logs)
-        done, is_behind = 0, self.horizon_ns < 0
+    def write(self, joined: JoinedLogs, progress: Progress | None) -> None:
+        total = sum(log.last_event + 1 for log in joined.logs)
+        done = 0
         for place, (_, _, _, log, followed) in enumerate(
-            merge(*map(_commits, self._joined.logs), key=lambda found: found[:3])
+            merge(*map(_commits, joined.logs), key=lambda found: found[:3])
         ):
-            if not is_behind and followed.commit.recorded_ns > self.horizon_ns:
-                is_behind = True
-                self._begin_history()
             self._append(log, followed)
             done += followed.commit.count
             if progress is not None and place % TOLD_EVERY == 0:
                 progress(done, total)
 
-    def _begin_history(self) -> None:
-        """Write the state at the horizon: a keyframe at the head of a segment."""
-        self._writer.begin_segment(self.horizon_ns)
-        self.horizon_ns, self.horizon = self._writer.last_ns, self._writer.next_event
-
     def _append(self, log: JoinedLog, followed: FollowedCommit) -> None:
-        commit, writer = followed.commit, self._writer
-        if writer.is_fresh:
-            writer.begin_at(max(commit.recorded_ns - 1, 1))
-        is_late = writer.last_ns >= commit.recorded_ns
-        events = self.translations[log.name].translated(
-            followed.batch, writer.next_event, is_late=is_late
-        )
+        commit = followed.commit
+        first, is_late = self._made.place(commit.recorded_ns)
+        events = self._translations[log.name].translated(followed.batch, first, is_late=is_late)
         if events:
-            writer.append(
-                events,
-                note=self._note(log, commit),
-                command_id=self._command(log, commit),
-                content=commit.content,
-                clock=KeptClock(commit.recorded_ns),
-            )
+            note, command_id = self._note(log, commit), self._command(log, commit)
+            self._made.append(events, commit, note=note, command_id=command_id)
 
     def _note(self, log: JoinedLog, commit: Commit) -> Note:
         note = commit.note
@@ -200,27 +152,13 @@ Found = tuple[int, str, int, JoinedLog, FollowedCommit]
 def _commits(log: JoinedLog) -> Iterator[Found]:
     """Yield the commits that a log had when it was opened, with what orders them.
 
-    Where the log has a horizon, one more stands there for what it no longer keeps.
-
     Raises:
         LogError: A recorded time does not grow.
     """
     last_ns = -1
-    left: list[int] | None = [] if log.opened.horizon else None
-    for followed in commits_after(log.opened, -1):
+    for followed in kept_commits(log.opened):
         commit = followed.commit
-        if left is not None:
-            numbers = followed.batch.number
-            left += numbers[numbers < log.opened.horizon].tolist()
-            if commit.last_event >= log.opened.horizon:
-                yield _ordered(log, state_before(log, followed, left))
-                left = None
-        if commit.recorded_ns <= last_ns:
+        if commit.recorded_ns <= last_ns and commit.count:
             raise LogError(f"{log.place}: event {commit.first_event} was recorded out of order.")
         last_ns = commit.recorded_ns
-        yield _ordered(log, followed)
-
-
-def _ordered(log: JoinedLog, followed: FollowedCommit) -> Found:
-    commit = followed.commit
-    return commit.recorded_ns, log.log_id, commit.first_event, log, followed
+        yield commit.recorded_ns, log.log_id, commit.first_event, log, followed

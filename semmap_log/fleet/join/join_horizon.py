@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from semmap_log.domain.commits import NO_CONTENT, Note
-from semmap_log.fleet.join.joined_logs import JoinedLog, JoinedLogs
-from semmap_log.replay.horizon import last_writes
+from semmap_log.fleet.join.joined_logs import JoinedLogs
 from semmap_log.replay.position import retractions_behind
-from semmap_log.store.reading.following import FollowedCommit
 
 if TYPE_CHECKING:
     from semmap_log.store.reading.reader import LogReader
@@ -43,33 +35,3 @@ def _taken_back(reader: LogReader) -> list[tuple[int, int]]:
         first = reader.find_commit(one.first_event)
         spans.append((reader.commit_at(one.number).recorded_ns, first.recorded_ns if first else 0))
     return spans
-
-
-def state_before(log: JoinedLog, followed: FollowedCommit, left: Sequence[int]) -> FollowedCommit:
-    """Return what stands for the events of a log that are no longer kept, as a commit.
-
-    Args:
-        log: One that has a horizon.
-        followed: Its first commit behind that.
-        left: Numbers of the events before the horizon that are left.
-
-    Raises:
-        HorizonError: The state at the horizon cannot be read.
-    """
-    horizon, horizon_ns = log.opened.horizon, log.opened.horizon_ns
-    batch = last_writes(log.opened, left)
-    commit = replace(
-        followed.commit,
-        first_event=horizon,
-        count=0,
-        recorded_ns=min(horizon_ns, followed.commit.recorded_ns - 1),
-        command_id=_id_of_state(log, horizon),
-        content=NO_CONTENT,
-        note=Note(reason=f"how doors were at event {horizon}, where history begins"),
-    )
-    return FollowedCommit(commit, replace(batch, recorded_ns=np.full(len(batch), horizon_ns)))
-
-
-def _id_of_state(log: JoinedLog, horizon: int) -> bytes:
-    told = f"state at the horizon {horizon} of {log.log_id}"
-    return hashlib.sha256(told.encode()).digest()[:16]
