@@ -73,7 +73,7 @@ class KeptBeginning:
 
     def told(self, folder: LogFolder) -> HistoryTrimmed:
         """Return what says in the new log that just these records were taken out of it."""
-        rule = "as before the log was recovered"
+        rule = "before the log was recovered"
         return told_of(LogReader(folder), before=self.trimmed.next_event, rule=rule)
 
 
