@@ -55,9 +55,9 @@ def pseudonymous(
         made = LogAnew(path, info, os.urandom, horizon_ns=log.horizon_ns())
         try:
             _retell(log, scope, names, made, progress)
+            made.finish()
         finally:
             made.close()
-        made.finish()
         yield read(path), names
 
 

@@ -22,7 +22,7 @@ from semmap_log.errors import HorizonError
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.registers import NEVER
 from semmap_log.replay.state import keyframe_at
-from semmap_log.store.kind_bits import EXPIRING_BITS
+from semmap_log.store.kind_bits import EVENT_BITS, EXPIRING_BITS
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
 
@@ -54,17 +54,19 @@ def events_at_horizon(
         yield _batch(found)
 
 
-def last_writes(reader: LogReader, left: Collection[int]) -> EventBatch:
-    """Return the state at a log's horizon, as far as no event that is left tells it: updates.
+def last_writes(reader: LogReader) -> list[EventBatch]:
+    """Return the state at a log's horizon, as far as no event that is left tells it.
 
-    Args:
-        reader: Of a log that has a horizon.
-        left: Numbers of the events before the horizon that are left.
+    Each is an update with the number of an event that is gone, and says what that wrote of a door
+    and no other wrote since.
 
     Raises:
         HorizonError: The state at the horizon cannot be read.
     """
-    return _batch(list(_last_writes(_state_at_horizon(reader), but=list(left))))
+    before = Window(before_event=reader.horizon, kinds=EVENT_BITS & ~EXPIRING_BITS)
+    left = [number for batch in reader.batches(before) for number in batch.number.tolist()]
+    found = _last_writes(_state_at_horizon(reader), but=left)
+    return [_batch([one]) for one in sorted(found, key=lambda one: one.number)]
 
 
 def _state_at_horizon(reader: LogReader) -> DoorMapState:

@@ -1,8 +1,9 @@
-"""The commits of a log, and one more at its horizon: what stands for those that are gone."""
+"""The commits of a log, and what stands for those that it no longer keeps."""
 
 from __future__ import annotations
 
 import hashlib
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -15,14 +16,19 @@ from semmap_log.replay.horizon import last_writes
 from semmap_log.store.reading.following import FollowedCommit, commits_after
 from semmap_log.store.reading.reader import LogReader
 
+NS_OF_ONE = 2
+"""So many log times a commit of one event takes."""
+
 
 def kept_commits(
     reader: LogReader, *, at_ns: int | None = None, limit: int | None = None
 ) -> Iterator[FollowedCommit]:
     """Yield all commits that a log keeps, by the time of their recording.
 
-    Where it has a horizon, the state there comes before what was recorded since, as a commit of
-    updates. Without it, whoever folds them knows nothing of a door until something is told of it.
+    Where it has a horizon, the state there is told as well, by a commit with an update for each
+    event that is gone and was the last to write something. It comes in the place of that event:
+    when that was recorded is not known, but for what was recorded before and after, and when it
+    happened.
 
     Args:
         reader: Of the log.
@@ -54,29 +60,32 @@ def happened_by(batch: EventBatch, at_ns: int) -> EventBatch:
 
 
 def _all_kept(reader: LogReader) -> Iterator[FollowedCommit]:
-    left: list[int] | None = [] if reader.horizon else None
+    gone = deque(last_writes(reader) if reader.horizon else ())
+    last_ns = 0
     for followed in commits_after(reader, -1):
-        if left is not None:
-            numbers = followed.batch.number
-            left += numbers[numbers < reader.horizon].tolist()
-            if followed.commit.last_event >= reader.horizon:
-                yield _state(reader, followed.commit, left)
-                left = None
+        behind = followed.commit
+        while gone and gone[0].number[0] <= behind.last_event:
+            before_ns = min(behind.recorded_ns, reader.horizon_ns) - NS_OF_ONE
+            last_ns = min(max(int(gone[0].happened_ns[0]), last_ns + 1), before_ns)
+            yield _in_place_of(gone.popleft(), last_ns, reader, behind)
+            last_ns += NS_OF_ONE - 1
         yield followed
+        last_ns = behind.closed_ns
 
 
-def _state(reader: LogReader, behind: Commit, left: list[int]) -> FollowedCommit:
-    """Return the state at the horizon, as far as no event that is left tells it, as a commit."""
-    horizon_ns = reader.horizon_ns
-    batch = last_writes(reader, left)
-    told = f"state at the horizon {reader.horizon} of {reader.info.log_id}"
+def _in_place_of(
+    update: EventBatch, recorded_ns: int, reader: LogReader, behind: Commit
+) -> FollowedCommit:
+    """Return the commit of an update that stands for an event which is gone."""
+    number = int(update.number[0])
+    told = f"event {number} of {reader.info.log_id}"
     commit = replace(
         behind,
-        first_event=reader.horizon,
+        first_event=number,
         count=0,
-        recorded_ns=min(horizon_ns, behind.recorded_ns - 1),
+        recorded_ns=recorded_ns,
         command_id=hashlib.sha256(told.encode()).digest()[: len(behind.command_id)],
         content=NO_CONTENT,
-        note=Note(reason=f"how doors were at event {reader.horizon}, where history begins"),
+        note=Note(reason=f"as event {number} said, which is no longer kept"),
     )
-    return FollowedCommit(commit, replace(batch, recorded_ns=np.full(len(batch), horizon_ns)))
+    return FollowedCommit(commit, replace(update, recorded_ns=np.array([recorded_ns])))

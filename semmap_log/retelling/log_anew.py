@@ -92,11 +92,13 @@ class LogAnew:
         self._horizon_ns, self._horizon = self._writer.last_ns, self._writer.next_event
 
     def close(self) -> None:
-        """Close it; nothing more comes."""
+        """Close it as it is."""
         self._writer.close()
 
     def finish(self) -> None:
         """Close it, and leave out what was before its horizon, if it has one."""
+        if self._horizon < 0 <= self._horizon_ns:
+            self._begin_history()
         self.close()
         if self._horizon_ns < 0:
             return

@@ -232,8 +232,7 @@ def test_a_log_with_a_horizon_has_copies_with_the_same(
     asked = [
         moment
         for moment in moments(log, seed)
-        if "event" not in moment
-        and all(abs(int(t[1:]) - begins_ns) > 1000 for t in moment.values())
+        if "event" not in moment and all(abs(int(t[1:]) - begins_ns) > 4 for t in moment.values())
     ]
 
     with pseudonymous(opened) as (copy, _):

@@ -211,6 +211,29 @@ def test_what_is_recovered_can_be_trimmed_and_recovered_again(
         assert sl.read(log).replay().doors.keys() == set(DOORS)
 
 
+@pytest.mark.parametrize("size", [0, 100, None])
+@pytest.mark.parametrize("count", [1, 2])
+def test_where_the_beginning_is_gone_a_log_still_knows_of_its_horizon(
+    untrimmed: Path, tmp_path: Path, size: int | None, count: int
+) -> None:
+    """
+    The first segments removed, emptied, or cut: events behind them tell what was taken out.
+    """
+    log = Path(shutil.copytree(untrimmed, tmp_path / "log"))
+    trim_log(log, RULES["keep"](log))
+    for segment in LogReader(log).segments[:count]:
+        if size is None:
+            segment.path.unlink()
+        else:
+            segment.path.write_bytes(segment.path.read_bytes()[:size])
+    files = {path.name: path.read_bytes() for path in log.iterdir()}
+
+    with pytest.raises(LogError, match=r"horizon.*from a copy"):
+        recover(log)
+
+    assert {path.name: path.read_bytes() for path in log.iterdir()} == files
+
+
 @pytest.mark.parametrize("place", [0, 1])
 def test_where_the_beginning_is_damaged_a_log_with_a_horizon_is_not_recovered(
     untrimmed: Path, tmp_path: Path, place: int

@@ -115,8 +115,8 @@ JOINS = (
     guard(
         "join: what a log no longer keeps is told by its horizon",
         "kept_commits._all_kept",
-        "followed.commit.last_event >= reader.horizon",
-        "False",
+        "last_writes(reader) if reader.horizon else ()",
+        "()",
         "test_join_horizon",
     ),
     guard(
@@ -139,5 +139,40 @@ JOINS = (
         "replace(event, first_event=self._of(event.first_event))",
         "event",
         "test_join_horizon",
+    ),
+    guard(
+        "join: what is no longer kept comes in its place",
+        "kept_commits._all_kept",
+        "gone[0].number[0] <= behind.last_event",
+        "reader.horizon <= behind.last_event",
+        "test_join_horizon",
+    ),
+    guard(
+        "join: it may begin at its very end",
+        "LogAnew.finish",
+        "self._horizon < 0 <= self._horizon_ns",
+        "False",
+        "test_join_horizon",
+    ),
+    guard(
+        "join: a retraction of what is gone moves nothing",
+        "join_horizon._taken_back",
+        "int(batch.recorded_ns[0])",
+        "0",
+        "test_join_horizon",
+    ),
+    guard(
+        "join: doors that nobody added are no others",
+        "EventTranslation._of_known_doors",
+        "self._knows(each).all()",
+        "True",
+        "test_joining",
+    ),
+    guard(
+        "join: nor are their texts and changes",
+        "EventTranslation._becomes",
+        "place == len(self._own) or self._own[place] != event.door_id",
+        "False",
+        "test_joining",
     ),
 )

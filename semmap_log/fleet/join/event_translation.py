@@ -85,10 +85,28 @@ class EventTranslation:
             is_late: The view records it later, since it has others of that moment: no event counts
                 later for that than it did in its own log.
         """
+        batch = self._of_known_doors(batch)
         happened = batch.folds_ns if is_late else batch.happened_ns
         if set(batch.columns) <= _QUICK and not batch.objects and len(batch):
             return self._quickly(batch, happened, first)
         return self._one_by_one(batch, happened.tolist(), first)
+
+    def _of_known_doors(self, batch: EventBatch) -> EventBatch:
+        """Return a batch without events of doors that were never added: lost, in a damaged log."""
+        ids = [rows["door_id"] for kind, rows in batch.columns.items() if kind in DOOR_KINDS]
+        if all(self._knows(each).all() for each in ids):
+            return batch
+        keep = ~batch.about_doors() | self._knows(batch.door_ids())
+        self._leave_out(batch.select(~keep))
+        return batch.select(keep)
+
+    def _knows(self, door_ids: NDArray[np.integer[Any]]) -> NDArray[np.bool_]:
+        places = np.searchsorted(self._own, door_ids)
+        known: NDArray[np.bool_] = np.append(self._own, -1)[places] == door_ids
+        return known
+
+    def _leave_out(self, batch: EventBatch) -> None:
+        self.left_out.update(type(recorded.event).__name__ for recorded in batch)
 
     def _quickly(
         self, batch: EventBatch, happened: NDArray[np.int64], first: int
@@ -96,7 +114,7 @@ class EventTranslation:
         """Return a batch of sightings and poses."""
         if RobotPose in batch and self._log.frame is None:
             keep = batch.kind != RobotPose.kind
-            self.left_out[RobotPose.__name__] += int(np.count_nonzero(~keep))
+            self._leave_out(batch.select(~keep))
             batch, happened = batch.select(keep), happened[keep]
             if not len(batch):
                 return []
@@ -149,6 +167,8 @@ class EventTranslation:
         """Return what an event is in the view: nothing, itself, or a few."""
         if isinstance(event, DoorEvent):
             place = int(np.searchsorted(self._own, event.door_id))
+            if place == len(self._own) or self._own[place] != event.door_id:
+                return []
             event = replace(event, door_id=DoorId(int(self._building[place])))
             return self._of_door(event, number)
         if isinstance(event, Retracted):
@@ -259,7 +279,8 @@ class EventTranslation:
 
     def _floor(self, event: FloorMap) -> Iterable[Event]:
         level = self._plan.levels.of(self._log.name, event.level)
-        if self._log.frame is None or self._plan.levels.drawn_by.get(level) != self._log.name:
+        is_drawn = self._plan.is_alone or self._plan.levels.drawn_by.get(level) == self._log.name
+        if self._log.frame is None or not is_drawn:
             return []
         moved = self._log.frame.moved(event.origin_x, event.origin_y, event.origin_theta)
         x, y, theta = map(float, moved)

@@ -82,10 +82,11 @@ def build_join(
         log.name: EventTranslation(log, plan, rounds, horizon_ns) for log in joined.logs
     }
     try:
-        _Building(made, translations, names_origin=names_origin).write(joined, progress)
+        building = _Building(made, translations, plan, names_origin=names_origin)
+        building.write(joined, progress)
+        made.finish()
     finally:
         made.close()
-    made.finish()
     left_out = {name: each.left_out for name, each in translations.items()}
     return BuiltJoin(made.next_event, left_out)
 
@@ -100,9 +101,15 @@ class _Building:
     """Appends one commit of the logs after the other."""
 
     def __init__(
-        self, made: LogAnew, translations: Mapping[str, EventTranslation], *, names_origin: bool
+        self,
+        made: LogAnew,
+        translations: Mapping[str, EventTranslation],
+        plan: DoorPlan,
+        *,
+        names_origin: bool,
     ) -> None:
         self._made, self._translations, self._names_origin = made, translations, names_origin
+        self._is_alone = plan.is_alone
         self._seen: set[bytes] = set()
         """Commands that are stored: a goal may have been given to two robots."""
 
@@ -128,8 +135,12 @@ class _Building:
     def _note(self, log: JoinedLog, commit: Commit) -> Note:
         note = commit.note
         actor, source = (
-            f"{log.name}{BEHIND_ROBOT}{text}" if text else log.name
-            for text in (note.actor, note.source)
+            (note.actor, note.source)
+            if self._is_alone
+            else (
+                f"{log.name}{BEHIND_ROBOT}{text}" if text else log.name
+                for text in (note.actor, note.source)
+            )
         )
         reason = note.reason
         if self._names_origin:

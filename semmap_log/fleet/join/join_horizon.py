@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from semmap_log.fleet.join.joined_logs import JoinedLogs
 from semmap_log.replay.position import retractions_behind
+from semmap_log.store.reading.window import Window
 
 if TYPE_CHECKING:
     from semmap_log.store.reading.reader import LogReader
@@ -28,10 +30,13 @@ def horizon_of(joined: JoinedLogs) -> int:
     return horizon_ns
 
 
-def _taken_back(reader: LogReader) -> list[tuple[int, int]]:
-    """Return of each retraction when it was recorded, and when the first that it reaches was."""
-    spans = []
-    for one in retractions_behind(reader, -1):
-        first = reader.find_commit(one.first_event)
-        spans.append((reader.commit_at(one.number).recorded_ns, first.recorded_ns if first else 0))
-    return spans
+def _taken_back(reader: LogReader) -> Iterator[tuple[int, int]]:
+    """Yield of each retraction when it was recorded, and when the first that it reaches was.
+
+    None from before a log's own horizon reaches what is asked about; what is gone matters no more.
+    """
+    for one in retractions_behind(reader, reader.horizon - 1):
+        reached = Window(first_event=one.first_event, before_event=one.last_event + 1)
+        for batch in reader.batches(reached):
+            yield reader.commit_at(one.number).recorded_ns, int(batch.recorded_ns[0])
+            break

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semmap_log.domain.events import HistoryTrimmed
-from semmap_log.errors import CorruptLogError, LogError
+from semmap_log.errors import LogError
 from semmap_log.store.chunks import build_chunk
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import segment_name
@@ -84,26 +84,29 @@ def kept_below(found: FolderFiles) -> int:
     return trimmed.next_event if trimmed is not None and trimmed.horizon else 0
 
 
-def kept_beginning(found: FolderFiles, verified: Verification) -> KeptBeginning | None:
+def kept_beginning(
+    found: FolderFiles, verified: Verification, told: HistoryTrimmed | None
+) -> KeptBeginning | None:
     """Return the beginning of a damaged log that has a horizon; None: it has none.
 
     Args:
         found: Its files.
         verified: What is wrong with it.
+        told: What it last said of what was taken out of it: its first segment may be gone.
 
     Raises:
         LogError: The beginning itself, or the state at the horizon, is damaged.
     """
-    if not kept_below(found):
+    if not kept_below(found) and (told is None or not told.horizon):
         return None
     path = found.segments[0].path
     try:
         segment = open_segment(Path(path))
         trimmed = segment.header.trimmed
         is_whole = all(finding.path != path for finding in verified.of(Severity.DAMAGE))
-        if is_whole and trimmed is not None:
+        if is_whole and trimmed is not None and trimmed.horizon:
             return KeptBeginning(segment, trimmed, _state_behind(found, segment, trimmed))
-    except (CorruptLogError, IndexError):
+    except (LogError, IndexError):
         pass
     raise LogError(
         f"{found.folder}: damaged, and not to be recovered: nothing but the state at its horizon "

@@ -122,7 +122,7 @@ def plan_recovery(
         raise LogError(f"{path}: somebody is writing to this log; stop that first.") from None
     beginning = None
     if found.of(Severity.DAMAGE):
-        beginning = kept_beginning(verifier.arrangement, found)
+        beginning = kept_beginning(verifier.arrangement, found, verifier.trimming)
     if not verifier.arrangement.segments:
         raise LogError("\n".join(f"{f.path}: {f.text}" for f in found.findings))
     headers = verifier.headers

@@ -163,7 +163,7 @@ class Verifier:
         """How many events there are of each kind that is unknown here."""
         self.has_unknown_changes = False
         """Whether some of them may have changed more than themselves."""
-        self._trimming: HistoryTrimmed | None = None
+        self.trimming: HistoryTrimmed | None = None
         """The last event that tells of records that were taken out."""
         self._wanted_ends = frozenset(ends)
         self._ends: dict[int, CommitEnd] = {}
@@ -304,7 +304,7 @@ class Verifier:
                     assert isinstance(found, HistoryTrimmed)
                     header = self.arrangement.segments[self._at].header
                     if header is not None and _log_of(found) == header.info.log_id:
-                        self._trimming = found
+                        self.trimming = found
 
     def _note_newer(self, piece: Piece, walk: SegmentWalk) -> None:
         """Count events of kinds unknown here; no keyframe can be folded behind some of them."""
@@ -455,7 +455,7 @@ class Verifier:
 
     def _check_trimming(self) -> None:
         """Compare what was taken out with what the log's last event about it tells."""
-        taken, told = self.chain.taken_out, self._trimming
+        taken, told = self.chain.taken_out, self.trimming
         is_part = self.path == self.arrangement.segments[0].path
         if is_part or (told is None and not taken.reasons):
             return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import shutil
+import time
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,15 @@ import pytest
 import semmap_log as sl
 from semmap_log.beliefs.door_beliefs import probabilities
 from semmap_log.cli import main
+from semmap_log.domain.events import RobotPose
 from semmap_log.errors import HorizonError, HorizonWarning
 from semmap_log.replay.care import verify
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.trimming.redaction import Redaction, Tracks
 from semmap_log.trimming.repeated_sightings import Thinning
 from semmap_log.trimming.retention import Retention
 from semmap_log.trimming.trim_log import trim_log
-from tests.trimming.logs import SECOND_NS, MinuteClock, answers_of, moments, random_log
+from tests.trimming.logs import SECOND_NS, START_NS, MinuteClock, answers_of, moments, random_log
 
 pytestmark = [
     pytest.mark.filterwarnings(f"ignore::semmap_log.errors.{name}")
@@ -26,6 +29,8 @@ pytestmark = [
 ]
 
 KEYS = ("at", "known_at")
+FEW_NS = 4
+"""What stands for the last event before the horizon may be told right at it."""
 FRAMES = dict.fromkeys(("one", "two"), (0.0, 0.0, 0.0))
 
 
@@ -64,8 +69,9 @@ def test_it_answers_as_before_from_the_latest_horizon_on(
     after = [places_and_states(a) for a in answers_of(joined, asked)]
 
     horizon_ns = max(LogReader(log).horizon_ns for log in logs.values())
+    assert 0 <= joined.horizon_ns() - horizon_ns < FEW_NS
     for moment, was, now in zip(asked, before, after, strict=True):
-        is_kept = all(int(moment[key][1:]) > horizon_ns for key in KEYS if key in moment)
+        is_kept = all(int(moment[k][1:]) >= joined.horizon_ns() for k in KEYS if k in moment)
         assert now == (was if is_kept else "HorizonError"), moment
     assert any(now == "HorizonError" for now in after)
     assert any(now == was for was, now in zip(before, after, strict=True))
@@ -184,6 +190,86 @@ def test_what_is_taken_back_later_makes_history_begin_later(
     told = answers_of(joined, [{"at": f"@{horizon_ns + 1}"}, {"at": f"@{back_ns + 2 * SECOND_NS}"}])
     assert told[0] == "HorizonError"
     assert sorted(row[1].name for row in told[1]) == ["CLOSED", "OPEN", "OPEN"]
+
+
+def test_a_retraction_that_ends_all_logs_makes_history_begin_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Nothing is behind it: only now can be asked about.
+    """
+    log = trimmed(quiet_and_busy(tmp_path, monkeypatch), tmp_path / "kept", 2**62)
+    clock = MinuteClock()
+    with a_log(tmp_path / "two", clock) as other:
+        door = other.add_door(x=9.0, y=1.0, theta=0.0, width=0.9, name="other", state="closed")
+        wrong = other.observe(door, "open").commit.last_event
+        clock.now_ns = 2 * time.time_ns()
+        other.retract(wrong)
+
+    joined = sl.join({"one": log, "two": tmp_path / "two"})
+
+    asked = [{"at": f"@{LogReader(log).horizon_ns + 1}"}, {"event": 1}]
+    assert answers_of(joined, asked) == ["HorizonError"] * 2
+    states = {door.name: door.state.name for door in joined.replay().doors.values()}
+    assert states == {"one/quiet": "OPEN", "one/busy": "OPEN", "two/other": "CLOSED"}
+
+
+def test_a_retraction_of_what_is_gone_moves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    A pose behind the horizon, redacted with its commit: it is in no state.
+    """
+    log, clock = quiet_and_busy(tmp_path, monkeypatch), MinuteClock()
+    until_ns = [c.recorded_ns for c in LogReader(log).commits()][25]
+    clock.now_ns += 3600 * SECOND_NS
+    with sl.append(log, clock=clock, compact=False) as opened:
+        poses = [opened.append([RobotPose(x=1.0, y=2.0, theta=0.0)]) for _ in range(20)]
+        opened.observe(1, "closed")
+    trim_log(log, Retention(LogReader(log), until_ns))
+    trim_log(log, Redaction.of(LogReader(log), [Tracks()], LogReader(log).last_event() + 1))
+    with sl.append(log, compact=False) as opened:
+        opened.retract(poses[3].commit.last_event)
+
+    joined = sl.join({"one": log})
+
+    assert 0 <= joined.horizon_ns() - LogReader(log).horizon_ns < FEW_NS
+
+
+@pytest.mark.parametrize("is_one_log", [True, False])
+def test_of_equal_times_the_later_told_counts_though_the_earlier_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, is_one_log: bool
+) -> None:
+    """
+    What stands for it comes in its place, before what another log, or the same, told afterwards.
+    """
+    monkeypatch.setattr("semmap_log.store.writing.segment_chain.ROLL_COMMITS", 6)
+    clock, later, then = MinuteClock(), MinuteClock(), f"@{START_NS + 100 * SECOND_NS}"
+    place = {"x": 1.0, "y": 1.0, "theta": 0.0, "width": 0.9}
+    doors = []
+    with a_log(tmp_path / "one", clock) as log:
+        old = log.add_door(**place, name="front")
+        clock.now_ns += 200 * SECOND_NS
+        log.observe(old, "open", at=then)
+        if is_one_log:
+            log.remove_door(old, at=then)
+            new = log.add_door(**place, name="new", state="closed", at=then)
+            doors = [("one", str(door), "front") for door in (old, new)]
+        for i in range(30):
+            log.annotate(new if is_one_log else old, "looked at", str(i))
+    with a_log(tmp_path / "two", later) as other:
+        seen = other.add_door(**place, name="other" if is_one_log else "front")
+        if not is_one_log:
+            later.now_ns += 202 * SECOND_NS
+            other.observe(seen, "closed", at=then)
+
+    def state(one: Path) -> str:
+        joined = sl.join({"one": one, "two": tmp_path / "two"}, frames=FRAMES, doors=doors)
+        return next(d.state.name for d in joined.replay().doors.values() if d.name == "front")
+
+    before = state(tmp_path / "one")
+    kept = trimmed(tmp_path / "one", tmp_path / "kept", 2**62)
+    assert before == state(kept) == "CLOSED"
 
 
 def test_a_log_that_is_made_of_it_knows_the_same(

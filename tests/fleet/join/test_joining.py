@@ -28,7 +28,8 @@ from semmap_log.errors import CorruptLogError, FormatError, LogAccessError, LogE
 from semmap_log.fleet.join import joining_logs
 from semmap_log.fleet.shipping import ship
 from semmap_log.io.url_path import UrlPath
-from semmap_log.replay.care import verify
+from semmap_log.replay.care import recover, verify
+from semmap_log.store.reading.segment_scan import open_segment
 from tests.fleet.join.some_robots import (
     SECOND_NS,
     START_NS,
@@ -39,6 +40,7 @@ from tests.fleet.join.some_robots import (
     two_robots,
 )
 from tests.newer.logs import NewerLogs
+from tests.store.eventful import flip
 from tests.store.logs import segment_files
 
 
@@ -413,3 +415,49 @@ def test_another_s_later_adding_wipes_no_state_and_brings_a_door_back(
     front = doors_of(sl.join([tug1, tmp_path / "tug3"]))["front"]
 
     assert ("OPEN", 1.0) == (front.state.name, front.x)
+
+
+@pytest.mark.parametrize("lost", [1, 2])
+def test_events_of_a_door_whose_adding_is_lost_are_no_other_door_s(
+    tmp_path: Path, lost: int
+) -> None:
+    """
+    Of a log that was damaged and recovered: in its own map there is no such door.
+    """
+    path, clock = tmp_path / "tug1", SetClock()
+    with a_robot(path, clock=clock) as log:
+        for x in (1.0, 2.0):
+            clock.now_ns += SECOND_NS
+            log.add_door(x=x, y=2.0, theta=0.0, width=0.9, name=f"at {x}", state="closed")
+        clock.now_ns += SECOND_NS
+        log.observe(DoorId(lost), "open")
+        log.append([DoorObserved(door_id=DoorId(d), state=sl.DoorState.OPEN) for d in (lost, lost)])
+        log.annotate(DoorId(lost), "looked at", "yes")
+        log.update_door(DoorId(lost), width=2.0)
+    (file,) = segment_files(path)
+    flip(file, open_segment(file).chunks[lost].data_offset + 40)
+    recover(path)
+
+    joined = sl.join({"tug1": path})
+
+    (door,) = joined.replay().doors.values()
+    assert (f"at {3.0 - lost}", "CLOSED") == (door.name, door.state.name)
+    assert repr(door) == repr(next(iter(sl.read(path).replay().doors.values())))
+
+
+def test_one_log_alone_keeps_who_told_and_floor_maps_that_were_taken_back(tmp_path: Path) -> None:
+    """
+    Event by event; a sensor without a name is no sensor called as the robot.
+    """
+    with a_robot(tmp_path / "tug1") as log:
+        door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, name="front", actor="anna")
+        cells = np.zeros((3, 4), np.int8)
+        plan = FloorMap(level=0, resolution=0.1, origin_x=0.0, origin_y=0.0, cells=cells)
+        log.retract(log.append([plan]).commit.last_event)
+        log.observe(door, "open", source="camera")
+        log.observe(door, "open")
+
+    alone, joined = sl.read(tmp_path / "tug1"), sl.join({"tug1": tmp_path / "tug1"})
+
+    for one, other in zip(alone.history(), joined.history(), strict=True):
+        assert (one.event, one.actor, one.source) == (other.event, other.actor, other.source)
