@@ -459,5 +459,9 @@ def test_one_log_alone_keeps_who_told_and_floor_maps_that_were_taken_back(tmp_pa
 
     alone, joined = sl.read(tmp_path / "tug1"), sl.join({"tug1": tmp_path / "tug1"})
 
-    for one, other in zip(alone.history(), joined.history(), strict=True):
-        assert (one.event, one.actor, one.source) == (other.event, other.actor, other.source)
+    mine, theirs = (
+        [(repr(entry.event), entry.actor, entry.source) for entry in log.history()]
+        for log in (alone, joined)
+    )
+    assert mine == theirs
+    assert {"", "camera"} == {source for _, _, source in mine}
