@@ -450,7 +450,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         return commits_after(self._reader, event, with_newer=with_newer)
 
     def kept_commits(self, scope: Scope = Scope()) -> Iterator[FollowedCommit]:
-        """Yield the commits of a scope, and the state at the log's horizon, as one more.
+        """Yield the commits of a scope, and what stands for those that the log no longer keeps.
 
         Raises:
             NewerLogError: A commit has an event of an unknown kind that may change others.
@@ -459,6 +459,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         from semmap_log.replay.kept_commits import kept_commits
 
         limit = self.limit_of(scope)
+        self._reader.check_known(limit)
         return kept_commits(self._reader, at_ns=scope.at_ns, limit=limit)
 
     def last_patrol(self, kind: type[PatrolStarted | PatrolFinished]) -> int:

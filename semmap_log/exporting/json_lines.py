@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from semmap_log.batches.event_batch import EventBatch
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.formats.json.event_json import line_to_json
 from semmap_log.io.progress import Progress
-from semmap_log.replay.kept_commits import happened_by
 from semmap_log.replay.replay import Scope
-from semmap_log.store.reading.reader import OnPage
-from semmap_log.store.reading.window import Window
+
+TOLD_EVERY = 1000
+"""Commits between two words of progress."""
 
 
 @dataclass(slots=True)
@@ -37,44 +35,31 @@ def write_event_lines(
     """Write the events of a scope, numbers ascending, retracted ones marked.
 
     A retraction counts whenever it happened, as it does for every question about the scope. The
-    first line also tells the log's time zone.
+    first line also tells the log's time zone. What stands for events that the log no longer keeps
+    is told, too: a log that is made of the lines answers as this one does, from its horizon on.
 
     Args:
         log: The log.
         path: The file.
         scope: Which events.
-        progress: Told how far the reading is.
+        progress: Told how many of the events are done.
+
+    Raises:
+        HorizonError: The scope ends before the log's horizon.
     """
-    finder = log.commit_finder()
-    limit = log.limit_of(scope)
-    retractions = log.retractions(limit)
+    retractions, total = log.retractions(log.limit_of(scope)), log.last_event() + 1
     written, zone = WrittenLines(), {"timezone": log.info.timezone}
     with path.open("w", encoding="utf-8", newline="\n") as file:
-        for batch in _batches(log, scope.at_ns, limit, progress, finder.look_at):
-            hidden = retractions.hidden(batch).tolist()
-            for recorded, retracted in zip(batch, hidden, strict=True):
-                commit = finder.commit_at(recorded.number)
+        for place, followed in enumerate(log.kept_commits(scope)):
+            commit, hidden = followed.commit, retractions.hidden(followed.batch).tolist()
+            for recorded, retracted in zip(followed, hidden, strict=True):
                 file.write(_line(zone | line_to_json(recorded, commit, retracted=retracted)))
                 zone = {}
                 written.events += 1
                 written.retracted += retracted
+            if progress is not None and place % TOLD_EVERY == 0:
+                progress(commit.last_event, total)
     return written
-
-
-def _batches(
-    log: DoorLog,
-    at_ns: int | None,
-    limit: int | None,
-    progress: Progress | None,
-    on_page: OnPage,
-) -> Iterator[EventBatch]:
-    if limit is not None and limit < 0:
-        return
-    window = Window.up_to(at_ns=None, event=limit)
-    for batch in log.batches_in(window, progress=progress, on_page=on_page):
-        chosen = batch if at_ns is None else happened_by(batch, at_ns)
-        if len(chosen):
-            yield chosen
 
 
 def _line(shown: dict[str, Any]) -> str:

@@ -170,18 +170,11 @@ def _event_lines(log: DoorLog, path: Path, scope: Scope, progress: Progress | No
     written = write_event_lines(log, path, scope, progress=progress)
     taken_back = f", {written.retracted:,} of them retracted" if written.retracted else ""
     what = f"{counted(written.events, 'event')}{taken_back}"
-    return Exported(what, notes=_what_lacks(log))
-
-
-def _what_lacks(log: DoorLog) -> tuple[str, ...]:
-    """Return what a file of events does not tell of a log that has a horizon."""
-    if not log.horizon():
-        return ()
-    lacking = (
-        f"how doors were at event {log.horizon()}, where history begins, is in no event: who "
-        "makes a log of these knows it of a door only once something is told of it."
+    begins = (
+        f"history begins at event {log.horizon()}; of what was before the last words alone are "
+        "told. A log that is made of these knows no horizon: ask it about nothing earlier."
     )
-    return (lacking,)
+    return Exported(what, notes=(begins,) if log.horizon() else ())
 
 
 def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
@@ -194,7 +187,11 @@ def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) 
     stored = (table.cast(EXPORT_SCHEMA) for table in tables)
     said = {f"semmap_log.{key}": text for key, text in about(log).items()}
     what = counted(write_parquet(path, stored, EXPORT_SCHEMA, said), "event")
-    return Exported(what, notes=_what_lacks(log))
+    lacking = (
+        f"how doors were at event {log.horizon()}, where history begins, is in no event: who reads "
+        "these knows it of a door only once something is told of it."
+    )
+    return Exported(what, notes=(lacking,) if log.horizon() else ())
 
 
 def _csv(log: DoorLog, path: Path, scope: Scope, object_class: str | None) -> Exported:

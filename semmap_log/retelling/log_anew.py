@@ -102,7 +102,8 @@ class LogAnew:
         self.close()
         if self._horizon_ns < 0:
             return
-        rule = Retention(LogReader(self._folder), self._horizon_ns + 1)
+        until_ns = self._horizon_ns + 1
+        rule = Retention(LogReader(self._folder), until_ns, always_has_horizon=True)
         assert rule.horizon == self._horizon, "nothing behind it takes back what was before"
         trim_log(
             self._folder,

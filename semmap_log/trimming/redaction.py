@@ -131,6 +131,7 @@ class Redaction:
 
     reason = TrimReason.REDACTED
     horizon = 0
+    always_has_horizon = False
 
     @classmethod
     def of(cls, reader: LogReader, parts: Sequence[Part], before: int) -> Redaction:

@@ -52,6 +52,7 @@ class Thinning:
 
     reason = TrimReason.THINNED
     horizon = 0
+    always_has_horizon = False
 
     def __init__(self, reader: LogReader, until_ns: int) -> None:
         """Look how far the log is thinned.

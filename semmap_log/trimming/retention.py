@@ -34,13 +34,18 @@ class Retention:
 
     reason = TrimReason.EXPIRED
 
-    def __init__(self, reader: LogReader, until_ns: int) -> None:
+    def __init__(
+        self, reader: LogReader, until_ns: int, *, always_has_horizon: bool = False
+    ) -> None:
         """Look how far the horizon can be moved.
 
         Args:
             reader: Of the log.
             until_ns: What was recorded before this moment may go.
+            always_has_horizon: Let the horizon move though nothing goes: the log has never known
+                all of what was before.
         """
+        self.always_has_horizon = always_has_horizon
         self._reader = reader
         self._until_ns = until_ns
         self.horizon, self._held_by = _horizon(reader, until_ns)

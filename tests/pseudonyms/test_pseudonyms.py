@@ -27,7 +27,7 @@ from semmap_log.domain.events import (
     MomentPinned,
     RobotPose,
 )
-from semmap_log.errors import HorizonError, HorizonWarning
+from semmap_log.errors import HorizonError
 from semmap_log.exporting.log_files import export
 from semmap_log.importing.importing import import_file
 from semmap_log.pseudonyms.pseudonymous_log import pseudonymous
@@ -250,7 +250,7 @@ def test_a_log_with_a_horizon_has_copies_with_the_same(
 
 def test_no_copy_ends_before_the_horizon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """
-    Nor do lines of events say how doors were there, and they say so.
+    Lines of events say that they tell only the last words of before.
     """
     log = random_log(tmp_path, 1, monkeypatch, commits=150, roll=30)
     trim_log(log, Retention(LogReader(log), LogReader(log).last_log_time_ns()))
@@ -259,6 +259,7 @@ def test_no_copy_ends_before_the_horizon(tmp_path: Path, monkeypatch: pytest.Mon
     for scope in (Scope(at_ns=opened.horizon_ns() - 1), Scope(event=opened.horizon() - 1)):
         with pytest.raises(HorizonError), pseudonymous(opened, scope):
             pass
-    with pytest.warns(HorizonWarning):
-        notes = export(opened, tmp_path / "events.jsonl").notes
-    assert "in no event" in notes[0]
+        with pytest.raises(HorizonError):
+            export(opened, tmp_path / "events.jsonl", scope)
+    (note,) = export(opened, tmp_path / "events.jsonl").notes
+    assert f"history begins at event {opened.horizon()}" in note

@@ -40,6 +40,8 @@ class Selection(Protocol):
     reason: TrimReason
     horizon: int
     """Events below this number go for their age; 0: none does."""
+    always_has_horizon: bool
+    """It moves there though nothing goes."""
 
     def gone(self, page: Page) -> NDArray[np.bool_]:
         """Return for each record of a page whether it goes; only events and notes can."""
@@ -149,7 +151,8 @@ class RecordsLeft:
     @property
     def is_changed(self) -> bool:
         """Whether anything goes."""
-        return bool(self.events_gone or self.notes_gone or self.changes_keyframes)
+        is_less = self.events_gone or self.notes_gone or self.changes_keyframes
+        return bool(is_less or self._selection.always_has_horizon)
 
     def parts(self, pause: Pause = no_pause) -> Iterator[KeptRecords]:
         """Yield the records that are left, in parts of about a chunk, a keyframe by itself.

@@ -214,6 +214,31 @@ def test_a_retraction_that_ends_all_logs_makes_history_begin_there(
     assert states == {"one/quiet": "OPEN", "one/busy": "OPEN", "two/other": "CLOSED"}
 
 
+@pytest.mark.parametrize("with_other", [True, False])
+def test_it_begins_there_though_nothing_else_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, with_other: bool
+) -> None:
+    """
+    The log's only sighting was taken back: no door's state rests on it, and then it was OPEN.
+    """
+    monkeypatch.setattr("semmap_log.store.writing.segment_chain.ROLL_COMMITS", 4)
+    with a_log(tmp_path / "one", MinuteClock()) as log:
+        door = log.add_door(x=1.0, y=1.0, theta=0.0, width=0.9, name="front", state="closed")
+        seen = log.observe(door, "open").commit
+        log.retract(seen.first_event)
+        for i in range(12):
+            log.annotate(door, "looked at", str(i))
+    with a_log(tmp_path / "two", MinuteClock()) as other:
+        other.add_door(x=9.0, y=1.0, theta=0.0, width=0.9, name="other", state="closed")
+    kept = trimmed(tmp_path / "one", tmp_path / "kept", 2**62)
+
+    joined = sl.join({"one": kept} | ({"two": tmp_path / "two"} if with_other else {}))
+
+    asked = [{"known_at": f"@{seen.closed_ns}"}, {"at": f"@{seen.closed_ns}"}]
+    assert answers_of(joined, asked) == ["HorizonError"] * 2
+    assert {door.state.name for door in joined.replay().doors.values()} == {"CLOSED"}
+
+
 def test_a_retraction_of_what_is_gone_moves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
