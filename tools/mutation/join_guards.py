@@ -164,7 +164,7 @@ JOINS = (
     guard(
         "join: doors that nobody added are no others",
         "EventTranslation._of_known_doors",
-        "self._knows(each).all()",
+        'self._knows(rows["door_id"]).all()',
         "True",
         "test_joining",
     ),

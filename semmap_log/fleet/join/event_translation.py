@@ -72,6 +72,7 @@ class EventTranslation:
         self._horizon_ns = horizon_ns
         self._log, self._plan, self._rounds = log, plan, rounds
         self._own, self._building = plan.ids[log.name]
+        self._own_and_none = np.append(self._own, -1)
         self._numbers = NewNumbers(log.last_event + 1)
         self.left_out: Counter[str] = Counter()
         """Kind -> events that are not in the view."""
@@ -93,8 +94,11 @@ class EventTranslation:
 
     def _of_known_doors(self, batch: EventBatch) -> EventBatch:
         """Return a batch without events of doors that were never added: lost, in a damaged log."""
-        ids = [rows["door_id"] for kind, rows in batch.columns.items() if kind in DOOR_KINDS]
-        if all(self._knows(each).all() for each in ids):
+        if all(
+            self._knows(rows["door_id"]).all()
+            for kind, rows in batch.columns.items()
+            if kind in DOOR_KINDS
+        ):
             return batch
         keep = ~batch.about_doors() | self._knows(batch.door_ids())
         self._leave_out(batch.select(~keep))
@@ -102,7 +106,7 @@ class EventTranslation:
 
     def _knows(self, door_ids: NDArray[np.integer[Any]]) -> NDArray[np.bool_]:
         places = np.searchsorted(self._own, door_ids)
-        known: NDArray[np.bool_] = np.append(self._own, -1)[places] == door_ids
+        known: NDArray[np.bool_] = self._own_and_none[places] == door_ids
         return known
 
     def _leave_out(self, batch: EventBatch) -> None:
