@@ -54,11 +54,11 @@ def events_at_horizon(
         yield _batch(found)
 
 
-def last_writes(reader: LogReader) -> list[EventBatch]:
+def last_writes(reader: LogReader) -> list[RecordedEvent]:
     """Return the state at a log's horizon, as far as no event that is left tells it.
 
     Each is an update with the number of an event that is gone, and says what that wrote of a door
-    and no other wrote since.
+    and no other wrote since; numbers ascend. When it was recorded is not known.
 
     Raises:
         HorizonError: The state at the horizon cannot be read.
@@ -66,7 +66,7 @@ def last_writes(reader: LogReader) -> list[EventBatch]:
     before = Window(before_event=reader.horizon, kinds=EVENT_BITS & ~EXPIRING_BITS)
     left = [number for batch in reader.batches(before) for number in batch.number.tolist()]
     found = _last_writes(_state_at_horizon(reader), but=left)
-    return [_batch([one]) for one in sorted(found, key=lambda one: one.number)]
+    return sorted(found, key=lambda one: one.number)
 
 
 def _state_at_horizon(reader: LogReader) -> DoorMapState:

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from semmap_log.batches.event_batch import EventBatch
+from semmap_log.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.domain.commits import NO_CONTENT, Commit, Note
 from semmap_log.domain.events import Retracted
 from semmap_log.replay.horizon import last_writes
@@ -64,9 +64,9 @@ def _all_kept(reader: LogReader) -> Iterator[FollowedCommit]:
     last_ns = 0
     for followed in commits_after(reader, -1):
         behind = followed.commit
-        while gone and gone[0].number[0] <= behind.last_event:
+        while gone and gone[0].number <= behind.last_event:
             before_ns = min(behind.recorded_ns, reader.horizon_ns) - NS_OF_ONE
-            last_ns = min(max(int(gone[0].happened_ns[0]), last_ns + 1), before_ns)
+            last_ns = min(max(gone[0].happened_ns, last_ns + 1), before_ns)
             yield _in_place_of(gone.popleft(), last_ns, reader, behind)
             last_ns += NS_OF_ONE - 1
         yield followed
@@ -74,10 +74,10 @@ def _all_kept(reader: LogReader) -> Iterator[FollowedCommit]:
 
 
 def _in_place_of(
-    update: EventBatch, recorded_ns: int, reader: LogReader, behind: Commit
+    update: RecordedEvent, recorded_ns: int, reader: LogReader, behind: Commit
 ) -> FollowedCommit:
     """Return the commit of an update that stands for an event which is gone."""
-    number = int(update.number[0])
+    number = update.number
     told = f"event {number} of {reader.info.log_id}"
     commit = replace(
         behind,
@@ -88,4 +88,10 @@ def _in_place_of(
         content=NO_CONTENT,
         note=Note(reason=f"as event {number} said, which is no longer kept"),
     )
-    return FollowedCommit(commit, replace(update, recorded_ns=np.array([recorded_ns])))
+    batch = replace(
+        EventBatch.from_events([update.event]),
+        number=np.array([number]),
+        recorded_ns=np.array([recorded_ns]),
+        known_door_ids=None,
+    )
+    return FollowedCommit(commit, batch)

@@ -143,7 +143,7 @@ JOINS = (
     guard(
         "join: what is no longer kept comes in its place",
         "kept_commits._all_kept",
-        "gone[0].number[0] <= behind.last_event",
+        "gone[0].number <= behind.last_event",
         "reader.horizon <= behind.last_event",
         "test_join_horizon",
     ),
