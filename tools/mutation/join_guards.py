@@ -157,8 +157,8 @@ JOINS = (
     guard(
         "join: a retraction of what is gone moves nothing",
         "join_horizon._taken_back",
-        "int(batch.recorded_ns[0])",
-        "0",
+        "yield last.recorded_ns, first.recorded_ns",
+        "yield last.recorded_ns, 0",
         "test_join_horizon",
     ),
     guard(

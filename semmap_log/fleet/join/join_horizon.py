@@ -31,12 +31,13 @@ def horizon_of(joined: JoinedLogs) -> int:
 
 
 def _taken_back(reader: LogReader) -> Iterator[tuple[int, int]]:
-    """Yield of each retraction when it was recorded, and when the first that it reaches was.
+    """Yield of each retraction when its commit was recorded, and that of the first it reaches.
 
     None from before a log's own horizon reaches what is asked about; what is gone matters no more.
     """
     for one in retractions_behind(reader, reader.horizon - 1):
         reached = Window(first_event=one.first_event, before_event=one.last_event + 1)
         for batch in reader.batches(reached):
-            yield reader.commit_at(one.number).recorded_ns, int(batch.recorded_ns[0])
+            first, last = (reader.commit_at(n) for n in (int(batch.number[0]), one.number))
+            yield last.recorded_ns, first.recorded_ns
             break
