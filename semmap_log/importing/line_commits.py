@@ -12,10 +12,11 @@ from itertools import chain, groupby
 from typing import NamedTuple
 
 from semmap_log.domain.commits import NO_CONTENT, Note
-from semmap_log.domain.events import Event, Retracted, SightingsThinned
+from semmap_log.domain.events import Event, Retracted
 from semmap_log.errors import CommandError
 from semmap_log.formats.json.event_json_reader import ParsedLine
 from semmap_log.importing.line_numbers import NumberMap
+from semmap_log.retelling.new_numbers import renamed
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,21 +74,18 @@ def taken(parsed: ParsedLine, numbers: NumberMap, at_ns: int | None) -> Event | 
         CommandError: What it takes back does not lie together here.
     """
     event = parsed.event
-    if isinstance(event, Retracted) and parsed.number is not None:
-        ranges = numbers.ranges(event.first_event, event.last_event)
-        if len(ranges) > 1:
+    if parsed.number is not None:
+        told = renamed(event, numbers.ranges)
+        if len(told) > 1:
+            ranges = [(e.first_event, e.last_event) for e in told if isinstance(e, Retracted)]
             places = " and ".join(f"{first}..{last}" for first, last in ranges)
             raise CommandError(
                 f"it takes back events that lie apart in this log ({places}): import the whole "
                 "file into a new log"
             )
-        if not ranges:
+        if not told:
             return None
-        (first, last) = ranges[0]
-        event = replace(event, first_event=first, last_event=last)
-    if isinstance(event, SightingsThinned) and parsed.number is not None:
-        ((first, _),) = numbers.ranges(event.first_event, event.first_event) or ((0, 0),)
-        event = replace(event, first_event=first)
+        (event,) = told
     if event.happened_ns is None and at_ns is not None:
         event = replace(event, happened_ns=at_ns)
     return event

@@ -16,7 +16,7 @@ from semmap_log.io.progress import Progress
 from semmap_log.pseudonyms.pseudonyms import Pseudonyms
 from semmap_log.replay.replay import Scope
 from semmap_log.retelling.log_anew import LogAnew
-from semmap_log.retelling.new_numbers import NewNumbers
+from semmap_log.retelling.new_numbers import NewNumbers, renamed
 from semmap_log.store.header import LogInfo
 from semmap_log.store.reading.following import FollowedCommit
 
@@ -82,7 +82,7 @@ def _without_names(
     """Yield what is told of a commit, numbered from `first` on."""
     for recorded in followed:
         event = names.event(recorded.event)
-        for told in () if event is None else numbers.renamed(event):
+        for told in () if event is None else renamed(event, numbers.ranges):
             numbers.add(recorded.number, first)
             first += 1
             yield replace(told, happened_ns=recorded.happened_ns)

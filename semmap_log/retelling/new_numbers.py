@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
@@ -26,28 +26,32 @@ class NewNumbers:
         else:
             self._numbers[numbers] = np.arange(first, first + len(numbers))
 
-    def renamed(self, event: Event) -> Iterator[Event]:
-        """Yield what an event says with the numbers of the other log.
-
-        Of a retraction several where those that it reaches lie apart there, or none where none of
-        them is there; all others are one.
-        """
-        if isinstance(event, Retracted):
-            for first, last in self._ranges(event.first_event, event.last_event):
-                yield replace(event, first_event=first, last_event=last)
-        elif isinstance(event, SightingsThinned):
-            yield replace(event, first_event=self._of(event.first_event))
-        else:
-            yield event
-
-    def _of(self, number: int) -> int:
-        """Return the new number of an event; 0: it is not there."""
-        return max(0, int(self._numbers[number])) if 0 < number < len(self._numbers) else 0
-
-    def _ranges(self, first: int, last: int) -> Iterator[tuple[int, int]]:
+    def ranges(self, first: int, last: int) -> list[tuple[int, int]]:
+        """Return the new numbers of events `first` to `last` that are there, as few ranges."""
         there = self._numbers[first : last + 1]
         there = there[there >= 0]
         cuts = np.flatnonzero(np.diff(there) != 1) + 1
-        for start, end in pairwise([0, *cuts.tolist(), len(there)]):
-            if start < end:
-                yield int(there[start]), int(there[end - 1])
+        return [
+            (int(there[start]), int(there[end - 1]))
+            for start, end in pairwise([0, *cuts.tolist(), len(there)])
+            if start < end
+        ]
+
+
+def renamed(event: Event, ranges: Callable[[int, int], list[tuple[int, int]]]) -> list[Event]:
+    """Return what an event says with the numbers of another log.
+
+    Of a retraction several where those that it reaches lie apart there, or none where none of
+    them is there; all others are one.
+
+    Args:
+        event: The event.
+        ranges: Returns the numbers there of all events between two numbers, as ranges.
+    """
+    if isinstance(event, Retracted):
+        found = ranges(event.first_event, event.last_event)
+        return [replace(event, first_event=first, last_event=last) for first, last in found]
+    if isinstance(event, SightingsThinned) and event.first_event:
+        ((first, _),) = ranges(event.first_event, event.first_event) or [(0, 0)]
+        return [replace(event, first_event=first)]
+    return [event]

@@ -135,8 +135,8 @@ JOINS = (
     ),
     guard(
         "join: thinned sightings are not taken for those of another event",
-        "NewNumbers.renamed",
-        "replace(event, first_event=self._of(event.first_event))",
+        "new_numbers.renamed",
+        "replace(event, first_event=first)",
         "event",
         "test_join_horizon",
     ),

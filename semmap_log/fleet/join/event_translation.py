@@ -44,7 +44,7 @@ from semmap_log.domain.meaning import ALL_CHANGED, FIELDS, PLACING
 from semmap_log.domain.object_classes import CLASS
 from semmap_log.fleet.join.door_plan import DoorPlan
 from semmap_log.fleet.join.joined_logs import JoinedLog
-from semmap_log.retelling.new_numbers import NewNumbers
+from semmap_log.retelling.new_numbers import NewNumbers, renamed
 
 _QUICK = {kind.kind for kind in (DoorObserved, DoorRequested, DoorPassed, RobotPose)}
 """Kinds that are translated as columns."""
@@ -176,7 +176,7 @@ class EventTranslation:
             event = replace(event, door_id=DoorId(int(self._building[place])))
             return self._of_door(event, number)
         if isinstance(event, Retracted):
-            return self._numbers.renamed(event)
+            return renamed(event, self._numbers.ranges)
         if isinstance(event, (PatrolStarted, PatrolFinished)):
             return [replace(event, patrol=self._round(event.patrol))]
         if isinstance(event, RobotPose):
@@ -205,7 +205,7 @@ class EventTranslation:
         if isinstance(event, DoorAnnotated) and event.key == CLASS:
             return [replace(event, value=self._class(event.value))]
         if isinstance(event, SightingsThinned):
-            return self._numbers.renamed(event)
+            return renamed(event, self._numbers.ranges)
         return [event]
 
     def _class(self, name: str) -> str:
