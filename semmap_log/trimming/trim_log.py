@@ -13,7 +13,7 @@ from semmap_log.common.texts import command_line, counted
 from semmap_log.domain.commits import Note
 from semmap_log.domain.events import Event, HistoryTrimmed
 from semmap_log.door_log.opening import WritingOptions, append
-from semmap_log.errors import LogError
+from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.io.progress import Progress
 from semmap_log.replay.read_model.indexing import remove_stale_tables
 from semmap_log.store.form import RECOVERING_NAME, TORN_SUFFIX
@@ -31,6 +31,7 @@ from semmap_log.store.trimming.trimming import (
     trim_segments,
 )
 from semmap_log.store.zip_files import refuse_zip
+from semmap_log.trimming.copy_check import check_copy
 
 
 class TrimRule(Protocol):
@@ -91,7 +92,8 @@ def trim_log(
 ) -> TrimmedLog:
     """Take records out of a log for ever, and say so in it; where nothing can go, do nothing.
 
-    Stopped anywhere, the log is whole, and answers as before or as it will; do it again.
+    Stopped anywhere, the log is whole, and answers as before or as it will; do it again. Each
+    trimmed segment is read and verified before it takes the place of the old one.
 
     Args:
         log: Its folder.
@@ -103,7 +105,8 @@ def trim_log(
     Raises:
         LogLockedError: Somebody is writing.
         LogAccessError: The file system says no.
-        CorruptLogError: A segment is damaged; it stays as it is, and so do those behind it.
+        CorruptLogError: A segment is damaged, or its trimmed copy cannot be verified; it stays as
+            it is, and so do those after it.
         LogError: Some of what is to be redacted lies in a store only; or it is a zip file.
     """
     refuse_zip(log)
@@ -117,11 +120,19 @@ def trim_log(
         opened.append(
             chain(rule.told_before(), [replace(begun, tombstones=of_log(reader, ""))]), note=note
         )
-    done = trim_segments(log, rule.select, progress)
+    try:
+        done = trim_segments(log, rule.select, check_copy, progress)
+    except CorruptLogError:
+        _end(log, rule, note, writing)
+        raise
+    return TrimmedLog(done, _end(log, rule, note, writing), copies_of(log))
+
+
+def _end(log: Path, rule: TrimRule, note: Note, writing: WritingOptions | None) -> int:
+    """Record which records are gone now; return the number of the event that says so."""
     remove_stale_tables(log)
     with append(log, **(writing or {})) as opened:
-        appended = opened.append([_told(rule, LogReader(log))], note=note)
-    return TrimmedLog(done, appended.commit.last_event, copies_of(log))
+        return opened.append([_told(rule, LogReader(log))], note=note).commit.last_event
 
 
 def _refuse_elsewhere(reader: LogReader, rule: TrimRule) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from bisect import bisect_right
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import copy
 from itertools import pairwise
 from pathlib import Path, PurePath
@@ -117,16 +117,28 @@ class LogReader:
             LogAccessError: A segment cannot be read.
             LogError: Another log lies there now.
         """
-        before = self.segments
         if self._only is not None:
-            self.segments = [open_segment(self._only)]
+            segments = [open_segment(self._only)]
         else:
             found = self._files.look()
             self._check_same_log(found.segments[0])
-            self.segments, self.leftovers = found.segments, found.leftovers
-        if self.segments != before:
-            self._retractions, self._newer = None, None
-            self._latest_ns, self._is_in_order = None, False
+            segments, self.leftovers = found.segments, found.leftovers
+        if self.segments != segments:
+            self._set_segments(segments)
+
+    def with_copy(self, copied: Segment, sources: Sequence[Segment]) -> LogReader:
+        """Return the log with the copy of adjacent segments in their place."""
+        reader = copy(self)
+        first = self.segments.index(sources[0])
+        reader._set_segments(  # noqa: SLF001 - a reader, too
+            [*self.segments[:first], copied, *self.segments[first + len(sources) :]]
+        )
+        return reader
+
+    def _set_segments(self, segments: list[Segment]) -> None:
+        self.segments = segments
+        self._retractions, self._newer = None, None
+        self._latest_ns, self._is_in_order = None, False
 
     def anew(self) -> LogReader:
         """Return another reader of the same log, as it is now; what was read is read again.

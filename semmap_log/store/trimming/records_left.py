@@ -294,6 +294,8 @@ class RecordsLeft:
         (data,) = page.keyframes()
         left = self._selection.keyframe(data)
         sequence, time_ns = int(page.heads["sequence"][0]), int(page.heads["log_time"][0])
+        if sequence != (self._next_number() - 1) % SEQUENCE_RANGE:
+            return  # within a commit, after events that are gone: no reader would find its place
         is_needed = not self._has_keyframe or sequence == (self._horizon - 1) % SEQUENCE_RANGE
         if left is None and not is_needed:
             return
@@ -304,6 +306,10 @@ class RecordsLeft:
         data = data if left is None else left
         self._put(mcap.message(KEYFRAME_CHANNEL, sequence, time_ns, time_ns, data))
         self._flush()
+
+    def _next_number(self) -> int:
+        """Return the number that a reader expects next, after what is left so far."""
+        return self._next_event if self._run is None else self._run.next_event
 
     def _put(self, records: bytes | memoryview) -> None:
         self._end_run()

@@ -29,6 +29,10 @@ from semmap_log.store.trimming.trimmed_copy import TrimmedCopy, trimmed
 Select = Callable[[Segment], Selection | None]
 """Returns what is to be taken out of a segment; None: nothing."""
 
+CheckCopy = Callable[[LogReader, Segment], None]
+"""Takes the log as it would be, and the trimmed copy in it, before the copy is installed; raises
+CorruptLogError where the log could not be read or verified."""
+
 
 @dataclass(frozen=True, slots=True)
 class Trimming:
@@ -54,7 +58,9 @@ class Trimming:
         )
 
 
-def trim_segments(log: Path, select: Select, progress: Progress | None = None) -> Trimming:
+def trim_segments(
+    log: Path, select: Select, check: CheckCopy, progress: Progress | None = None
+) -> Trimming:
     """Take records out of the closed segments of a log.
 
     Stopped at any point, by whatever, each segment is as it was, or as it will be.
@@ -62,12 +68,14 @@ def trim_segments(log: Path, select: Select, progress: Progress | None = None) -
     Args:
         log: The log's folder.
         select: Says what goes.
+        check: Called for each copy before it is installed.
         progress: Told how many bytes of segments are done.
 
     Raises:
         LogLockedError: Somebody is writing.
         LogAccessError: The file system says no; what was done until then stays done.
-        CorruptLogError: A segment is damaged; it stays as it is, and so do those behind it.
+        CorruptLogError: A segment is damaged, or its copy fails `check`; it stays as it is, and so
+            do those after it.
     """
     folder = LogFolder.held(log)
     lock = WriterLock(folder)
@@ -76,7 +84,7 @@ def trim_segments(log: Path, select: Select, progress: Progress | None = None) -
         reader = LogReader(folder)
         at_once = 0.0  # what was merged into other files holds what goes, too
         MergedFiles.of(reader.segments, reader.leftovers).remove(folder, at_once)
-        return _trim(folder, select, progress)
+        return _trim(folder, select, check, progress)
     except LogAccessError:
         raise
     except OSError as error:
@@ -86,13 +94,21 @@ def trim_segments(log: Path, select: Select, progress: Progress | None = None) -
         lock.release()
 
 
-def _trim(folder: LogFolder, select: Select, progress: Progress | None) -> Trimming:
-    segments = [s for s in LogReader(folder).segments if s.closed and s.told is None]
+def _trim(
+    folder: LogFolder, select: Select, check: CheckCopy, progress: Progress | None
+) -> Trimming:
+    log = LogReader(folder)
+    segments = [s for s in log.segments if s.closed and s.told is None]
     done, total = 0, sum(segment.size for segment in segments)
     found = Trimming()
     for sources, selection in _steps(segments, select):
         if selection is not None:
-            found = _trim_one(folder, sources, selection, found)
+            with trimmed(folder, sources, selection) as copy:
+                if copy.left.is_changed:
+                    log = log.with_copy(copy.segment, sources)
+                    check(log, copy.segment)
+                    _install(folder, copy)
+                    found = found.with_more(copy.left, copy.writer.size)
         done += sum(segment.size for segment in sources)
         if progress is not None:
             progress(done, total)
@@ -110,16 +126,6 @@ def _steps(
             yield tuple(some), selection
         else:
             yield from (((segment,), selection) for segment in some)
-
-
-def _trim_one(
-    folder: LogFolder, sources: tuple[Segment, ...], selection: Selection, found: Trimming
-) -> Trimming:
-    with trimmed(folder, sources, selection) as copy:
-        if not copy.left.is_changed:
-            return found
-        _install(folder, copy)
-    return found.with_more(copy.left, copy.writer.size)
 
 
 def _install(folder: LogFolder, copy: TrimmedCopy) -> None:
