@@ -15,7 +15,7 @@ from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
 from semmap_log.store.verification import Severity, Verifier
-from semmap_log.store.verification.file_place import DiskPlace
+from semmap_log.store.verification.file_place import DiskPlace, OpenedFile
 
 
 def check_copy(log: LogReader, copy: Segment) -> None:
@@ -59,7 +59,7 @@ class _CopyPlace(DiskPlace):
         self._source = copy.source
 
     @contextmanager
-    def opened(self, _file: PurePath) -> Iterator[_CopyFile]:
+    def opened(self, _file: PurePath) -> Iterator[OpenedFile]:
         """Return the copy's bytes."""
         yield _CopyFile(self._source)
 

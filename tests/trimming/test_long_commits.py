@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +14,12 @@ from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import DoorAnnotated, DoorObserved, Event, RobotPose
 from semmap_log.errors import CorruptLogError
 from semmap_log.replay import written_state
-from semmap_log.replay.care import verify
+from semmap_log.replay.care import recover, verify
 from semmap_log.store import commit_records
 from semmap_log.store.compaction import repaging
 from semmap_log.store.kind_bits import KEYFRAME_BIT
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.trimming.records_left import RecordsLeft
 from semmap_log.trimming.redaction import Notes, Redaction, Tracks
 from semmap_log.trimming.repeated_sightings import Thinning
 from semmap_log.trimming.retention import Retention
@@ -33,6 +36,7 @@ RULES = {
     "keep": lambda log: Retention(LogReader(log), LogReader(log).last_log_time_ns() + 1),
 }
 DOORS = 4
+LONG_BEFORE = f"@{START_NS // SECOND_NS - 10**6}"
 
 
 @pytest.fixture(autouse=True)
@@ -49,7 +53,8 @@ def imported(path: Path, *, commits: int = 1) -> Path:
     clock = MinuteClock()
     with sl.create(path, tz="UTC", clock=clock, compact=False) as log:
         for door in range(DOORS):
-            log.add_door(x=float(door), y=0.0, theta=0.0, width=0.9, name=f"d{door}")
+            where = {"x": float(door), "y": 0.0, "theta": 0.0, "width": 0.9}
+            log.add_door(**where, name=f"d{door}", at=LONG_BEFORE)
         for part in range(commits):
             start_ns = START_NS - 10**5 * SECOND_NS * (commits - part)
             events = [_event(i, start_ns + i * 60 * SECOND_NS) for i in range(120)]
@@ -136,3 +141,55 @@ def test_a_copy_that_fails_its_check_takes_the_place_of_nothing(tmp_path: Path) 
     assert left[: len(before)] == before
     trim_log(log, RULES["tracks"](log))
     check_sound(log)
+
+
+@pytest.mark.parametrize("which", [1, 6, 8, 15, -1])
+def test_a_log_that_an_earlier_version_broke_is_recovered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, which: int
+) -> None:
+    """
+    That took a keyframe within a commit for the horizon: all that is left answers again.
+    """
+    log = imported(tmp_path / "log", commits=3)
+    questions = asked(log)
+    before = answers(log, questions)
+    horizon = keyframes_within_commits(log)[which]
+    later = [repr(one) for batch in LogReader(log).batches() for one in batch
+             if one.number >= horizon]  # fmt: skip
+    break_as_version_0_1_did(log, horizon, monkeypatch)
+    assert verify(log).exit_code == 4
+    assert answers(log, [{}]) == ["CorruptLogError"]
+
+    recovered = recover(log)
+
+    assert (recovered.plan.lost_events, recovered.plan.losses) == (0, ())
+    check_sound(log)
+    assert LogReader(log).horizon == horizon
+    for now, was in zip(answers(log, questions), before, strict=True):
+        assert now in (was, "HorizonError")
+    assert answers(log, [{}]) == before[:1]
+    left = [one for batch in sl.read(log).batches() for one in batch if one.number >= horizon]
+    assert [repr(replace(one, recorded_ns=0)) for one in left][: len(later)] == [
+        re.sub(r"recorded_ns=\d+", "recorded_ns=0", one) for one in later
+    ]
+    with sl.append(log) as opened:
+        opened.observe(1, "open")
+    assert sl.read(log).replay().doors[1].state is DoorState.OPEN
+    for kind in ("notes", "thin", "keep"):
+        trim_log(log, RULES[kind](log))
+        check_sound(log)
+
+
+def break_as_version_0_1_did(log: Path, horizon: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Move the horizon to a keyframe within a commit."""
+    rule = Retention(LogReader(log), START_NS * 2)
+    rule.horizon = horizon
+    with monkeypatch.context() as patch:
+        patch.setattr("semmap_log.trimming.trim_log.check_copy", lambda _log, _copy: None)
+        patch.setattr(RecordsLeft, "_next_number", _number_before_the_horizon)
+        with pytest.raises(CorruptLogError):
+            trim_log(log, rule)
+
+
+def _number_before_the_horizon(left: Any) -> int:
+    return left._horizon if left._has_keyframe else left._next_event

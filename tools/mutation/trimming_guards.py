@@ -56,7 +56,7 @@ TRIMMING = (
           "test_other_verbs"),
     guard("a recovered log begins with a beginning that is whole",
           "kept_beginning.kept_beginning",
-          "is_whole and trimmed is not None and trimmed.horizon",
+          "not damage and trimmed is not None and trimmed.horizon",
           "trimmed is not None", "test_other_verbs"),
     guard("a log whose beginning is gone knows of its horizon", "kept_beginning.kept_beginning",
           "told is None or not told.horizon", "True", "test_other_verbs"),

@@ -93,7 +93,7 @@ class _OpenCommit:
         before = self.before
         known = {} if before is None else {part.channel: part.digest for part in before.parts}
         lost = [self._part(channel, known) for channel in sorted(self.lacking | known.keys())]
-        if not lost:
+        if not lost and before is None:
             return None
         return Tombstone(
             said["first_event"],

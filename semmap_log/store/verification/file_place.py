@@ -131,7 +131,7 @@ class DiskPlace:
         return list(self.path.iterdir())
 
     @contextmanager
-    def opened(self, file: PurePath) -> Iterator[DiskFile]:
+    def opened(self, file: PurePath) -> Iterator[OpenedFile]:
         """Open a file; as `FilePlace.opened`."""
         fd = open_plainly(Path(file))
         try:
