@@ -19,6 +19,7 @@ from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandReusedError, InvalidEventError, LogPoisonedError
 from semmap_log.io.clock import KeptClock
 from semmap_log.replay.written_state import WrittenState
+from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.writing.writer_opening import OpenedLog
 
 POSES_WAIT_S = 1.0
@@ -130,8 +131,8 @@ class Appender:
             self.now.is_read = False
             return True
 
-    def find_command(self, command_id: bytes) -> Commit | None:
-        """Return the commit that a command became, if it is stored, however long ago.
+    def find_command(self, command_id: bytes) -> StoredCommand | None:
+        """Return a command, if it is stored, however long ago.
 
         Raises:
             CorruptLogError: A segment in which it may be is damaged.
@@ -194,18 +195,24 @@ class Appender:
             return None
         if not isinstance(command_id, bytes):
             raise InvalidEventError("command_id", "16 bytes", command_id)
-        known = self._writer.find(command_id)
-        if known is None:
+        found = self._writer.find(command_id)
+        if found is None:
             return None
-        stored = list(self.now.events_of(known))
-        if not command.is_stored_as(known, stored):
+        known, stored = found.commit, list(self.now.events_of(found.commit))
+        is_same = (
+            command.is_stored_as(known, stored)
+            if found.seal is None
+            else command.is_sealed_as(found)
+        )
+        if not is_same:
             raise CommandReusedError(
                 f"command {known.command_id.hex()} is stored already, as event "
                 f"{known.first_event}, and was another; a new command wants a new id."
             )
         poses = next((i for i, e in enumerate(stored) if not isinstance(e, RobotPose)), 0)
-        make_durable = self._writer.make_durable
-        return Appended(known, poses, True, stored[poses:], make_durable)
+        own, waited = command.own_count, poses if found.seal is None else found.seal.poses
+        before = waited if own is None else known.count - own
+        return Appended(known, before, True, stored[poses:], self._writer.make_durable)
 
     def _write(
         self,
@@ -228,7 +235,7 @@ class Appender:
             now.next_event + len(poses),
             now.now_ns if clock is None else clock.wall_ns,
             are_facts=are_facts,
-            horizon=lambda: now.reader.horizon,
+            past=now.past,
         )
         own: Sequence[Event | EventBatch] = ()
         try:

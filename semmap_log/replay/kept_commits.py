@@ -16,8 +16,8 @@ from semmap_log.replay.horizon import last_writes
 from semmap_log.store.reading.following import FollowedCommit, commits_after
 from semmap_log.store.reading.reader import LogReader
 
-NS_OF_ONE = 2
-"""So many log times a commit of one event takes."""
+NS_OF_ONE = 3
+"""So many log times a commit of one event and a note takes."""
 
 
 def kept_commits(

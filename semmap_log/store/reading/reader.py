@@ -287,14 +287,15 @@ class LogReader:
         self._check_order()
         if self.horizon and known_at_ns < self.horizon_ns:
             raise self.behind_horizon()
+        expired = self.horizon - 1  # all of that was known by then, whatever is left of it
         early = bisect_right(self.segments, known_at_ns, key=lambda s: s.recorded[0])
         for segment in reversed(self.segments[:early]):
             found = self._known_in(segment, known_at_ns)
             if segment.header.trimmed is not None:  # the first record may be gone
                 found = max(found, _known_by_commits(segment, known_at_ns))
             if found >= 0:
-                return found
-        return -1
+                return max(found, expired)
+        return expired
 
     def _known_in(self, segment: Segment, known_at_ns: int) -> int:
         """Return the last event of a segment whose commit has a record by then; -1: none."""
@@ -321,10 +322,11 @@ class LogReader:
             return recorded
         raise self.no_event(number)
 
-    def window_of(self, number: int) -> Window:
-        """Return the window of one event; what is left before the horizon can be shown, too."""
-        kinds = EVENT_BITS if number >= self.horizon else EVENT_BITS & ~EXPIRING_BITS
-        return Window(first_event=number, before_event=number + 1, kinds=kinds)
+    def window_of(self, first: int, last: int | None = None) -> Window:
+        """Return the window of one event, or of several; those left before the horizon included."""
+        kinds = EVENT_BITS if first >= self.horizon else EVENT_BITS & ~EXPIRING_BITS
+        end = (first if last is None else last) + 1
+        return Window(first_event=first, before_event=end, kinds=kinds)
 
     def commit_at(self, number: int) -> Commit:
         """Return the commit that holds an event, with its note.

@@ -7,22 +7,19 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-import numpy as np
-
 from semmap_log.domain.events import HistoryTrimmed
 from semmap_log.errors import LogAccessError
 from semmap_log.io.progress import Progress
 from semmap_log.store.bag_metadata import write_bag_metadata
 from semmap_log.store.compaction.merge import MergedFiles
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import TOMBSTONE_CHANNEL
 from semmap_log.store.header import TrimReason
-from semmap_log.store.kind_bits import TOMBSTONE_BIT
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.segment_reading import page_at, statistics_of
+from semmap_log.store.reading.segment_reading import statistics_of
 from semmap_log.store.reading.segment_scan import Segment
-from semmap_log.store.tombstone import TakenOut, Tombstone
+from semmap_log.store.reading.tombstones import tombstones
+from semmap_log.store.tombstone import TakenOut
 from semmap_log.store.trimming.records_left import RecordsLeft, Selection
 from semmap_log.store.trimming.trimmed_copy import TrimmedCopy, trimmed
 
@@ -208,9 +205,6 @@ def taken_out(reader: LogReader) -> TakenOut:
     """
     found = TakenOut()
     for segment in reader.segments:
-        for chunk in segment.chunks.having(TOMBSTONE_BIT).tolist():
-            page = page_at(segment, chunk)
-            for i in np.flatnonzero(page.heads["channel_id"] == TOMBSTONE_CHANNEL):
-                record = page.record(int(i))
-                found.add(Tombstone.in_record(record), record)
+        for tombstone, record in tombstones(segment):
+            found.add(tombstone, record)
     return found
