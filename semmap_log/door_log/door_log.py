@@ -546,6 +546,27 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             return entry
         raise self._reader.no_event(number)
 
+    def entry_or_state(self, number: int) -> HistoryEntry:
+        """Return the same; of an event that is no longer kept, what is left of it at the horizon.
+
+        That is an update with what it wrote of its door and no other event wrote since. When it was
+        recorded is not known: not after the horizon.
+
+        Raises:
+            LogError: There is no such event, or nothing is left of it.
+        """
+        from semmap_log.folds.history import HistoryEntry
+        from semmap_log.replay.horizon import last_writes
+
+        if number >= self._reader.horizon:
+            return self.entry(number)
+        left = [one for one in last_writes(self._reader) if one.number == number]
+        if not left:
+            return self.entry(number)
+        event, happened_ns = left[0].event, left[0].happened_ns
+        recorded_ns = max(happened_ns, self._reader.horizon_ns)
+        return HistoryEntry(number, event, happened_ns, recorded_ns, reason="no longer kept")
+
     def diff(self, first: Time, second: Time) -> Diff:
         """Return what is different at the second moment, and the events that did it.
 

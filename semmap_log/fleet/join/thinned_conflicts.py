@@ -24,7 +24,7 @@ def known_again_ns(joined: JoinedLogs, plan: DoorPlan) -> int:
     thinned = {log.name: runs for log in joined.logs if len(runs := _thinned(log, plan))}
     if not thinned or len(joined.logs) < 2:
         return -1
-    rows = {log.name: _states(log, plan) for log in joined.logs}
+    rows = {log.name: _states_of(log, plan) for log in joined.logs}
     return max(
         (
             known_ns
@@ -66,7 +66,7 @@ def _others(rows: dict[str, NDArray[np.void]], name: str) -> NDArray[np.void]:
     return _sorted(np.concatenate(found))
 
 
-def _states(log: JoinedLog, plan: DoorPlan) -> NDArray[np.void]:
+def _states_of(log: JoinedLog, plan: DoorPlan) -> NDArray[np.void]:
     """Return the states that a log tells of the building's doors, by door and time."""
     reader = log.opened
     hidden = reader.retractions()
