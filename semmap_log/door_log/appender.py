@@ -9,7 +9,7 @@ from dataclasses import replace
 from itertools import chain
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.commits import Commit
+from semmap_log.domain.commits import GIVEN_EVENTS, NO_CONTENT, Commit
 from semmap_log.domain.events import Event, RobotPose
 from semmap_log.door_log.appended import Appended
 from semmap_log.door_log.commands import WAITING_POSES, Command
@@ -225,6 +225,10 @@ class Appender:
     ) -> Appended:
         """Write a command's events behind the poses that wait, and take in what they change."""
         now, context = self.now, command.context
+        if context.command_id is None:
+            content = NO_CONTENT  # it will not be sent again
+        elif content == NO_CONTENT:
+            content = GIVEN_EVENTS
         if now.next_event != self._writer.next_event:
             now.take_in()
         if context.expected_event is not None:

@@ -43,8 +43,8 @@ class ChangeFinder:
         """Take note of the records in which the events of the next batch lie."""
         self._changes = {}
         found = page.events(doors=self._doors)
-        for first, last in _runs(page.event_numbers()):
-            first = max(first, self._reader.horizon)  # what doors were before is not known
+        for begin, last in _runs(page.event_numbers()):
+            first = max(begin, self._reader.horizon)  # what doors were before is not known
             if last < first:
                 continue
             self._take_in(

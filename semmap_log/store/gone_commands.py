@@ -3,8 +3,7 @@
 A *seal* keeps of a command: codes of what it asked for, when it was recorded, and which events it
 became. It lies in the Tombstone that stands for the events. The codes are HMACs under the command's
 id, of which no more than a digest is kept where the whole commit is gone: only who has the id can
-try contents against them. An id that a writer drew is never sent again, and is not kept; it shows
-in the id itself that it was drawn.
+try contents against them. An id that a writer drew is never sent again: nothing of it is kept.
 """
 
 from __future__ import annotations
@@ -12,44 +11,30 @@ from __future__ import annotations
 import hashlib
 import hmac
 import struct
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
 from semmap_log.common.late_dataclass import dataclass
-from semmap_log.domain.commits import NO_CONTENT, NOTE_TEXTS, Commit, Durability, Note
+from semmap_log.domain.commits import (
+    GIVEN_EVENTS,
+    NO_CONTENT,
+    NOTE_TEXTS,
+    Commit,
+    Durability,
+    Note,
+)
 from semmap_log.domain.events import DoorAnnotated, Event, FloorMap, RobotPose
 from semmap_log.messages import OBJECT_KINDS, decode, encode, fixed_layout
 from semmap_log.store.form import COMMIT_CHANNEL, NO_HASH
 from semmap_log.store.tombstone import LostPart, Tombstone
 
-_CHECK_BYTES = 6
 _CODE_BYTES = 7
 _SEAL = struct.Struct(f"<{_CODE_BYTES}s{_CODE_BYTES}sHQII")
 _MOST_POSES = 2**16 - 1
 _MOST_WAITING = 64
 UNKNOWN = bytes(_CODE_BYTES)
 """The code of a command whose events were taken out by a version that kept none."""
-
-
-def drawn_id(entropy: Callable[[int], bytes], size: int) -> bytes:
-    """Return a new id for a command that was given none.
-
-    Args:
-        entropy: Returns so many random bytes.
-        size: Bytes of an id.
-    """
-    start = entropy(size - _CHECK_BYTES)
-    return start + _check(start)
-
-
-def is_drawn(command_id: bytes) -> bool:
-    """Tell whether a writer drew an id; of random ids one in 2^48 looks so."""
-    return _check(command_id[:-_CHECK_BYTES]) == command_id[-_CHECK_BYTES:]
-
-
-def _check(start: bytes) -> bytes:
-    return hashlib.sha256(b"drawn" + start).digest()[:_CHECK_BYTES]
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +133,7 @@ class Content:
 
     def codes(self, command_id: bytes, content: bytes, note: Note) -> tuple[bytes, bytes]:
         """Return the codes with and without times."""
-        if content != NO_CONTENT:
+        if content not in (NO_CONTENT, GIVEN_EVENTS):
             code = _code(command_id, b"content" + content)
             return code, code
         if not self._count and self._pose is not None:

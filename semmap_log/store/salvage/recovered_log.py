@@ -10,11 +10,9 @@ from semmap_log.domain.events import Event, LogExported
 from semmap_log.io.clock import Clock
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.store.closed_mark import ClosedMark, write_mark
-from semmap_log.store.command_index import COMMAND_ID_BYTES
 from semmap_log.store.commit_records import CommitBuilder, Stamp
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import FLOOR_MAP_CHANNEL, ROLL_BYTES, ROLL_COMMITS, segment_name
-from semmap_log.store.gone_commands import drawn_id
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.salvage.kept_beginning import KeptBeginning
@@ -92,7 +90,7 @@ class NewLog:
             first_event=first,
             recorded_ns=recorded_ns,
             previous_hash=self.rewriter.head,
-            command_id=drawn_id(entropy, COMMAND_ID_BYTES),
+            command_id=entropy(16),
             wall_clock_ns=now_ns,
             monotonic_clock_ns=clock.monotonic_ns(),
             boot_id=clock.boot_id,

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.commits import Note
+from semmap_log.domain.commits import NO_CONTENT, Note
 from semmap_log.messages import layout, read_message, type_name, write_message
 from semmap_log.store import records as mcap
 from semmap_log.store.compaction.repaging import Pause, no_pause, pages
@@ -29,7 +29,7 @@ from semmap_log.store.form import (
     TOMBSTONE_CHANNEL,
     kind_of_channel,
 )
-from semmap_log.store.gone_commands import UNKNOWN, CommandSeal, Content, is_drawn, moved, part_of
+from semmap_log.store.gone_commands import UNKNOWN, CommandSeal, Content, moved, part_of
 from semmap_log.store.header import TrimReason
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.segment_scan import Segment
@@ -114,12 +114,13 @@ class _OpenCommit:
         )
 
     def seal(self, said: dict[str, Any]) -> bytes:
-        """Return the packed seal of its command; zeros: nobody can send it again, or not known.
+        """Return the packed seal of its command; zeros: nobody can send it again.
 
         Args:
             said: The fields of its Commit.
         """
-        if is_drawn(said["command_id"]):
+        content = bytes(said["content"])
+        if content == NO_CONTENT:
             return NO_HASH
         recorded_ns = said["log_time"] - said["count"] - bool(self.written_note)
         if self.before is not None:
@@ -129,7 +130,6 @@ class _OpenCommit:
         if self.written_note:
             texts = read_message(type_name("CommitNote"), self.written_note[mcap.MESSAGE.size :])
             note = Note(**(texts | {"salt": b""}))
-        content = bytes(said["content"])
         return self.content.seal(said["command_id"], content, note, recorded_ns).packed()
 
     def _part(self, channel: int, known: dict[int, bytes]) -> LostPart:

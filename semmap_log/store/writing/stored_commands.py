@@ -55,6 +55,9 @@ class StoredCommands:
         """Those of which nothing else is left."""
         self._take([(s.path.name, s.header.first_event, rows_of(s)) for s in segments if s.closed])
 
+    def __len__(self) -> int:
+        return len(self._rows)
+
     def add(self, name: str, first_event: int, rows: NDArray[np.uint64]) -> None:
         """Take in a segment that was closed since, the one after the last or the last continued.
 

@@ -17,7 +17,7 @@ from semmap_log.store.commit_records import CommitBuilder, Entropy, Stamp
 from semmap_log.store.compaction.background import KeepUp
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import NO_HASH
-from semmap_log.store.gone_commands import StoredCommand, drawn_id
+from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
@@ -183,7 +183,7 @@ class LogWriter:
         """
         self.check_usable()
         if command_id is None:
-            command_id = drawn_id(self.entropy, COMMAND_ID_BYTES)
+            command_id = self.entropy(COMMAND_ID_BYTES)
         elif len(command_id) != COMMAND_ID_BYTES:
             raise CommandError(f"a command id has {COMMAND_ID_BYTES} bytes, got {len(command_id)}.")
         self._busy = True
