@@ -9,6 +9,7 @@ read. The bodies of objects are not read here: they are streamed, and counted, b
 from __future__ import annotations
 
 import asyncio
+import atexit
 import os
 import sys
 import threading
@@ -25,6 +26,8 @@ T = TypeVar("T")
 
 MOST_GROWTH_BYTES = 2**27
 """The process may grow by so much during a request: some 700,000 listed objects."""
+_DROP_S, _END_S = 0.2, 2.0
+"""So long the process's end waits for a request that was dropped, and for others at most."""
 _LOOK_S = 0.02
 """Between two looks at the memory: a gigabyte a second is noticed within 20 MB."""
 
@@ -52,11 +55,16 @@ def answer_of(
                 raise OSError(f"its answer fills {most_bytes:,} bytes of memory, and has no end")
         return future.result()
     finally:
-        future.cancel()
+        if future.cancel():
+            _has_dropped.set()
 
 
 async def _awaited(request: Callable[[], Awaitable[T]]) -> T:
     return await request()
+
+
+_has_dropped = threading.Event()
+"""Set once a request was dropped."""
 
 
 @lru_cache(maxsize=1)
@@ -64,7 +72,25 @@ def _loop() -> asyncio.AbstractEventLoop:
     """Return the loop that requests run in, in a thread of its own."""
     loop = asyncio.new_event_loop()
     threading.Thread(target=loop.run_forever, name="semmap-log requests", daemon=True).start()
+    atexit.register(_let_requests_end)
     return loop
+
+
+def _let_requests_end() -> None:
+    """Wait until no thread of obstore's runs Python code.
+
+    After it has handed an answer over, such a thread takes the interpreter's lock once more. If the
+    interpreter ends before, Python up to 3.13 ends the thread, and with it, as it is not Python's
+    own, the process: by SIGABRT, after all is done.
+    """
+    end_s = time.monotonic() + _END_S
+    if _has_dropped.is_set():  # what is dropped is let go of a moment later
+        time.sleep(_DROP_S)
+    while time.monotonic() < end_s:
+        ours = {thread.ident for thread in threading.enumerate()}
+        if sys._current_frames().keys() <= ours:  # noqa: SLF001  nothing else tells of them
+            return
+        time.sleep(0.001)
 
 
 def _peak_bytes() -> int:
