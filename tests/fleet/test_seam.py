@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import multiprocessing
 import os
 from collections import Counter
@@ -174,6 +175,9 @@ IMPOSSIBLE: dict[str, Callable[[dict[str, Any]], object]] = {
     "events that are not counted": lambda all_: all_["segments"][-1].update(next_event=10**9),
     "fewer than none": lambda all_: all_["segments"][1]["counts"].update({"1": -1}),
     "times that go back": lambda all_: all_["segments"][1].update(recorded_ns=[9, 3]),
+    "a time without end": lambda all_: all_["segments"][1].update(happened_ns=[0, math.inf]),
+    "a time after all time": lambda all_: all_["segments"][1].update(happened_ns=[0, 2**63]),
+    "a size without end": lambda all_: all_.update(superseded=[["x.mcap", math.inf, None]]),
     "a head behind the end": lambda all_: all_["segments"][1].update(head_end=10**12),
     "no hash": lambda all_: all_["segments"][1].update(sha256="zz"),
     "a list of nothing": lambda all_: all_.update(segments=[]),
