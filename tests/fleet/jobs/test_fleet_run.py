@@ -236,6 +236,7 @@ def test_a_worker_that_comes_back_late_is_waited_for(made_fleet: Path, tmp_path:
     assert () == found.bad
 
 
+@pytest.mark.slow
 def test_logs_whose_worker_does_not_come_back_have_no_answer(
     made_fleet: Path, tmp_path: Path
 ) -> None:
