@@ -94,6 +94,8 @@ MANIFEST_NAME = "manifest.json"
 """Which segments lie in a store: `manifest`."""
 REMOVED_NAME = "shipped.json"
 """Which segments were removed from the disk once they were shipped: `removed_part`."""
+MOST_LIST_BYTES = 2**24
+"""Of a file that lists segments: these three. A manifest of 28,000 segments has as many."""
 KEPT_SUFFIX = ".kept"
 """Of the file that keeps what questions about all of a log need of a removed segment."""
 TORN_SUFFIX = ".torn"

@@ -23,6 +23,9 @@ try:
 except ImportError:  # Windows: nobody writes there, `check_can_write`
     fcntl: Any = None  # type: ignore[no-redef]
 
+_HOLDER_BYTES = 64
+"""Of the lock file's text: the number of a process."""
+
 
 class WriterLock:
     """Held until released or until the process ends, however it ends; the file may stay."""
@@ -110,7 +113,7 @@ def _no_lock_file(folder: LogFolder) -> LogAccessError:
 def _holder(folder: LogFolder) -> str:
     """Return who has the lock, as far as the lock file tells."""
     try:
-        holder = folder.read_bytes(LOCK_NAME).decode("ascii", "replace").strip()
+        holder = folder.read_bytes(LOCK_NAME, _HOLDER_BYTES).decode("ascii", "replace").strip()
     except OSError:
         holder = ""
     return f"process {holder}" if holder else "another process"

@@ -177,7 +177,7 @@ def test_nothing_is_learnt_twice(tmp_path: Path) -> None:
             while log._reader.last_event() < event:
                 log.observe(door, "open", accuracy=0.9)
             now_ns = log.now_ns()
-            learnt.p_open(log, event, [door], now_ns=now_ns, time_ns=now_ns)
+            learnt.p_open(log, event, door, now_ns=now_ns, time_ns=now_ns)
 
     (beliefs,) = {id(each.evidence): each for each in learnt._by_estimator.values()}.values()
     assert 5 == len(beliefs.evidence)

@@ -21,7 +21,7 @@ from semmap_log.errors import MomentError
 from semmap_log.fleet.jobs.asked_logs import ask_logs
 from semmap_log.fleet.jobs.care_jobs import InfoJob, VerifyJob
 from semmap_log.fleet.jobs.door_jobs import DoorMapJob, OpeningsJob, ProbabilitiesJob
-from semmap_log.fleet.jobs.engine import Engine
+from semmap_log.fleet.jobs.engine import TIMEOUT_S, Engine
 from semmap_log.fleet.jobs.engine_choice import WORKER_MEMORY, EngineChoice
 from semmap_log.fleet.jobs.fleet_answer import (
     FleetAnswer,
@@ -196,6 +196,7 @@ def fleet(
     scheduler: str = "",
     workers: int | None = None,
     memory: str = WORKER_MEMORY,
+    timeout_s: float = TIMEOUT_S,
     results: str | Path | None = None,
     fresh: bool = False,
 ) -> Fleet:
@@ -211,6 +212,7 @@ def fleet(
         scheduler: Address of a cluster that runs; empty: workers of this machine.
         workers: Of this machine; None: one a core.
         memory: Of each of them at most.
+        timeout_s: Where no worker answers for so long, the logs that are left have no answer.
         results: A folder where answers are kept; None: among the user's caches.
         fresh: Ask each log, whatever is kept.
 
@@ -220,5 +222,5 @@ def fleet(
     """
     places = log_places([urls] if isinstance(urls, str | PurePath) else urls)
     folder = default_folder() if results is None else Path(results)
-    choice = EngineChoice(engine, scheduler, workers, memory)
+    choice = EngineChoice(engine, scheduler, workers, memory, timeout_s)
     return Fleet(places, choice, folder, fresh=fresh)

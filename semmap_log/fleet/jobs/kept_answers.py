@@ -26,6 +26,8 @@ from semmap_log.io.checked_file import read_checked, write_checked
 FORMAT = 1
 SUFFIX = ".answer"
 _DIGITS = 16
+MOST_BYTES = 2**28
+"""Of an answer that is kept: a longer one is asked for again."""
 
 
 class KeptAnswers:
@@ -60,7 +62,7 @@ class KeptAnswers:
         path = self._files.get(_digits(place))
         if path is None:
             return None
-        data = read_checked(path)
+        data = read_checked(path, MOST_BYTES)
         if data is None:
             return None
         try:
@@ -74,7 +76,10 @@ class KeptAnswers:
             return None
 
     def keep(self, answer: LogAnswer) -> None:
-        """Keep an answer in the place of the log's last one; where that fails, do without."""
+        """Keep an answer in the place of the log's last one.
+
+        Where that fails, or the answer is too long, the log is asked again by the next run.
+        """
         assert answer.table is not None
         asked = answer.asked
         out = pa.BufferOutputStream()
@@ -83,6 +88,8 @@ class KeptAnswers:
         body = json.dumps(asdict(asked)).encode() + b"\n" + out.getvalue().to_pybytes()
         of = _digits(asked.place)
         path = self.folder / f"{of}-{asked.log_id[:_DIGITS]}-{asked.head[:_DIGITS]}{SUFFIX}"
+        if len(body) > MOST_BYTES:
+            return
         before = self._files.get(of)
         with suppress(OSError):
             write_checked(path, body)
