@@ -33,12 +33,13 @@ from semmap_log.replay.read_model.segment_tables import (
     tell,
     told_path,
 )
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.note_sources import SaidByCommits
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import batches_of
 from semmap_log.store.reading.segment_scan import Segment
 
-LOCK = ".lock"
 SAMPLED = 4096
 """Rows by which it is chosen how columns are stored."""
 
@@ -354,17 +355,13 @@ def _whole(path: Path) -> Iterator[Path]:
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
     """Hold the lock of a read model."""
-    import fcntl  # there is none on Windows, where nobody writes
-
-    fd = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
     try:
-        try:
-            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise LogLockedError(
-                f"{folder}: another process is making this index; it will be there soon."
-            ) from None
+        lock = WriterLock(LogFolder(folder))
+    except LogLockedError:
+        raise LogLockedError(
+            f"{folder}: another process is making this index; it will be there soon."
+        ) from None
+    try:
         yield
-        fcntl.flock(fd, fcntl.LOCK_UN)  # a child may still have the file open
     finally:
-        os.close(fd)
+        lock.release()
