@@ -231,6 +231,7 @@ def test_a_folder_that_a_stranger_has_locked(
     Who may only read it makes no socket there, so their lock keeps nobody out of it.
     """
     monkeypatch.setattr(addresses, "LOCKED_S", 0.0)
+    tmp_path.chmod(0o755)
 
     def lock() -> int:
         fd = os.open(".", os.O_RDONLY)

@@ -33,8 +33,6 @@ from semmap_log.replay.read_model.segment_tables import (
     tell,
     told_path,
 )
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.note_sources import SaidByCommits
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import batches_of
@@ -355,6 +353,9 @@ def _whole(path: Path) -> Iterator[Path]:
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
     """Hold the lock of a read model."""
+    from semmap_log.store.folder import LogFolder
+    from semmap_log.store.lock import WriterLock
+
     try:
         lock = WriterLock(LogFolder(folder))
     except LogLockedError:
