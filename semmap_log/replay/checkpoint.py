@@ -9,18 +9,21 @@ It is a cache, and never used unless it fits:
 - not a checkpoint, of another log, of another projection: an error, and the file is left alone;
 - damaged, of another version, or of events that the log does not hold (a backup was put back, and
   went on differently): a `CheckpointWarning`, and the fold begins at the log's start;
-- a retraction since then hides what it has taken in: the same, without a warning.
+- a retraction since then hides what it has taken in, or something was redacted since then, which
+  the state may still tell: the same, without a warning.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import re
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from semmap_log.domain.events import HistoryTrimmed
 from semmap_log.errors import CheckpointError, CheckpointWarning, OutputError
 from semmap_log.folds.projection import Dumping, Projection, name_of, version_of
 from semmap_log.io.disk import (
@@ -31,8 +34,11 @@ from semmap_log.io.disk import (
     replace_file,
 )
 from semmap_log.replay.plain_state import dump_plain, load_plain
-from semmap_log.replay.position import Position, Retraction
+from semmap_log.replay.position import NO_EVENT, Position, Retraction
+from semmap_log.store.header import TrimReason
+from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.window import Window
 
 S = TypeVar("S")
 
@@ -40,6 +46,9 @@ MAGIC = b"semmap-log checkpoint\n"
 FORM = 1
 """Of the file; another's checkpoints are not used."""
 DIGEST_BYTES = 32
+START_BYTES = 256
+"""Of a file: in them stands which log it is of."""
+_REDACTED = str(TrimReason.REDACTED.name).lower()
 
 
 class Checkpoint(Generic[S]):
@@ -88,6 +97,8 @@ class Checkpoint(Generic[S]):
             position, state = _position(head), self._load_state(stored)
         except ValueError as error:
             self._refuse(f"it is damaged: {error}")
+            return None
+        if _is_redacted_after(position, reader):
             return None
         if not position.is_in(reader):
             self._refuse(
@@ -149,6 +160,31 @@ class Checkpoint(Generic[S]):
         projection = self._projection
         state: S = projection.load(data) if isinstance(projection, Dumping) else load_plain(data)
         return state
+
+
+def log_id_of(start: bytes) -> str:
+    """Return the id of the log that a file is a checkpoint of, by its first bytes; "": it is none.
+
+    Args:
+        start: The first `START_BYTES` of the file.
+    """
+    found = re.match(re.escape(MAGIC) + rb'\{"form": \d+, "log_id": "([0-9a-f]{32})"', start)
+    return "" if found is None else found[1].decode()
+
+
+def _is_redacted_after(position: Position, reader: LogReader) -> bool:
+    """Tell whether something was redacted since then; the state may hold it."""
+    if position.event == NO_EVENT:
+        return False
+    window = Window(first_event=position.event + 1, kinds=bits_of_kinds([HistoryTrimmed]))
+    told = (one.event for batch in reader.batches(window) for one in batch)
+    own = f"{reader.info.log_id}:"
+    return any(
+        isinstance(event, HistoryTrimmed)
+        and event.tombstones.startswith(own)
+        and _REDACTED in event.reasons.split(", ")
+        for event in told
+    )
 
 
 def _taken_apart(data: bytes) -> tuple[dict[str, Any], bytes]:

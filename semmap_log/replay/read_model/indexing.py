@@ -157,6 +157,17 @@ def remove_stale_tables(log: Path) -> None:
         raise LogAccessError(f"{folder}: cannot be tidied: {error.strerror or error}.") from error
 
 
+def remove_stale_tables_alone(log: Path) -> None:
+    """Do the same as `remove_stale_tables`; nobody else makes tables meanwhile.
+
+    Raises:
+        LogLockedError: Somebody does, perhaps of segments as they were before they were trimmed.
+        LogAccessError: The file system does not let us.
+    """
+    with _alone(log / FOLDER):
+        remove_stale_tables(log)
+
+
 def index_state(reader: LogReader) -> IndexState | None:
     """Return how far the read model of a log is; None: it has none."""
     if not isinstance(reader.given, Path) or not (reader.given / FOLDER).is_dir():
