@@ -52,8 +52,8 @@ def trim(log: Path, rule: TrimRule, note: Note, *, dry_run: bool, as_json: bool)
 
 
 _UNKNOWN = (
-    "exports, backups and joined logs are not known here, nor what lies in other folders, in "
-    "stores and on other machines."
+    "not known here are exports, backups, joined logs, and copies in other folders, in stores or "
+    "on other machines."
 )
 
 

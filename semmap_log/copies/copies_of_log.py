@@ -26,8 +26,13 @@ from semmap_log.errors import LogError
 from semmap_log.fleet.answer_places import answers_of, default_folder
 from semmap_log.fleet.join.joining_logs import TEMPORARY as VIEW
 from semmap_log.fleet.join.joining_logs import is_view_of, views_of
-from semmap_log.formats.kept_scans.kept_visit import folder_beside
-from semmap_log.formats.kept_scans.visit_removal import VisitsInFile, take_out_visits, visits_in_file
+from semmap_log.formats.files.thesis_yaml import SAVED_SUFFIX
+from semmap_log.formats.kept_scans.kept_visit import FOLDER_SUFFIX
+from semmap_log.formats.kept_scans.visit_removal import (
+    VisitsInFile,
+    take_out_visits,
+    visits_in_file,
+)
 from semmap_log.io.object_cache import VARIABLE, ObjectCache
 from semmap_log.replay.read_model.indexing import remove_stale_tables_alone
 from semmap_log.replay.read_model.segment_tables import FOLDER as INDEX_FOLDER
@@ -166,12 +171,14 @@ def _is_of_log(name: str) -> bool:
 
 def _beside(log: Path, going: Going) -> Iterator[Copy]:
     """Yield what lies in the same folder as the log."""
-    yield from _scans(log, going)
-    recovering = recovery_beside(log.resolve())
+    folder = _as_given(log)
+    yield from _scans(folder, going)
+    recovering = recovery_beside(folder)
     if recovering.exists():
         line = command_line("recover", log)
         yield _left(recovering, "recovering", f"a recovery that was stopped; finish it: {line}")
-    for path, is_checkpoint in beside(log, going.log_ids):
+    for name, is_checkpoint in beside(log, going.log_ids):
+        path = folder.with_name(name)
         if path == recovering:
             continue
         if is_checkpoint:
@@ -179,19 +186,21 @@ def _beside(log: Path, going: Going) -> Iterator[Copy]:
         else:
             again = "take it out there as well, or remove it"
             yield _left(path, "copy", f"a copy of this log; {again}")
-    if going.saved_doors and (saved := _saved_in(log)).is_dir():
+    saved = folder.with_name(f"{folder.name}{SAVED_SUFFIX}")
+    if going.saved_doors and saved.is_dir():
         yield _left(saved, "saved", f"doors that a server saved, with their states; {_LOOK}")
 
 
-def _saved_in(log: Path) -> Path:
-    """Return the folder where `serve` saves doors unless another is given."""
+def _as_given(log: Path) -> Path:
+    """Return the path of a log, with its name; relative if it was given so, and no link."""
     folder = log.resolve()
-    return folder.with_name(folder.name + "_saved")
+    is_name = log.name == folder.name and log.parent.resolve() == folder.parent
+    return log if is_name else folder
 
 
-def _scans(log: Path, going: Going) -> Iterator[Copy]:
+def _scans(folder: Path, going: Going) -> Iterator[Copy]:
     """Yield the files of kept scans that hold what goes."""
-    for path in sorted(folder_beside(log).glob("*.mcap*")):
+    for path in sorted(folder.with_name(f"{folder.name}{FOLDER_SUFFIX}").glob("*.mcap*")):
         with suppress(OSError):
             found = visits_in_file(path, going.log_id, going.shows)
             if found is not None:

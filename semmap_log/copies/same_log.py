@@ -20,9 +20,9 @@ from semmap_log.store.zip_files import is_zip
 
 
 class SameLog(NamedTuple):
-    """A file or folder that holds what a log holds."""
+    """A file or folder beside a log that holds what it holds."""
 
-    path: Path
+    name: str
     is_checkpoint: bool
 
 
@@ -41,11 +41,11 @@ def beside(log: Path, log_ids: Container[str]) -> Iterator[SameLog]:
             continue
         if path.is_dir():
             if any(_id_of_segment(one) in log_ids for one in _segments_in(path)):
-                yield SameLog(path, is_checkpoint=False)
+                yield SameLog(path.name, is_checkpoint=False)
         elif log_id_of(_start_of(path, START_BYTES)) in log_ids:
-            yield SameLog(path, is_checkpoint=True)
+            yield SameLog(path.name, is_checkpoint=True)
         elif (_id_of_segment(path) or _id_in_zip(path)) in log_ids:
-            yield SameLog(path, is_checkpoint=False)
+            yield SameLog(path.name, is_checkpoint=False)
 
 
 def holds(folder: Path, log_ids: Container[str]) -> bool:

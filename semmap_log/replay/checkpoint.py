@@ -23,7 +23,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from semmap_log.domain.events import HistoryTrimmed
 from semmap_log.errors import CheckpointError, CheckpointWarning, OutputError
 from semmap_log.folds.projection import Dumping, Projection, name_of, version_of
 from semmap_log.io.disk import (
@@ -34,11 +33,8 @@ from semmap_log.io.disk import (
     replace_file,
 )
 from semmap_log.replay.plain_state import dump_plain, load_plain
-from semmap_log.replay.position import NO_EVENT, Position, Retraction
-from semmap_log.store.header import TrimReason
-from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.replay.position import Position, Retraction
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.window import Window
 
 S = TypeVar("S")
 
@@ -48,7 +44,6 @@ FORM = 1
 DIGEST_BYTES = 32
 START_BYTES = 256
 """Of a file: in them stands which log it is of."""
-_REDACTED = str(TrimReason.REDACTED.name).lower()
 
 
 class Checkpoint(Generic[S]):
@@ -98,7 +93,7 @@ class Checkpoint(Generic[S]):
         except ValueError as error:
             self._refuse(f"it is damaged: {error}")
             return None
-        if _is_redacted_after(position, reader):
+        if position.is_before_redaction(reader):
             return None
         if not position.is_in(reader):
             self._refuse(
@@ -170,21 +165,6 @@ def log_id_of(start: bytes) -> str:
     """
     found = re.match(re.escape(MAGIC) + rb'\{"form": \d+, "log_id": "([0-9a-f]{32})"', start)
     return "" if found is None else found[1].decode()
-
-
-def _is_redacted_after(position: Position, reader: LogReader) -> bool:
-    """Tell whether something was redacted since then; the state may hold it."""
-    if position.event == NO_EVENT:
-        return False
-    window = Window(first_event=position.event + 1, kinds=bits_of_kinds([HistoryTrimmed]))
-    told = (one.event for batch in reader.batches(window) for one in batch)
-    own = f"{reader.info.log_id}:"
-    return any(
-        isinstance(event, HistoryTrimmed)
-        and event.tombstones.startswith(own)
-        and _REDACTED in event.reasons.split(", ")
-        for event in told
-    )
 
 
 def _taken_apart(data: bytes) -> tuple[dict[str, Any], bytes]:

@@ -18,7 +18,7 @@ from mcap.reader import make_reader
 import semmap_log as sl
 from semmap_log.copies.copies_of_log import Action, Copy, plan_copies, take_out_of_copies
 from semmap_log.copies.going import Going
-from semmap_log.domain.events import DoorAnnotated, RobotPose
+from semmap_log.domain.events import RobotPose
 from semmap_log.fleet.answer_places import answer_name, default_folder
 from semmap_log.fleet.shipping import ship
 from semmap_log.formats.kept_scans.reading import kept_visits
@@ -35,6 +35,7 @@ from semmap_log.trimming.redaction import Notes, Part, Redaction, Tracks
 from tests.cli.test_verify import semmap
 from tests.copies.holders import holders
 from tests.formats.kept_scans.torn import chunks_at
+from tests.replay.projections import Texts
 from tests.scans.some_scans import LINE, seen_visit
 from tests.scans.some_visits import START_NS, S
 from tests.trimming.logs import MinuteClock
@@ -42,19 +43,6 @@ from tests.trimming.logs import MinuteClock
 NAME, ACTOR, PLACE = "Zoe Quist", "anna.k", 1234.0625
 GOES = [NAME.encode(), ACTOR.encode(), struct.pack("<d", PLACE)]
 REDACT = ("--actor", ACTOR, "--tracks", "--door", "1", "--key", "name")
-
-
-class Texts:
-    """A projection that holds what was said."""
-
-    name, version = "texts", 1
-
-    def initial(self) -> list[str]:
-        return []
-
-    def apply(self, state: list[str], batch: Any) -> list[str]:
-        said = [one.event.value for one in batch if isinstance(one.event, DoorAnnotated)]
-        return [*state, *said]
 
 
 def a_log(path: Path) -> Path:

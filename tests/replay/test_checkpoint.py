@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.events import DoorAnnotated, Retracted
+from semmap_log.domain.events import Retracted
 from semmap_log.errors import CheckpointError, CheckpointWarning, OutputError
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.trimming.redaction import Annotation, Redaction
 from semmap_log.trimming.trim_log import trim_log
-from tests.replay.projections import Digest, Numbers, Sums
+from tests.replay.projections import Digest, Numbers, Sums, Texts
 from tests.store.eventful import flip
 
 
@@ -231,19 +231,6 @@ def test_a_retraction_of_what_was_taken_in_begins_anew(
     assert (expected, []) == _fold(log_path, path)
 
 
-class _Texts:
-    """A projection that holds what was said of doors."""
-
-    name, version = "texts", 1
-
-    def initial(self) -> list[str]:
-        return []
-
-    def apply(self, state: list[str], batch: Any) -> list[str]:
-        said = [one.event.value for one in batch if isinstance(one.event, DoorAnnotated)]
-        return [*state, *said]
-
-
 def test_what_was_redacted_since_is_not_told(log_path: Path, path: Path) -> None:
     """
     The state held it; without a warning it is made of what is left, and takes its place.
@@ -251,7 +238,7 @@ def test_what_was_redacted_since_is_not_told(log_path: Path, path: Path) -> None
     with sl.append(log_path) as log:
         for key, value in (("owner", "Zoe"), ("kind", "fire door")):
             log.annotate(1, key, value)
-    assert ["Zoe", "fire door"] == sl.read(log_path).fold(_Texts(), checkpoint=path)
+    assert ["Zoe", "fire door"] == sl.read(log_path).fold(Texts(), checkpoint=path)
     reader = LogReader(log_path)
     parts = [Annotation(1, "owner")]
 
@@ -259,7 +246,7 @@ def test_what_was_redacted_since_is_not_told(log_path: Path, path: Path) -> None
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert ["fire door"] == sl.read(log_path).fold(_Texts(), checkpoint=path)
+        assert ["fire door"] == sl.read(log_path).fold(Texts(), checkpoint=path)
     assert b"Zoe" not in path.read_bytes()
     _observe(log_path)
     spy = _Spy()
