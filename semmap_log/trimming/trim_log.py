@@ -16,7 +16,6 @@ from semmap_log.door_log.opening import WritingOptions, append
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.io.progress import Progress
 from semmap_log.replay.read_model.indexing import remove_stale_tables
-from semmap_log.store.form import RECOVERING_NAME, TORN_SUFFIX
 from semmap_log.store.header import TrimReason
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
@@ -60,13 +59,11 @@ class TrimRule(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TrimmedLog:
-    """What was taken out of a log now, and what still lies elsewhere."""
+    """What was taken out of a log now."""
 
     done: Trimming
     event: int | None
     """Number of the event that tells of it; None: it was only counted."""
-    copies: tuple[Path, ...] = ()
-    """Files in and beside the log that may hold what was taken out."""
 
 
 def plan_trimming(log: Path, rule: TrimRule, progress: Progress | None = None) -> TrimmedLog:
@@ -79,7 +76,7 @@ def plan_trimming(log: Path, rule: TrimRule, progress: Progress | None = None) -
     refuse_zip(log)
     reader = LogReader(log)
     _refuse_elsewhere(reader, rule)
-    return TrimmedLog(count_selected(reader, rule.select, progress), None, copies_of(log))
+    return TrimmedLog(count_selected(reader, rule.select, progress), None)
 
 
 def trim_log(
@@ -113,7 +110,7 @@ def trim_log(
     reader = LogReader(log)
     _refuse_elsewhere(reader, rule)
     if not any(rule.select(segment) for segment in reader.segments) and not _is_begun(reader):
-        return TrimmedLog(Trimming(), None, copies_of(log))
+        return TrimmedLog(Trimming(), None)
     with append(log, **(writing or {})) as opened:
         reader = LogReader(log)
         begun = _told(rule, reader)
@@ -125,7 +122,7 @@ def trim_log(
     except CorruptLogError:
         _end(log, rule, note, writing)
         raise
-    return TrimmedLog(done, _end(log, rule, note, writing), copies_of(log))
+    return TrimmedLog(done, _end(log, rule, note, writing))
 
 
 def _end(log: Path, rule: TrimRule, note: Note, writing: WritingOptions | None) -> int:
@@ -166,14 +163,3 @@ def _is_begun(reader: LogReader) -> bool:
 
 def _told(rule: TrimRule, reader: LogReader) -> HistoryTrimmed:
     return told_of(reader, before=rule.before, rule=rule.words, reason=rule.reason)
-
-
-def copies_of(log: Path) -> tuple[Path, ...]:
-    """Return files of a log's folder that are no part of it, and may hold what was written once."""
-    return tuple(
-        sorted(
-            path
-            for path in log.iterdir()
-            if TORN_SUFFIX in path.name or path.name.startswith(("damaged-", RECOVERING_NAME))
-        )
-    )

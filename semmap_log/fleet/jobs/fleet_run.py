@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.errors import MomentError
+from semmap_log.fleet.answer_places import default_folder
 from semmap_log.fleet.jobs.asked_logs import ask_logs
 from semmap_log.fleet.jobs.care_jobs import InfoJob, VerifyJob
 from semmap_log.fleet.jobs.door_jobs import DoorMapJob, OpeningsJob, ProbabilitiesJob
@@ -32,7 +33,7 @@ from semmap_log.fleet.jobs.fleet_answer import (
 )
 from semmap_log.fleet.jobs.fold_job import FoldJob
 from semmap_log.fleet.jobs.job import Holds, Job
-from semmap_log.fleet.jobs.kept_answers import KeptAnswers, default_folder
+from semmap_log.fleet.jobs.kept_answers import KeptAnswers
 from semmap_log.fleet.jobs.lake_folder import lake_files, remove_earlier_files
 from semmap_log.fleet.jobs.lake_tables import commit_delta, commit_iceberg
 from semmap_log.fleet.jobs.log_answer import LogAnswer, LogQuestion
