@@ -181,8 +181,6 @@ SIZES = (
     guard("limit of an lz4 chunk", "_decompress_lz4", "max_length=size + 1", "", "test_guards"),
     guard("limit of an event's record", "CommitBuilder._object",
           "len(record) > MOST_EVENT_BYTES", "False", "test_writer"),
-    guard("limit of a note's texts", "_check_length",
-          "said > MOST_NOTE_CHARACTERS", "False", "test_writer"),
     guard("limit of a packed index", "header._unpacked",
           "unpacker.decompress(data, most + 1)", "unpacker.decompress(data)",
           "test_index"),
