@@ -12,7 +12,7 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.commits import GIVEN_EVENTS, NO_CONTENT, Commit
 from semmap_log.domain.events import Event, RobotPose
 from semmap_log.door_log.appended import Appended
-from semmap_log.door_log.commands import WAITING_POSES, Command
+from semmap_log.door_log.commands import WAITING_POSES, Command, TakenOver
 from semmap_log.door_log.current_map import CurrentMap
 from semmap_log.door_log.early_warnings import EarlyWarnings
 from semmap_log.door_log.validator import Validator
@@ -225,10 +225,11 @@ class Appender:
     ) -> Appended:
         """Write a command's events behind the poses that wait, and take in what they change."""
         now, context = self.now, command.context
-        if context.command_id is None:
-            content = NO_CONTENT  # it will not be sent again
-        elif content == NO_CONTENT:
-            content = GIVEN_EVENTS
+        if not isinstance(command, TakenOver):  # which has the content of its own log
+            if context.command_id is None:
+                content = NO_CONTENT  # it will not be sent again
+            elif content == NO_CONTENT:
+                content = GIVEN_EVENTS
         if now.next_event != self._writer.next_event:
             now.take_in()
         if context.expected_event is not None:

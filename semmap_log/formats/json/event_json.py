@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import RecordedEvent
-from semmap_log.domain.commits import GIVEN_EVENTS, NO_CONTENT, Commit
+from semmap_log.domain.commits import NO_CONTENT, Commit
 from semmap_log.domain.doors import DoorState, is_given
 from semmap_log.domain.events import (
     KINDS,
@@ -70,7 +70,7 @@ def line_to_json(event: RecordedEvent, commit: Commit, *, retracted: bool) -> di
     shown["command_id"] = commit.command_id.hex()
     if commit.count > 1:
         shown["commit"] = [commit.first_event, commit.last_event]
-    if commit.content not in (NO_CONTENT, GIVEN_EVENTS):
+    if commit.content != NO_CONTENT:
         shown["content"] = commit.content.hex()
     if retracted:
         shown["retracted"] = True

@@ -368,11 +368,13 @@ class LogReader:
 
     @property
     def horizon_ns(self) -> int:
-        """When the last event before the horizon was recorded; -1: all can be asked about."""
+        """When the last commit before the horizon was closed; -1: all can be asked about."""
         if not self.horizon:
             return -1
         place = self.horizon_place()
-        return int(self.segments[place.segment].chunks.rows["start_ns"][place.chunk])
+        if not place.chunk:
+            return self.segments[0].recorded[1]
+        return int(self.segments[place.segment].chunks.rows["end_ns"][place.chunk - 1])
 
     def horizon_place(self) -> ChunkPlace:
         """Return where the keyframe lies that tells the state at the horizon.
