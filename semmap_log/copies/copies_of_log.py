@@ -22,7 +22,7 @@ from pathlib import Path, PurePath
 from semmap_log.common.texts import command_line, counted
 from semmap_log.copies.going import EVER, Going
 from semmap_log.copies.same_log import beside, holds
-from semmap_log.errors import LogError
+from semmap_log.errors import FormatError, LogError
 from semmap_log.fleet.answer_places import answers_of, default_folder
 from semmap_log.fleet.join.joining_logs import TEMPORARY as VIEW
 from semmap_log.fleet.join.joining_logs import is_view_of, views_of
@@ -201,10 +201,15 @@ def _as_given(log: Path) -> Path:
 def _scans(folder: Path, going: Going) -> Iterator[Copy]:
     """Yield the files of kept scans that hold what goes."""
     for path in sorted(folder.with_name(f"{folder.name}{FOLDER_SUFFIX}").glob("*.mcap*")):
-        with suppress(OSError):
+        try:
             found = visits_in_file(path, going.log_id, going.shows)
-            if found is not None:
-                yield from _scans_in(found, going)
+        except FormatError as error:
+            if going.removes_scans:
+                why = str(error).removeprefix(f"{path}: ").rstrip(".")
+                yield _left(path, "scans", f"it cannot be read ({why}); {_LOOK}")
+            continue
+        if found is not None:
+            yield from _scans_in(found, going)
 
 
 def _scans_in(found: VisitsInFile, going: Going) -> Iterator[Copy]:
@@ -223,7 +228,10 @@ def _scans_in(found: VisitsInFile, going: Going) -> Iterator[Copy]:
 
 def _caches(going: Going) -> Iterator[Copy]:
     """Yield what this user's caches hold."""
-    for path in answers_of(going.log_id, default_folder()):
+    answers: list[Path] = []
+    with suppress(RuntimeError):  # this user has no home, and so no answers
+        answers = list(answers_of(going.log_id, default_folder()))
+    for path in answers:
         yield Copy(path, "answer", Action.REMOVED, "an answer of a fleet question", path.unlink)
     cache = Path(os.environ.get(VARIABLE, "") or os.devnull)
     if not cache.is_dir():

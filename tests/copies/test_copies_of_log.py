@@ -256,14 +256,17 @@ def test_scans_that_cannot_be_read(log: Path) -> None:
     log_id = sl.read(log).info.log_id
     other.write_bytes(other.read_bytes().replace(log_id.encode(), b"0" * 32))
     (other.parent / "notes.txt").write_text("mine")
+    os.mkfifo(other.parent / "pipe.mcap")
     part = redaction(log, Tracks(), before=5)
 
-    (named,) = copies_by_kind(take_out_of_copies(log, part, is_trimmed=True), "scans")
+    named, pipe = copies_by_kind(take_out_of_copies(log, part, is_trimmed=True), "scans")
     assert (damaged, Action.LEFT) == (named.path, named.action)
     assert "it is damaged" in named.text
+    assert "it cannot be read (expected a regular file, got a named pipe)" in pipe.text
 
     take_out_of_copies(log, redaction(log, Tracks()), is_trimmed=True)
-    assert {other.name, "notes.txt"} == {path.name for path in other.parent.iterdir()}
+    assert {other.name, "notes.txt", "pipe.mcap"} == {
+        path.name for path in other.parent.iterdir()}  # fmt: skip
 
 
 def test_while_somebody_writes_scans_are_left(log: Path) -> None:
@@ -326,6 +329,17 @@ def test_the_log_that_a_log_was_recovered_from(
     )
 
     assert [log] == [one.path for one in copies_by_kind(copies, "copy")]
+
+
+def test_a_user_without_a_home(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    As a service may be: nothing is kept for it.
+    """
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.delenv("HOME", raising=False)
+    monkeypatch.setattr("pwd.getpwuid", {}.__getitem__)
+
+    assert [] == plan_copies(log, redaction(log, Tracks()), is_trimmed=True)
 
 
 def test_other_logs_and_files_are_no_copies(

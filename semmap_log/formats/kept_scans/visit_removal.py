@@ -50,7 +50,7 @@ def visits_in_file(path: Path, log_id: str, goes: Goes) -> VisitsInFile | None:
         goes: Tells whether a visit goes.
 
     Raises:
-        OSError: It cannot be opened.
+        FormatError: It cannot be opened.
     """
     going, robots, problem = 0, set[str](), ""
     staying: defaultdict[Laser, list[tuple[int, int]]] = defaultdict(list)
