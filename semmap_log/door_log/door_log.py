@@ -555,11 +555,11 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             LogError: There is no such event, or nothing is left of it.
         """
+        if number >= self._reader.horizon:
+            return self.entry(number)
         from semmap_log.folds.history import HistoryEntry
         from semmap_log.replay.horizon import last_writes
 
-        if number >= self._reader.horizon:
-            return self.entry(number)
         left = [one for one in last_writes(self._reader) if one.number == number]
         if not left:
             return self.entry(number)
