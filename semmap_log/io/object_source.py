@@ -126,13 +126,13 @@ class ObjectSource:
         """Return ranges one behind the other; as `ByteSource.read_ranges`."""
         clipped = [(max(0, start), min(end, self.size)) for start, end in ranges]
         wanted = [(start, end) for start, end in clipped if start < end]
-        self._check_length(sum(end - start for start, end in wanted))
+        self._check_piece(sum(end - start for start, end in wanted))
         needed = sorted({block for start, end in wanted for block in _blocks(start, end)})
         blocks = self._fetched(needed)
         parts = [part for start, end in wanted for part in _cut(blocks, start, end)]
         return memoryview(b"".join(parts))
 
-    def _check_length(self, length: int) -> None:
+    def _check_piece(self, length: int) -> None:
         """Check that one read takes no more than the memory has room for.
 
         Raises:

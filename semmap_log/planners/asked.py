@@ -58,7 +58,7 @@ def read_words(words: Sequence[Word], command_id: bytes | None = None) -> AskedQ
     """
     if not words:
         raise QuestionError(f"expected a question such as {BY_NAME['DOOR_OPEN'].form}, got none")
-    _check_length(words)
+    _check_words(words)
     name = words[0]
     question = BY_NAME.get(name) if isinstance(name, str) else None
     if question is None:
@@ -70,7 +70,7 @@ def read_words(words: Sequence[Word], command_id: bytes | None = None) -> AskedQ
     return _Reader(question, list(words[1:])).read(command_id)
 
 
-def _check_length(words: Sequence[Word]) -> None:
+def _check_words(words: Sequence[Word]) -> None:
     """Check that a question has no more words than one may, and none that is too long.
 
     Raises:

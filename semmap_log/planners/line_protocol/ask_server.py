@@ -96,9 +96,11 @@ class AskServer:
         self._ending = False
         self._failure: Exception | None = None
         self._actions = ThreadPoolExecutor(ACTIONS_AT_ONCE, "ask-action")
+        self._reading = Turns("ask-reading", rest=1.0)
         self._look_ups = Turns("ask-look-up")
         self._forecasts = Turns("ask-forecast")
         """What is likely takes many times longer to tell than what was so."""
+        self._turns = (self._reading, self._look_ups, self._forecasts)
         self._waker, self._woken = socket.socketpair()
         self._is_woken = False
         self._admission = Admission(listener.socket, most_clients)
@@ -122,8 +124,8 @@ class AskServer:
             self._wake()
         self._thread.join()
         self._actions.shutdown()
-        self._look_ups.close()
-        self._forecasts.close()
+        for turns in self._turns:
+            turns.close()
         self._waker.close()  # not before: whoever still has an answer wakes us
         self._woken.close()
 
@@ -235,7 +237,7 @@ class AskServer:
             return
         if len(data) > SHORT_LINE:
             connection.is_busy = True
-            self._look_ups.add(connection, self._read_by_turns(connection, data))
+            self._reading.add(connection, self._read_by_turns(connection, data))
             return
         try:
             line = self._known_lines.get(data) or self._read(data)

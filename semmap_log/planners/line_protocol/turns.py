@@ -22,12 +22,15 @@ class Turns:
     least: so one that asks now and then waits for one part of another's work, and no longer.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, *, rest: float = 0.0) -> None:
         """Begin.
 
         Args:
             name: Of the thread.
+            rest: After each part it rests for so many times as long as the part took: of work that
+                only who floods has much of, so that others have the interpreter meanwhile.
         """
+        self._rest = rest
         self._waiting: list[tuple[float, int, Connection, Work]] = []
         self._used_s: WeakKeyDictionary[Connection, float] = WeakKeyDictionary()
         self._least_s = 0.0
@@ -60,11 +63,14 @@ class Turns:
             used_s, _, client, work = chosen
             begun_s = time.monotonic()
             is_over = client.is_gone or _is_over(work)
-            used_s += time.monotonic() - begun_s
+            took_s = time.monotonic() - begun_s
+            used_s += took_s
             with self._changed:
                 self._used_s[client] = used_s
                 if not is_over:
                     self._put(client, work, used_s)
+            if self._rest:
+                time.sleep(self._rest * took_s)
 
     def _next(self) -> tuple[float, int, Connection, Work] | None:
         """Return whose turn it is, once it is somebody's; None: there is no more to do."""
