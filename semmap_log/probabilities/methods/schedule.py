@@ -82,7 +82,7 @@ class DoorSchedule:
         if len(self._seen_h):
             row = self._days_told.row(known_ns)
             hour = (self._clock.wall_s(times_ns) % DAY_S // HOUR_S).astype(np.int64)
-            age_d = self._clock.hour_of(known_ns) // 24 - (self._tables.first_day + row)
+            age_d = self._clock.hour_of(known_ns) // 24 - self._days_told.midnights[row]
             is_known = (self._seen_h[row, hour] >= LEAST_H) & (age_d <= STALE_D)
         return Expected(
             self.p_open(times_ns, known_ns),
@@ -126,7 +126,7 @@ class DoorSchedule:
         Of the first midnight nothing is known: it is the same where nothing ever is.
         """
         day, in_day_s = np.divmod(wall_s, DAY_S)
-        lead = lead_of(np.maximum(day - (self._tables.first_day + row), 0))
+        lead = lead_of(np.maximum(day - self._days_told.midnights[row], 0))
         cells = WeekCells(
             row, day.astype(np.int64) % DAYS_IN_WEEK, (in_day_s // HOUR_S).astype(np.int64)
         )
@@ -180,8 +180,7 @@ class _OfLead:
 
     def days_at(self, cells: WeekCells) -> Table:
         """Return days of evidence behind it, (n,)."""
-        row, weekday, hour = cells
-        found: Table = (self._worth[row] * self._days[row, :, weekday, hour]).sum(1)
+        found: Table = (self._worth[cells.row] * self._days.at(cells)).sum(1)
         return found
 
 

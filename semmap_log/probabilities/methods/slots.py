@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.probabilities.evidence.day_rows import DayRows
 from semmap_log.probabilities.evidence.day_tables import HALF_LIFE_D, DayTables
 from semmap_log.probabilities.forecast import LEAST, MOST
 from semmap_log.probabilities.local_clock import DAYS_IN_WEEK
@@ -57,7 +58,9 @@ class SlotRates:
     """P(open) of blocks by what was seen of them alone."""
 
     def __init__(self, tables: DayTables) -> None:
-        opened, known = discounted(weekly_sums(tables), HALF_LIFE_D).swapaxes(0, 1)
+        opened, known = discounted(
+            weekly_sums(tables), tables.rows.lasts_d, HALF_LIFE_D
+        ).swapaxes(0, 1)
         self.opened, self.known = _blocks(opened), _blocks(known)
         """(rows, 7, 24, blocks), in weeks."""
 
@@ -92,7 +95,8 @@ class Slots:
         week = trials.weeks_before(trials.row, trials.weekday)
         mixed = (self._shares[week, trials.weekday] * own).sum(-1)
         mixed = said + self._earned[week, trials.weekday] * (mixed - said)
-        self._heard = _heard(trials.gain(mixed[..., None], said[..., None]).sum((1, 2)), lead_d)
+        gain = trials.gain(mixed[..., None], said[..., None]).sum((1, 2))
+        self._heard = _heard(gain, tables.rows, lead_d)
         """(rows,)."""
 
     def at(self, cells: WeekCells, schedule: Tables) -> OfSlots:
@@ -133,7 +137,7 @@ class _Trials(NamedTuple):
             row >= 0,
             opened,
             known - opened,
-            int(tables.first_day % DAYS_IN_WEEK),
+            int(tables.rows.midnights[0] % DAYS_IN_WEEK),
         )
 
     def gain(self, p_open: Tables, other: Tables) -> Tables:
@@ -186,11 +190,16 @@ def _weights(gain: Tables, trials: _Trials) -> Tables:
     return earned
 
 
-def _heard(gain: Tables, lead_d: int) -> Tables:
-    """Return (rows,): how far slots are heard, who gained so much on each day."""
+def _heard(gain: Tables, rows: DayRows, lead_d: int) -> Tables:
+    """Return (rows + 1,): how far slots are heard, who gained so much on each day."""
     share = HEARD_SHARE / (1 + lead_d)
     found = [HEARD]
-    for nats in np.clip(gain / (1 + lead_d / DAYS_IN_WEEK), -_MOST_NATS, _MOST_NATS).tolist():
-        odds = found[-1] / (1 - found[-1]) * math.exp(nats)
+    nats = np.clip(gain / (1 + lead_d / DAYS_IN_WEEK), -_MOST_NATS, _MOST_NATS)
+    days = zip(nats.tolist(), rows.is_gap.tolist(), rows.lasts_d.tolist(), strict=True)
+    for of_day, is_gap, lasts_d in days:
+        if is_gap:
+            found.append(HEARD + (1 - share) ** lasts_d * (found[-1] - HEARD))
+            continue
+        odds = found[-1] / (1 - found[-1]) * math.exp(of_day)
         found.append((1 - share) * odds / (1 + odds) + share * HEARD)
     return np.array(found)
