@@ -89,12 +89,13 @@ def test_a_gap_leaves_out_whole_weeks() -> None:
     """
     So the weekday of each row follows on that of the row before.
     """
-    rows = DayRows.of(np.array([3, 1000, 5001]), np.array([10, 1004, 5001]), after=2, before=56)
+    rows = DayRows.of(np.array([3, 1000, 5001]), np.array([10, 1004, 5001]), weekly=True)
 
     assert ((np.diff(rows.midnights) - 1) % 7 == 0).all()
-    assert [13, 1007] == rows.days[rows.is_gap].tolist()
-    assert {*range(3, 14), *range(944, 1008), *range(4945, 5002)} <= {*rows.days.tolist()}
-    assert rows.midnights[-1] == 5002
+    assert [11, 1005] == rows.days[rows.is_gap].tolist()
+    assert {*range(3, 12), *range(1000, 1006), 5001} <= {*rows.days.tolist()}
+    assert 11 + 5 + 1 <= len(rows) <= 11 + 5 + 1 + 2 * 6
+    assert 5002 == rows.midnights[-1]
 
 
 def test_a_gap_that_is_not_long_has_all_rows() -> None:
@@ -102,9 +103,7 @@ def test_a_gap_that_is_not_long_has_all_rows() -> None:
     `LONGEST_GAP_D` days between two; with one more, one row stands for what is left.
     """
     last = 1 + day_rows.LONGEST_GAP_D
-    ends = np.array([0, last])
-
-    whole, cut = DayRows.of(ends, ends), DayRows.of(ends + [0, 1], ends + [0, 1])
+    whole, cut = (DayRows.of(ends, ends) for ends in np.array([[0, last], [0, last + 1]]))
 
     assert list(range(last + 1)) == whole.days.tolist()
     assert [0, 1, last + 1] == cut.days.tolist()

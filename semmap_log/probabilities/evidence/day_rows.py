@@ -1,13 +1,14 @@
 """Local days as the rows of a table, in which a long gap between them takes few rows.
 
 What is known of a door may lie years apart: the robot's clock showed 1970 before it was set, or the
-robot was stored. A table has a row for each day, so that a day's neighbours are the rows beside it;
-but of a gap of more than `LONGEST_GAP_D` days it has only some of the first and of the last ones,
-and one row that stands for all between these. Nothing is known of them, so that what they make of a
+robot was stored. A table has a row for each day; but of a gap of more than `LONGEST_GAP_D` days it
+has few, and one that stands for all others. Nothing is known of them, so that what they make of a
 value has a closed form. So a table costs what is known, not the time that it spans.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,15 @@ Days = NDArray[np.int64]
 
 LONGEST_GAP_D = 84
 """So many days of which nothing is known all have rows of their own."""
+
+
+class Lag(NamedTuple):
+    """Midnights before those of some rows."""
+
+    row: NDArray[np.intp]
+    """(rows,): the last one that is not later; -1: there is none."""
+    idle_d: Days
+    """(rows,): how many days of a gap lie between the two; mostly 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,23 +47,23 @@ class DayRows:
         return cls(first_day + np.arange(count + 1, dtype=np.int64), np.zeros(count, np.bool_))
 
     @classmethod
-    def of(cls, first: Days, last: Days, *, after: int = 0, before: int = 0) -> DayRows:
+    def of(cls, first: Days, last: Days, *, after: int = 0, weekly: bool = False) -> DayRows:
         """Return the rows of times of which something is known, and of what lies between them.
 
         Args:
             first: (n,), the first day of each time, in any order; at least one.
             last: (n,), the last day of each.
             after: So many of a long gap's first days have rows.
-            before: At the least so many of its last days have. With any, whole weeks are left out,
-                so that each row is of the weekday that follows on that of the row before.
+            weekly: Only whole weeks are left out, so that each row is of the weekday that follows
+                on that of the row before.
         """
         order = np.argsort(first, kind="stable")
         starts, ends = first[order], np.maximum.accumulate(last[order])
         is_long = starts[1:] - ends[:-1] - 1 > LONGEST_GAP_D
-        week = DAYS_IN_WEEK if before else 1
         gap = ends[:-1][is_long] + 1 + after
-        begin = starts[1:][is_long] - before
-        begin -= (begin - gap - 1) % week
+        begin = starts[1:][is_long]
+        if weekly:
+            begin = begin - (begin - gap - 1) % DAYS_IN_WEEK
         runs = zip([starts[0], *begin], [*gap, ends[-1]], strict=True)
         days = np.concatenate([np.arange(a, b + 1, dtype=np.int64) for a, b in runs])
         return cls(np.append(days, days[-1] + 1), np.isin(days, gap))
@@ -75,8 +85,14 @@ class DayRows:
         """Return the first rows."""
         return DayRows(self.midnights[: count + 1], self.is_gap[:count])
 
+    def before(self, lead_d: int) -> Lag:
+        """Return what stands for the midnight so many days before each row's."""
+        days = self.days - lead_d
+        row = self.row(days)
+        return Lag(row, np.where((row >= 0) & self.is_gap[row], days - self.days[row], 0))
+
     def row(self, days: Days) -> NDArray[np.intp]:
-        """Return the row of each day, (n,): -1 before the first, and their number after the last."""
+        """Return the row of each day, (n,): -1 before the first, `len(self)` after the last."""
         return np.searchsorted(self.midnights, days, "right") - 1
 
     def place(self, hours: NDArray[np.int64]) -> NDArray[np.intp]:

@@ -18,8 +18,6 @@ Table = NDArray[np.float64]
 
 HALF_LIFE_D = 56.0
 """Days after which a day counts half, where one half-life has to do."""
-FARTHEST_D = 56
-"""Of each day that is known the rows of so many days before it are the rows before its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +97,7 @@ def _rows(evidence: DoorEvidence, clock: LocalClock) -> DayRows:
         clock.hour_of(np.concatenate([times_ns, *at_once])) // 24
         for times_ns in (evidence.start_ns, evidence.end_ns)
     )
-    return DayRows.of(first, last, before=FARTHEST_D)
+    return DayRows.of(first, last, weekly=True)
 
 
 def _covered_ns(start_ns: Times, end_ns: Times, hours: Hours) -> Times:

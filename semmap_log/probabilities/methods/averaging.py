@@ -8,15 +8,13 @@ scored by tables as old as its forecasts are.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.probabilities.evidence.day_rows import DayRows
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.local_clock import DAYS_IN_WEEK
-from semmap_log.probabilities.methods.habits import Habits, KindTables
+from semmap_log.probabilities.methods.habits import Habits, KindTables, blocks
 
 Weights = NDArray[np.float64]
 
@@ -26,7 +24,6 @@ RATE = 0.25
 """A known hour counts as a quarter of an independent observation: hours of a day hang together."""
 SHARE = 0.02
 """So much of the weight is handed out anew each day."""
-ROWS_AT_ONCE = 128
 
 
 def weights(habits: Habits, tables: DayTables, lead_d: int) -> Weights:
@@ -39,9 +36,36 @@ def weights(habits: Habits, tables: DayTables, lead_d: int) -> Weights:
     """
     # Far ahead neighbouring days are foretold by much the same table: their scores say it twice.
     scores = _scores(habits, tables, lead_d) * (RATE / (1 + lead_d / DAYS_IN_WEEK))
+    return weights_of_days(scores, tables.rows, *_handed_out(habits, lead_d))
+
+
+def foretold(
+    habits: Habits, tables: DayTables, worth: Weights, mean: Weights, lead_d: int
+) -> Weights:
+    """Return (days, 24): what the tables said of each day, on average, so many days before it.
+
+    Args:
+        habits: As of `weights`; so are `tables` and `lead_d`.
+        tables: The days.
+        worth: (rows, tables), their weights.
+        mean: (rows, 7, 24), what `averaged` makes of them.
+        lead_d: How many days.
+    """
+    lag, weekday = tables.rows.before(lead_d), tables.days % DAYS_IN_WEEK
+    found = mean[np.maximum(lag.row, 0), weekday]
+    idle = np.flatnonzero(lag.idle_d)
+    for part in blocks(0, len(idle)):
+        place = idle[part]
+        row, idle_d = lag.row[place], lag.idle_d[place]
+        then = shared_idly(worth[row], *_handed_out(habits, lead_d), idle_d[:, None])
+        found[place] = (then[:, None] @ habits.of_days(row, idle_d, weekday[place]))[:, 0]
+    return found
+
+
+def _handed_out(habits: Habits, lead_d: int) -> tuple[Weights, float]:
+    """Return what weights are like where nothing is known, and how much a day is handed out so."""
     start = 1 / (1 + lead_d / habits.half_lives_d)
-    start /= start.sum()
-    return weights_of_days(scores, tables.rows, start, SHARE / (1 + lead_d))
+    return start / start.sum(), SHARE / (1 + lead_d)
 
 
 def weights_of_days(gain: Weights, days: DayRows, start: Weights, share: float) -> Weights:
@@ -90,7 +114,7 @@ def shared_idly(
 def averaged(worth: Weights, tables: KindTables) -> NDArray[np.float64]:
     """Return (rows, 7, 24): the mean of the tables, weighed as by `weights`."""
     found = np.empty((len(worth), DAYS_IN_WEEK, 24))
-    for rows in _blocks(0, len(worth)):
+    for rows in blocks(0, len(worth)):
         of_weeks = tables.of_weeks(rows)
         means = worth[rows, None] @ of_weeks.reshape(*of_weeks.shape[:2], -1)
         found[rows] = means.reshape(found[rows].shape)
@@ -104,17 +128,14 @@ def lead_of(days_ahead: NDArray[np.int64]) -> NDArray[np.intp]:
 
 def _scores(habits: Habits, tables: DayTables, lead: int) -> Weights:
     """Return (days, tables): log-likelihood of each day by the tables of `lead` days before it."""
+    lag = tables.rows.before(lead)
     found = np.zeros((len(tables), len(habits.half_lives_d)))
-    for rows in _blocks(lead, len(tables)):
-        days = np.arange(rows.start, rows.stop)
-        p_open = habits.p_open.of_days(days - lead, tables.days[days] % DAYS_IN_WEEK)
+    scored = np.flatnonzero(lag.row >= 0)
+    for part in blocks(0, len(scored)):
+        days = scored[part]
+        weekday = tables.days[days] % DAYS_IN_WEEK
+        p_open = habits.of_days(lag.row[days], lag.idle_d[days], weekday)
         opened, closed = tables.open_h[days], tables.known_h[days] - tables.open_h[days]
         found[days] = np.einsum("dh,dth->dt", opened, np.log(p_open))
         found[days] += np.einsum("dh,dth->dt", closed, np.log1p(-p_open))
     return found
-
-
-def _blocks(first: int, end: int) -> Iterator[slice]:
-    """Yield rows, so many that their tables do not fill memory."""
-    for start in range(first, end, ROWS_AT_ONCE):
-        yield slice(start, min(start + ROWS_AT_ONCE, end))

@@ -8,8 +8,8 @@ Old days count less, by several half-lives at once; which table is right, `avera
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ Tables = NDArray[np.float64]
 
 HALF_LIVES_D = np.array([1.0, 3.0, 7.0, 14.0, 28.0, 90.0, np.inf])
 """Days after which a day counts half."""
+_HALF_LIVES = HALF_LIVES_D[:, None, None, None]
 KINDS = ("mean", "hour", "day type and hour", "weekday and hour")
 """How fine a table is, from coarse to fine."""
 
@@ -33,6 +34,7 @@ HOUR_DAYS, WEEK_DAYS = 2.0, 4.0
 """How many days the coarser table counts, where a finer one has evidence of its own."""
 NEIGHBOURS_H = 1.5
 """The hours beside one count e^(-distance / that)."""
+ROWS_AT_ONCE = 128
 
 
 class WeekCells(NamedTuple):
@@ -53,6 +55,11 @@ class KindTables(NamedTuple):
 
     kinds: Sequence[Tables]
     """Of each kind, from coarse to fine."""
+
+    @classmethod
+    def joined(cls, parts: Sequence[KindTables]) -> KindTables:
+        """Return those of rows that follow on each other."""
+        return cls([np.concatenate(kind) for kind in zip(*(p.kinds for p in parts), strict=True)])
 
     def at(self, cells: WeekCells) -> Tables:
         """Return what they say at some cells, (n, tables)."""
@@ -80,9 +87,35 @@ class KindTables(NamedTuple):
         """Return all that some rows say, (rows, tables, 7, 24)."""
         whole = [np.empty((*self.kinds[0][rows].shape, DAYS_IN_WEEK, 24)) for _ in self.kinds]
         for found, part in zip(whole, self.kinds, strict=True):
-            told = part[rows].reshape(*part[rows].shape[:2], *(1,) * (4 - part.ndim), *part.shape[2:])
+            told = part[rows].reshape(
+                *part[rows].shape[:2], *(1,) * (4 - part.ndim), *part.shape[2:]
+            )
             found[:] = _each_weekday(told) if told.shape[2] == 2 else told
         return np.stack(whole, axis=2).reshape(len(whole[0]), -1, DAYS_IN_WEEK, 24)
+
+    def clipped(self) -> KindTables:
+        """Return the same, having kept its numbers within what a forecast may say."""
+        for part in self.kinds:
+            np.clip(part, LEAST, MOST, out=part)
+        return self
+
+
+class GapSums(NamedTuple):
+    """What the tables of some rows are made of: of those that stand for gaps."""
+
+    rows: NDArray[np.intp]
+    """(gaps,), ascending."""
+    sums: Tables
+    """(gaps, half-lives, 2, 7, 24): as `discounted` returns them."""
+    undiscounted: Tables
+    """(gaps,): P(open) at any time."""
+
+    def p_open(self, row: NDArray[np.intp], idle_d: Days) -> KindTables:
+        """Return P(open) so many days later, (n,), than some rows."""
+        place = np.searchsorted(self.rows, row)
+        part = kept(_HALF_LIVES, idle_d.reshape(-1, 1, 1, 1, 1))
+        p_open, _ = _shrunk(part * self.sums[place], self.undiscounted[place, None])
+        return p_open.clipped()
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,10 +128,28 @@ class Habits:
     """How many days of evidence each is based on."""
     half_lives_d: Tables
     """(tables,)."""
+    gaps: GapSums
+
+    def of_days(self, row: NDArray[np.intp], idle_d: Days, weekday: NDArray[np.int64]) -> Tables:
+        """Return P(open) as some rows say of a weekday each, (n, tables, 24).
+
+        Args:
+            row: (n,).
+            idle_d: (n,), days of a gap after the row; what was learnt before them has grown old.
+            weekday: (n,).
+        """
+        found = self.p_open.of_days(row, weekday)
+        idle = np.flatnonzero(idle_d)
+        if len(idle):
+            then = self.gaps.p_open(row[idle], idle_d[idle])
+            found[idle] = then.of_days(np.arange(len(idle)), weekday[idle])
+        return found
 
 
 def habits(tables: DayTables) -> Habits:
     """Return the habits of a door, from the first day on to the end of the last one.
+
+    They are made some rows at a time: sums of all half-lives would fill memory.
 
     Args:
         tables: Of whole days.
@@ -106,12 +157,25 @@ def habits(tables: DayTables) -> Habits:
     sums = weekly_sums(tables)
     lasts_d = tables.rows.lasts_d
     undiscounted = _mean(discounted(sums, lasts_d, np.inf), np.full(len(sums) + 1, PRIOR_P))
-    each = np.broadcast_to(sums[:, None], (len(sums), len(HALF_LIVES_D), *sums.shape[1:]))
-    by_half_life = discounted(each, lasts_d, HALF_LIVES_D[:, None, None, None])
-    p_open, days = _shrunk(by_half_life, undiscounted[:, None])
-    for part in p_open.kinds:
-        np.clip(part, LEAST, MOST, out=part)
-    return Habits(p_open, days, np.repeat(HALF_LIVES_D, len(KINDS)))
+    first = np.zeros((len(HALF_LIVES_D), *sums.shape[1:]))
+    made: list[tuple[KindTables, KindTables]] = []
+    gaps = [np.zeros((0, *first.shape))]
+    for rows in blocks(0, len(sums) or 1):
+        each = np.broadcast_to(sums[rows, None], (len(sums[rows]), *first.shape))
+        by_half_life = discounted(each, lasts_d[rows], _HALF_LIVES, first)
+        first = by_half_life[-1]
+        # What the last of them leaves is the first of the next ones.
+        here = by_half_life if rows.stop >= len(sums) else by_half_life[:-1]
+        made.append(_shrunk(here, undiscounted[rows.start : rows.start + len(here), None]))
+        gaps.append(here[: len(each)][tables.rows.is_gap[rows]])
+    p_open, days = (KindTables.joined(of) for of in zip(*made, strict=True))
+    is_gap = np.flatnonzero(tables.rows.is_gap)
+    return Habits(
+        p_open.clipped(),
+        days,
+        np.repeat(HALF_LIVES_D, len(KINDS)),
+        GapSums(is_gap, np.concatenate(gaps), undiscounted[is_gap]),
+    )
 
 
 def slowest_habit(tables: DayTables) -> Tables:
@@ -130,20 +194,35 @@ def weekly_sums(tables: DayTables) -> Tables:
     return sums
 
 
-def discounted(sums: Tables, lasts_d: Days, half_life_d: float | Tables) -> Tables:
+def discounted(
+    sums: Tables, lasts_d: Days, half_life_d: float | Tables, first: float | Tables = 0.0
+) -> Tables:
     """Return (rows + 1, …): at each midnight, the days before it, old ones discounted.
 
     Args:
         sums: (rows, …), of each day.
         lasts_d: (rows,), how many days each row stands for.
         half_life_d: One, or one for each column.
+        first: What is there before all of them.
     """
-    keep = 0.5 ** (1.0 / half_life_d)
-    found = np.zeros((len(sums) + 1, *sums.shape[1:]))
+    keep = kept(half_life_d, 1)
+    found = np.empty((len(sums) + 1, *sums.shape[1:]))
+    found[0] = first
     for row, (new, days) in enumerate(zip(sums, lasts_d.tolist(), strict=True)):
-        np.multiply(found[row], keep if days == 1 else keep**days, out=found[row + 1])
+        np.multiply(found[row], keep if days == 1 else kept(half_life_d, days), out=found[row + 1])
         found[row + 1] += new
     return found
+
+
+def kept(half_life_d: float | Tables, days: int | Days) -> Any:
+    """Return how much of a day still counts so many days later."""
+    return 0.5 ** (days / half_life_d)
+
+
+def blocks(first: int, end: int, most: int = ROWS_AT_ONCE) -> Iterator[slice]:
+    """Yield the rows from one to before another, some at a time: all would fill memory."""
+    for start in range(first, end, most):
+        yield slice(start, min(start + most, end))
 
 
 def _mean(sums: Tables, prior: Tables) -> Tables:

@@ -15,8 +15,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.distinct import placed
+from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.lazily import computed_once
 from semmap_log.domain.moments import HOUR_NS, SECOND_NS
 from semmap_log.probabilities.chain.looks import held_at
@@ -128,8 +128,9 @@ class _Past:
 
 
 def _steps(evidence: DoorEvidence) -> tuple[Times, NDArray[np.int64]]:
-    """Return steps from when the state is first held on, and how many days before each day of them
-    are left out: of a long gap all but the first two, from which nothing reaches beyond the gap.
+    """Return steps from when the state is first held on; and (days,): how many are left out before.
+
+    Of a long gap these are all days but the first two, from which nothing reaches beyond the gap.
     """
     first, last = (ns // STEP_NS for ns in (evidence.start_ns, evidence.end_ns))
     rows = DayRows.of(*((step - first[0]) // STEPS_A_DAY for step in (first, last)), after=2)

@@ -8,7 +8,7 @@ import pytest
 from semmap_log.probabilities.evidence.day_rows import DayRows
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.methods.averaging import RATE, SHARE, weights
-from semmap_log.probabilities.methods.habits import HALF_LIVES_D, Habits, KindTables
+from semmap_log.probabilities.methods.habits import HALF_LIVES_D, GapSums, Habits, KindTables
 
 TABLES = len(HALF_LIVES_D)
 
@@ -20,7 +20,8 @@ def told(p_open: np.ndarray, days: DayTables) -> Habits:
         p_open: (rows, tables).
         days: Of which they are.
     """
-    return Habits(KindTables([p_open]), KindTables([np.ones_like(p_open)]), HALF_LIVES_D)
+    nowhere = GapSums(*np.zeros((3, 0)))
+    return Habits(KindTables([p_open]), KindTables([np.ones_like(p_open)]), HALF_LIVES_D, nowhere)
 
 
 def always(state: float, days: int) -> DayTables:
