@@ -1,4 +1,4 @@
-"""The different numbers of a column."""
+"""The different numbers of a column, and those of ranges."""
 
 from __future__ import annotations
 
@@ -25,3 +25,10 @@ def placed(numbers: NDArray[I]) -> tuple[NDArray[I], NDArray[np.intp]]:
     """Return the different whole numbers of a column, ascending, and which of them each one is."""
     found = distinct(numbers)
     return found, np.searchsorted(found, numbers)
+
+
+def numbers_of(first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the whole numbers of ranges, one range after another: so many from each first one."""
+    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    numbers: NDArray[np.int64] = np.repeat(first, count) + within
+    return numbers

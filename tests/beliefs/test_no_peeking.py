@@ -16,7 +16,7 @@ from semmap_log.probabilities.estimators import ESTIMATORS, by_name
 from semmap_log.probabilities.evidence.evidence import Evidence
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock
-from tests.probabilities.known import hours_ns, random_stretches
+from tests.probabilities.known import HOUR_NS, hours_ns, random_stretches
 
 VIENNA = LocalClock("Europe/Vienna")
 DAYS = 24
@@ -74,13 +74,18 @@ def test_what_is_later_than_known_never_matters(name: str, source: str) -> None:
 
 @st.composite
 def told(draw: st.DrawFn) -> list[EventBatch]:
-    """Draw what was said of a door over some days: set, unset, and seen, again and again."""
+    """Draw what was said of a door over some days: set, unset, and seen, again and again.
+
+    Years may lie between two of them.
+    """
     seed = draw(st.integers(0, 2**32 - 1))
     rng = np.random.default_rng(seed)
     days, count = draw(st.integers(1, 20)), draw(st.integers(1, 400))
     share_set = draw(st.sampled_from([0.0, 0.1, 0.5, 1.0]))
     times_ns = np.sort(hours_ns(rng.uniform(0, 24 * days, count)))
     times_ns = np.sort(np.append(times_ns, times_ns[rng.random(count) < 0.3] + 7 * 10**9))
+    for gap_d in draw(st.lists(st.sampled_from([60, 85, 86, 100, 700, 20_000]), max_size=2)):
+        times_ns[rng.integers(len(times_ns)) :] += gap_d * 24 * HOUR_NS
     is_set = rng.random(len(times_ns)) < share_set
     states = rng.choice([0, 1, 2], len(times_ns), p=[0.1, 0.5, 0.4]).astype(np.uint8)
     accuracy = rng.choice([0.6, 0.9, 0.95, 1.0], len(times_ns))
@@ -111,8 +116,11 @@ def test_no_last_digit_depends_on_the_future(
         by_then.apply(batch.select(batch.folds_ns <= cut_ns))
         ever.apply(batch)
     rng = np.random.default_rng(seed)
-    known_ns = np.append(rng.integers(first_ns, cut_ns + 1, 12), cut_ns)
-    times_ns = known_ns + (hours_ns(rng.choice([0.0, 0.7, 30.0, 500.0], 13)) - hours_ns(0))
+    seen_ns = rng.choice(times[times <= cut_ns], 6) + rng.integers(0, 90 * 24 * HOUR_NS, 6)
+    known_ns = np.concatenate(
+        [rng.integers(first_ns, cut_ns + 1, 12), np.minimum(seen_ns, cut_ns), [cut_ns]]
+    )
+    times_ns = known_ns + (hours_ns(rng.choice([0.0, 0.7, 30.0, 500.0], 19)) - hours_ns(0))
     same = [by_name(name).learn(told.up_to(ns), VIENNA)
             for told, ns in ((by_then, cut_ns), (ever, None))]  # fmt: skip
 

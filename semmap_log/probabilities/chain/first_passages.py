@@ -111,7 +111,7 @@ def first_passages(evidence: DoorEvidence, clock: LocalClock, *, until_open: boo
     share = hour_modes.SHARE if until_open else 1 - hour_modes.SHARE
     mode_per_h = share * hour_modes.PER_H
     days = Days.of(evidence, clock)
-    known = days.sums(*_known(evidence, clock, until_open=until_open))
+    known = days.sums(*_known(evidence, clock, days, until_open=until_open))
     told = known[..., :1] * np.log(mode_per_h) - known[..., 1:] * mode_per_h
     if evidence.is_visit.any():
         told = _with_visits(told, days, evidence, clock)
@@ -148,11 +148,16 @@ class Days(NamedTuple):
         return np.stack([np.tensordot(*part, 1) for part in parts])
 
 
-def _known(evidence: DoorEvidence, clock: LocalClock, *, until_open: bool) -> tuple[Times, Reals]:
+def _known(
+    evidence: DoorEvidence, clock: LocalClock, days: Days, *, until_open: bool
+) -> tuple[Times, Reals]:
     """Return hours, and for a half hour each, (n, 2): whether the door passed; hours waited."""
     if not len(evidence.start_ns):
         return np.zeros(0, np.int64), np.zeros((0, 2))
-    from_ns = np.arange(int(evidence.start_ns[0]), int(evidence.end_ns[-1]) - LOOK_NS, LOOK_NS)
+    start_ns = int(evidence.start_ns[0])
+    day_ns = int(clock.midnights_ns(np.array([days.first - 1]))[0])  # the day before: to be sure
+    start_ns += max(0, (day_ns - start_ns) // LOOK_NS) * LOOK_NS
+    from_ns = np.arange(start_ns, int(evidence.end_ns[-1]) - LOOK_NS, LOOK_NS)
     (held, is_open), (then, _) = (held_at(evidence, ns) for ns in (from_ns, from_ns + LOOK_NS))
     begins = evidence.start_ns[evidence.is_open == until_open]
     next_ns = np.append(begins, np.iinfo(np.int64).max)[np.searchsorted(begins, from_ns, "right")]
@@ -170,7 +175,7 @@ def _with_visits(told: Reals, days: Days, evidence: DoorEvidence, clock: LocalCl
         is_open=evidence.is_open[none], holds_on=False,
     )  # fmt: skip
     last_ns = int(evidence.seen_ns[-1])
-    seen = looks(alone, clock, last_ns, blind=True).since(last_ns - LEARNT_FROM_D * DAY_NS)
+    seen = looks(alone, clock, last_ns, blind_from_ns=last_ns - LEARNT_FROM_D * DAY_NS)
     hours = HourLooks(seen, clock)
     weekday, hour = hours.hour // 24 % WEEK[0], hours.hour % 24
     likely = None

@@ -14,6 +14,9 @@ from semmap_log.probabilities.local_clock import LocalClock
 
 Reals = NDArray[np.float64]
 
+HOURS_AT_ONCE = 256
+"""So many hours' steps are worked out together: more would fill memory."""
+
 
 class HourLooks:
     """What was looked at in each hour, as what it makes of the state before, in each mode."""
@@ -58,12 +61,13 @@ def _through(gap_h: Reals, llr: Reals, begins: NDArray[np.intp]) -> Reals:
     lasts = np.diff(np.append(begins, len(llr)))
     found = np.zeros((2, 2, len(begins), len(hour_modes.SHARE)))
     found[0, 0] = found[1, 1] = 1.0
-    for number in range(int(lasts.max())):
-        on = np.flatnonzero(lasts > number)
-        place = begins[on] + number
-        kept = np.exp(-gap_h[place][:, None] * hour_modes.PER_H)
-        from_closed = (1 - kept) * hour_modes.SHARE
-        step = step_matrices(Steps(from_closed, from_closed + kept), llr[place])
-        so_far = found[:, :, on]
-        found[:, :, on] = step[:, 0, None] * so_far[0] + step[:, 1, None] * so_far[1]
+    for start in range(0, len(begins), HOURS_AT_ONCE):
+        for number in range(int(lasts[start : start + HOURS_AT_ONCE].max())):
+            on = start + np.flatnonzero(lasts[start : start + HOURS_AT_ONCE] > number)
+            place = begins[on] + number
+            kept = np.exp(-gap_h[place][:, None] * hour_modes.PER_H)
+            from_closed = (1 - kept) * hour_modes.SHARE
+            step = step_matrices(Steps(from_closed, from_closed + kept), llr[place])
+            so_far = found[:, :, on]
+            found[:, :, on] = step[:, 0, None] * so_far[0] + step[:, 1, None] * so_far[1]
     return found

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.moments import SECOND_NS
+from semmap_log.probabilities.evidence.day_rows import DayRows
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.evidence.visits import MOST_ACCURACY, PASS_NS
 from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
@@ -48,11 +49,6 @@ class Looks:
         """(n,): something was seen, be it that readings cancelled each other."""
         return np.asarray((self.llr != 0) | (np.diff(self.sightings, prepend=0) > 0), np.bool_)
 
-    def since(self, from_ns: int) -> Looks:
-        """Return those from some time on."""
-        last = slice(int(np.searchsorted(self.times_ns, from_ns)), None)
-        return Looks(self.times_ns[last], self.llr[last], self.sightings[last])
-
 
 def is_certain(llr: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell which readings, or stretches, leave no doubt."""
@@ -60,7 +56,7 @@ def is_certain(llr: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def looks(
-    evidence: DoorEvidence, clock: LocalClock, until_ns: int, *, blind: bool = False
+    evidence: DoorEvidence, clock: LocalClock, until_ns: int, *, blind_from_ns: int | None = None
 ) -> Looks:
     """Return the looks at a door.
 
@@ -68,13 +64,12 @@ def looks(
         evidence: Of the door.
         clock: Whose half hours.
         until_ns: And what came after is left out.
-        blind: A look, too, in each half hour in which nothing was seen.
+        blind_from_ns: From then on a look, too, in each half hour in which nothing was seen, and
+            none of what came before; None: no such looks.
     """
-    first, last = clock.hour_of(np.array([evidence.first_ns, until_ns], np.int64)).tolist()
-    hours_ns = clock.hours(min(first, last), max(first, last) + 1).start_ns
-    grid_ns = np.stack([hours_ns, hours_ns + LOOK_NS], axis=1).ravel()
+    grid_ns = _half_hours_ns(evidence, clock, until_ns, blind_from_ns)
     held, is_open = held_at(evidence, grid_ns)
-    on = held | blind
+    on = held | (blind_from_ns is not None)
     ends, seen = _last_known(evidence), np.flatnonzero(_ends_look(evidence))
     parts = (
         (np.array([evidence.first_ns]), np.zeros(1)),
@@ -86,8 +81,25 @@ def looks(
     order = np.argsort(times_ns, kind="stable")
     times_ns = times_ns[order]
     taken_in = np.append(0, seen + 1)[np.cumsum(order >= len(order) - len(seen))]
-    inside = slice(int(np.searchsorted(times_ns, until_ns, "right")))
+    first = 0 if blind_from_ns is None else int(np.searchsorted(times_ns, blind_from_ns))
+    inside = slice(first, int(np.searchsorted(times_ns, until_ns, "right")))
     return Looks(times_ns[inside], llr[order][inside], taken_in[inside])
+
+
+def _half_hours_ns(
+    evidence: DoorEvidence, clock: LocalClock, until_ns: int, blind_from_ns: int | None
+) -> Times:
+    """Return all half hours that may be looks: where the state is held, or all that are blind."""
+    if blind_from_ns is not None:
+        ends_ns = np.array([max(evidence.first_ns, blind_from_ns), until_ns], np.int64)
+        first, last = np.sort(clock.hour_of(ends_ns)).tolist()
+        hours_ns = clock.hours(first, last + 1).start_ns
+    elif len(evidence.start_ns):
+        days = (clock.hour_of(ns) // 24 for ns in (evidence.start_ns, evidence.end_ns))
+        hours_ns = DayRows.of(*days).hours(clock).start_ns
+    else:
+        return np.empty(0, np.int64)
+    return np.stack([hours_ns, hours_ns + LOOK_NS], axis=1).ravel()
 
 
 def seen_between(evidence: DoorEvidence, first: Places, behind: Places) -> NDArray[np.float64]:

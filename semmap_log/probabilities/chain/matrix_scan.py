@@ -19,6 +19,10 @@ FIRST_LENGTH = 8
 each is long."""
 
 
+MOST_STEPS = 8192
+"""So many are multiplied side by side: more would fill memory."""
+
+
 def states(matrices: Matrices, first: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return what the matrices make of vectors, one after another.
 
@@ -48,6 +52,18 @@ def _parts(count: int) -> Iterator[tuple[int, int, int]]:
 
 def _of_part(matrices: Matrices, first: NDArray[np.float64], length: int) -> NDArray[np.float64]:
     """Return `states` of some matrices, in blocks of that length."""
+    found = np.empty((2, *matrices.shape[2:]))
+    step = max(MOST_STEPS // length, 1) * length
+    for start in range(0, matrices.shape[2], step):
+        part = slice(start, start + step)
+        found[:, part], first = _of_blocks(matrices[:, :, part], first, length)
+    return found
+
+
+def _of_blocks(
+    matrices: Matrices, first: NDArray[np.float64], length: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return `states` of some blocks, and the vector that stands before the next block."""
     count, chains = matrices.shape[2:]
     blocks = -(-count // length)
     padded = np.zeros((2, 2, blocks * length, chains))
@@ -56,11 +72,11 @@ def _of_part(matrices: Matrices, first: NDArray[np.float64], length: int) -> NDA
     # The step is the outer axis, so that each step's matrices of all blocks lie together.
     steps = np.ascontiguousarray(padded.reshape(2, 2, blocks, length, -1).transpose(3, 0, 1, 2, 4))
     products = _products(steps)
-    starts = _chained(products[-1], first)
+    starts, behind = _chained(products[-1], first)
     found = products[:, :, 0] * starts[0] + products[:, :, 1] * starts[1]
     vectors = found.transpose(1, 2, 0, 3).reshape(2, -1, chains)[:, :count]
     scaled: NDArray[np.float64] = vectors / (vectors[0] + vectors[1])
-    return scaled
+    return scaled, behind
 
 
 def _products(steps: Matrices) -> Matrices:
@@ -81,12 +97,14 @@ def _total(matrices: Matrices) -> NDArray[np.float64]:
     return total
 
 
-def _chained(products: Matrices, first: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (2, blocks, chains): the vector before each block, scaled."""
+def _chained(
+    products: Matrices, first: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (2, blocks, chains): the vector before each block, scaled; and behind the last."""
     found = np.empty((2, *products.shape[2:]))
     here = first
     for block in range(products.shape[2]):
         found[:, block] = here
         here = products[:, 0, block] * here[0] + products[:, 1, block] * here[1]
         here = here / (here[0] + here[1])
-    return found
+    return found, here

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.distinct import distinct
+from semmap_log.common.distinct import distinct, numbers_of
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.texts import counted
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
@@ -58,10 +58,7 @@ def _hours(evidence: DoorEvidence, clock: LocalClock) -> NDArray[np.int64]:
     tells = evidence.accuracy_open + evidence.accuracy_closed > 1  # more than a coin does
     first, seen = (_hour(clock.wall_s(at)) for at in (evidence.start_ns, evidence.seen_ns[tells]))
     end = -_hour(-clock.wall_s(evidence.end_ns))  # an hour of which nothing is left is not touched
-    counts = np.maximum(end - first, 1)
-    # Each stretch's hours in a row: a counter that starts anew at each stretch.
-    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    return np.concatenate([np.repeat(first, counts) + within, seen])
+    return np.concatenate([numbers_of(first, np.maximum(end - first, 1)), seen])
 
 
 def _hour(wall_s: NDArray[np.float64]) -> NDArray[np.int64]:

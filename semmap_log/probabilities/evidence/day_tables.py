@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.moments import HOUR_NS
+from semmap_log.probabilities.evidence.day_rows import DayRows
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.evidence.stretches import Times, covered_ns
 from semmap_log.probabilities.local_clock import Hours, LocalClock
@@ -26,8 +27,8 @@ class DayTables:
     A stretch counts by its duration, a visit as a sample of its hour: see `day_tables`.
     """
 
-    first_day: int
-    """The day of row 0, counted as in `LocalClock.midnights_ns`; row i is of day first_day + i."""
+    rows: DayRows
+    """Which day each row is of."""
     known_h: Table
     """(days, 24): at most what the hour lasts, 2 h in one that comes twice, 0 in one that is
     skipped."""
@@ -41,12 +42,12 @@ class DayTables:
     @property
     def days(self) -> NDArray[np.int64]:
         """(days,): the days of the rows."""
-        return self.first_day + np.arange(len(self), dtype=np.int64)
+        return self.rows.days
 
     def before(self, day: int) -> DayTables:
         """Return the rows of the days before one."""
-        rows = slice(max(0, day - self.first_day))
-        return DayTables(self.first_day, self.known_h[rows], self.open_h[rows])
+        count = int(np.searchsorted(self.days, day))
+        return DayTables(self.rows.first(count), self.known_h[:count], self.open_h[:count])
 
 
 def day_tables(evidence: DoorEvidence, clock: LocalClock) -> DayTables:
@@ -63,30 +64,40 @@ def day_tables(evidence: DoorEvidence, clock: LocalClock) -> DayTables:
     the mean is one reading; several visits in an hour still tell no more than that hour, and fill
     at most what the stretches leave of it.
 
+    Of a long gap in what is known there are only the ends: see `DayRows`.
+
     Args:
         evidence: Of a door.
         clock: Whose days and hours.
     """
     if evidence.is_empty:
-        return DayTables(0, np.zeros((0, 24)), np.zeros((0, 24)))
-    span_ns = np.array([evidence.first_ns, evidence.until_ns], np.int64)
-    first_day, last_day = (clock.hour_of(span_ns) // 24).tolist()
-    first, end = 24 * first_day, 24 * (last_day + 1)
-    hours = clock.hours(first, end)
-    place = hours.hour - first
+        return DayTables(DayRows.since(0, 0), np.zeros((0, 24)), np.zeros((0, 24)))
+    rows = _rows(evidence, clock)
+    hours = rows.hours(clock)
+    place, count = rows.place(hours.hour), 24 * len(rows)
 
     def total(of_pieces_ns: NDArray[np.int64]) -> Table:
-        return np.bincount(place, of_pieces_ns / HOUR_NS, end - first).astype(np.float64)
+        return np.bincount(place, of_pieces_ns / HOUR_NS, count).astype(np.float64)
 
     held = total(_covered_ns(evidence.start_ns, evidence.end_ns, hours))
     held_open = total(
         _covered_ns(evidence.start_ns[evidence.is_open], evidence.end_ns[evidence.is_open], hours)
     )
-    seen = _readings(evidence, clock, first, end)
+    seen = _readings(evidence, rows.place(clock.hour_of(evidence.seen_ns)), count)
     free = np.maximum(total(hours.end_ns - hours.start_ns) - held, 0.0)
     seen_known = np.minimum(seen.weight, free)
     known, is_open = held + seen_known, held_open + seen_known * seen.p_open
-    return DayTables(first_day, known.reshape(-1, 24), is_open.reshape(-1, 24))
+    return DayTables(rows, known.reshape(-1, 24), is_open.reshape(-1, 24))
+
+
+def _rows(evidence: DoorEvidence, clock: LocalClock) -> DayRows:
+    """Return the rows of all days of which something is known, and of the last one."""
+    at_once = evidence.seen_ns, np.array([evidence.until_ns])
+    first, last = (
+        clock.hour_of(np.concatenate([times_ns, *at_once])) // 24
+        for times_ns in (evidence.start_ns, evidence.end_ns)
+    )
+    return DayRows.of(first, last, weekly=True)
 
 
 def _covered_ns(start_ns: Times, end_ns: Times, hours: Hours) -> Times:
@@ -104,13 +115,12 @@ class _Readings(NamedTuple):
     """Corrected and not clipped; 0 without a visit that tells anything."""
 
 
-def _readings(evidence: DoorEvidence, clock: LocalClock, first: int, end: int) -> _Readings:
-    """Return it for the hours `first` to before `end`, which hold all sightings."""
-    hour = clock.hour_of(evidence.seen_ns) - first
+def _readings(evidence: DoorEvidence, place: NDArray[np.int64], places: int) -> _Readings:
+    """Return it for so many hours; (k,) are the places of those that the sightings lie in."""
     # A visit that goes on in the next hour is a visit of that one, too: a day's row, once the day
     # has ended, stays as it is.
     _, one, of_visit = np.unique(
-        evidence.visit * (end - first) + hour, return_index=True, return_inverse=True
+        evidence.visit * places + place, return_index=True, return_inverse=True
     )
     tells = evidence.accuracy_open + evidence.accuracy_closed - 1.0
     excess = evidence.reads_open - (1.0 - evidence.accuracy_closed)
@@ -123,7 +133,7 @@ def _readings(evidence: DoorEvidence, clock: LocalClock, first: int, end: int) -
     # one kind the plain mean is corrected.
     tell, said = mean(tells**2), mean(tells * excess)
     tell_of_hour, square, said_of_hour = (
-        np.bincount(hour[one], of_visits, end - first) for of_visits in (tell, tell**2, said)
+        np.bincount(place[one], of_visits, places) for of_visits in (tell, tell**2, said)
     )
     safe = np.where(tell_of_hour > 0, tell_of_hour, 1.0)
     return _Readings(square / safe, said_of_hour / safe)

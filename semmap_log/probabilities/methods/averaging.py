@@ -11,9 +11,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.probabilities.evidence.day_rows import DayRows
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.local_clock import DAYS_IN_WEEK
-from semmap_log.probabilities.methods.habits import Habits
+from semmap_log.probabilities.methods.habits import Habits, KindTables, blocks
 
 Weights = NDArray[np.float64]
 
@@ -35,12 +36,55 @@ def weights(habits: Habits, tables: DayTables, lead_d: int) -> Weights:
     """
     # Far ahead neighbouring days are foretold by much the same table: their scores say it twice.
     scores = _scores(habits, tables, lead_d) * (RATE / (1 + lead_d / DAYS_IN_WEEK))
+    return weights_of_days(scores, tables.rows, *_handed_out(habits, lead_d))
+
+
+def foretold(
+    habits: Habits, tables: DayTables, worth: Weights, mean: Weights, lead_d: int
+) -> Weights:
+    """Return (days, 24): what the tables said of each day, on average, so many days before it.
+
+    Args:
+        habits: As of `weights`; so are `tables` and `lead_d`.
+        tables: The days.
+        worth: (rows, tables), their weights.
+        mean: (rows, 7, 24), what `averaged` makes of them.
+        lead_d: How many days.
+    """
+    lag, weekday = tables.rows.before(lead_d), tables.days % DAYS_IN_WEEK
+    found = mean[np.maximum(lag.row, 0), weekday]
+    idle = np.flatnonzero(lag.idle_d)
+    for part in blocks(0, len(idle)):
+        place = idle[part]
+        row, idle_d = lag.row[place], lag.idle_d[place]
+        then = shared_idly(worth[row], *_handed_out(habits, lead_d), idle_d[:, None])
+        found[place] = (then[:, None] @ habits.of_days(row, idle_d, weekday[place]))[:, 0]
+    return found
+
+
+def _handed_out(habits: Habits, lead_d: int) -> tuple[Weights, float]:
+    """Return what weights are like where nothing is known, and how much a day is handed out so."""
     start = 1 / (1 + lead_d / habits.half_lives_d)
-    start /= start.sum()
-    found = np.empty((len(habits), len(start)))
+    return start / start.sum(), SHARE / (1 + lead_d)
+
+
+def weights_of_days(gain: Weights, days: DayRows, start: Weights, share: float) -> Weights:
+    """Return the weights of experts at each midnight, (rows + 1, …): see `shared_anew`.
+
+    Args:
+        gain: (rows, …), of each day.
+        days: Which they are.
+        start: Of the first midnight, too.
+        share: A day.
+    """
+    found = np.empty((len(gain) + 1, *gain.shape[1:]))
     found[0] = start
-    for day, of_day in enumerate(scores):
-        found[day + 1] = shared_anew(found[day], of_day, start, SHARE / (1 + lead_d))
+    rows = zip(gain, days.is_gap.tolist(), days.lasts_d.tolist(), strict=True)
+    for row, (of_day, is_gap, lasts_d) in enumerate(rows):
+        if is_gap:
+            found[row + 1] = shared_idly(found[row], start, share, lasts_d)
+        else:
+            found[row + 1] = shared_anew(found[row], of_day, start, share)
     return found
 
 
@@ -59,10 +103,22 @@ def shared_anew(before: Weights, gain: Weights, start: Weights, share: Weights |
     return found
 
 
-def averaged(worth: Weights, tables: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (rows, 7, 24): the mean of (rows, tables, 7, 24), weighed as by `weights`."""
-    found = worth[:, None] @ tables.reshape(*tables.shape[:2], -1)
-    return found.reshape(len(tables), *tables.shape[2:])
+def shared_idly(
+    before: Weights, start: Weights, share: float, days: int | NDArray[np.int64]
+) -> Weights:
+    """Return the weights of experts after so many days on which none foretold anything."""
+    found: Weights = start + (1 - share) ** days * (before - start)
+    return found
+
+
+def averaged(worth: Weights, tables: KindTables) -> NDArray[np.float64]:
+    """Return (rows, 7, 24): the mean of the tables, weighed as by `weights`."""
+    found = np.empty((len(worth), DAYS_IN_WEEK, 24))
+    for rows in blocks(0, len(worth)):
+        of_weeks = tables.of_weeks(rows)
+        means = worth[rows, None] @ of_weeks.reshape(*of_weeks.shape[:2], -1)
+        found[rows] = means.reshape(found[rows].shape)
+    return found
 
 
 def lead_of(days_ahead: NDArray[np.int64]) -> NDArray[np.intp]:
@@ -72,10 +128,14 @@ def lead_of(days_ahead: NDArray[np.int64]) -> NDArray[np.intp]:
 
 def _scores(habits: Habits, tables: DayTables, lead: int) -> Weights:
     """Return (days, tables): log-likelihood of each day by the tables of `lead` days before it."""
-    days = np.arange(lead, len(tables))
-    p_open = habits.p_open[days - lead, :, tables.days[days] % DAYS_IN_WEEK]
-    opened, closed = tables.open_h[days], tables.known_h[days] - tables.open_h[days]
-    found = np.zeros((len(tables), p_open.shape[1]))
-    found[days] = np.einsum("dh,dth->dt", opened, np.log(p_open))
-    found[days] += np.einsum("dh,dth->dt", closed, np.log1p(-p_open))
+    lag = tables.rows.before(lead)
+    found = np.zeros((len(tables), len(habits.half_lives_d)))
+    scored = np.flatnonzero(lag.row >= 0)
+    for part in blocks(0, len(scored)):
+        days = scored[part]
+        weekday = tables.days[days] % DAYS_IN_WEEK
+        p_open = habits.of_days(lag.row[days], lag.idle_d[days], weekday)
+        opened, closed = tables.open_h[days], tables.known_h[days] - tables.open_h[days]
+        found[days] = np.einsum("dh,dth->dt", opened, np.log(p_open))
+        found[days] += np.einsum("dh,dth->dt", closed, np.log1p(-p_open))
     return found

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.distinct import distinct, numbers_of
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
@@ -94,32 +95,35 @@ class _Table:
             self._sum_up()
 
     def _sum_up(self) -> None:
-        """Sum up what is in each hour of the period, period by period."""
-        span_ns = np.array([self.time.first_ns, self.time.last_ns])
-        periods = (self._clock.wall_s(span_ns) // self._period_s).astype(np.int64)
-        self._first = int(periods[0])
-        count = int(periods[1]) - self._first + 1
+        """Sum up what is in each hour of the period, period by period of those that were seen."""
+        time = self.time
+        ends = np.sort([self._period(ns) for ns in (time.start_ns, time.end_ns)], axis=0)
+        held = numbers_of(ends[0], ends[1] - ends[0] + 1)
+        self._periods = distinct(np.concatenate([held, self._period(time.seen_ns)]))
         hours = self._period_s // HOUR_S
-        edges_s = self._first * self._period_s + np.arange(count * hours + 1) * HOUR_S
-        sums = np.stack(self.time.until(self._clock.instants_ns(edges_s.astype(np.float64))))
-        cells = np.diff(sums, axis=1).reshape(2, count, hours)
+        edges_s = self._periods[:, None] * self._period_s + np.arange(hours + 1) * HOUR_S
+        edges_ns = self._clock.instants_ns(edges_s.ravel().astype(np.float64))
+        sums = np.stack(self.time.until(edges_ns)).reshape(2, *edges_s.shape)
+        cells = np.diff(sums, axis=2)
         self._before = np.concatenate([np.zeros((2, 1, hours)), np.cumsum(cells, axis=1)], axis=1)
+
+    def _period(self, times_ns: Times) -> Times:
+        return (self._clock.wall_s(times_ns) // self._period_s).astype(np.int64)
 
     def in_hour(
         self, times_ns: Times, known_ns: Times
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return (seconds open, seconds known) in the hours of `times_ns` before `known_ns`."""
         hour = (self._clock.wall_s(times_ns) % self._period_s // HOUR_S).astype(np.int64)
-        period = (self._clock.wall_s(known_ns) // self._period_s).astype(np.int64)
+        period = self._period(known_ns)
         begin_s = (period * self._period_s + hour * HOUR_S).astype(np.float64)
         begin_ns = np.minimum(self._clock.instants_ns(begin_s), known_ns)
         end_ns = np.minimum(self._clock.instants_ns(begin_s + HOUR_S), known_ns)
-        row = np.clip(period - self._first, 0, self._before.shape[1] - 1)
         open_now, all_now = (
             end - begin
             for end, begin in zip(self.time.until(end_ns), self.time.until(begin_ns), strict=True)
         )
-        open_s, all_s = self._before[:, row, hour]
+        open_s, all_s = self._before[:, np.searchsorted(self._periods, period), hour]
         return open_s + open_now, all_s + all_now
 
 

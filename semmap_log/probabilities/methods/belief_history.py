@@ -12,14 +12,14 @@ from semmap_log.probabilities.chain import regimes
 from semmap_log.probabilities.chain.looks import LOOK_NS, held_at, is_certain, looks, seen_between
 from semmap_log.probabilities.chain.markov_chain import Steps, filtered, likelihood, weighed
 from semmap_log.probabilities.chain.matrix_scan import states
+from semmap_log.probabilities.evidence.day_rows import LONGEST_GAP_D, DayRows, Days
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import LEAST, MOST
 from semmap_log.probabilities.local_clock import LocalClock
-from semmap_log.probabilities.methods.averaging import shared_anew
+from semmap_log.probabilities.methods.averaging import shared_idly, weights_of_days
 from semmap_log.probabilities.methods.schedule import DoorSchedule
 
 Times = NDArray[np.int64]
-Days = NDArray[np.int64]
 Reals = NDArray[np.float64]
 
 NEVER = 0
@@ -70,8 +70,9 @@ class BeliefHistory:
         self._evidence, self._schedule, self._clock = evidence, schedule, clock
         self._looks = seen = looks(evidence, clock, evidence.until_ns)
         times_ns = seen.times_ns
-        days = clock.hour_of(np.array([times_ns[0], max(times_ns[-1], evidence.until_ns)])) // 24
-        self._first_day, self._days = int(days[0]), int(days[1] - days[0]) + 1
+        told_ns = np.concatenate([times_ns, evidence.seen_ns, [evidence.until_ns]])
+        days = clock.hour_of(told_ns) // 24
+        self._days = DayRows.of(days, days, after=LONGEST_GAP_D)
         self._row = np.maximum.accumulate(self._rows(times_ns))
         sees = np.maximum.accumulate(np.where(seen.sees, np.arange(len(seen)), -1))
         self._seen_ns = np.where(sees >= 0, times_ns[sees], NEVER)
@@ -90,7 +91,7 @@ class BeliefHistory:
         self._told = total[1:] - total[np.searchsorted(self._row, self._row)]
         """(n, regimes): log-likelihood of what was seen since midnight."""
         self._weights = self._weights_of_days(said)
-        """(days, leads, regimes): as each midnight knew them."""
+        """(rows, leads, regimes): as each midnight knew them."""
 
     def at(self, known_ns: Times) -> Belief:
         """Return what was believed at each time; where the state is known, that."""
@@ -150,11 +151,11 @@ class BeliefHistory:
             known_ns: (n,), as it was known then.
             gap_ns: (n,), so far ahead.
         """
-        row, gap_h = self._rows(known_ns), gap_ns / HOUR_NS
+        day, gap_h = self._clock.hour_of(known_ns) // 24, gap_ns / HOUR_NS
         lead = np.searchsorted(LEADS_H[1:-1], gap_h, "right")
-        here = np.where((lead == 0)[:, None], now, self._weights[row, lead])
+        here = np.where((lead == 0)[:, None], now, self._weights_at(day, lead))
         part = np.clip((gap_h - LEADS_H[lead]) / np.diff(LEADS_H)[lead], 0, 1)
-        found: Reals = here + part[:, None] * (self._weights[row, lead + 1] - here)
+        found: Reals = here + part[:, None] * (self._weights_at(day, lead + 1) - here)
         return found
 
     def kept(self, known_ns: Times, gap_ns: Times) -> Reals:
@@ -164,17 +165,30 @@ class BeliefHistory:
             known_ns: (n,).
             gap_ns: (gaps,).
         """
-        now = self._weights[self._rows(known_ns), 0]
+        now = self._weights_at(self._clock.hour_of(known_ns) // 24, 0)
         found = [
             self.weights(now, known_ns, np.full(len(known_ns), gap)) @ of_gap
             for gap, of_gap in zip(gap_ns.tolist(), regimes.stays(gap_ns, gap_ns), strict=True)
         ]
         return np.stack(found, axis=1)
 
-    def _rows(self, times_ns: Times) -> Days:
-        """Return how many days after the first each time lies; at most what was told of."""
-        day = self._clock.hour_of(times_ns) // 24 - self._first_day
-        return np.clip(day, 0, self._days - 1)
+    def _weights_at(self, day: Days, lead: int | NDArray[np.intp]) -> Reals:
+        """Return (n, regimes): how far each was believed as a day, (n,), began; `lead` places."""
+        row = self._row_of(day)
+        found: Reals = self._weights[row, lead]
+        idle_d = day - self._days.days[row]
+        between = np.flatnonzero(self._days.is_gap[row] & (idle_d > 0))
+        if len(between):
+            of_gap = found[between], regimes.PRIOR, SHARE, idle_d[between, None]
+            found[between] = shared_idly(*of_gap)
+        return found
+
+    def _rows(self, times_ns: Times) -> NDArray[np.intp]:
+        """Return the row of the day of each time; of later ones that of what was told of last."""
+        return self._row_of(self._clock.hour_of(times_ns) // 24)
+
+    def _row_of(self, day: Days) -> NDArray[np.intp]:
+        return np.clip(self._days.row(day), 0, len(self._days) - 1)
 
     def _steps(self, from_ns: Times, to_ns: Times, tends_to: Reals) -> Steps:
         """Return how the door may have changed, by what was known at the end, (n, regimes).
@@ -213,7 +227,7 @@ class BeliefHistory:
         return found
 
     def _weights_of_days(self, said: Reals) -> Reals:
-        """Return (days, leads, regimes): how far each regime was believed at midnights.
+        """Return (rows, leads, regimes): how far each regime was believed at midnights.
 
         Args:
             said: (n, regimes), log-likelihood of each look, by what was known before it.
@@ -221,13 +235,9 @@ class BeliefHistory:
         gain = np.stack([said, *(self._said_before(lead_h) for lead_h in LEADS_H[1:].tolist())], 1)
         gain *= TEMPER[:, None]
         begins = np.flatnonzero(np.diff(self._row, prepend=-1))
-        of_days = np.zeros((self._days, *gain.shape[1:]))
+        of_days = np.zeros((len(self._days), *gain.shape[1:]))
         of_days[self._row[begins]] = np.add.reduceat(gain, begins, axis=0)
-        found = np.empty_like(of_days)
-        found[0] = regimes.PRIOR
-        for day, of_day in enumerate(of_days[:-1]):
-            found[day + 1] = shared_anew(found[day], of_day, regimes.PRIOR, SHARE)
-        return found
+        return weights_of_days(of_days, self._days, regimes.PRIOR, SHARE)[:-1]
 
     def _said_before(self, lead_h: float) -> Reals:
         """Return (n, regimes): log-likelihood of each look, by what was believed so long before."""

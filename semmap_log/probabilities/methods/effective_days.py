@@ -89,11 +89,10 @@ class Variances:
 
     def at(self, cells: WeekCells, worth: Reals) -> Reals:
         """Return them at some cells, (n,), where the tables have such weights, (n, tables)."""
-        row, weekday, hour = cells
-        less = self._less[row]
-        p_open = self._by_table.p_open[row, :, weekday, hour]
-        days = self._by_table.days[row, :, weekday, hour] * self._more[row]
-        chance = (p_open * (1 - p_open) * less + self._errs[row]) / (days + less)
+        less = self._less[cells.row]
+        p_open = self._by_table.p_open.at(cells)
+        days = self._by_table.days.at(cells) * self._more[cells.row]
+        chance = (p_open * (1 - p_open) * less + self._errs[cells.row]) / (days + less)
         by_chance = (_joint(worth, 1 / (days + less)) * chance).sum(1)
         mean = (worth * p_open).sum(1)
         spread = (worth * p_open**2).sum(1) - mean**2
@@ -110,8 +109,8 @@ def lasting_of(slowest: Tables, tables: DayTables, noise: Reals) -> Lasting:
         tables: The days.
         noise: (rows,): variance that sensors' errors add to what a known hour says.
     """
-    days = np.arange(len(tables))
-    said, known = slowest[days, tables.days % DAYS_IN_WEEK], tables.known_h
+    said = slowest[np.arange(len(tables)), tables.days % DAYS_IN_WEEK]
+    known, lasts_d = tables.known_h, tables.rows.lasts_d
     residual = tables.open_h - said * known
     by_chance = np.sqrt(said * (1 - said)) * known
     square = np.where(known > 0, residual**2 / np.maximum(known, 1e-9) - noise[1:, None], 0.0)
@@ -119,9 +118,10 @@ def lasting_of(slowest: Tables, tables: DayTables, noise: Reals) -> Lasting:
     lags = (*NEAR_H, *FAR_H)
     products = [_products(of, lag) for of in (residual, by_chance) for lag in lags]
     of_days = np.stack([known, *products, square, one], axis=1).sum(2)
+    days = tables.days - tables.rows.midnights[0]
     of_days[:, 1:] *= (days / (days + WARM_UP_D))[:, None]
     half_lives = np.array([np.inf, *[HALF_LIFE_D] * (of_days.shape[1] - 1)])
-    known_h, *sums, squares, ones = discounted(of_days, half_lives).T
+    known_h, *sums, squares, ones = discounted(of_days, lasts_d, half_lives).T
     together, most = np.array(sums[: len(lags)]), np.array(sums[len(lags) :])
 
     def kept_over(hours: tuple[int, ...]) -> Reals:
@@ -175,6 +175,7 @@ def _joint(worth: Reals, variance: Reals) -> Reals:
 def _more(tables: DayTables) -> Reals:
     """Return (rows, tables): how many even days a day of such discounts is worth, 1 to 2."""
     known = np.repeat(tables.known_h.sum(1)[:, None] / 24, len(HALF_LIVES_D), axis=1)
-    once, twice = (discounted(known, HALF_LIVES_D / power) for power in (1, 2))
+    lasts_d = tables.rows.lasts_d
+    once, twice = (discounted(known, lasts_d, HALF_LIVES_D / power) for power in (1, 2))
     found = np.where(once > 0, once / np.maximum(twice, 1e-9), 1.0)
     return np.repeat(found, len(KINDS), axis=1)

@@ -17,6 +17,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.distinct import distinct, numbers_of
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.moments import SECOND_NS
@@ -38,8 +39,8 @@ SATURATION = 0.01
 LEARNS_EVERY_NS = HOUR_S * SECOND_NS
 """A model is that of the last full hour before what is known ends."""
 MOST_HOURS = 100_000
-"""Eleven years: of doors with more between their first and last evidence only the models that are
-asked for are made."""
+"""Eleven years: of doors of which something was learnt in more hours only the models that are asked
+for are made."""
 CHUNK = 65_536
 """Forecasts made at a time, to bound memory."""
 
@@ -79,13 +80,12 @@ class DoorFremen:
         self._known = KnownTime.of(evidence)
         self._clock = clock
         self._order = order
-        self._hourly: _Hourly | None = None
+        self._changes = _changes(self._known)
+        self._hourly: Models | None = None
 
     def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
         """Return the sum of the components at each time, by what was known at `known_ns`."""
-        hours, which = np.unique(known_ns // LEARNS_EVERY_NS, return_inverse=True)
-        models, place = self._models(hours)
-        which = place[which]
+        models, which = self._models(known_ns // LEARNS_EVERY_NS)
         p = np.empty(len(times_ns))
         for start in range(0, len(p), CHUNK):
             part = slice(start, start + CHUNK)
@@ -94,15 +94,17 @@ class DoorFremen:
         return Forecast.of_share(p, known_s / DAY_S, known_s > 0)
 
     def _models(self, hours: Times) -> tuple[Models, NDArray[np.intp]]:
-        """Return models, and which of them belongs to each hour of knowledge."""
+        """Return models, and which of them belongs to each hour of knowledge, (n,)."""
+        place = np.maximum(np.searchsorted(self._changes, hours, "right") - 1, 0)
         if self._hourly is None:
-            span_ns = self._known.last_ns - self._known.first_ns
-            if len(hours) == 1 or span_ns > MOST_HOURS * LEARNS_EVERY_NS:
-                at_ns = hours * LEARNS_EVERY_NS
-                models = models_at(self._known, self._clock, at_ns, self._order)
-                return models, np.arange(len(hours))
-            self._hourly = _Hourly.of(self._known, self._clock, self._order)
-        return self._hourly.at(hours)
+            asked, which = np.unique(place, return_inverse=True)
+            if len(asked) == 1 or len(self._changes) > MOST_HOURS:
+                return self._models_of(self._changes[asked]), which
+            self._hourly = self._models_of(self._changes)
+        return self._hourly, place
+
+    def _models_of(self, hours: Times) -> Models:
+        return models_at(self._known, self._clock, hours * LEARNS_EVERY_NS, self._order)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,22 +159,15 @@ def models_at(known: KnownTime, clock: LocalClock, at_ns: Times, order: int) -> 
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Hourly:
-    """The models of a door at all full hours, from before its first evidence to behind its last."""
+def _changes(known: KnownTime) -> Times:
+    """Return the full hours that know more than the one before, ascending, and one before them.
 
-    first_hour: int
-    models: Models
-
-    @classmethod
-    def of(cls, known: KnownTime, clock: LocalClock, order: int) -> _Hourly:
-        first, last = known.first_ns // LEARNS_EVERY_NS, known.last_ns // LEARNS_EVERY_NS + 1
-        hours = np.arange(first, last + 1)
-        return cls(first, models_at(known, clock, hours * LEARNS_EVERY_NS, order))
-
-    def at(self, hours: Times) -> tuple[Models, NDArray[np.intp]]:
-        """Return the models, and which of them is that of each hour."""
-        return self.models, np.clip(hours - self.first_hour, 0, len(self.models.gain) - 1)
+    At all others, as through a gap of years, the model is that of the last one before.
+    """
+    first, end = known.start_ns // LEARNS_EVERY_NS, -(-known.end_ns // LEARNS_EVERY_NS)
+    seen = known.seen_ns // LEARNS_EVERY_NS
+    found = np.concatenate([numbers_of(first, end - first + 1), seen, seen + 1])
+    return distinct(found) if len(found) else np.zeros(1, np.int64)
 
 
 class _Sums:

@@ -8,13 +8,14 @@ Old days count less, by several half-lives at once; which table is right, `avera
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
+from semmap_log.probabilities.evidence.day_rows import Days
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P
 from semmap_log.probabilities.local_clock import DAYS_IN_WEEK, WORKING_DAYS
@@ -23,6 +24,7 @@ Tables = NDArray[np.float64]
 
 HALF_LIVES_D = np.array([1.0, 3.0, 7.0, 14.0, 28.0, 90.0, np.inf])
 """Days after which a day counts half."""
+_HALF_LIVES = HALF_LIVES_D[:, None, None, None]
 KINDS = ("mean", "hour", "day type and hour", "weekday and hour")
 """How fine a table is, from coarse to fine."""
 
@@ -32,6 +34,7 @@ HOUR_DAYS, WEEK_DAYS = 2.0, 4.0
 """How many days the coarser table counts, where a finer one has evidence of its own."""
 NEIGHBOURS_H = 1.5
 """The hours beside one count e^(-distance / that)."""
+ROWS_AT_ONCE = 128
 
 
 class WeekCells(NamedTuple):
@@ -43,50 +46,143 @@ class WeekCells(NamedTuple):
     hour: NDArray[np.int64]
 
 
+class KindTables(NamedTuple):
+    """Tables of a week of all half-lives and kinds: table i x kinds + k is of half-life i, kind k.
+
+    What a kind says of several hours stands there once: (rows, half-lives), then hours of a day,
+    and day types or weekdays before them, where it tells these apart.
+    """
+
+    kinds: Sequence[Tables]
+    """Of each kind, from coarse to fine."""
+
+    @classmethod
+    def joined(cls, parts: Sequence[KindTables]) -> KindTables:
+        """Return those of rows that follow on each other."""
+        return cls([np.concatenate(kind) for kind in zip(*(p.kinds for p in parts), strict=True)])
+
+    def at(self, cells: WeekCells) -> Tables:
+        """Return what they say at some cells, (n, tables)."""
+        row, weekday, hour = cells
+        parts = (
+            part[row] if part.ndim == 2
+            else part[row, :, hour] if part.ndim == 3
+            else part[row, :, _day(part, weekday), hour]
+            for part in self.kinds
+        )  # fmt: skip
+        return np.stack([*parts], axis=-1).reshape(len(row), -1)
+
+    def of_days(self, row: NDArray[np.int64], weekday: NDArray[np.int64]) -> Tables:
+        """Return what some rows say of a weekday each, (n, tables, 24)."""
+        parts = (
+            part[row, ..., None] if part.ndim == 2
+            else part[row] if part.ndim == 3
+            else part[row, :, _day(part, weekday)]
+            for part in self.kinds
+        )  # fmt: skip
+        found = np.stack(np.broadcast_arrays(*parts, np.empty(24))[:-1], axis=2)
+        return found.reshape(len(row), -1, 24)
+
+    def of_weeks(self, rows: slice) -> Tables:
+        """Return all that some rows say, (rows, tables, 7, 24)."""
+        whole = [np.empty((*self.kinds[0][rows].shape, DAYS_IN_WEEK, 24)) for _ in self.kinds]
+        for found, part in zip(whole, self.kinds, strict=True):
+            told = part[rows].reshape(
+                *part[rows].shape[:2], *(1,) * (4 - part.ndim), *part.shape[2:]
+            )
+            found[:] = _each_weekday(told) if told.shape[2] == 2 else told
+        return np.stack(whole, axis=2).reshape(len(whole[0]), -1, DAYS_IN_WEEK, 24)
+
+    def clipped(self) -> KindTables:
+        """Return the same, having kept its numbers within what a forecast may say."""
+        for part in self.kinds:
+            np.clip(part, LEAST, MOST, out=part)
+        return self
+
+
+class GapSums(NamedTuple):
+    """What the tables of some rows are made of: of those that stand for gaps."""
+
+    rows: NDArray[np.intp]
+    """(gaps,), ascending."""
+    sums: Tables
+    """(gaps, half-lives, 2, 7, 24): as `discounted` returns them."""
+    undiscounted: Tables
+    """(gaps,): P(open) at any time."""
+
+    def p_open(self, row: NDArray[np.intp], idle_d: Days) -> KindTables:
+        """Return P(open) so many days later, (n,), than some rows."""
+        place = np.searchsorted(self.rows, row)
+        part = kept(_HALF_LIVES, idle_d.reshape(-1, 1, 1, 1, 1))
+        p_open, _ = _shrunk(part * self.sums[place], self.undiscounted[place, None])
+        return p_open.clipped()
+
+
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """The tables of all kinds and half-lives, a row for each local midnight."""
+    """The tables of a door, a row for each midnight of the days: row i holds those before it."""
 
-    first_day: int
-    """Row i was known at the beginning of local day first_day + i: it holds the days before."""
-    p_open: Tables
-    """(rows, tables, 7, 24): P(open) of each hour of the week, Monday first."""
-    days: Tables
-    """(rows, tables, 7, 24): how many days of evidence each is based on."""
+    p_open: KindTables
+    """P(open) of each hour of the week, Monday first."""
+    days: KindTables
+    """How many days of evidence each is based on."""
     half_lives_d: Tables
     """(tables,)."""
+    gaps: GapSums
 
-    def __len__(self) -> int:
-        return len(self.p_open)
+    def of_days(self, row: NDArray[np.intp], idle_d: Days, weekday: NDArray[np.int64]) -> Tables:
+        """Return P(open) as some rows say of a weekday each, (n, tables, 24).
+
+        Args:
+            row: (n,).
+            idle_d: (n,), days of a gap after the row; what was learnt before them has grown old.
+            weekday: (n,).
+        """
+        found = self.p_open.of_days(row, weekday)
+        idle = np.flatnonzero(idle_d)
+        if len(idle):
+            then = self.gaps.p_open(row[idle], idle_d[idle])
+            found[idle] = then.of_days(np.arange(len(idle)), weekday[idle])
+        return found
 
 
 def habits(tables: DayTables) -> Habits:
     """Return the habits of a door, from the first day on to the end of the last one.
 
+    They are made some rows at a time: sums of all half-lives would fill memory.
+
     Args:
         tables: Of whole days.
     """
     sums = weekly_sums(tables)
-    undiscounted = _mean(discounted(sums, np.inf), np.full(len(sums) + 1, PRIOR_P))
-    each = np.broadcast_to(sums[:, None], (len(sums), len(HALF_LIVES_D), *sums.shape[1:]))
-    by_half_life = discounted(each, HALF_LIVES_D[:, None, None, None])
-    p_open, days = (
-        part.reshape(len(part), -1, DAYS_IN_WEEK, 24)
-        for part in _shrunk(by_half_life, undiscounted[:, None])
-    )
+    lasts_d = tables.rows.lasts_d
+    undiscounted = _mean(discounted(sums, lasts_d, np.inf), np.full(len(sums) + 1, PRIOR_P))
+    first = np.zeros((len(HALF_LIVES_D), *sums.shape[1:]))
+    made: list[tuple[KindTables, KindTables]] = []
+    gaps = [np.zeros((0, *first.shape))]
+    for rows in blocks(0, len(sums) or 1):
+        each = np.broadcast_to(sums[rows, None], (len(sums[rows]), *first.shape))
+        by_half_life = discounted(each, lasts_d[rows], _HALF_LIVES, first)
+        first = by_half_life[-1]
+        # What the last of them leaves is the first of the next ones.
+        here = by_half_life if rows.stop >= len(sums) else by_half_life[:-1]
+        made.append(_shrunk(here, undiscounted[rows.start : rows.start + len(here), None]))
+        gaps.append(here[: len(each)][tables.rows.is_gap[rows]])
+    p_open, days = (KindTables.joined(of) for of in zip(*made, strict=True))
+    is_gap = np.flatnonzero(tables.rows.is_gap)
     return Habits(
-        tables.first_day,
-        np.clip(p_open, LEAST, MOST),
+        p_open.clipped(),
         days,
         np.repeat(HALF_LIVES_D, len(KINDS)),
+        GapSums(is_gap, np.concatenate(gaps), undiscounted[is_gap]),
     )
 
 
 def slowest_habit(tables: DayTables) -> Tables:
     """Return (rows, 7, 24): the finest table that forgets nothing, the last of `habits`."""
-    sums = discounted(weekly_sums(tables), np.inf)
+    sums = discounted(weekly_sums(tables), tables.rows.lasts_d, np.inf)
     p_open, _ = _shrunk(sums, _mean(sums, np.full(len(sums), PRIOR_P)))
-    return np.clip(p_open[:, -1], LEAST, MOST)
+    return np.clip(p_open.kinds[-1], LEAST, MOST)
 
 
 def weekly_sums(tables: DayTables) -> Tables:
@@ -98,19 +194,35 @@ def weekly_sums(tables: DayTables) -> Tables:
     return sums
 
 
-def discounted(sums: Tables, half_life_d: float | Tables) -> Tables:
-    """Return (days + 1, …): at each midnight, the days before it, old ones discounted.
+def discounted(
+    sums: Tables, lasts_d: Days, half_life_d: float | Tables, first: float | Tables = 0.0
+) -> Tables:
+    """Return (rows + 1, …): at each midnight, the days before it, old ones discounted.
 
     Args:
-        sums: (days, …), of each day.
+        sums: (rows, …), of each day.
+        lasts_d: (rows,), how many days each row stands for.
         half_life_d: One, or one for each column.
+        first: What is there before all of them.
     """
-    keep = 0.5 ** (1.0 / half_life_d)
-    found = np.zeros((len(sums) + 1, *sums.shape[1:]))
-    for day, new in enumerate(sums):
-        np.multiply(found[day], keep, out=found[day + 1])
-        found[day + 1] += new
+    keep = kept(half_life_d, 1)
+    found = np.empty((len(sums) + 1, *sums.shape[1:]))
+    found[0] = first
+    for row, (new, days) in enumerate(zip(sums, lasts_d.tolist(), strict=True)):
+        np.multiply(found[row], keep if days == 1 else kept(half_life_d, days), out=found[row + 1])
+        found[row + 1] += new
     return found
+
+
+def kept(half_life_d: float | Tables, days: int | Days) -> Any:
+    """Return how much of a day still counts so many days later."""
+    return 0.5 ** (days / half_life_d)
+
+
+def blocks(first: int, end: int, most: int = ROWS_AT_ONCE) -> Iterator[slice]:
+    """Yield the rows from one to before another, some at a time: all would fill memory."""
+    for start in range(first, end, most):
+        yield slice(start, min(start + most, end))
 
 
 def _mean(sums: Tables, prior: Tables) -> Tables:
@@ -120,8 +232,8 @@ def _mean(sums: Tables, prior: Tables) -> Tables:
     return found
 
 
-def _shrunk(sums: Tables, prior: Tables) -> tuple[Tables, Tables]:
-    """Return P(open) and days of evidence, both (…, kinds, 7, 24), of discounted sums.
+def _shrunk(sums: Tables, prior: Tables) -> tuple[KindTables, KindTables]:
+    """Return P(open) and days of evidence of discounted sums.
 
     Args:
         sums: (…, 2, 7, 24).
@@ -129,27 +241,17 @@ def _shrunk(sums: Tables, prior: Tables) -> tuple[Tables, Tables]:
     """
     opened, known = sums[..., 0, :, :], sums[..., 1, :, :]
     of_day = opened.sum(-2), known.sum(-2)
-    known_days = of_day[1].sum(-1)[..., None, None] / 24
+    known_days = of_day[1].sum(-1) / 24
     mean = _mean(sums, prior)[..., None]
 
     hour = _level(*of_day, mean, HOUR_DAYS)
     of_type = _by_day_type(opened), _by_day_type(known)
     day_type = _level(*of_type, hour[0][..., None, :], WEEK_DAYS)
-    per_weekday = [_each_weekday(part) for part in day_type]
-    weekday = _toward(opened, known, per_weekday[0], WEEK_DAYS)
+    weekday = _toward(opened, known, _each_weekday(day_type[0]), WEEK_DAYS)
 
-    p_open = (mean[..., None], hour[0][..., None, :], per_weekday[0], weekday)
-    days = (known_days, hour[1][..., None, :], per_weekday[1], per_weekday[1])
-    return _stacked(p_open), _stacked(days)
-
-
-def _stacked(kinds: Sequence[Tables]) -> Tables:
-    """Return (…, kinds, 7, 24) of tables that may be the same for all days or hours."""
-    shape = kinds[-1].shape
-    found = np.empty((*shape[:-2], len(kinds), *shape[-2:]))
-    for place, table in enumerate(kinds):
-        found[..., place, :, :] = table
-    return found
+    p_open = mean[..., 0], hour[0], day_type[0], weekday
+    days = known_days, hour[1], day_type[1], day_type[1]
+    return KindTables(p_open), KindTables(days)
 
 
 def _level(
@@ -173,6 +275,11 @@ def _by_day_type(table: Tables) -> Tables:
     """Return (…, 2, 24) of (…, 7, 24): working days, weekends."""
     parts = table[..., :WORKING_DAYS, :].sum(-2), table[..., WORKING_DAYS:, :].sum(-2)
     return np.stack(parts, axis=-2)
+
+
+def _day(table: Tables, weekday: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return which of the days that a table tells apart weekdays are: day types, or themselves."""
+    return weekday if table.shape[2] == DAYS_IN_WEEK else weekday // WORKING_DAYS
 
 
 def _each_weekday(table: Tables) -> Tables:

@@ -15,10 +15,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.common.distinct import placed
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.lazily import computed_once
 from semmap_log.domain.moments import HOUR_NS, SECOND_NS
 from semmap_log.probabilities.chain.looks import held_at
+from semmap_log.probabilities.evidence.day_rows import DayRows
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.methods.schedule import DoorSchedule
@@ -57,7 +59,7 @@ class Memory:
         if not len(self._evidence.start_ns):
             return np.zeros(len(times_ns))
         past = self._past
-        row = np.clip(self._days(known_ns) - past.first_day, 0, len(past.products) - 1)
+        row = np.searchsorted(past.days, self._days(known_ns))
         rows, first, which = np.unique(row, return_index=True, return_inverse=True)
         by_chain = kept(known_ns[first], (AHEAD_H * HOUR_NS).astype(np.int64))
         weights = _between(past.weights(rows, by_chain)[which], ahead_h)
@@ -69,18 +71,17 @@ class Memory:
     @computed_once
     def _past(self) -> _Past:
         """Return all deviations, and the sums that tell what they were worth."""
-        first_ns = int(self._evidence.start_ns[0]) // STEP_NS * STEP_NS
-        grid_ns = np.arange(first_ns, self._evidence.end_ns[-1] + 1, STEP_NS, dtype=np.int64)
+        grid_ns, left_out_d = _steps(self._evidence)
         held, is_open = held_at(self._evidence, grid_ns)
         expected = self._schedule.p_open(grid_ns, grid_ns)
         deviation = np.where(held, is_open - expected, 0.0)
-        averages = np.column_stack([_averaged(deviation, span) for span in SPANS_H])
+        averages = np.column_stack([_averaged(deviation, left_out_d, span) for span in SPANS_H])
         remembered = np.where(held[:, None], np.column_stack([deviation, averages]), 0.0)
 
-        first_day, last_day = self._days(grid_ns[[0, -1]]).tolist()
-        rows, spans = last_day - first_day + 2, remembered.shape[1]
-        products = np.zeros((rows, len(AHEAD_H), spans, spans))
-        targets = np.zeros((rows, len(AHEAD_H), spans))
+        days, day = placed(self._days(grid_ns))
+        spans = remembered.shape[1]
+        products = np.zeros((len(days) + 1, len(AHEAD_H), spans, spans))
+        targets = np.zeros((len(days) + 1, len(AHEAD_H), spans))
         for ahead, hours in enumerate(AHEAD_H.tolist()):
             steps = round(hours / STEP_H)
             then_ns, now_ns = grid_ns[steps:], grid_ns[: max(len(grid_ns) - steps, 0)]
@@ -89,10 +90,10 @@ class Memory:
             x = np.where(held[steps:, None], remembered[: len(now_ns)], 0.0)
             y = is_open[steps:] - self._schedule.p_open(then_ns, now_ns)
             # A day's row is what the midnight before it knew.
-            day = self._days(then_ns) - first_day + 1
-            _sum_by_day(x[:, :, None] * x[:, None, :], day, products[:, ahead])
-            _sum_by_day(x * y[:, None], day, targets[:, ahead])
-        return _Past(first_day, grid_ns, averages, products.cumsum(0), targets.cumsum(0))
+            row = day[steps:] + 1
+            _sum_by_day(x[:, :, None] * x[:, None, :], row, products[:, ahead])
+            _sum_by_day(x * y[:, None], row, targets[:, ahead])
+        return _Past(days, grid_ns, averages, products.cumsum(0), targets.cumsum(0))
 
     def _days(self, times_ns: Times) -> NDArray[np.int64]:
         return self._clock.hour_of(times_ns) // 24
@@ -100,14 +101,15 @@ class Memory:
 
 @dataclass(frozen=True, slots=True)
 class _Past:
-    first_day: int
+    days: NDArray[np.int64]
+    """(rows - 1,), ascending: those of the grid."""
     grid_ns: Times
     """(n,)."""
     averages: Reals
     """(n, spans): of the deviations up to each time."""
     products: Reals
-    """(rows, ahead, spans + 1, spans + 1): of what was remembered, hours; as known at the beginning
-    of local day first_day + row."""
+    """(rows, ahead, spans + 1, spans + 1): of what was remembered, hours; row i is of
+    the first i days."""
     targets: Reals
     """(rows, ahead, spans + 1): of that with how the door then was off its schedule."""
 
@@ -125,13 +127,30 @@ class _Past:
         return np.asarray(solved, np.float64)
 
 
-def _averaged(deviation: Reals, span_h: float) -> Reals:
+def _steps(evidence: DoorEvidence) -> tuple[Times, NDArray[np.int64]]:
+    """Return steps from when the state is first held on; and (days,): how many are left out before.
+
+    Of a long gap these are all days but the first two, from which nothing reaches beyond the gap.
+    """
+    first, last = (ns // STEP_NS for ns in (evidence.start_ns, evidence.end_ns))
+    rows = DayRows.of(*((step - first[0]) // STEPS_A_DAY for step in (first, last)), after=2)
+    days = rows.days[~rows.is_gap]
+    steps = (first[0] + days[:, None] * STEPS_A_DAY + np.arange(STEPS_A_DAY)).ravel()
+    return steps[steps <= last[-1]] * STEP_NS, np.diff(days, prepend=-1) - 1
+
+
+def _averaged(deviation: Reals, left_out_d: NDArray[np.int64], span_h: float) -> Reals:
     """Return the running mean of deviations, with weights that fall off by e in each span.
 
     All days are gone through side by side; what is left of the day before is added then.
+
+    Args:
+        deviation: (n,), of steps.
+        left_out_d: (days,), how many days before each one have no steps.
+        span_h: The span.
     """
     keep = math.exp(-STEP_H / span_h)
-    days = -(-len(deviation) // STEPS_A_DAY)
+    days = len(left_out_d)
     padded = np.zeros(days * STEPS_A_DAY)
     padded[: len(deviation)] = deviation
     found: Reals = (1 - keep) * padded.reshape(days, STEPS_A_DAY)
@@ -139,7 +158,10 @@ def _averaged(deviation: Reals, span_h: float) -> Reals:
         found[:, step] += keep * found[:, step - 1]
     fading = keep ** np.arange(1, STEPS_A_DAY + 1)
     for day in range(1, days):
-        found[day] += found[day - 1, -1] * fading
+        carried = found[day - 1, -1]
+        if left_out_d[day]:
+            carried *= math.exp(-24 * float(left_out_d[day]) / span_h)
+        found[day] += carried * fading
     return np.ravel(found)[: len(deviation)]
 
 

@@ -19,10 +19,16 @@ from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast, Probabilities
 from semmap_log.probabilities.local_clock import DAY_S, DAYS_IN_WEEK, HOUR_S, LocalClock
-from semmap_log.probabilities.methods.averaging import LEADS_D, averaged, lead_of, weights
+from semmap_log.probabilities.methods.averaging import LEADS_D, averaged, foretold, lead_of, weights
 from semmap_log.probabilities.methods.by_door import LearntByDoor
 from semmap_log.probabilities.methods.effective_days import Variances, lasting_of
-from semmap_log.probabilities.methods.habits import Habits, WeekCells, habits, slowest_habit
+from semmap_log.probabilities.methods.habits import (
+    Habits,
+    WeekCells,
+    blocks,
+    habits,
+    slowest_habit,
+)
 from semmap_log.probabilities.methods.sensor_noise import noise_of
 from semmap_log.probabilities.methods.slots import SlotRates, Slots
 from semmap_log.probabilities.methods.told_days import ToldDays
@@ -37,6 +43,10 @@ LEAST_H = 3.0
 
 One whole day makes them; of a robot's rounds, a few at that time (a visit counts for what its
 sensor can tell, 0.64 h at an accuracy of 0.9)."""
+
+
+CELLS_AT_ONCE = 4096
+"""So many are looked up together, to bound memory."""
 
 
 class Expected(NamedTuple):
@@ -82,7 +92,7 @@ class DoorSchedule:
         if len(self._seen_h):
             row = self._days_told.row(known_ns)
             hour = (self._clock.wall_s(times_ns) % DAY_S // HOUR_S).astype(np.int64)
-            age_d = self._clock.hour_of(known_ns) // 24 - (self._tables.first_day + row)
+            age_d = self._clock.hour_of(known_ns) // 24 - self._days_told.midnights[row]
             is_known = (self._seen_h[row, hour] >= LEAST_H) & (age_d <= STALE_D)
         return Expected(
             self.p_open(times_ns, known_ns),
@@ -126,15 +136,17 @@ class DoorSchedule:
         Of the first midnight nothing is known: it is the same where nothing ever is.
         """
         day, in_day_s = np.divmod(wall_s, DAY_S)
-        lead = lead_of(np.maximum(day - (self._tables.first_day + row), 0))
+        lead = lead_of(np.maximum(day - self._days_told.midnights[row], 0))
         cells = WeekCells(
             row, day.astype(np.int64) % DAYS_IN_WEEK, (in_day_s // HOUR_S).astype(np.int64)
         )
         found = np.full(len(row), otherwise)
         lead[row == 0] = -1
         for one in np.flatnonzero(np.bincount(lead + 1, minlength=1)[1:]).tolist():
-            asked = lead == one
-            found[asked] = at(self._of_lead(one), WeekCells(*(part[asked] for part in cells)))
+            asked = np.flatnonzero(lead == one)
+            for part in blocks(0, len(asked), CELLS_AT_ONCE):
+                some = asked[part]
+                found[some] = at(self._of_lead(one), WeekCells(*(column[some] for column in cells)))
         return found
 
     def _of_lead(self, lead: int) -> _OfLead:
@@ -154,15 +166,20 @@ class _OfLead:
         self._by_habit = np.clip(averaged(self._worth, by_table.p_open), LEAST, MOST)
         """(rows, 7, 24): P(open) without slots."""
         self._days = by_table.days
-        self._slots = Slots(self._by_habit, tables, slot_rates, lead_d)
+        said = foretold(by_table, tables, self._worth, self._by_habit, lead_d)
+        self._slots = Slots(np.clip(said, LEAST, MOST), tables, slot_rates, lead_d)
 
     @computed_once
     def _p_open(self) -> Table:
         """(rows, 7, 24)."""
-        by_habit = self._by_habit.ravel()
-        own = self._slots.at(WeekCells(*np.indices(self._by_habit.shape).reshape(3, -1)), by_habit)
-        found = by_habit + own.weight * (own.p_open - by_habit)
-        return found.reshape(self._by_habit.shape)
+        found = np.empty_like(self._by_habit)
+        for rows in blocks(0, len(found)):
+            by_habit = self._by_habit[rows].ravel()
+            row, weekday, hour = np.indices(found[rows].shape).reshape(3, -1)
+            own = self._slots.at(WeekCells(rows.start + row, weekday, hour), by_habit)
+            here = by_habit + own.weight * (own.p_open - by_habit)
+            found[rows] = here.reshape(found[rows].shape)
+        return found
 
     def p_open_at(self, cells: WeekCells) -> Table:
         """Return P(open) there, (n,)."""
@@ -180,8 +197,7 @@ class _OfLead:
 
     def days_at(self, cells: WeekCells) -> Table:
         """Return days of evidence behind it, (n,)."""
-        row, weekday, hour = cells
-        found: Table = (self._worth[row] * self._days[row, :, weekday, hour]).sum(1)
+        found: Table = (self._worth[cells.row] * self._days.at(cells)).sum(1)
         return found
 
 

@@ -28,7 +28,7 @@ def noise_of(evidence: DoorEvidence, tables: DayTables, clock: LocalClock) -> Re
         clock: Whose days.
     """
     first = evidence.is_visit
-    day = clock.hour_of(evidence.seen_ns[first]) // 24 - tables.first_day
+    day = tables.rows.row(clock.hour_of(evidence.seen_ns[first]) // 24)
     own = day < len(tables)
     when_open, when_closed = (
         evidence.accuracy_open[first][own],
@@ -42,7 +42,7 @@ def noise_of(evidence: DoorEvidence, tables: DayTables, clock: LocalClock) -> Re
     def by_day(of_visits: Reals) -> Reals:
         return so_far(np.bincount(day[own], of_visits, len(tables)))
 
-    edges_ns = clock.midnights_ns(np.append(tables.days, tables.first_day + len(tables)))
+    edges_ns = clock.midnights_ns(tables.rows.midnights)
     held_h = covered_ns(evidence.start_ns, evidence.end_ns, edges_ns) / HOUR_NS
     known_h = so_far(tables.known_h.sum(1))
     read_h = np.maximum(known_h - (held_h - held_h[0]), 0.0)

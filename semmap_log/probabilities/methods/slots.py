@@ -16,11 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.probabilities.evidence.day_rows import DayRows
 from semmap_log.probabilities.evidence.day_tables import HALF_LIFE_D, DayTables
 from semmap_log.probabilities.forecast import LEAST, MOST
 from semmap_log.probabilities.local_clock import DAYS_IN_WEEK
 from semmap_log.probabilities.methods.averaging import shared_anew
-from semmap_log.probabilities.methods.habits import WeekCells, discounted, weekly_sums
+from semmap_log.probabilities.methods.habits import WeekCells, discounted, kept, weekly_sums
 
 Tables = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -57,33 +58,45 @@ class SlotRates:
     """P(open) of blocks by what was seen of them alone."""
 
     def __init__(self, tables: DayTables) -> None:
-        opened, known = discounted(weekly_sums(tables), HALF_LIFE_D).swapaxes(0, 1)
-        self.opened, self.known = _blocks(opened), _blocks(known)
-        """(rows, 7, 24, blocks), in weeks."""
+        opened, known = discounted(weekly_sums(tables), tables.rows.lasts_d, HALF_LIFE_D).swapaxes(
+            0, 1
+        )
+        self.opened, self.known = opened, known
+        """(rows, 7, 24), in weeks."""
 
-    def of(self, schedule: Tables, *place: Indices) -> Tables:
-        """Return it at rows, weekdays (and hours), (..., blocks), where the schedule says (...)."""
+    def of(self, schedule: Tables, cells: WeekCells, idle_d: Indices | None = None) -> Tables:
+        """Return it at some cells, (..., blocks).
+
+        Args:
+            schedule: (...), what the schedule says there.
+            cells: (...).
+            idle_d: (...), days of a gap after each row; None: 0.
+        """
         slab = SLAB_WEEKS * np.maximum(schedule, SLAB_P)[..., None]
-        found = (self.opened[place] + slab) / (self.known[place] + SLAB_WEEKS)
+        opened, known = (_blocks(part, cells) for part in (self.opened, self.known))
+        if idle_d is not None:
+            still = kept(HALF_LIFE_D, idle_d[..., None])
+            opened, known = still * opened, still * known
+        found = (opened + slab) / (known + SLAB_WEEKS)
         return np.asarray(np.clip(found, LEAST, MOST), np.float64)
 
 
 class Slots:
     """The slots of a door for forecasts of one lead, as each midnight knew them."""
 
-    def __init__(self, schedule: Tables, tables: DayTables, rates: SlotRates, lead_d: int) -> None:
+    def __init__(self, said: Tables, tables: DayTables, rates: SlotRates, lead_d: int) -> None:
         """Find them.
 
         Args:
-            schedule: (rows, 7, 24): P(open) without them; a row for each midnight.
+            said: (days, 24): what the schedule without them said of each day, so many days before.
             tables: The days that it is made of.
             rates: Of the same days.
             lead_d: How many days ahead they foretell.
         """
         self._rates = rates
         self._trials = trials = _Trials.of(tables, lead_d)
-        said = schedule[trials.row, trials.weekday]
-        own = self._rates.of(said, trials.row, trials.weekday)
+        cells = WeekCells(trials.row[:, None], trials.weekday[:, None], np.arange(24)[None])
+        own = self._rates.of(said, cells, trials.idle_d[:, None])
         weights = _weights(_pooled(trials.gain(own, said[..., None])), trials)
         self._earned = np.clip((weights.sum(-1) - PRIOR) / (1 - PRIOR), 0, 1)
         """(weeks + 1, 7, 24)."""
@@ -92,18 +105,19 @@ class Slots:
         week = trials.weeks_before(trials.row, trials.weekday)
         mixed = (self._shares[week, trials.weekday] * own).sum(-1)
         mixed = said + self._earned[week, trials.weekday] * (mixed - said)
-        self._heard = _heard(trials.gain(mixed[..., None], said[..., None]).sum((1, 2)), lead_d)
+        gain = trials.gain(mixed[..., None], said[..., None]).sum((1, 2))
+        self._heard = _heard(gain, tables.rows, lead_d)
         """(rows,)."""
 
     def at(self, cells: WeekCells, schedule: Tables) -> OfSlots:
         """Return what they say at some cells, where the schedule says (n,)."""
         row, weekday, hour = cells
         cell = self._trials.weeks_before(row, weekday), weekday, hour
-        rates = self._rates.of(schedule, row, weekday, hour)
+        rates = self._rates.of(schedule, cells)
         return OfSlots(
             self._earned[cell] * self._heard[row],
             (self._shares[cell] * rates).sum(-1),
-            self._rates.known[row, weekday, hour, 0],
+            self._rates.known[row, weekday, hour],
         )
 
 
@@ -111,6 +125,8 @@ class _Trials(NamedTuple):
     """Each day, foretold by the table of so many days before it: places, (days,)."""
 
     row: Indices
+    idle_d: Indices
+    """(days,): days of a gap after that row."""
     weekday: Indices
     is_known: NDArray[np.bool_]
     """(days,), False: the record begins later than that."""
@@ -122,18 +138,19 @@ class _Trials(NamedTuple):
 
     @classmethod
     def of(cls, tables: DayTables, lead_d: int) -> _Trials:
-        row = np.arange(len(tables)) - lead_d
+        lag = tables.rows.before(lead_d)
         known = tables.known_h[..., None]
         # A reading that is corrected below zero says that the door was closed, and no more: else
         # the nights would outvote a slot by the errors of their sensor.
         opened = np.maximum(tables.open_h[..., None], 0.0)
         return cls(
-            np.maximum(row, 0),
+            np.maximum(lag.row, 0),
+            lag.idle_d,
             tables.days % DAYS_IN_WEEK,
-            row >= 0,
+            lag.row >= 0,
             opened,
             known - opened,
-            int(tables.first_day % DAYS_IN_WEEK),
+            int(tables.rows.midnights[0] % DAYS_IN_WEEK),
         )
 
     def gain(self, p_open: Tables, other: Tables) -> Tables:
@@ -148,9 +165,13 @@ class _Trials(NamedTuple):
         return ended
 
 
-def _blocks(cells: Tables) -> Tables:
-    """Return (..., 24, blocks): the mean over each block's hours, at the cell it counts from."""
-    means = [np.mean([np.roll(cells, -hour, -1) for hour in block], axis=0) for block in BLOCKS]
+def _blocks(table: Tables, cells: WeekCells) -> Tables:
+    """Return (..., blocks): the mean over each block's hours, at the cells it counts from."""
+    row, weekday, hour = cells
+    means = [
+        np.mean([table[row, weekday, (hour + beside) % 24] for beside in block], axis=0)
+        for block in BLOCKS
+    ]
     return np.stack(means, axis=-1)
 
 
@@ -186,11 +207,16 @@ def _weights(gain: Tables, trials: _Trials) -> Tables:
     return earned
 
 
-def _heard(gain: Tables, lead_d: int) -> Tables:
-    """Return (rows,): how far slots are heard, who gained so much on each day."""
+def _heard(gain: Tables, rows: DayRows, lead_d: int) -> Tables:
+    """Return (rows + 1,): how far slots are heard, who gained so much on each day."""
     share = HEARD_SHARE / (1 + lead_d)
     found = [HEARD]
-    for nats in np.clip(gain / (1 + lead_d / DAYS_IN_WEEK), -_MOST_NATS, _MOST_NATS).tolist():
-        odds = found[-1] / (1 - found[-1]) * math.exp(nats)
+    nats = np.clip(gain / (1 + lead_d / DAYS_IN_WEEK), -_MOST_NATS, _MOST_NATS)
+    days = zip(nats.tolist(), rows.is_gap.tolist(), rows.lasts_d.tolist(), strict=True)
+    for of_day, is_gap, lasts_d in days:
+        if is_gap:
+            found.append(HEARD + (1 - share) ** lasts_d * (found[-1] - HEARD))
+            continue
+        odds = found[-1] / (1 - found[-1]) * math.exp(of_day)
         found.append((1 - share) * odds / (1 + odds) + share * HEARD)
     return np.array(found)

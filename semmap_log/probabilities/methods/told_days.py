@@ -20,8 +20,10 @@ class ToldDays:
         until_ns = np.array([evidence.until_ns], np.int64)
         tables = day_tables(evidence, clock).before(int(clock.hour_of(until_ns)[0]) // 24)
         tells = np.flatnonzero(tables.known_h.any(1)) + 1
-        self.tables = tables.before(tables.first_day + int(tells.max(initial=0)))
-        self._told = np.zeros(len(self.tables) + 1, np.int64)
+        self.tables = tables.before(int(tables.rows.midnights[tells.max(initial=0)]))
+        self.midnights = self.tables.rows.midnights
+        """(rows,): the day that begins then."""
+        self._told = np.zeros(len(self.midnights), np.int64)
         """(rows,): the row of the last day that tells something; through a gap nothing is learnt,
         and what is known grows old."""
         self._told[tells] = tells
@@ -30,4 +32,4 @@ class ToldDays:
     def row(self, known_ns: Times) -> NDArray[np.int64]:
         """Return (n,): the row of what the last midnight before each time knew."""
         known_day = self._clock.hour_of(known_ns) // 24
-        return self._told[np.clip(known_day - self.tables.first_day, 0, len(self.tables))]
+        return self._told[np.maximum(np.searchsorted(self.midnights, known_day, "right") - 1, 0)]

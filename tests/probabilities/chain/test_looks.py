@@ -100,7 +100,7 @@ def test_half_hours_without_a_look_are_the_buildings() -> None:
     eucla = LocalClock("Australia/Eucla")
     told = evidence(visits=[(0.3, True)])
 
-    found = looks(told, eucla, int(hours_ns(1.5)), blind=True)
+    found = looks(told, eucla, int(hours_ns(1.5)), blind_from_ns=0)
 
     assert [0.25, 0.3, 0.3, 0.75, 1.25] == pytest.approx([h for h, _ in said(found)])
 
@@ -109,10 +109,13 @@ def test_the_last_of_them() -> None:
     """
     From a time on, that one included.
     """
-    seen = looks(evidence(visits=[(0.4, True), (0.9, True)]), UTC, int(hours_ns(1)))
+    told = evidence(visits=[(0.4, True), (0.9, True)])
 
-    assert [0.4, 0.9] == [h for h, _ in said(seen.since(int(hours_ns(0.4))))][1:]
-    assert [0.9] == [h for h, _ in said(seen.since(int(hours_ns(0.4)) + 1))]
+    def since(from_ns: int) -> list[float]:
+        return [h for h, _ in said(looks(told, UTC, int(hours_ns(1)), blind_from_ns=from_ns))]
+
+    assert [0.4, 0.4, 0.5, 0.9, 1.0] == since(int(hours_ns(0.4)))
+    assert [0.5, 0.9, 1.0] == since(int(hours_ns(0.4)) + 1)
 
 
 @pytest.mark.parametrize(

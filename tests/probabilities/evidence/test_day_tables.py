@@ -30,7 +30,7 @@ def since(text: str, tz: str) -> float:
 
 
 def row_of(tables: DayTables, text: str) -> int:
-    return (datetime.fromisoformat(text) - MONDAY).days - tables.first_day
+    return (datetime.fromisoformat(text) - MONDAY).days - int(tables.days[0])
 
 
 def held(*, start: str, end: str, tz: str, state: str = "open") -> DayTables:
@@ -50,7 +50,7 @@ def test_a_stretch_counts_by_its_duration_in_each_hour() -> None:
     assert (1, 24) == tables.known_h.shape
     assert [0, 0.25, 1, 1, 0] == tables.known_h[0, :5].tolist()
     assert [0, 0.25, 1, 0.5, 0] == tables.open_h[0, :5].tolist()
-    assert [row_of(tables, "1997-05-19") + tables.first_day] == tables.days.tolist()
+    assert [row_of(tables, "1997-05-19") + int(tables.days[0])] == tables.days.tolist()
 
 
 def test_rows_are_local_days_from_the_first_evidence_to_the_time_asked_for() -> None:
@@ -249,7 +249,7 @@ def test_rows_of_days_that_ended_are_the_same_whatever_comes_later(
     assert some.before(day).known_h.tolist() == every.before(day).known_h.tolist()
     assert some.before(day).open_h.tolist() == every.before(day).open_h.tolist()
     assert every.known_h.min(initial=0) >= 0
-    midnights = clock.midnights_ns(np.append(every.days, every.first_day + len(every)))
+    midnights = clock.midnights_ns(every.rows.midnights)
     assert (every.known_h.sum(axis=1) * 3600e9 <= np.diff(midnights) + 3600e9 + 1).all()
     if not len(found.seen_ns):
         assert every.known_h.sum() * 3600e9 == pytest.approx((found.end_ns - found.start_ns).sum())

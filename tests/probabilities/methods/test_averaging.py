@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from semmap_log.probabilities.evidence.day_rows import DayRows
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.methods.averaging import RATE, SHARE, weights
-from semmap_log.probabilities.methods.habits import HALF_LIVES_D, Habits
+from semmap_log.probabilities.methods.habits import HALF_LIVES_D, GapSums, Habits, KindTables
 
 TABLES = len(HALF_LIVES_D)
 
@@ -19,12 +20,12 @@ def told(p_open: np.ndarray, days: DayTables) -> Habits:
         p_open: (rows, tables).
         days: Of which they are.
     """
-    whole = np.broadcast_to(p_open[:, :, None, None], (*p_open.shape, 7, 24))
-    return Habits(days.first_day, whole, np.ones_like(whole), HALF_LIVES_D)
+    nowhere = GapSums(*np.zeros((3, 0)))
+    return Habits(KindTables([p_open]), KindTables([np.ones_like(p_open)]), HALF_LIVES_D, nowhere)
 
 
 def always(state: float, days: int) -> DayTables:
-    return DayTables(0, np.ones((days, 24)), np.full((days, 24), state))
+    return DayTables(DayRows.since(0, days), np.ones((days, 24)), np.full((days, 24), state))
 
 
 def test_before_any_day_tables_that_remember_longer_are_for_what_is_far() -> None:
@@ -89,7 +90,7 @@ def test_days_of_which_nothing_is_known_move_little() -> None:
     """
     Only what is handed out anew drifts back; there is nothing to be right about.
     """
-    days = DayTables(0, np.zeros((1, 24)), np.zeros((1, 24)))
+    days = DayTables(DayRows.since(0, 1), np.zeros((1, 24)), np.zeros((1, 24)))
     p_open = np.tile(np.linspace(0.1, 0.9, TABLES), (2, 1))
 
     found = weights(told(p_open, days), days, 0)

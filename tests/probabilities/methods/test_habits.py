@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from semmap_log.probabilities.evidence.day_rows import DayRows
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.methods.habits import HALF_LIVES_D, KINDS, NEIGHBOURS_H, habits
 
 MONDAY = 70
 MEAN, HOUR, TYPE, WEEKDAY = range(len(KINDS))
+LAST = slice(-1, None)
 FOREVER = len(HALF_LIVES_D) - 1
 
 
@@ -18,12 +20,12 @@ def table(opened: dict[tuple[int, int], float], *, days: int, known: float = 1.0
     known_h, open_h = np.full((days, 24), known), np.zeros((days, 24))
     for place, hours in opened.items():
         open_h[place] = hours
-    return DayTables(MONDAY, known_h, open_h)
+    return DayTables(DayRows.since(MONDAY, len(known_h)), known_h, open_h)
 
 
 def of_kind(tables: DayTables, kind: int, half_life: int = FOREVER) -> np.ndarray:
     """Return (7, 24), as known when all the days are over."""
-    return habits(tables).p_open[-1, half_life * len(KINDS) + kind]
+    return habits(tables).p_open.of_weeks(LAST)[0, half_life * len(KINDS) + kind]
 
 
 def shrunk(opened: float, known: float, coarser: float, weight: float) -> float:
@@ -36,8 +38,8 @@ def test_before_the_first_day_every_table_says_one_half() -> None:
     """
     found = habits(table({}, days=3))
 
-    np.testing.assert_allclose(found.p_open[0], 0.5)
-    assert not found.days[0].any()
+    np.testing.assert_allclose(found.p_open.of_weeks(slice(1)), 0.5)
+    assert not found.days.of_weeks(slice(1)).any()
 
 
 def test_the_mean_is_that_of_the_days_and_soon_forgets_the_prior() -> None:
@@ -124,7 +126,8 @@ def test_what_is_hardly_known_hardly_counts() -> None:
     Minutes of an hour are that share of a day, and the days of evidence say so.
     """
     much, little = (
-        habits(table({}, days=10, known=share)).days[-1, FOREVER * 4] for share in (1, 0.1)
+        habits(table({}, days=10, known=share)).days.of_weeks(LAST)[0, FOREVER * 4]
+        for share in (1, 0.1)
     )
 
     np.testing.assert_allclose(much, 10)

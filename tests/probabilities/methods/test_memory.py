@@ -65,9 +65,23 @@ def test_means_are_those_of_a_plain_loop(count: int, span_h: float) -> None:
         mean = keep * mean + (1 - keep) * one
         expected.append(mean)
 
-    found = _averaged(deviation, span_h)
+    found = _averaged(deviation, np.zeros(-(-count // STEPS_A_DAY), np.int64), span_h)
 
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("span_h", SPANS_H.tolist())
+def test_means_fade_through_days_that_are_left_out(span_h: float) -> None:
+    """
+    As through days on which the door is as it should be.
+    """
+    day = np.random.default_rng(0).normal(size=STEPS_A_DAY)
+    whole = np.concatenate([day, np.zeros(2 * STEPS_A_DAY), day])
+
+    expected = _averaged(whole, np.zeros(4, np.int64), span_h)
+    found = _averaged(np.concatenate([day, day]), np.array([0, 2]), span_h)
+
+    np.testing.assert_allclose(found[STEPS_A_DAY:], expected[-STEPS_A_DAY:], rtol=1e-9)
 
 
 def test_without_a_past_it_is_worth_nothing() -> None:
@@ -76,7 +90,7 @@ def test_without_a_past_it_is_worth_nothing() -> None:
     """
     spans = len(SPANS_H) + 1
     nothing = _Past(
-        0, np.zeros(0, np.int64), np.zeros((0, spans - 1)),
+        *np.zeros((2, 0), np.int64), np.zeros((0, spans - 1)),
         np.zeros((2, len(AHEAD_H), spans, spans)), np.zeros((2, len(AHEAD_H), spans)),
     )  # fmt: skip
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from semmap_log.probabilities.evidence.day_rows import DayRows
 from semmap_log.probabilities.evidence.day_tables import DayTables
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.local_clock import LocalClock
@@ -172,14 +173,16 @@ def test_a_midnight_knows_the_days_before_it() -> None:
     """
     rng = np.random.default_rng(3)
     known = rng.random((20, 24))
-    tables = DayTables(100, known, known * rng.random((20, 24)))
+    tables = DayTables(DayRows.since(100, len(known)), known, known * rng.random((20, 24)))
 
     whole = habits(tables)
 
     for row in (0, 1, 7, 20):
         alone = habits(tables.before(100 + row))
-        np.testing.assert_allclose(whole.p_open[row], alone.p_open[-1], rtol=1e-12)
-        np.testing.assert_allclose(whole.days[row], alone.days[-1], rtol=1e-12)
+        for every, some in ((whole.p_open, alone.p_open), (whole.days, alone.days)):
+            np.testing.assert_allclose(
+                every.of_weeks(slice(row, row + 1)), some.of_weeks(slice(row, None)), rtol=1e-12
+            )
 
 
 @pytest.mark.parametrize("lead_d", [0, 1, 14])
@@ -189,7 +192,7 @@ def test_weights_are_shares_and_know_nothing_later(lead_d: int) -> None:
     """
     rng = np.random.default_rng(3)
     known = rng.random((40, 24))
-    tables = DayTables(100, known, known * rng.random((40, 24)))
+    tables = DayTables(DayRows.since(100, len(known)), known, known * rng.random((40, 24)))
 
     found = weights(habits(tables), tables, lead_d)
 
