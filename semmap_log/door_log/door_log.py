@@ -422,6 +422,24 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """Return the moment from which on it can be asked; -1: any."""
         return self._reader.horizon_ns
 
+    def shown_from_ns(self, since_ns: int | None, until_ns: int | None) -> int | None:
+        """Return from when on events of a span are shown: by default from the log's horizon on.
+
+        The state there opens what is shown. That what was before is gone is then warned of.
+
+        Args:
+            since_ns: From then on; None: that is not asked for.
+            until_ns: Before then; None: to the log's end.
+
+        Returns:
+            None where the log has no horizon, and nothing is asked for: before the first event.
+
+        Raises:
+            HorizonError: The span begins, or ends, before the horizon.
+        """
+        self._reader.check_horizon(Window(happened_from_ns=since_ns, happened_before_ns=until_ns))
+        return self._reader.horizon_ns + 1 if since_ns is None and self.horizon() else since_ns
+
     def last_event(self) -> int:
         """Return the number of the log's last event; -1: there is none."""
         return self._reader.last_event()
@@ -675,12 +693,14 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
         Raises:
             MomentError: `since` comes after `until`.
+            HorizonError: What is asked for begins, or ends, before the log's horizon.
         """
         from semmap_log.folds.timeline import timelines
 
         scope = self.scope(at, known_at)
         since_ns, until_ns = self.instant(since), self.instant(until)
         refuse_reversed(since_ns, until_ns)
+        self._reader.check_horizon(Window(happened_from_ns=since_ns, happened_before_ns=until_ns))
         asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
         ids = None if doors is None else self._ids_ever(doors)
         if asked_ns is None and scope.event is None:

@@ -116,7 +116,8 @@ class KnownPast:
     def _thinned(self) -> ThinnedRuns:
         reader, found = self._reader(), ThinnedRuns()
         hidden = reader.retractions()
-        for batch in reader.batches(Window(kinds=bits_of_kinds([SightingsThinned]))):
+        kept = Window(kinds=bits_of_kinds([SightingsThinned]), first_event=reader.horizon or None)
+        for batch in reader.batches(kept):
             found.apply(hidden.visible(batch))
         return found
 

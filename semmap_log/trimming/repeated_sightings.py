@@ -132,8 +132,9 @@ class Thinning:
 
     def _told_again(self) -> Iterator[int]:
         """Yield the numbers of events that told of sightings which still are there, and go now."""
-        hidden = self._reader.retractions()
-        for batch in self._reader.batches(Window(kinds=bits_of_kinds([SightingsThinned]))):
+        reader, hidden = self._reader, self._reader.retractions()
+        kept = Window(kinds=bits_of_kinds([SightingsThinned]), first_event=reader.horizon or None)
+        for batch in reader.batches(kept):
             told = hidden.visible(batch)
             if len(told):
                 again = self._going(told[SightingsThinned]["first_event"].astype(np.int64))

@@ -80,7 +80,8 @@ def _thinned(log: JoinedLog, plan: DoorPlan) -> NDArray[np.void]:
     """Return what was thinned of a log, with the doors' numbers in the building."""
     reader = log.opened
     hidden, found = reader.retractions(), [np.empty(0, _RUN)]
-    for batch in reader.batches(Window(kinds=bits_of_kinds([SightingsThinned]))):
+    window = Window(kinds=bits_of_kinds([SightingsThinned]), first_event=reader.horizon or None)
+    for batch in reader.batches(window):
         told = hidden.visible(batch)
         if len(told):
             rows = np.zeros(len(told), _RUN)

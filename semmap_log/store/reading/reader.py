@@ -401,9 +401,9 @@ class LogReader:
         return max(ends, default=0)
 
     def check_horizon(self, window: Window) -> None:
-        """Return if a question can be answered by what is left of the log, and say if some is gone.
+        """Check that a question can be answered by what is left of the log; warn if some is gone.
 
-        One that names no beginning is about what there is.
+        One that names no beginning, or wants only what is kept, is about what there is.
 
         Raises:
             HorizonError: It begins, or ends, before the horizon.
@@ -414,7 +414,7 @@ class LogReader:
             end is not None and end <= self.horizon_ns
             for end in (window.happened_before_ns, window.recorded_before_ns)
         )
-        if ends or window.has_beginning:
+        if not window.only_kept and (ends or window.has_beginning):
             raise self.behind_horizon()
         if not self._has_warned_of_horizon:
             self._has_warned_of_horizon = True
