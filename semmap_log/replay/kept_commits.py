@@ -65,7 +65,7 @@ def _all_kept(reader: LogReader) -> Iterator[FollowedCommit]:
             end_ns = min(commit.recorded_ns - 1, reader.horizon_ns)
             yield _in_place_of(before, end_ns, reader, commit)
         within = _taken(gone, commit.last_event + 1)
-        yield followed if not within else _completed(followed, within)
+        yield followed if not within else _with_updates(followed, within)
 
 
 def _taken(gone: deque[RecordedEvent], before_event: int) -> list[RecordedEvent]:
@@ -75,7 +75,7 @@ def _taken(gone: deque[RecordedEvent], before_event: int) -> list[RecordedEvent]
     return found
 
 
-def _completed(followed: FollowedCommit, updates: list[RecordedEvent]) -> FollowedCommit:
+def _with_updates(followed: FollowedCommit, updates: list[RecordedEvent]) -> FollowedCommit:
     """Return a commit with updates for events that it lacks, closed when it was."""
     commit = followed.commit
     events = sorted([*followed.batch, *updates], key=lambda one: one.number)

@@ -93,13 +93,6 @@ STORES: tuple[Mutant, ...] = (
         "test_endless_answers",
     ),
     guard(
-        "stores: an answer that fills the memory",
-        "answer_of",
-        "_peak_bytes() > most",
-        "False",
-        "test_endless_answers",
-    ),
-    guard(
         "stores: room on the disk",
         "fetching._check_room",
         "size > free",
