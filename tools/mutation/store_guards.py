@@ -99,11 +99,4 @@ STORES: tuple[Mutant, ...] = (
         "False",
         "test_endless_answers",
     ),
-    guard(
-        "fleet: a worker that comes back late",
-        "DaskEngine.__init__",
-        '"distributed.deploy.lost-worker-timeout": _NEVER,',
-        "",
-        "test_a_worker_that_comes_back_late_is_waited_for",
-    ),
 )
