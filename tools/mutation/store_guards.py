@@ -94,7 +94,7 @@ STORES: tuple[Mutant, ...] = (
     ),
     guard(
         "stores: an answer that fills the memory",
-        "answer_of",
+        "bounded_requests.answer_of",
         "_peak_bytes() > most",
         "False",
         "test_endless_answers",
@@ -109,8 +109,8 @@ STORES: tuple[Mutant, ...] = (
     guard(
         "fleet: a worker that comes back late",
         "DaskEngine.__init__",
-        '"distributed.deploy.lost-worker-timeout": _NEVER,',
-        "",
+        '"distributed.deploy.lost-worker-timeout"',
+        '"distributed.deploy.nothing"',
         "test_a_worker_that_comes_back_late_is_waited_for",
     ),
 )
