@@ -27,7 +27,7 @@ FORMAT = 1
 SUFFIX = ".answer"
 _DIGITS = 16
 MOST_BYTES = 2**28
-"""Of an answer that is kept: a longer one is asked for again."""
+"""Of an answer that is kept; a longer one is not."""
 
 
 class KeptAnswers:
