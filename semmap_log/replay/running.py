@@ -59,7 +59,7 @@ class RunningFold(Generic[S]):
     ) -> bool:
         """Take in the events up to a number, or to the log's end; tell whether it began anew.
 
-        It begins anew if a retraction hides what was taken in.
+        It begins anew if a retraction hides what was taken in, or what comes next is gone.
 
         Args:
             reader: Of the log; it is known to hold the position.
@@ -68,14 +68,15 @@ class RunningFold(Generic[S]):
             progress: Told how far the reading is.
         """
         later = retractions_behind(reader, self.position.event, limit)
-        begins_anew = self.position.is_touched_by(later)
+        begins_anew = self.position.is_touched_by(later) or self.position.is_before_horizon(reader)
         if begins_anew:
             self._begin_anew()
             later = retractions_behind(reader, NO_EVENT, limit)
         self._retractions = (*self._retractions, *later)
         self._hidden = hiding(self._retractions)
-        for batch in events_behind(reader, self._event, limit, progress):
-            can_save = at_ns is None and self._is_due()
+        for batch in events_behind(reader, self._event, limit, at_ns=at_ns, progress=progress):
+            is_kept = int(batch.number[-1]) >= reader.horizon
+            can_save = at_ns is None and is_kept and self._is_due()
             rest = self._save_on_the_way(reader, batch) if can_save else batch
             self._apply(rest, at_ns)
         is_further = at_ns is None and self._event != self.position.event
