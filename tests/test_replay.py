@@ -117,7 +117,7 @@ def random_log(path: Path, dice: random.Random, commits: int) -> list[Told]:
 def _allowed(log: sl.DoorLogWriter, dice: random.Random, count: int) -> Iterator[Event]:
     """Yield those of `count` random events that the map lets pass."""
     number = log.state.event + 1
-    validator = Validator(log.door_index, number)
+    validator = Validator(log.door_index, number, past=log.known_past)
     for _ in range(count):
         try:
             event = random_event(dice, number, log._writer.clock.wall_ns())

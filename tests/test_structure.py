@@ -38,6 +38,7 @@ ORDER = [
     {"fleet", "queries", "signing"},
     {"planning"},
     {"formats"},
+    {"copies"},
     {"views", "ros_mapping"},
     {"importing", "exporting"},
     {"pseudonyms"},

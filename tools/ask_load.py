@@ -5,13 +5,16 @@
 
 One client asks over a Unix socket, one question at a time, and checks each answer; then it sends
 them ahead. Actions that last (`event`) are set beside `observe` in a Python program, on the same
-disk. The exit code is 1 if an answer is wrong, or fewer questions a second than `--least` are
-answered.
+disk. Then ten clients of another process flood the server with long lines and long questions, and
+what one client waits for its answers is measured. The exit code is 1 if an answer is wrong, or
+fewer questions a second than `--least` are answered.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import multiprocessing
 import random
 import re
 import socket
@@ -21,7 +24,6 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -32,6 +34,7 @@ from tests.live.running import Running  # noqa: E402
 
 LEAST_A_SECOND = 5000
 AT_ONCE = 8
+FLOODING = 10
 MANY_CLIENTS = 200
 WAITS = 100
 HOUR_NS = 3600 * 10**9
@@ -43,6 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--doors", type=int, default=500)
     parser.add_argument("--questions", type=int, default=50_000)
     parser.add_argument("--actions", type=int, default=500)
+    parser.add_argument("--flooded", type=int, default=500, help="questions beside floods")
     parser.add_argument("--least", type=int, default=LEAST_A_SECOND, help="questions a second")
     args = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(dir=".", prefix=".ask_load_") as name:
@@ -57,6 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             load.actions(args.actions)
             load.waits()
             load.memory()
+            load.beside_floods(args.flooded)
         with load.server("--read-only"), sl.append(load.log) as writer:
             load.waits_of_a_follower(writer)
     if load.wrong:
@@ -100,7 +105,7 @@ class Load:
                     state=self._states[door], prob_open=door / 1000, name=f"door_{door}",
                 )  # fmt: skip
 
-    @contextmanager
+    @contextlib.contextmanager
     def server(self, *options: str) -> Iterator[None]:
         """Run one; its process is `self._process`."""
         command = [sys.executable, "-m", "semmap_log", "serve", str(self.log), *options,
@@ -226,6 +231,26 @@ class Load:
             seconds.append(time.perf_counter() - begun)
         print(f"WAIT_UNTIL, --read-only, from `observe`            {_us(seconds)}")
 
+    def beside_floods(self, count: int) -> None:
+        """Ask what is so, what was so, and what is likely, while ten clients flood the server."""
+        client, now_ns = Client(self._path), time.time_ns()
+        client.ask(b"NEXT_DOOR DOOR_1\n")  # from here on it has learnt
+        flooding = multiprocessing.get_context("spawn").Process(
+            target=flood, args=(self._path, self._doors), daemon=True
+        )
+        flooding.start()
+        time.sleep(3)
+        for what, line, times in (
+            ("one question", "DOOR_OPEN DOOR_1", count),
+            ("one of the past", "DOOR_OPEN DOOR_1 @{}", count),
+            ("one of what is likely", "PROBABILITY_DOOR_OPEN DOOR_1 AT @{}", max(count // 10, 1)),
+        ):
+            lines = [f"{line.format(now_ns - i)}\n".encode() for i in range(times)]
+            seconds = _timed(client.ask, lines)
+            print(f"{what + f', beside {FLOODING} that flood':50} {_us(seconds)}")
+        flooding.kill()
+        flooding.join()
+
     def memory(self) -> None:
         """Print what the server's process holds, before and with many clients that have asked."""
         before = self._resident()
@@ -270,6 +295,32 @@ class _Setting(threading.Thread):
 
     def _ask(self, line: bytes) -> None:
         self.wrong += self._client.ask(line) != b"T"
+
+
+def flood(path: Path, doors: int) -> None:
+    """Ask without pause, by several clients: in a process of its own."""
+    every = b" ".join(b"DOOR_%d" % door for door in range(1, doors + 1))
+    keys = b",".join(b'"%d":0' % key for key in [*range(6000), 5999])
+    for place, line in zip(range(FLOODING), _rounds(
+        b"NEXT_DOOR " + b"DOOR_1 " * 9000, b"{" + keys + b"}",
+        b"BELIEVED " * 3000 + b"DOORS" + b" AT now" * 3000, b"NEXT_DOOR " + every[:60_000],
+        b"BEST_TIME DOOR_1", b"DOORS\n" * 9000,
+    ), strict=False):  # fmt: skip
+        reads = place < FLOODING - 2
+        threading.Thread(target=_flood, args=(Client(path), line + b"\n", reads)).start()
+
+
+def _rounds(*lines: bytes) -> Iterator[bytes]:
+    while True:
+        yield from lines
+
+
+def _flood(client: Client, line: bytes, reads: bool) -> None:  # noqa: FBT001  of a thread
+    with contextlib.suppress(OSError):
+        while True:
+            client.socket.sendall(line)
+            for _ in range(line.count(b"\n") * reads):
+                client.line()
 
 
 def _timed(do: Callable[[object], object], things: Sequence[object]) -> list[float]:

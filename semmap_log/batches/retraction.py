@@ -8,11 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import Retracted
+from semmap_log.domain.events import HistoryTrimmed, MomentPinned, Retracted
+
+_ABOUT_THE_LOG = (HistoryTrimmed.kind, MomentPinned.kind)
+"""Kinds that tell of the log, and not of the building."""
 
 
 class Retractions:
-    """Ranges of event numbers that were taken back; a retraction itself is never hidden."""
+    """Ranges of event numbers that were taken back; a retraction itself is never hidden.
+
+    Nor is an event that tells of the log by a range around it: only by its own number.
+    """
 
     def __init__(self) -> None:
         self.ranges: list[tuple[int, int]] = []
@@ -44,6 +50,10 @@ class Retractions:
         """Return, for each event of a batch, whether it is hidden."""
         hidden = in_ranges(batch.number, self.ranges)
         hidden &= batch.kind != Retracted.kind
+        about_the_log = hidden & np.isin(batch.kind, _ABOUT_THE_LOG)
+        if about_the_log.any():
+            alone = [first for first, last in self.ranges if first == last]
+            hidden &= ~about_the_log | np.isin(batch.number, alone)
         return hidden
 
     def first_hiding(self, event: int) -> int | None:

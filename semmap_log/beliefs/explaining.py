@@ -64,7 +64,11 @@ def explain(
     knows_all = known == Moment()
     believed = true if knows_all else state_reason(log, door_id, log.scope(moment, known))
     begun_ns = time_ns if true.since_ns is None else true.since_ns
-    near = max(0, min(begun_ns, time_ns - near_ns)), min(time_ns + near_ns, max(time_ns, end_ns))
+    earliest_ns = log.horizon_ns() + 1  # what was before is no longer kept
+    near = (
+        max(earliest_ns, min(begun_ns, time_ns - near_ns)),
+        min(time_ns + near_ns, max(time_ns, end_ns)),
+    )
     otherwise = tuple(_otherwise(log, door_id, true.state, near))
     taken_back = _taken_back(true, believed)
     return Explanation(

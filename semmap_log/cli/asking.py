@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 
 ASKED_S = 0.01
 """How often a log that another process writes is looked at: somebody may wait for a door."""
+
+SWITCH_S = 0.0005
+"""So long a thread that works waits for another to let it: a short answer takes several such waits
+while others are looked up, and Python's own 5 ms would add up."""
 
 
 class Now(str, Enum):
@@ -131,8 +136,11 @@ class Asking:
         from semmap_log.planners.line_protocol.ask_server import AskServer
 
         listener = listen(self.address, any_host=self.any_host)
+        before_s = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH_S)
         server = AskServer(oracle, listener, token=self.token, say=say)
         try:
             yield server
         finally:
             server.close()
+            sys.setswitchinterval(before_s)

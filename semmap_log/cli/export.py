@@ -168,6 +168,7 @@ def run(
     from semmap_log.exporting.log_files import export
     from semmap_log.formats.bags.bag_writing import tells_a_bag
     from semmap_log.formats.files.pddl import Wishes
+    from semmap_log.io.disk import refuse_own_folder
 
     is_bag = markers or tells_a_bag(out)
     if out.suffix.lower() not in OF_ONE_CLASS:
@@ -190,6 +191,7 @@ def run(
         refuse_untold_map(opened, at, known_at, event)
     with ExitStack() as copies:
         if pseudonymous:
+            refuse_own_folder(opened.path, out)
             span = _absolute(opened, span)
             opened = copies.enter_context(_without_names(opened, scope, with_tracks=with_tracks))
             scope = replace(scope, known_at_ns=None, event=None)  # the copy ends there

@@ -96,6 +96,10 @@ def run(
     memory: Annotated[
         str, typer.Option("--memory", metavar="SIZE", help="Of each of them at most.")
     ] = "1GiB",
+    timeout: Annotated[
+        str,
+        typer.Option("--timeout", metavar="1h", help="Give up if no worker answers for so long."),
+    ] = "1h",
     results: Annotated[
         Path | None,
         typer.Option("--results", metavar="DIR", help="Keep answers there; default: a cache."),
@@ -119,8 +123,8 @@ def run(
       fold           what a projection of yours makes of each log (--fold)
 
     Each log's answer is kept until the log has grown: what was stopped goes on, and what is asked
-    again is asked of new logs only. A log that is damaged, gone, refused, or that kills its workers
-    is a row of its own; the others' answers stand.
+    again is asked of new logs only. A log that is damaged, gone, refused, that kills its workers,
+    or that has no answer in time (--timeout) is a row of its own; the others' answers stand.
 
     Exit code: 0 all logs answered, 1 the run failed, 2 usage, 4 some logs did not.
 
@@ -140,7 +144,7 @@ def run(
     _check_out(job, out)
     many = fleet(
         logs, engine=engine.value, scheduler=scheduler, workers=workers, memory=memory,
-        results=results, fresh=fresh,
+        timeout_s=_seconds(timeout), results=results, fresh=fresh,
     )  # fmt: skip
     found = _asked(many, question)
     if out is not None and job is not FleetJob.export:
@@ -192,6 +196,15 @@ def _question(job: FleetJob, told: Mapping[str, Any], out: Path | None) -> Quest
             return lambda many, show: many.fold(projection, progress=show)
         case _:
             return lambda many, show: getattr(many, job.value)(progress=show)
+
+
+def _seconds(timeout: str) -> float:
+    from semmap_log.domain.moments import parse_duration
+
+    found = parse_duration(timeout) / 1e9
+    if found <= 0:
+        raise typer.BadParameter(f"expected more than 0, got {timeout}", param_hint="--timeout")
+    return found
 
 
 def _check_out(job: FleetJob, out: Path | None) -> None:

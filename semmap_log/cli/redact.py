@@ -49,8 +49,10 @@ def run(
     hash chain can still be verified: a digest stands for what is gone. The log says that, when, by
     whom and why something was taken out. Nobody may be writing; stopped half way, do it again.
 
-    Copies are not touched: backups, what was shipped to a store, files that a crash or `recover`
-    left. The last are named.
+    Known copies go, too, or are named: caches, indexes and checkpoints are removed, and with
+    --tracks the scans of visits that are kept beside the log; what a crash or `recover` left, and
+    copies beside the log, are named. Exports, backups and what was shipped to a store are not
+    known.
 
     \b
     Examples:

@@ -40,6 +40,9 @@ def run(
     Nobody may be writing; stopped half way, do it again. An age is counted from now, by the clock
     of this machine.
 
+    The scans of visits of that time that are kept beside the log go as well. Caches are removed,
+    and other known copies are named.
+
     With --thin robot poses go that are older, and sightings that repeat others: of those of a door
     that follow each other in one hour and say the same, the first and the last stay. Every question
     about states is answered as before; probabilities move a little, for they count sightings.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,6 +12,7 @@ from semmap_log.cli.common import print_json, progress
 from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
+    from semmap_log.copies.copies_of_log import Copy
     from semmap_log.domain.commits import Note
     from semmap_log.trimming.trim_log import TrimmedLog, TrimRule
 
@@ -25,18 +27,44 @@ Reason = Annotated[str, typer.Option("--reason", metavar="WHY", help="Why: for t
 
 
 def trim(log: Path, rule: TrimRule, note: Note, *, dry_run: bool, as_json: bool) -> None:
-    """Take out what a rule says, or count it, and tell what became of it."""
+    """Take out what a rule says, or count it, of the log and its copies; tell what became of it."""
+    from semmap_log.copies.copies_of_log import plan_copies, take_out_of_copies
+    from semmap_log.copies.going import Going
+    from semmap_log.store.reading.reader import LogReader
     from semmap_log.trimming.trim_log import plan_trimming, trim_log
 
+    going = Going.of(rule, LogReader(log))
     with progress("Reading" if dry_run else "Taking out") as told:
         if dry_run:
             found = plan_trimming(log, rule, told)
         else:
             found = trim_log(log, rule, note=note, progress=told)
+    look = plan_copies if dry_run else take_out_of_copies
+    copies = look(log, going, is_trimmed=bool(found.done.segments))
     if as_json:
-        print_json(_to_json(rule, found, dry_run=dry_run))
-    else:
-        _tell(log, rule, found)
+        print_json(_to_json(rule, found, copies, dry_run=dry_run))
+        return
+    _tell(log, rule, found)
+    for copy in copies:
+        typer.echo(_told_of(copy, dry_run=dry_run), err=True)
+    if found.done.segments:
+        typer.echo(f"{log}: {_UNKNOWN}", err=True)
+
+
+_UNKNOWN = (
+    "not known here are exports, backups, joined logs, and copies in other folders, in stores or "
+    "on other machines."
+)
+
+
+def _told_of(copy: Copy, *, dry_run: bool) -> str:
+    """Return what became of a copy, or would."""
+    from semmap_log.copies.copies_of_log import Action
+
+    if copy.action is Action.LEFT:
+        return f"{copy.path}: {copy.text}"
+    what = {Action.REMOVED: "removed", Action.REWRITTEN: "written again without it"}[copy.action]
+    return f"{copy.path}: {'would be ' if dry_run else ''}{what}: {copy.text}."
 
 
 def _tell(log: Path, rule: TrimRule, found: TrimmedLog) -> None:
@@ -51,11 +79,11 @@ def _tell(log: Path, rule: TrimRule, found: TrimmedLog) -> None:
         typer.echo(f"{log}: {rule.words}: took out {what} of {files}; event {found.event} says so.")
     if done.bytes_after is not None and done.segments:
         typer.echo(f"bytes  {done.bytes_before:,} -> {done.bytes_after:,}")
-    for path in found.copies:
-        typer.echo(f"{path}: may hold it still; look at it, and remove it.", err=True)
 
 
-def _to_json(rule: TrimRule, found: TrimmedLog, *, dry_run: bool) -> dict[str, Any]:
+def _to_json(
+    rule: TrimRule, found: TrimmedLog, copies: Sequence[Copy], *, dry_run: bool
+) -> dict[str, Any]:
     done = found.done
     return {
         "rule": rule.words,
@@ -66,5 +94,13 @@ def _to_json(rule: TrimRule, found: TrimmedLog, *, dry_run: bool) -> dict[str, A
         "notes": done.notes,
         "bytes_before": done.bytes_before,
         "bytes_after": done.bytes_after,
-        "copies": [str(path) for path in found.copies],
+        "copies": [
+            {
+                "path": str(copy.path),
+                "kind": copy.kind,
+                "action": copy.action.value,
+                "text": copy.text,
+            }
+            for copy in copies
+        ],
     }

@@ -69,7 +69,7 @@ def costmap_frames(
     Args:
         log: Where the doors are from.
         options: Which level, and what is drawn how.
-        since: Default: before the first event.
+        since: Default: before the first event, or the log's horizon.
         until: The last moment; default: the log's end.
         floor: As for `costmap_at`; the log's own is that of each moment, and before the first the
             first.
@@ -79,7 +79,9 @@ def costmap_frames(
         UnknownLevelError: As for `costmap_at`.
     """
     first_ns, end_ns = log.instant(since), log.instant(until)
-    first_ns = _first_ns(log) if first_ns is None else first_ns
+    if first_ns is None:
+        later_ns = log.shown_from_ns(None, None if end_ns is None else end_ns + 1)
+        first_ns = _first_ns(log) if later_ns is None else later_ns - 1
     end_ns = log.end_ns() if end_ns is None else end_ns
     at_end = log.replay(at=end_ns)
     level = level_drawn(options, at_end)

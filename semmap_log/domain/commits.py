@@ -40,7 +40,9 @@ class Durability(IntEnum):
 
 
 NO_CONTENT = bytes(16)
-"""Digest of a command that was not given by a caller, and so will not come again."""
+"""Digest of a command whose id the writer drew, so that it will not come again."""
+GIVEN_EVENTS = b"\1" + bytes(15)
+"""In place of the digest of a command that came with an id, and is known by its events."""
 
 
 NOTE_TEXTS = ("actor", "source", "reason", "correlation")

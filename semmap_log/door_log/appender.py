@@ -9,16 +9,17 @@ from dataclasses import replace
 from itertools import chain
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.commits import Commit
+from semmap_log.domain.commits import GIVEN_EVENTS, NO_CONTENT, Commit
 from semmap_log.domain.events import Event, RobotPose
 from semmap_log.door_log.appended import Appended
-from semmap_log.door_log.commands import WAITING_POSES, Command
+from semmap_log.door_log.commands import WAITING_POSES, Command, TakenOver
 from semmap_log.door_log.current_map import CurrentMap
 from semmap_log.door_log.early_warnings import EarlyWarnings
 from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandReusedError, InvalidEventError, LogPoisonedError
 from semmap_log.io.clock import KeptClock
 from semmap_log.replay.written_state import WrittenState
+from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.writing.writer_opening import OpenedLog
 
 POSES_WAIT_S = 1.0
@@ -130,8 +131,8 @@ class Appender:
             self.now.is_read = False
             return True
 
-    def find_command(self, command_id: bytes) -> Commit | None:
-        """Return the commit that a command became, if it is stored, however long ago.
+    def find_command(self, command_id: bytes) -> StoredCommand | None:
+        """Return a command, if it is stored, however long ago.
 
         Raises:
             CorruptLogError: A segment in which it may be is damaged.
@@ -194,18 +195,24 @@ class Appender:
             return None
         if not isinstance(command_id, bytes):
             raise InvalidEventError("command_id", "16 bytes", command_id)
-        known = self._writer.find(command_id)
-        if known is None:
+        found = self._writer.find(command_id)
+        if found is None:
             return None
-        stored = list(self.now.events_of(known))
-        if not command.is_stored_as(known, stored):
+        known, stored = found.commit, list(self.now.events_of(found.commit))
+        is_same = (
+            command.is_stored_as(known, stored)
+            if found.seal is None
+            else command.is_sealed_as(found)
+        )
+        if not is_same:
             raise CommandReusedError(
                 f"command {known.command_id.hex()} is stored already, as event "
                 f"{known.first_event}, and was another; a new command wants a new id."
             )
         poses = next((i for i, e in enumerate(stored) if not isinstance(e, RobotPose)), 0)
-        make_durable = self._writer.make_durable
-        return Appended(known, poses, True, stored[poses:], make_durable)
+        own, waited = command.own_count, poses if found.seal is None else found.seal.poses
+        before = waited if own is None else known.count - own
+        return Appended(known, before, True, stored[poses:], self._writer.make_durable)
 
     def _write(
         self,
@@ -218,6 +225,11 @@ class Appender:
     ) -> Appended:
         """Write a command's events behind the poses that wait, and take in what they change."""
         now, context = self.now, command.context
+        if not isinstance(command, TakenOver):  # which has the content of its own log
+            if context.command_id is None:
+                content = NO_CONTENT  # it will not be sent again
+            elif content == NO_CONTENT:
+                content = GIVEN_EVENTS
         if now.next_event != self._writer.next_event:
             now.take_in()
         if context.expected_event is not None:
@@ -228,7 +240,7 @@ class Appender:
             now.next_event + len(poses),
             now.now_ns if clock is None else clock.wall_ns,
             are_facts=are_facts,
-            horizon=lambda: now.reader.horizon,
+            past=now.past,
         )
         own: Sequence[Event | EventBatch] = ()
         try:

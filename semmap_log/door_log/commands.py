@@ -18,6 +18,7 @@ from semmap_log.domain.events import Event
 from semmap_log.door_log.command_content import are_same
 from semmap_log.door_log.current_map import CurrentMap
 from semmap_log.door_log.times import Time
+from semmap_log.store.gone_commands import StoredCommand
 
 Events: TypeAlias = "Iterable[Event | EventBatch] | EventBatch"
 """What can be appended: events, and batches of them, in any order."""
@@ -65,6 +66,15 @@ class Command(ABC):
         del events
         return commit.content == self.content
 
+    def is_sealed_as(self, stored: StoredCommand) -> bool:
+        """Tell whether a command of its id, of which something was taken out, is this one."""
+        return stored.has_content(self.content)
+
+    @property
+    def own_count(self) -> int | None:
+        """How many events it has; None: none of them is a pose, so that it shows."""
+        return None
+
     def door_expected(self, events: Iterable[Event | EventBatch]) -> DoorId | None:
         """Return of which door `expected_event` tells the last event; None: of the log.
 
@@ -97,12 +107,28 @@ class GivenEvents(Command):
         del now
         return self.given
 
+    @property
+    def own_count(self) -> int | None:
+        """How many there are; None: they come one after the other."""
+        if not isinstance(self.given, Sequence) or not self.given:
+            return None
+        return sum(len(one) if isinstance(one, EventBatch) else 1 for one in self.given)
+
     def is_stored_as(self, commit: Commit, events: Sequence[Event]) -> bool:
         """Tell whether the digest is that of the commit; without one, the events and the note."""
         if self.content != NO_CONTENT:
             return commit.content == self.content
         wanted = list(one_by_one(self.given))
         return self.context.note == commit.note and are_same(wanted, events[-len(wanted) :])
+
+    def is_sealed_as(self, stored: StoredCommand) -> bool:
+        """Tell the same, by the digest, or by the events and the note."""
+        if self.content != NO_CONTENT or stored.seal is None:
+            return stored.has_content(self.content)
+        command_id = stored.commit.command_id
+        return stored.seal.fits(
+            command_id, NO_CONTENT, self.context.note, list(one_by_one(self.given))
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,12 +6,14 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import PurePath
 from threading import RLock
+from weakref import WeakMethod
 
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.events import Event, RobotPose, is_whole_number
 from semmap_log.door_log.door_index import DoorIndex
 from semmap_log.door_log.door_names import resolve_door
+from semmap_log.door_log.known_past import KnownPast
 from semmap_log.door_log.removed_doors import removed_called, several_removed
 from semmap_log.door_log.times import Time, happened_ns_of
 from semmap_log.errors import InvalidEventError, UnexpectedEventError, UnknownDoorError
@@ -19,7 +21,6 @@ from semmap_log.folds.door_map import DoorMapState
 from semmap_log.io.clock import believable_ns
 from semmap_log.replay.written_state import WrittenState
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.window import Window
 from semmap_log.store.writing.writer_opening import OpenedLog
 
 
@@ -49,6 +50,8 @@ class CurrentMap:
         """Which doors and levels there are; None: `door_index` finds out."""
         self.doors: DoorMap | None = None
         """A map as of some moment since which no name has changed; None: there is none."""
+        self.past = KnownPast(WeakMethod(self._get_reader))
+        """What the log still holds of its past."""
         self.next_event = opened.writer.next_event
         """Events below this number are taken into account in all of these."""
 
@@ -57,6 +60,9 @@ class CurrentMap:
         if self.next_event != self._writer.next_event:
             self.waiting, self.index, self.doors, self.is_read = [], None, None, False
             self.next_event = self._writer.next_event
+
+    def _get_reader(self) -> LogReader:
+        return self.reader
 
     @property
     def reader(self) -> LogReader:
@@ -155,9 +161,10 @@ class CurrentMap:
             raise UnexpectedEventError(of, expected, actual)
 
     def events_of(self, commit: Commit) -> Iterator[Event]:
-        """Yield the events of a commit."""
-        window = Window(first_event=commit.first_event, before_event=commit.last_event + 1)
-        for batch in self.reader.batches(window, with_newer=True):
+        """Yield the events of a commit, as far as they were not taken out."""
+        reader = self.reader
+        window = reader.window_of(commit.first_event, commit.last_event)
+        for batch in reader.batches(window, with_newer=True):
             yield from (recorded.event for recorded in batch)
 
 

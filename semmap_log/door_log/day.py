@@ -72,14 +72,15 @@ def day_of_doors(log: DoorLog, day: Time = None) -> Day:
     number = clock.hour_of(np.array([log.end_ns() if asked_ns is None else asked_ns])) // 24
     start_ns, end_ns = clock.midnights_ns(np.append(number, number + 1)).tolist()
     last_ns = min(log.end_ns(), end_ns)
-    earlier = log.replay(at=max(start_ns - 1, 0)).doors
+    known_ns = max(start_ns, log.horizon_ns() + 1)  # what was before is no longer kept
+    earlier = log.replay(at=max(known_ns - 1, 0)).doors
     opening = EventBatch.of(
         DoorAdded,
         door_id=list(earlier),
         state=[int(door.state) for door in earlier.values()],
-        happened_ns=max(start_ns, 0),
+        happened_ns=max(known_ns, 0),
     )
-    today = log.batches(max(start_ns, 0), end_ns, kinds=STATE_KINDS)
+    today = log.batches(max(known_ns, 0), end_ns, kinds=STATE_KINDS)
     found = timelines(chain([opening], today), end_ns=last_ns)
     names = log.door_names()
     edges_ns = np.arange(start_ns, end_ns + 1, SLOT_NS)

@@ -45,7 +45,6 @@ from semmap_log.door_log.new_objects import (
     defined_by_then,
     state_meant,
 )
-from semmap_log.door_log.retracting import check_can_retract
 from semmap_log.errors import CommandError
 
 
@@ -348,7 +347,7 @@ class RetractEvents(WordedCommand):
         Raises:
             CommandError: There is no such event, or nothing that can be taken back.
         """
-        check_can_retract(now.reader, self.first, self.last)
+        now.past.check_retraction(self.first, self.last)
         happened_ns = self._happened(now)
         return [Retracted(first_event=self.first, last_event=self.last, happened_ns=happened_ns)]
 

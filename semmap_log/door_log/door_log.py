@@ -422,6 +422,24 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """Return the moment from which on it can be asked; -1: any."""
         return self._reader.horizon_ns
 
+    def shown_from_ns(self, since_ns: int | None, until_ns: int | None) -> int | None:
+        """Return from when on events of a span are shown: by default from the log's horizon on.
+
+        The state there opens what is shown. That what was before is gone is then warned of.
+
+        Args:
+            since_ns: From then on; None: that is not asked for.
+            until_ns: Before then; None: to the log's end.
+
+        Returns:
+            None where the log has no horizon, and nothing is asked for: before the first event.
+
+        Raises:
+            HorizonError: The span begins, or ends, before the horizon.
+        """
+        self._reader.check_horizon(Window(happened_from_ns=since_ns, happened_before_ns=until_ns))
+        return self._reader.horizon_ns + 1 if since_ns is None and self.horizon() else since_ns
+
     def last_event(self) -> int:
         """Return the number of the log's last event; -1: there is none."""
         return self._reader.last_event()
@@ -546,6 +564,27 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             return entry
         raise self._reader.no_event(number)
 
+    def entry_or_state(self, number: int) -> HistoryEntry:
+        """Return the same; of an event that is no longer kept, what is left of it at the horizon.
+
+        That is an update with what it wrote of its door and no other event wrote since. When it was
+        recorded is not known: not after the horizon.
+
+        Raises:
+            LogError: There is no such event, or nothing is left of it.
+        """
+        if number >= self._reader.horizon:
+            return self.entry(number)
+        from semmap_log.folds.history import HistoryEntry
+        from semmap_log.replay.horizon import last_writes
+
+        left = [one for one in last_writes(self._reader) if one.number == number]
+        if not left:
+            return self.entry(number)
+        event, happened_ns = left[0].event, left[0].happened_ns
+        recorded_ns = max(happened_ns, self._reader.horizon_ns)
+        return HistoryEntry(number, event, happened_ns, recorded_ns, reason="no longer kept")
+
     def diff(self, first: Time, second: Time) -> Diff:
         """Return what is different at the second moment, and the events that did it.
 
@@ -654,12 +693,14 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
         Raises:
             MomentError: `since` comes after `until`.
+            HorizonError: What is asked for begins, or ends, before the log's horizon.
         """
         from semmap_log.folds.timeline import timelines
 
         scope = self.scope(at, known_at)
         since_ns, until_ns = self.instant(since), self.instant(until)
         refuse_reversed(since_ns, until_ns)
+        self._reader.check_horizon(Window(happened_from_ns=since_ns, happened_before_ns=until_ns))
         asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
         ids = None if doors is None else self._ids_ever(doors)
         if asked_ns is None and scope.event is None:

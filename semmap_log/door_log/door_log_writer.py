@@ -41,12 +41,14 @@ from semmap_log.door_log.door_commands import (
 )
 from semmap_log.door_log.door_index import DoorIndex
 from semmap_log.door_log.door_log import DoorLog
+from semmap_log.door_log.known_past import KnownPast
 from semmap_log.door_log.times import Time
 from semmap_log.errors import InvalidEventError
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.io.progress import Progress
 from semmap_log.replay.replay import Scope
 from semmap_log.replay.written_state import WrittenState
+from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing.durability import DurabilityPolicy
 from semmap_log.store.writing.writer_opening import OpenedLog
@@ -463,6 +465,18 @@ class DoorLogWriter(DoorLog):
         Raises:
             CorruptLogError: A segment in which it may be is damaged.
         """
+        found = self.find_stored(command_id)
+        return None if found is None else found.commit
+
+    def find_stored(self, command_id: bytes) -> StoredCommand | None:
+        """Return a command, if it is stored, also if its events were taken out since.
+
+        Args:
+            command_id: 16 bytes.
+
+        Raises:
+            CorruptLogError: A segment in which it may be is damaged.
+        """
         return self._appender.find_command(command_id)
 
     def robot_pose(self, pose: RobotPose) -> None:
@@ -501,6 +515,11 @@ class DoorLogWriter(DoorLog):
     def door_index(self) -> DoorIndex:
         """Which doors and levels there are after the last commit."""
         return self._appender.now.door_index
+
+    @property
+    def known_past(self) -> KnownPast:
+        """What the log still holds of its past: checks new events against it."""
+        return self._appender.now.past
 
     @property
     def policy(self) -> DurabilityPolicy:

@@ -16,39 +16,49 @@ if TYPE_CHECKING:
     from semmap_log.door_log.door_log import DoorLog
 
 
-def check_can_retract(reader: LogReader, first: int, last: int) -> None:
-    """Return if a range holds events, one of them at least not hidden yet, and no retraction.
+def check_can_retract(
+    reader: LogReader, first: int, last: int, *, own: range, are_facts: bool = False
+) -> None:
+    """Check that events can be taken back: they are there, and at least one of them still counts.
 
     Args:
         reader: Of the log.
         first: Number of the first event.
         last: Number of the last, inclusive.
+        own: Numbers of the earlier events of its own commit, which can be taken back, too.
+        are_facts: Another log took the retraction: it may hide nothing new.
 
     Raises:
-        CommandError: It does not; the message says what is there instead.
+        CommandError: They cannot; the message says what is there instead.
     """
     what = f"event {first}" if first == last else f"events {first}..{last}"
     if last < first:
         raise CommandError(f"cannot retract {what}: the range runs backwards; swap the two.")
-    end = reader.last_event()
+    end = own.stop - 1 if last in own else reader.last_event()
     if first < 0 or last > end:
         there = "the log holds none yet" if end < 0 else f"the log holds 0..{end}"
         raise CommandError(f"cannot retract {what}: {there}.")
     if first < (whole := reader.first_whole_event):
         raise CommandError(
-            f"cannot retract {what}: of what was before event {whole} the log holds no more than "
-            "it was to keep (retain), and what would be true without that is not known; "
-            "record again what is true."
+            f"cannot retract {what}: what was before event {whole} is no longer kept in full "
+            "(retain), so what would be true without that is not known; record again what is true."
         )
+    if are_facts:
+        return
     known = reader.retractions()
     if next(_newly_hidden(first, last, known, known.numbers), None) is not None:
         return
-    own = [number for number in known.numbers if first <= number <= last]
-    if own:
+    inside = [number for number in known.numbers if first <= number <= last]
+    if inside:
         raise CommandError(
-            f"cannot retract {what}: event {own[0]} is itself a retraction, which cannot be taken "
-            "back; record again what is true."
+            f"cannot retract {what}: event {inside[0]} is itself a retraction, which cannot be "
+            "taken back; record again what is true."
         )
+    if first == last and not any(
+        known.hidden(b).any()
+        for b in reader.batches(Window(first_event=first, before_event=first + 1))
+    ):
+        return  # it tells of the log: no range has hidden it
     by = known.first_hiding(first)
     raise CommandError(f"cannot retract {what}: taken back already, by event {by}.")
 

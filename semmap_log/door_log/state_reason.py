@@ -33,7 +33,7 @@ def state_reason(log: DoorLog, door_id: DoorId, scope: Scope) -> StateReason:
     return StateReason(
         door,
         since_ns=interval.start_ns,
-        begun_by=log.entry(interval.event),
+        begun_by=log.entry_or_state(interval.event),
         last=_setter(log, state, door_id, "state"),
         added_by=_setter(log, state, door_id, "added"),
         times_told=interval.sightings,
@@ -55,4 +55,4 @@ def _setter(
     log: DoorLog, state: DoorMapState, door_id: DoorId, register: str
 ) -> HistoryEntry | None:
     stamp = state.stamp(door_id, register)
-    return None if stamp is None else log.entry(stamp[1])
+    return None if stamp is None else log.entry_or_state(stamp[1])

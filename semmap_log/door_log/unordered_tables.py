@@ -96,7 +96,9 @@ def _within(window: Window, first: int, end: int) -> Window | None:
     """Return the part of a window that lies in a range of events; None: there is none."""
     least = max(first, window.first_event or 0)
     before = end if window.before_event is None else min(end, window.before_event)
-    return replace(window, first_event=least, before_event=before) if least < before else None
+    if least >= before:
+        return None
+    return replace(window, first_event=least, before_event=before, only_kept=True)
 
 
 def _rows_of(tables: SegmentTables, needed: Collection[str]) -> pa.Table | None:

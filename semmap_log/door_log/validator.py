@@ -41,6 +41,7 @@ from semmap_log.door_log.batch_checks import (
 )
 from semmap_log.door_log.door_index import DoorIndex
 from semmap_log.door_log.early_counter import EarlyCounter
+from semmap_log.door_log.known_past import KnownPast
 from semmap_log.door_log.removed_doors import told_absent
 from semmap_log.errors import (
     CommandError,
@@ -64,7 +65,8 @@ class Validator:
         now_ns: Callable[[], int] | None = None,
         *,
         are_facts: bool = False,
-        horizon: Callable[[], int] = lambda: 0,
+        past: KnownPast | None = None,
+        first_new: int | None = None,
     ) -> None:
         """Take up a commit.
 
@@ -74,10 +76,12 @@ class Validator:
             now_ns: The log's clock, by which events without a time happen; None: not known.
             are_facts: Another log took the events; what is said there of a door after its removal
                 stays in its history.
-            horizon: Returns the number of the first event that can be taken back.
+            past: What the log still holds of its past; None: all of it.
+            first_new: Number of the first event that the log does not hold yet; None: the first of
+                this commit.
         """
         self._are_facts = are_facts
-        self._horizon = horizon
+        self._past = past
         self._now_ns = now_ns
         self.index = index
         """The index after the events that passed; the one that was given stays as it was."""
@@ -88,6 +92,7 @@ class Validator:
         self.keeps_names = True
         """Which name means which door is as it was before."""
         self._is_own = False
+        self._first = next_event if first_new is None else first_new
         self._next_event = next_event
         self._timeless: list[DoorAdded | DoorRemoved] = []
         self._taken_back: dict[int, int] = {}
@@ -152,6 +157,8 @@ class Validator:
                 for row, recorded in zip(rows, part.select(asked), strict=True):
                     self._next_event = first + row
                     self._let_pass(recorded.event)
+            if self._past is not None:
+                self._past.check_late(part)
             self._early().note_rows(part, self.index.added_ns)
             self.keeps_names &= DoorUpdated not in part
             self._next_event = first + len(part)
@@ -164,6 +171,9 @@ class Validator:
             CommandError: The map forbids it; the message says what is there instead.
         """
         event = self._let_pass(event)
+        at_ns = event.happened_ns
+        if at_ns is not None and self._past is not None and self._past.is_late(at_ns):
+            self._past.check_late(EventBatch.from_events([event]))
         self._early().note(event, self.index.added_ns)
         return event
 
@@ -234,6 +244,8 @@ class Validator:
         if not times:
             return
         first = min(times)
+        if self._past is not None and self._past.is_late(first):
+            self._past.check_late(EventBatch.from_events(list(events)))
         if first < self.index.latest_added_ns and first < _latest(added_ns, events.door_ids):
             early = self._early()
             for event in events:
@@ -322,16 +334,12 @@ class Validator:
             )
 
     def _check_retraction(self, event: Retracted) -> None:
-        if event.last_event >= self._next_event:
+        first, last, own = event.first_event, event.last_event, range(self._first, self._next_event)
+        if self._past is not None:
+            self._past.check_retraction(first, last, own=own, are_facts=self._are_facts)
+        elif last >= own.stop:
             raise CommandError(
-                f"cannot retract events {event.first_event}..{event.last_event}: "
-                f"the last event is {self._next_event - 1}."
-            )
-        if event.first_event < (horizon := self._horizon()):
-            raise CommandError(
-                f"cannot retract events {event.first_event}..{event.last_event}: what was before "
-                f"event {horizon} is no longer kept, and what would be true without that is not "
-                "known; record again what is true."
+                f"cannot retract events {first}..{last}: the last event is {own.stop - 1}."
             )
 
     def _check_level(self, level: int) -> None:

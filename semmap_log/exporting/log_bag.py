@@ -46,7 +46,7 @@ def record_bag(
         out: `.mcap`, `.bag` (ROS 1) or, without an extension, a rosbag2 folder. A file that was
             there is replaced, a folder never.
         options: What is told, and how.
-        since: The first messages show this moment; default: the first event's.
+        since: The first messages show this moment; default: the first event's, or the horizon.
         until: The last moment; default: the log's end.
         progress: Told how many of the events are done.
 

@@ -71,7 +71,7 @@ class LogStream:
     plan: StreamPlan
     ros_version: RosVersion
     since_ns: int | None
-    """The first messages show this moment; None: the first event's."""
+    """The first messages show this moment; None: the first event's, of a log without a horizon."""
     before: DoorMap
     """The doors of that moment."""
     times: Times
@@ -130,16 +130,21 @@ def log_stream(
         log: The log.
         options: What is told.
         ros_version: Whose messages.
-        since: The first messages show this moment; default: the first event's.
+        since: The first messages show this moment; default: the first event's, or the horizon.
         until: The last moment; default: the log's end.
 
     Raises:
         MomentError: `since` comes after `until`.
+        HorizonError: It begins, or ends, before the log's horizon.
     """
     since_ns, until_ns = log.instant(since), log.instant(until)
     refuse_reversed(since_ns, until_ns)
+    later_ns = log.shown_from_ns(
+        None if since_ns is None else since_ns + 1, None if until_ns is None else until_ns + 1
+    )
+    since_ns = None if later_ns is None else later_ns - 1
     before = DoorMap({}, {}) if since_ns is None else log.replay(at=since_ns)
-    times = times_of(log, None if since_ns is None else since_ns + 1, until_ns)
+    times = times_of(log, later_ns, until_ns)
     plan = plan_of(
         log,
         before,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,6 +71,7 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
     total = sum(segment.size for segment in manifest.segments)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
+        _check_room(folder, total)
         with whole_folder(folder) as part:
             part.mkdir()
             done = 0
@@ -85,6 +87,20 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
         said = error.strerror or error
         raise OutputError(f"{folder}: could not be written: {said}. Nothing is left.") from error
     return Fetched(manifest, total, verified.moved(part, folder))
+
+
+def _check_room(folder: Path, size: int) -> None:
+    """Check that a log of this size can lie on the disk.
+
+    Raises:
+        OutputError: It cannot.
+    """
+    free = shutil.disk_usage(folder.parent).free
+    if size > free:
+        raise OutputError(
+            f"{folder}: expected room for {size:,} bytes, as the manifest tells, got {free:,} "
+            "free; nothing was fetched."
+        )
 
 
 def _write_lists(folder: LogFolder, manifest: Manifest) -> None:

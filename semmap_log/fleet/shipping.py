@@ -23,7 +23,7 @@ from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.progress import Progress
 from semmap_log.io.url_path import UrlPath
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import MANIFEST_NAME
+from semmap_log.store.form import MANIFEST_NAME, MOST_LIST_BYTES
 from semmap_log.store.log_objects import KeptManifest, read_manifest
 from semmap_log.store.manifest import Manifest, ShippedSegment, Superseded
 from semmap_log.store.object_names import object_name
@@ -188,6 +188,13 @@ class _Shipping:
 
     def _put(self, manifest: Manifest, before: KeptManifest | None) -> bool:
         data = manifest.text().encode()
+        if len(data) > MOST_LIST_BYTES:
+            where = self.store.url / MANIFEST_NAME
+            raise LogError(
+                f"{where}: expected at most {MOST_LIST_BYTES:,} bytes, got {len(data):,} for "
+                f"{len(manifest.segments):,} segments; nothing there is changed. "
+                f"To make fewer of them: {command_line('compact', self.segments[0].path.parent)}"
+            )
         if before is None:
             return self.store.create(MANIFEST_NAME, data)
         return self.store.replace(MANIFEST_NAME, data, before.e_tag)

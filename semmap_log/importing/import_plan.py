@@ -36,6 +36,7 @@ from semmap_log.domain.events import (
 from semmap_log.domain.meaning import PLACING, changed
 from semmap_log.door_log.backdating import added_since
 from semmap_log.door_log.door_index import DoorIndex
+from semmap_log.door_log.known_past import KnownPast
 from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
 from semmap_log.formats.files.door_table import DoorTable, TableDoor
 
@@ -57,6 +58,8 @@ class Present:
     """What commands are checked against; None: what the door map alone tells."""
     log: PurePath = Path("LOG")
     """Where the log is, for messages."""
+    past: KnownPast | None = None
+    """What the log still holds of its past; None: all of it."""
 
     @property
     def greatest_id(self) -> int:

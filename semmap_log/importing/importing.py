@@ -407,7 +407,9 @@ def _present(log: DoorLogWriter) -> Present:
     used = frozenset(DoorId(door_id) for door_id in log.state.used_door_ids)
     removed = {i: found for i in used if (found := log.state.removed_door(i))}
     next_event = log.state.event + 1
-    return Present(door_map, used, maps, removed, next_event, log.door_index, log.path)
+    return Present(
+        door_map, used, maps, removed, next_event, log.door_index, log.path, log.known_past
+    )
 
 
 def command_id_of(path: Path, options: ImportOptions) -> bytes:

@@ -31,6 +31,7 @@ from semmap_log.importing.import_plan import Present
 from semmap_log.importing.line_commits import LineOptions, PlannedCommit, grouped, taken
 from semmap_log.importing.line_numbers import NumberMap, OpenRetractions
 from semmap_log.importing.line_reading import LineReader
+from semmap_log.store.gone_commands import CommandSeal, StoredCommand
 
 MOST_KEPT = 100_000
 """Of more lines none is kept in memory: their file is read twice."""
@@ -39,8 +40,8 @@ MOST_KEPT = 100_000
 class Stored(Protocol):
     """The commits that a log holds already."""
 
-    def find(self, command_id: bytes) -> Commit | None:
-        """Return the commit of that command."""
+    def find(self, command_id: bytes) -> StoredCommand | None:
+        """Return that command."""
 
     def events_of(self, commit: Commit) -> Iterator[Event]:
         """Yield the events of a commit."""
@@ -252,9 +253,13 @@ class _LinePlanner:
         self.commit_count += self.count > before
         self.uses_note |= commit.note is self.options.note
 
-    def compare(self, commit: PlannedCommit, found: Commit) -> None:
+    def compare(self, commit: PlannedCommit, stored: StoredCommand) -> None:
         """Note a line that is another than the one that the log holds of the same command."""
+        found = stored.commit
         self.stored_count += found.count
+        if stored.seal is not None:
+            self.compare_seal(commit, stored.seal, found)
+            return
         there = enumerate(self.stored.events_of(found), start=found.first_event)
         line, is_first = 0, True
         for line, parsed in commit.lines:
@@ -273,6 +278,19 @@ class _LinePlanner:
         is_longer = next(there, None) is not None
         if is_longer or (commit.is_exported and commit.note != found.note):
             self.problems.add(line, _differs(found))
+
+    def compare_seal(self, commit: PlannedCommit, seal: CommandSeal, found: Commit) -> None:
+        """Note that the log held another command of that id, of which events were taken out."""
+        lines = [(line, parsed, self.taken(line, parsed)) for line, parsed in commit.lines]
+        events = [(parsed, event) for _, parsed, event in lines if event is not None]
+        given = [event for _, event in events]
+        if not seal.fits(commit.command_id, commit.content, commit.note, given):
+            self.problems.add(lines[0][0], _differs(found))
+            return
+        first = found.last_event + 1 - len(events)
+        for number, (parsed, _) in enumerate(events, start=first):
+            if parsed.number is not None:
+                self.numbers.add(parsed.number, number)
 
     def taken(self, line: int, parsed: ParsedLine) -> Event | None:
         """Return a line's event for this log; None: there is none, which was noted."""
@@ -296,7 +314,8 @@ class _Checks:
         self.first = self.next = present.next_event
         self.now_ns = 0
         """By which clock the events are recorded: a later time counts as that."""
-        self.validator = Validator(self.index, self.next, lambda: self.now_ns)
+        self.past = present.past
+        self.validator = Validator(self.index, self.next, lambda: self.now_ns, past=self.past)
         self.retracted = Retractions()
         self.changes: list[tuple[int, Event]] = []
         """Number and event of what the file changed in the index."""
@@ -321,7 +340,14 @@ class _Checks:
         self.now_ns = now_ns
         last = self.validator
         index = self.without_retracted() if last.has_retraction else last.index
-        self.validator = Validator(index, self.next, lambda: self.now_ns, are_facts=are_facts)
+        self.validator = Validator(
+            index,
+            self.next,
+            lambda: self.now_ns,
+            are_facts=are_facts,
+            past=self.past,
+            first_new=self.first,
+        )
 
     def without_retracted(self) -> DoorIndex:
         """Return the doors and levels that are left; what the log holds of levels stays."""

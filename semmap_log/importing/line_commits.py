@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import chain, groupby
 from typing import NamedTuple
 
-from semmap_log.domain.commits import NO_CONTENT, Note
+from semmap_log.domain.commits import GIVEN_EVENTS, NO_CONTENT, Note
 from semmap_log.domain.events import Event, Retracted
 from semmap_log.errors import CommandError
 from semmap_log.formats.json.event_json_reader import ParsedLine
@@ -110,7 +110,7 @@ def grouped(
         if not note and not parsed.is_exported:
             note = options.note
         command_id = parsed.command_id
-        content = parsed.content or NO_CONTENT
+        content = parsed.content or (NO_CONTENT if parsed.is_exported else GIVEN_EVENTS)
         if command_id is None:
             is_last = groups is not None and place == groups - 1
             command_id = content = options.file_id if is_last else _part_id(options, place)

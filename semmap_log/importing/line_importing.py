@@ -13,6 +13,7 @@ from semmap_log.importing.importing_lines import LinesPlan
 from semmap_log.importing.line_commits import PlannedCommit, PlannedEvent
 from semmap_log.importing.line_numbers import NumberMap
 from semmap_log.io.progress import Progress
+from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.window import Window
 
@@ -28,22 +29,26 @@ class StoredCommits:
     def __init__(self, log: DoorLogWriter) -> None:
         self._log = log
         self._commits = log.commits()
+        self._whole_from = log.known_past.whole_from
         self._upcoming: Commit | None = next(self._commits, None)
         self._events: Iterator[tuple[int, Event]] = iter(())
         self._next_event = -1
         """Number of the event that `_events` gives next."""
 
-    def find(self, command_id: bytes) -> Commit | None:
-        """Return the commit of that command, if it is stored.
+    def find(self, command_id: bytes) -> StoredCommand | None:
+        """Return that command, if it is stored.
 
         Raises:
             CorruptLogError: The log is damaged.
         """
-        found = self._upcoming
-        if found is None or found.command_id != command_id:
-            found = self._log.find_command(command_id)
+        upcoming = self._upcoming
+        is_it = upcoming is not None and upcoming.command_id == command_id
+        if is_it and upcoming is not None and upcoming.first_event >= self._whole_from:
+            found: StoredCommand | None = StoredCommand(upcoming)
+        else:
+            found = self._log.find_stored(command_id)
         if found is not None:
-            self._pass(found)
+            self._pass(found.commit)
         return found
 
     def _pass(self, found: Commit) -> None:
@@ -91,7 +96,7 @@ def append_lines(log: DoorLogWriter, plan: LinesPlan, progress: Progress | None)
         if found is None:
             writing.append(commit)
         else:
-            writing.pass_over(commit, found)
+            writing.pass_over(commit, found.commit)
     if writing.done != plan.count:
         raise FormatError(plan.path, "the file changed while it was imported; import it again")
     log.sync()

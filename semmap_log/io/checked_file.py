@@ -13,16 +13,17 @@ TEMPORARY = "."
 _DIGEST_BYTES = 32
 
 
-def read_checked(path: Path, most: int = -1) -> bytes | None:
+def read_checked(path: Path, most: int) -> bytes | None:
     """Return what was written; None: there is nothing that is whole. What is not is removed.
 
     Args:
         path: The file. Its name and its folder's are under the digest: it is no other's.
-        most: A longer one is none, bytes; -1: none is too long.
+        most: A longer one is not read, bytes.
     """
     try:
         with path.open("rb") as file:
-            found = file.read(_DIGEST_BYTES + most + 1 if most >= 0 else -1)
+            size = os.fstat(file.fileno()).st_size - _DIGEST_BYTES
+            found = file.read(_DIGEST_BYTES + size) if 0 <= size <= most else b""
     except OSError:
         return None
     data = found[_DIGEST_BYTES:]

@@ -174,21 +174,28 @@ def kind_of(mode: int) -> str:
     return next((name for is_one, name in kinds if is_one(mode)), "a device or socket")
 
 
-def read_own(path: Path) -> bytes:
+MOST_OWN_BYTES = 2**28
+
+
+def read_own(path: Path, most: int = MOST_OWN_BYTES) -> bytes:
     """Return what a file of ours holds that lies where strangers may have put another.
 
     Raises:
         FileNotFoundError: There is none.
         NotOursError: It is no regular file; reading it might never end.
-        OSError: It cannot be read.
+        OSError: It cannot be read, or is longer than `most` bytes.
     """
     if not stat.S_ISREG(mode := path.lstat().st_mode):
         raise NotOursError(mode)
     fd = os.open(path, os.O_RDONLY | NO_LINK | PLAIN)
     with os.fdopen(fd, "rb") as file:
-        if not stat.S_ISREG(mode := os.fstat(fd).st_mode):
-            raise NotOursError(mode)
-        return file.read()
+        status = os.fstat(fd)
+        if not stat.S_ISREG(status.st_mode):
+            raise NotOursError(status.st_mode)
+        if status.st_size > most:
+            problem = f"expected at most {most:,} bytes, got {status.st_size:,}"
+            raise OSError(errno.EFBIG, problem)
+        return file.read(status.st_size)  # the buffer is as large as what is asked for
 
 
 def refuse_special(path: Path) -> None:

@@ -24,6 +24,7 @@ VARIABLE = "SEMMAP_LOG_CACHE"
 MOST_BYTES = 2**30
 """So much is kept; what was used longest ago goes first."""
 _MOST_BLOCK_BYTES = 2**20
+_BLOCK = ".block"
 _SWEEPS = 16
 """It is looked through each time that this part of it was written."""
 _KEEP_OF_MOST = 0.9
@@ -87,6 +88,15 @@ class ObjectCache:
         if self._has_written(len(data)):
             self.sweep()
 
+    def blocks(self) -> list[Path]:
+        """Return the files of all blocks, also of those that are not finished."""
+        return [
+            Path(entry.path)
+            for folder in _subfolders(self.folder)
+            for entry in _entries(folder)
+            if _BLOCK in entry.name
+        ]
+
     def sweep(self) -> None:
         """Remove what was used longest ago, if there is too much."""
         files = sorted(self._files())
@@ -112,18 +122,17 @@ class ObjectCache:
         """Yield when each block was used, its size, and its file; remove what nobody finished."""
         old = time.time() - _TEMPORARY_FOR_S
         for folder in _subfolders(self.folder):
-            with suppress(OSError), os.scandir(folder) as entries:
-                for entry in entries:
-                    with suppress(OSError):
-                        status = entry.stat(follow_symlinks=False)
-                        if not entry.name.startswith(TEMPORARY):
-                            yield status.st_mtime, status.st_size, Path(entry.path)
-                        elif status.st_mtime < old:
-                            Path(entry.path).unlink()
+            for entry in _entries(folder):
+                with suppress(OSError):
+                    status = entry.stat(follow_symlinks=False)
+                    if not entry.name.startswith(TEMPORARY):
+                        yield status.st_mtime, status.st_size, Path(entry.path)
+                    elif status.st_mtime < old:
+                        Path(entry.path).unlink()
 
     def _place_of(self, content: str, block: int) -> Path:
         name = hashlib.sha256(f"{block} {content}".encode()).hexdigest()
-        return self.folder / name[:2] / f"{name[2:]}.block"
+        return self.folder / name[:2] / f"{name[2:]}{_BLOCK}"
 
 
 def cache_of_environment() -> ObjectCache | None:
@@ -147,6 +156,11 @@ def _cache_in(folder: str) -> ObjectCache:
 
 def _subfolders(folder: Path) -> list[str]:
     """Return the folders of blocks; what else lies there is not ours."""
+    return [one.path for one in _entries(folder) if len(one.name) == 2 and one.is_dir()]
+
+
+def _entries(folder: str | Path) -> list[os.DirEntry[str]]:
+    """Return what is in a folder; nothing, if it may not be looked into."""
     with suppress(OSError), os.scandir(folder) as entries:
-        return [one.path for one in entries if len(one.name) == 2 and one.is_dir()]
+        return list(entries)
     return []

@@ -9,10 +9,12 @@ from collections.abc import Hashable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import lru_cache
 
+from semmap_log.common.texts import command_line
 from semmap_log.errors import LogAccessError
+from semmap_log.io.bounded_requests import check_not_forked
 from semmap_log.io.byte_source import Identity
 from semmap_log.io.object_cache import ObjectCache
-from semmap_log.io.object_store import ObjectStatus, ObjectStore, check_not_forked
+from semmap_log.io.object_store import ObjectStatus, ObjectStore
 
 BLOCK_BYTES = 2**16
 """The least that is fetched."""
@@ -22,6 +24,8 @@ GAP_BLOCKS = 4
 """So many that nobody wants are fetched along, rather than asking twice."""
 MOST_AT_ONCE = 2**23
 """Bytes of one request."""
+MOST_READ_BYTES = 2**27
+"""No more is taken up by one read: what says that it is longer, such as a chunk, may be wrong."""
 KEPT_BYTES = 2**25
 """So much is kept of all objects together, what was used last."""
 _THREADS = 8
@@ -114,7 +118,7 @@ class ObjectSource:
 
         Raises:
             LogAccessError: The store does not give it; `FileNotFoundError` is its cause where the
-                object has gone.
+                object has gone. Or it is longer than `MOST_READ_BYTES`.
         """
         return self.read_ranges([(start, end)])
 
@@ -122,10 +126,25 @@ class ObjectSource:
         """Return ranges one behind the other; as `ByteSource.read_ranges`."""
         clipped = [(max(0, start), min(end, self.size)) for start, end in ranges]
         wanted = [(start, end) for start, end in clipped if start < end]
+        self._check_piece(sum(end - start for start, end in wanted))
         needed = sorted({block for start, end in wanted for block in _blocks(start, end)})
         blocks = self._fetched(needed)
         parts = [part for start, end in wanted for part in _cut(blocks, start, end)]
         return memoryview(b"".join(parts))
+
+    def _check_piece(self, length: int) -> None:
+        """Check that one read takes no more than the memory has room for.
+
+        Raises:
+            LogAccessError: It takes more.
+        """
+        if length > MOST_READ_BYTES:
+            where = self._store.url / self._status.name
+            line = command_line("fetch", self._store.url, "DIR")
+            raise LogAccessError(
+                f"{where}: expected at most {MOST_READ_BYTES:,} bytes in one piece, got a piece of "
+                f"{length:,}. It is not read there; to read it on a disk: {line}"
+            )
 
     def will_need(self, start: int, end: int) -> None:
         """Begin to fetch a range; as `ByteSource.will_need`."""

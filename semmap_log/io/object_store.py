@@ -9,12 +9,20 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import timedelta
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from semmap_log.errors import LogAccessError, MissingExtraError, ObjectChangedError
+from semmap_log.errors import (
+    CorruptLogError,
+    LogAccessError,
+    LogError,
+    MissingExtraError,
+    ObjectChangedError,
+)
+from semmap_log.io.bounded_requests import MOST_GROWTH_BYTES, answer_of, check_not_forked
 from semmap_log.io.url_path import UrlPath
 
 if TYPE_CHECKING:
@@ -30,6 +38,10 @@ _LIST_TRIES = 2
 """For a web server's list, which many do not know, and say so as if they were ill (501)."""
 _CUT_TRIES = 3
 """For an answer that ends before its end."""
+_CHUNK_BYTES = 2**20
+"""An object comes in chunks of so many bytes, which are counted."""
+_GROWTH_WHILE_READING = 2**29
+"""Of memory, during a request for a part: other threads take up parts of objects meanwhile."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +80,7 @@ class ObjectStore:
             raise MissingExtraError("obstore", "fleet") from error
         self._obstore: Any = obstore
         request_s = min(REQUEST_S, patience_s)
+        self._within_s = patience_s + 2 * REQUEST_S
 
         def opened(most_tries: int) -> Any:
             return from_url(
@@ -121,8 +134,12 @@ class ObjectStore:
         nothing: dict[str, Any] = {"objects": [], "common_prefixes": []}
         if self.is_web_server and server in _list_nothing:
             return nothing
+
+        def look() -> Any:
+            return self._answer(lambda: self._obstore.list_with_delimiter_async(self._lister))
+
         try:
-            return self._asked("", lambda: self._obstore.list_with_delimiter(self._lister))
+            return self._asked("", look)
         except LogAccessError as error:
             status = _status_in(str(error))
             if self.is_web_server and _is_no_list(status):
@@ -139,27 +156,41 @@ class ObjectStore:
             FileNotFoundError: There is none.
             LogAccessError: The store does not let us.
         """
-        return _status(self._asked(name, lambda: self._obstore.head(self._store, name)), name)
 
-    def whole(self, name: str, unlike: str = "") -> tuple[bytes, ObjectStatus] | None:
+        def head() -> Any:
+            return self._answer(lambda: self._obstore.head_async(self._store, name))
+
+        return _status(self._asked(name, head), name)
+
+    def whole(
+        self, name: str, unlike: str = "", *, most_bytes: int
+    ) -> tuple[bytes, ObjectStatus] | None:
         """Return an object; None: it is still what it was.
 
         Args:
             name: Its own.
             unlike: The tag that it had; empty: return it in any case.
+            most_bytes: A longer one is not what it should be; no more is read of any.
 
         Raises:
             FileNotFoundError: There is none.
+            CorruptLogError: It is longer.
             LogAccessError: The store does not let us.
         """
         options = {"if_none_match": unlike} if unlike else {}
 
         def get() -> tuple[bytes, ObjectStatus] | None:
             try:
-                got = self._obstore.get(self._store, name, options=options)
+                got = self._answer(
+                    lambda: self._obstore.get_async(self._store, name, options=options)
+                )
             except self._obstore.exceptions.NotModifiedError:
                 return None
-            return bytes(got.bytes()), _status(got.meta, name)
+            status = _status(got.meta, name)
+            if status.size > most_bytes:
+                problem = f"expected at most {most_bytes:,} bytes, got {status.size:,}"
+                raise CorruptLogError(self.url / name, None, problem)
+            return self._body(got, name, status.size), status
 
         return self._asked(name, get)
 
@@ -178,10 +209,13 @@ class ObjectStore:
             options["if_match"] = status.e_tag
 
         def get() -> bytes:
-            got = self._obstore.get(self._store, status.name, options=options)
+            got = self._answer(
+                lambda: self._obstore.get_async(self._store, status.name, options=options),
+                most_bytes=_GROWTH_WHILE_READING,
+            )
             if got.meta["size"] != status.size:
                 raise ObjectChangedError(self._changed(status.name))
-            return bytes(got.bytes())
+            return self._body(got, status.name, end - start)
 
         for _ in range(_CUT_TRIES):
             data: bytes = self._asked(status.name, get)
@@ -219,14 +253,21 @@ class ObjectStore:
         Raises:
             LogAccessError: The store does not let us.
         """
-        self._asked(name, lambda: self._obstore.delete(self._store, name))
+
+        def delete() -> None:
+            self._answer(lambda: self._obstore.delete_async(self._store, name))
+
+        self._asked(name, delete)
 
     def _put(self, name: str, data: Buffer | os.PathLike[str], mode: object) -> bool:
         exceptions = self._obstore.exceptions
 
         def put() -> bool:
             try:
-                self._obstore.put(self._store, name, data, mode=mode)
+                self._answer(
+                    lambda: self._obstore.put_async(self._store, name, data, mode=mode),
+                    most_bytes=MOST_GROWTH_BYTES + _room_for(data),
+                )
             except (exceptions.AlreadyExistsError, exceptions.PreconditionError):
                 return False
             return True
@@ -239,12 +280,35 @@ class ObjectStore:
                 "first."
             ) from None
 
+    def _answer(
+        self, request: Callable[[], Awaitable[Any]], *, most_bytes: int = MOST_GROWTH_BYTES
+    ) -> Any:
+        return answer_of(request, within_s=self._within_s, most_bytes=most_bytes)
+
+    def _body(self, got: Any, name: str, size: int) -> bytes:
+        """Return the bytes of an object that come.
+
+        Raises:
+            LogAccessError: More come than were asked for.
+        """
+        chunks, come = [], 0
+        for chunk in got.stream(min_chunk_size=_CHUNK_BYTES):
+            come += len(chunk)
+            if come > size:
+                raise LogAccessError(
+                    f"{self.url / name}: {size:,} bytes were asked for, and the store sends more; "
+                    "ask another way to the store."
+                )
+            chunks.append(chunk)
+        return chunks[0] if len(chunks) == 1 else b"".join(chunks)
+
     def _asked(self, name: str, request: Callable[[], T]) -> T:
         """Return what a request returns; its errors are ours.
 
         Raises:
             FileNotFoundError: There is no such object.
             ObjectChangedError: It is another than it was.
+            LogError: As the request says.
             LogAccessError: Anything else.
         """
         check_not_forked(self.url)
@@ -252,6 +316,8 @@ class ObjectStore:
         exceptions = self._obstore.exceptions
         try:
             return request()
+        except LogError:
+            raise
         except FileNotFoundError:
             raise FileNotFoundError(2, "no such object", str(where)) from None
         except exceptions.PreconditionError:
@@ -270,23 +336,6 @@ class ObjectStore:
 
 _list_nothing: set[str] = set()
 """Web servers that have said that they list nothing: asked once."""
-_asked_in: list[int] = []
-"""The process that has asked a store first."""
-
-
-def check_not_forked(url: UrlPath) -> None:
-    """Check that this process may ask a store: threads that ask do not come along by a fork.
-
-    Raises:
-        LogAccessError: The process that it was forked from has asked one before.
-    """
-    if not _asked_in:
-        _asked_in.append(os.getpid())
-    elif _asked_in[0] != os.getpid():
-        raise LogAccessError(
-            f"{url}: this process was forked from one that had asked a store, and would wait for "
-            "ever; begin it another way: multiprocessing.get_context('spawn') or 'forkserver'."
-        )
 
 
 def _status_in(text: str) -> int | None:
@@ -310,6 +359,13 @@ def _endpoint(url: UrlPath) -> str:
     named = sorted(name for name in os.environ if begins and name.startswith(begins))
     places = [os.environ[name] for name in named if "KEY" not in name and "TOKEN" not in name]
     return re.sub(r"://[^/\s]*@", "://", " ".join(places))
+
+
+def _room_for(data: Buffer | os.PathLike[str]) -> int:
+    """Return how much memory sending an object takes."""
+    if isinstance(data, os.PathLike):
+        return 2 * Path(data).stat().st_size
+    return 2 * memoryview(data).nbytes
 
 
 def _may_be_plain(url: UrlPath) -> bool:

@@ -131,10 +131,11 @@ class LineRecorder:
         if len(text) > MAX_LINE_BYTES:
             raise CommandError(f"longer than {MAX_LINE_BYTES} bytes.")
         command_id = command_id_of(text, path="line", line=self._line)
-        known = None if command_id is None else self.log.find_command(command_id)
-        if known is None:
+        stored = None if command_id is None else self.log.find_stored(command_id)
+        if stored is None:
             return False
-        if known.content != _content(text) and not self._holds(known, text):
+        known = stored.commit
+        if not stored.has_content(_content(text)) and not self._holds(known, text):
             raise CommandReusedError(
                 f"command_id: stored already, as event {known.first_event}, for another line; "
                 "a new line wants a new id."

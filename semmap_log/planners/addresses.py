@@ -15,6 +15,7 @@ from pathlib import Path
 
 from semmap_log.common.texts import command_line
 from semmap_log.errors import AddressError
+from semmap_log.io.lock_holders import is_held_by_strangers
 
 LISTENING = 1024
 """Clients that may wait until they are let in."""
@@ -171,11 +172,13 @@ def _alone_in(folder: Path) -> Iterator[None]:
 def _lock(held: int, folder: Path) -> None:
     """Lock a folder; it is held for a moment by other servers, and for ever by a log's writer.
 
+    A stranger who may only read the folder cannot put a socket there: that lock keeps nobody out.
+
     Raises:
         AddressError: It stays locked.
     """
     end_s = time.monotonic() + LOCKED_S
-    while not _takes_lock(held):
+    while not _takes_lock(held) and not is_held_by_strangers(held, held):
         if time.monotonic() > end_s:
             raise AddressError(
                 f"{folder}: another program has locked this folder, as who writes a log locks "

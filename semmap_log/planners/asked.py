@@ -18,6 +18,10 @@ AT = "AT"
 
 MOST_SECONDS = 86_400.0
 """A question that waits longer is asked again."""
+MOST_WORDS = 1000
+"""Of a question, its name and the doors of NEXT_DOOR included."""
+MOST_WORD = 1000
+"""Characters of a word."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +54,11 @@ def read_words(words: Sequence[Word], command_id: bytes | None = None) -> AskedQ
     """Return what is asked by a question's words, its name first.
 
     Raises:
-        QuestionError: There is no such question, or it is asked in another form.
+        QuestionError: There is no such question, it is asked in another form, or it is too long.
     """
     if not words:
         raise QuestionError(f"expected a question such as {BY_NAME['DOOR_OPEN'].form}, got none")
+    _check_words(words)
     name = words[0]
     question = BY_NAME.get(name) if isinstance(name, str) else None
     if question is None:
@@ -63,6 +68,24 @@ def read_words(words: Sequence[Word], command_id: bytes | None = None) -> AskedQ
     if command_id is not None and question.kind is not QuestionKind.ACTION:
         raise QuestionError(f"{name}: only an action takes a command id")
     return _Reader(question, list(words[1:])).read(command_id)
+
+
+def _check_words(words: Sequence[Word]) -> None:
+    """Check that a question has no more words than one may, and none that is too long.
+
+    Raises:
+        QuestionError: It has.
+    """
+    if len(words) > MOST_WORDS:
+        raise QuestionError(too_many())
+    longest = max((len(word) for word in words if isinstance(word, str)), default=0)
+    if longest > MOST_WORD:
+        raise QuestionError(f"expected words of at most {MOST_WORD:,} characters, got {longest:,}")
+
+
+def too_many() -> str:
+    """Return what is said of a question of too many words."""
+    return f"expected at most {MOST_WORDS:,} words, got more"
 
 
 class _Reader:
@@ -96,9 +119,11 @@ class _Reader:
         if len(self._words) < 3 or self._words[-2] != AT:
             self._refuse("expected a question, AT and a time")
         *inner, _, time = self._words
+        if inner[0] == self._question.name:
+            self._refuse(f"{inner[0]} cannot be asked of what was known")
         asked = read_words(inner)
         takes_time = asked.question.times in (Times.WHEN, Times.WHEN_OR_AT)
-        if not (takes_time and asked.known_at is asked.learnt_at is None):
+        if not (takes_time and asked.learnt_at is None):
             self._refuse(f"{asked.question.name} cannot be asked of what was known")
         return replace(asked, known_at=self._time(time))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -26,14 +25,14 @@ class LearntDoors:
         self._by_estimator: dict[str, Beliefs] = {}
 
     def p_open(
-        self, log: DoorLog, event: int, doors: Sequence[DoorId], *, now_ns: int, time_ns: int
-    ) -> list[tuple[float, bool]]:
-        """Return P(open) of some doors, and whether enough was seen of each to tell.
+        self, log: DoorLog, event: int, door: DoorId, *, now_ns: int, time_ns: int
+    ) -> tuple[float, bool]:
+        """Return P(open) of a door, and whether enough was seen of it to tell.
 
         Args:
             log: With all that was written.
             event: Up to which.
-            doors: Which.
+            door: Which.
             now_ns: What had happened by then counts.
             time_ns: Of the forecast; before now, only what had happened by then counts.
         """
@@ -41,10 +40,8 @@ class LearntDoors:
         with self._learning:
             self._take_in(log, event)
             beliefs = self._by_estimator[default_estimator(time_ns - known_ns)]
-            said = [
-                beliefs.predict(door, np.array([time_ns]), np.array([known_ns])) for door in doors
-            ]
-        return [(float(each.p_open[0]), bool(each.is_known[0])) for each in said]
+            said = beliefs.predict(door, np.array([time_ns]), np.array([known_ns]))
+        return float(said.p_open[0]), bool(said.is_known[0])
 
     def forget(self) -> None:
         """Begin anew with the next question: the log lost its end."""

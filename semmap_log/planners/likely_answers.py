@@ -6,8 +6,10 @@ not foretell the past.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from semmap_log.beliefs import best_time
-from semmap_log.domain.doors import Door, DoorState
+from semmap_log.domain.doors import Door, DoorId, DoorState
 from semmap_log.domain.moments import Moment, format_wall
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.planners.asked import AskedQuestion
@@ -28,8 +30,10 @@ class LikelyAnswers:
         """Learn anew: the log lost its end."""
         self._learnt.forget()
 
-    def answer(self, log: DoorLog, now: KnownDoors, asked: AskedQuestion, now_ns: int) -> Answer:
-        """Return the answer.
+    def steps(
+        self, log: DoorLog, now: KnownDoors, asked: AskedQuestion, now_ns: int
+    ) -> Iterator[Answer | None]:
+        """Yield None after each door of several, then the answer.
 
         Args:
             log: At least as new as the doors of now.
@@ -42,41 +46,45 @@ class LikelyAnswers:
             SemmapError: It cannot be answered.
         """
         if asked.question.name == "BEST_TIME":
-            return _best_time(log, now, asked, now_ns)
-        if asked.question.name == "NEXT_DOOR":
-            return self._next_door(log, now, asked, now_ns)
-        return self._probability(log, now, asked, now_ns)
+            yield _best_time(log, now, asked, now_ns)
+        elif asked.question.name == "NEXT_DOOR":
+            yield from self._next_door(log, now, asked, now_ns)
+        else:
+            yield self._probability(log, now, asked, now_ns)
 
     def _next_door(
         self, log: DoorLog, now: KnownDoors, asked: AskedQuestion, now_ns: int
-    ) -> Answer:
+    ) -> Iterator[Answer | None]:
         time_ns = _time_ns(log, asked, now_ns)
         view = now.view_at(log, _passed(time_ns, now_ns), Moment())
-        found = [door for word in asked.doors if (door := view.find(word)) is not None]
-        if not found:
-            return nothing(asked, "none of them is in the map.")
-        said = self._p_open(log, now, found, time_ns, now_ns)
-        best = max(range(len(found)), key=lambda place: said[place][0])
-        return Answer(atom_of(found[best].door_id))
+        said: dict[DoorId, float] = {}
+        for word in dict.fromkeys(asked.doors):
+            door = view.find(word)
+            if door is not None and door.door_id not in said:
+                said[door.door_id], _ = self._p_open(log, now, door, time_ns, now_ns)
+            yield None
+        if said:
+            yield Answer(atom_of(max(said, key=said.__getitem__)))
+        else:
+            yield nothing(asked, "none of them is in the map.")
 
     def _probability(
         self, log: DoorLog, now: KnownDoors, asked: AskedQuestion, now_ns: int
     ) -> Answer:
         time_ns = _time_ns(log, asked, now_ns)
         door = now.view_at(log, _passed(time_ns, now_ns), Moment()).door(asked.doors[0])
-        ((p_open, is_known),) = self._p_open(log, now, [door], time_ns, now_ns)
+        p_open, is_known = self._p_open(log, now, door, time_ns, now_ns)
         value = p_open if asked.question.name == "PROBABILITY_DOOR_OPEN" else 1.0 - p_open
         if not is_known:
             return nothing(asked, f"too little was seen of it; of such doors: {value:.3g}.")
         return Answer(value)
 
     def _p_open(
-        self, log: DoorLog, now: KnownDoors, doors: list[Door], time_ns: int, now_ns: int
-    ) -> list[tuple[float, bool]]:
-        """Return P(open) of doors at a time, and whether enough is known to tell."""
-        ids = [door.door_id for door in doors]
+        self, log: DoorLog, now: KnownDoors, door: Door, time_ns: int, now_ns: int
+    ) -> tuple[float, bool]:
+        """Return P(open) of a door at a time, and whether enough is known to tell."""
         event = now.view.door_map.event
-        return self._learnt.p_open(log, event, ids, now_ns=now_ns, time_ns=time_ns)
+        return self._learnt.p_open(log, event, door.door_id, now_ns=now_ns, time_ns=time_ns)
 
 
 def _time_ns(log: DoorLog, asked: AskedQuestion, now_ns: int) -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId
@@ -18,6 +18,7 @@ from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.known_later import known_later
 from semmap_log.door_log.state_reason import what_set
 from semmap_log.errors import MomentError, QuestionError, SemmapError, UnknownDoorError
+from semmap_log.formats.parsing.problems import shown
 from semmap_log.planners.actions import AskedDoors, act
 from semmap_log.planners.asked import AskedQuestion
 from semmap_log.planners.door_view import DoorView, atom_of_state
@@ -37,6 +38,11 @@ ENDS = Answer(value=False, reason="the server ends.")
 def is_wait(asked: AskedQuestion) -> bool:
     """Tell whether a question may wait for long, and for nothing but a change of a door."""
     return asked.question.name == "WAIT_UNTIL"
+
+
+def is_likely(asked: AskedQuestion) -> bool:
+    """Tell whether a question is about what is likely: its answer may take long."""
+    return asked.question.name in LIKELY_QUESTIONS or asked.learnt_at is not None
 
 
 class Oracle:
@@ -104,7 +110,13 @@ class Oracle:
         return _help(asked) if asked.question.name == "HELP" else None
 
     def answer(self, asked: AskedQuestion, client: str = "") -> Answer:
-        """Return the answer, however long that takes.
+        """Return the answer, however long that takes; as `steps`."""
+        *_, answer = self.steps(asked, client)
+        assert answer is not None, "the last step gives it"
+        return answer
+
+    def steps(self, asked: AskedQuestion, client: str = "") -> Iterator[Answer | None]:
+        """Yield None as long as there is more to do, then the answer.
 
         Args:
             asked: The question.
@@ -114,17 +126,22 @@ class Oracle:
             SemmapError: It cannot be answered.
         """
         if (at_once := self.at_once(asked)) is not None:
-            return at_once
-        if asked.question.kind is QuestionKind.ACTION:
-            return self._act(asked, client)
-        if is_wait(asked):
-            return self._wait_here(asked)
+            yield at_once
+        elif asked.question.kind is QuestionKind.ACTION:
+            yield self._act(asked, client)
+        elif is_wait(asked):
+            yield self._wait_here(asked)
+        else:
+            yield from self._found(asked)
+
+    def _found(self, asked: AskedQuestion) -> Iterator[Answer | None]:
+        """Yield the steps of a question that reads the log."""
         if self._failure is not None:
             raise self._failure
         try:
-            return self._look_up(asked)
+            yield from self._look_up(asked)
         except UnknownDoorError as error:
-            return nothing(asked, f"{error} {self._told_later(asked)}".strip())
+            yield nothing(asked, f"{error} {self._told_later(asked)}".strip())
         except MomentError as error:
             problem = f"{error} What has blanks in it stands in quotes."
             raise QuestionError(f"{asked.question.form}: {problem}") from error
@@ -198,22 +215,24 @@ class Oracle:
         when, known_at = (log.moment(t, now_ns=now_ns) for t in (asked.when, asked.known_at))
         return known_later(log, when, known_at, remedy='ask "{then}" without AT')
 
-    def _look_up(self, asked: AskedQuestion) -> Answer:
-        """Return what the log tells of a question of another moment, or of what is likely."""
+    def _look_up(self, asked: AskedQuestion) -> Iterator[Answer | None]:
+        """Yield the steps to what the log tells of another moment, or of what is likely."""
         now = self._now
         log = self._doors.log  # not before: it must be as new
         now_ns = max(self._clock_ns(), now.view.door_map.latest_ns)
         name = asked.question.name
-        if name in LIKELY_QUESTIONS or asked.learnt_at is not None:
-            return self._likely.answer(log, now, asked, now_ns)
+        if is_likely(asked):
+            yield from self._likely.steps(log, now, asked, now_ns)
+            return
         when = log.moment(asked.when, now_ns=now_ns)
         known_at = log.moment(asked.known_at, now_ns=now_ns)
         view = now.view_at(log, when, known_at)
         if name == "WHY":
             is_now = when == known_at == Moment()  # which the log may have left behind
             scope = Scope(event=view.door_map.event) if is_now else log.scope(when, known_at)
-            return _why(log, view, asked, scope)
-        return state_answer(view, asked)
+            yield _why(log, view, asked, scope)
+        else:
+            yield state_answer(view, asked)
 
 
 def time_is_over(asked: AskedQuestion) -> Answer:
@@ -232,7 +251,7 @@ def _help(asked: AskedQuestion) -> Answer:
         return Answer([question.help for question in QUESTIONS])
     question = BY_NAME.get(asked.name)
     if question is None:
-        raise QuestionError(f"{asked.name} is no question.{similar(asked.name)}")
+        raise QuestionError(f"{shown(asked.name)} is no question.{similar(asked.name)}")
     return Answer(question.help)
 
 

@@ -21,10 +21,13 @@ from typing import Any, TypeAlias
 from semmap_log.errors import QuestionError
 from semmap_log.formats.parsing.problems import shown
 from semmap_log.formats.parsing.strict_json import StrictJsonError, load_object
-from semmap_log.planners.asked import AskedQuestion, Word, read_words
+from semmap_log.planners.asked import MOST_WORDS, AskedQuestion, Word, read_words, too_many
 
 MOST_LINE_BYTES = 2**16
 """Of a question, its end included."""
+
+MOST_ID_BYTES = 256
+"""Of the `id` of a question in JSON, as it is written in the answer."""
 
 TRUE, NIL, ERROR = "T", "NIL", "ERROR"
 
@@ -73,7 +76,7 @@ def read_line(data: bytes) -> Line:
         _refuse_long(data)
         if is_json:
             asked_for = _object(data)
-            given_id = asked_for.pop("id", None)
+            given_id = _id_in(asked_for)
             return Line(_of_object(asked_for), is_json=True, given_id=given_id)
         return Line(_of_text(data))
     except QuestionError as error:
@@ -176,12 +179,15 @@ def split_words(text: str) -> list[str]:
     """Return the words of a question in words.
 
     Raises:
-        QuestionError: A quoted one is no JSON string.
+        QuestionError: A quoted one is no JSON string, or there are too many.
     """
     if '"' not in text:
         return [word for word in text.replace("\t", " ").split(" ") if word]
-    words, at = [], 0
+    words: list[str] = []
+    at = 0
     while at < len(text):
+        if len(words) > MOST_WORDS + 1:  # a command id is none
+            raise QuestionError(too_many())
         found = _WORD.match(text, at)
         if found is None:
             raise QuestionError(
@@ -254,6 +260,22 @@ def _object(data: bytes) -> dict[str, Any]:
         raise QuestionError(str(error)) from None
 
 
+def _id_in(asked_for: dict[str, Any]) -> Any:
+    """Take out by what the answer is to be known; None: by nothing.
+
+    Raises:
+        QuestionError: It is too long, or too deep: it is not repeated, then.
+    """
+    given_id = asked_for.pop("id", None)
+    try:
+        length = len(json.dumps(given_id))
+    except RecursionError:
+        length = MOST_LINE_BYTES
+    if length > MOST_ID_BYTES:
+        raise QuestionError(f"id: expected at most {MOST_ID_BYTES} bytes, got more")
+    return given_id
+
+
 def _of_object(asked_for: dict[str, Any]) -> AskedQuestion:
     """Return the question of a JSON object: its `args` are words, and its times come behind."""
     if unknown := asked_for.keys() - _KEYS:
@@ -275,6 +297,8 @@ def _words(given: list[Any]) -> list[Word]:
     words: list[Word] = []
     for each in given:
         words += map(_argument, each) if isinstance(each, list) else [_argument(each)]
+        if len(words) > MOST_WORDS:
+            raise QuestionError(too_many())
     return words
 
 

@@ -123,6 +123,7 @@ def _start_place(
 
 def _was_mapped_anew(log: DoorLog, level: int, since_ns: int, at: Moment | None) -> bool:
     """Tell whether a level got another floor map since: places of before are none on it."""
-    then, now = (log.replay(at=moment).levels.get(level) for moment in (since_ns, at))
+    since = Moment(ns=max(since_ns, log.horizon_ns()))
+    then, now = (log.replay(at=moment).levels.get(level) for moment in (since, at))
     known = None if then is None else then.floor_map_event
     return known is not None and now is not None and now.floor_map_event != known

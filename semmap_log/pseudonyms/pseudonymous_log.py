@@ -11,12 +11,12 @@ from tempfile import TemporaryDirectory
 
 from semmap_log.domain.events import Event
 from semmap_log.door_log.door_log import DoorLog
-from semmap_log.door_log.read_log import read
 from semmap_log.io.progress import Progress
 from semmap_log.pseudonyms.pseudonyms import Pseudonyms
 from semmap_log.replay.replay import Scope
 from semmap_log.retelling.log_anew import LogAnew
 from semmap_log.retelling.new_numbers import NewNumbers, renamed
+from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
 from semmap_log.store.reading.following import FollowedCommit
 
@@ -58,7 +58,9 @@ def pseudonymous(
             made.finish()
         finally:
             made.close()
-        yield read(path), names
+        copied = LogFolder(path)
+        copied.path = Path("the copy without names")  # for messages
+        yield DoorLog(copied), names
 
 
 def _retell(

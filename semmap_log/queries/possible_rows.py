@@ -60,7 +60,10 @@ def possible_windows(log: DoorLog, asked: ScanRequest) -> list[Window]:
         return [Window(kinds=bits)] if kinds else []
     segments = _possible_parts(log.parts(), asked)
     runs = [run for part in segments for run in _possible_parts(log.parts_within(part), asked)]
-    return [Window(first_event=first, before_event=end, kinds=bits) for first, end in _joined(runs)]
+    return [
+        Window(first_event=first, before_event=end, kinds=bits, only_kept=True)
+        for first, end in _joined(runs)
+    ]
 
 
 def _ids(first: int, last: int) -> Guarantee:

@@ -43,9 +43,10 @@ class ChangeFinder:
         """Take note of the records in which the events of the next batch lie."""
         self._changes = {}
         found = page.events(doors=self._doors)
-        for first, last in _runs(page.event_numbers()):
-            if last < self._reader.horizon:
-                continue  # what the door was before is not known any more
+        for begin, last in _runs(page.event_numbers()):
+            first = max(begin, self._reader.horizon)  # what doors were before is not known
+            if last < first:
+                continue
             self._take_in(
                 found.select((found.number >= first) & (found.number <= last)), first, last
             )
@@ -59,7 +60,8 @@ class ChangeFinder:
             retracted: Numbers of all Retracted events of the log.
         """
         self._changes = {}
-        first, end = segment.header.first_event, end_of(segment)
+        first, end = max(segment.header.first_event, self._reader.horizon), end_of(segment)
+        rows = rows.select(rows.number >= first)
         borders = np.array(sorted(n for n in retracted if first <= n < end), np.int64)
         begin = first
         if self._next != first:

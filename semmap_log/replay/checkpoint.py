@@ -9,13 +9,15 @@ It is a cache, and never used unless it fits:
 - not a checkpoint, of another log, of another projection: an error, and the file is left alone;
 - damaged, of another version, or of events that the log does not hold (a backup was put back, and
   went on differently): a `CheckpointWarning`, and the fold begins at the log's start;
-- a retraction since then hides what it has taken in: the same, without a warning.
+- a retraction since then hides what it has taken in, or something was redacted since then, which
+  the state may still tell: the same, without a warning.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import re
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -40,6 +42,8 @@ MAGIC = b"semmap-log checkpoint\n"
 FORM = 1
 """Of the file; another's checkpoints are not used."""
 DIGEST_BYTES = 32
+START_BYTES = 256
+"""Of a file: in them stands which log it is of."""
 
 
 class Checkpoint(Generic[S]):
@@ -88,6 +92,8 @@ class Checkpoint(Generic[S]):
             position, state = _position(head), self._load_state(stored)
         except ValueError as error:
             self._refuse(f"it is damaged: {error}")
+            return None
+        if position.is_before_redaction(reader):
             return None
         if not position.is_in(reader):
             self._refuse(
@@ -149,6 +155,16 @@ class Checkpoint(Generic[S]):
         projection = self._projection
         state: S = projection.load(data) if isinstance(projection, Dumping) else load_plain(data)
         return state
+
+
+def log_id_of(start: bytes) -> str:
+    """Return the id of the log that a file is a checkpoint of, by its first bytes; "": it is none.
+
+    Args:
+        start: The first `START_BYTES` of the file.
+    """
+    found = re.match(re.escape(MAGIC) + rb'\{"form": \d+, "log_id": "([0-9a-f]{32})"', start)
+    return "" if found is None else found[1].decode()
 
 
 def _taken_apart(data: bytes) -> tuple[dict[str, Any], bytes]:

@@ -16,19 +16,16 @@ from semmap_log.replay.horizon import last_writes
 from semmap_log.store.reading.following import FollowedCommit, commits_after
 from semmap_log.store.reading.reader import LogReader
 
-NS_OF_ONE = 2
-"""So many log times a commit of one event takes."""
-
 
 def kept_commits(
     reader: LogReader, *, at_ns: int | None = None, limit: int | None = None
 ) -> Iterator[FollowedCommit]:
     """Yield all commits that a log keeps, by the time of their recording.
 
-    Where it has a horizon, the state there is told as well, by a commit with an update for each
-    event that is gone and was the last to write something. It comes in the place of that event:
-    when that was recorded is not known, but for what was recorded before and after, and when it
-    happened.
+    Where it has a horizon, the state there is told as well, by an update for each event that is
+    gone and was the last to write something. It comes in the place of that event, with its commit
+    if that is left, else in one of its own. When the event was recorded is not known: the update
+    comes as late as it can, so that it counts from when the event happened.
 
     Args:
         reader: Of the log.
@@ -61,37 +58,67 @@ def happened_by(batch: EventBatch, at_ns: int) -> EventBatch:
 
 def _all_kept(reader: LogReader) -> Iterator[FollowedCommit]:
     gone = deque(last_writes(reader) if reader.horizon else ())
-    last_ns = 0
     for followed in commits_after(reader, -1):
-        behind = followed.commit
-        while gone and gone[0].number <= behind.last_event:
-            before_ns = min(behind.recorded_ns, reader.horizon_ns) - NS_OF_ONE
-            last_ns = min(max(gone[0].happened_ns, last_ns + 1), before_ns)
-            yield _in_place_of(gone.popleft(), last_ns, reader, behind)
-            last_ns += NS_OF_ONE - 1
-        yield followed
-        last_ns = behind.closed_ns
+        commit = followed.commit
+        before = _taken(gone, commit.first_event)
+        if before:
+            end_ns = min(commit.recorded_ns - 1, reader.horizon_ns)
+            yield _in_place_of(before, end_ns, reader, commit)
+        within = _taken(gone, commit.last_event + 1)
+        yield followed if not within else _with_updates(followed, within)
+
+
+def _taken(gone: deque[RecordedEvent], before_event: int) -> list[RecordedEvent]:
+    found = []
+    while gone and gone[0].number < before_event:
+        found.append(gone.popleft())
+    return found
+
+
+def _with_updates(followed: FollowedCommit, updates: list[RecordedEvent]) -> FollowedCommit:
+    """Return a commit with updates for events that it lacks, closed when it was."""
+    commit = followed.commit
+    events = sorted([*followed.batch, *updates], key=lambda one: one.number)
+    recorded_ns = commit.closed_ns - len(events) - bool(commit.note)
+    return FollowedCommit(replace(commit, recorded_ns=recorded_ns), _batch(events, recorded_ns))
 
 
 def _in_place_of(
-    update: RecordedEvent, recorded_ns: int, reader: LogReader, behind: Commit
+    updates: list[RecordedEvent], end_ns: int, reader: LogReader, behind: Commit
 ) -> FollowedCommit:
-    """Return the commit of an update that stands for an event which is gone."""
-    number = update.number
-    told = f"event {number} of {reader.info.log_id}"
+    """Return a commit of updates that stand for events which are gone.
+
+    It leaves room for a note where the events had happened early enough.
+
+    Args:
+        updates: Numbers ascending.
+        end_ns: When it is closed, at the latest.
+        reader: Of the log.
+        behind: The commit after it.
+    """
+    first, count = updates[0].number, len(updates)
+    recorded_ns = end_ns - count
+    has_room = all(one.happened_ns < recorded_ns + i for i, one in enumerate(updates))
+    recorded_ns -= has_room
+    told = f"event {first} of {reader.info.log_id}"
     commit = replace(
         behind,
-        first_event=number,
+        first_event=first,
         count=0,
         recorded_ns=recorded_ns,
+        closed_ns=recorded_ns + count,
         command_id=hashlib.sha256(told.encode()).digest()[: len(behind.command_id)],
         content=NO_CONTENT,
-        note=Note(reason=f"as event {number} said, which is no longer kept"),
+        note=Note(),
     )
-    batch = replace(
-        EventBatch.from_events([update.event]),
-        number=np.array([number]),
-        recorded_ns=np.array([recorded_ns]),
+    return FollowedCommit(commit, _batch(updates, recorded_ns))
+
+
+def _batch(events: list[RecordedEvent], recorded_ns: int) -> EventBatch:
+    """Return events as a batch that is recorded from a moment on."""
+    return replace(
+        EventBatch.from_events([one.event for one in events]),
+        number=np.array([one.number for one in events], np.int64),
+        recorded_ns=np.arange(recorded_ns, recorded_ns + len(events)),
         known_door_ids=None,
     )
-    return FollowedCommit(commit, batch)

@@ -28,7 +28,8 @@ class LiveState(Generic[S]):
     event: int
     """The last event in it; -1: none."""
     began_anew: bool = False
-    """A retraction hid what was in the state before: it was folded again from the log's start."""
+    """A retraction hid what was in the state before, or something was redacted: it was folded again
+    from the log's start."""
 
 
 def fold_live(

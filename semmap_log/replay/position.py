@@ -8,13 +8,15 @@ from typing import NamedTuple
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.batches.retraction import Retractions
 from semmap_log.common.late_dataclass import dataclass
-from semmap_log.domain.events import Retracted
+from semmap_log.domain.events import HistoryTrimmed, Retracted
 from semmap_log.io.progress import Progress
+from semmap_log.store.header import TrimReason
 from semmap_log.store.kind_bits import EVENT_BITS, bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
 
 NO_EVENT = -1
+_REDACTED = str(TrimReason.REDACTED.name).lower()
 
 
 class Retraction(NamedTuple):
@@ -46,6 +48,23 @@ class Position:
         return commit is not None and (commit.last_event, commit.hash) == (
             self.event,
             self.commit_hash,
+        )
+
+    def is_before_redaction(self, reader: LogReader) -> bool:
+        """Tell whether something was redacted since: what was taken in may tell it."""
+        if self.event == NO_EVENT:
+            return False
+        own = f"{reader.info.log_id}:"
+        told = (
+            one.event
+            for batch in reader.batches(_behind(self.event, None, bits_of_kinds([HistoryTrimmed])))
+            for one in batch
+        )
+        return any(
+            isinstance(event, HistoryTrimmed)
+            and event.tombstones.startswith(own)
+            and _REDACTED in event.reasons.split(", ")
+            for event in told
         )
 
     def is_touched_by(self, later: Iterable[Retraction]) -> bool:

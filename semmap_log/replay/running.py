@@ -59,7 +59,7 @@ class RunningFold(Generic[S]):
     ) -> bool:
         """Take in the events up to a number, or to the log's end; tell whether it began anew.
 
-        It begins anew if a retraction hides what was taken in.
+        It begins anew if a retraction hides what was taken in, or something was redacted since.
 
         Args:
             reader: Of the log; it is known to hold the position.
@@ -68,7 +68,8 @@ class RunningFold(Generic[S]):
             progress: Told how far the reading is.
         """
         later = retractions_behind(reader, self.position.event, limit)
-        begins_anew = self.position.is_touched_by(later)
+        so_far = self.position
+        begins_anew = so_far.is_touched_by(later) or so_far.is_before_redaction(reader)
         if begins_anew:
             self._begin_anew()
             later = retractions_behind(reader, NO_EVENT, limit)

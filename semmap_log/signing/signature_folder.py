@@ -155,10 +155,7 @@ def _signature_in(file: Path) -> SshSignature:
 
 
 def _bytes_in(file: Path) -> bytes:
-    data = read_own(file)
-    if len(data) > _MOST_BYTES:
-        raise ValueError(f"expected at most {_MOST_BYTES:,} bytes, got {len(data):,}")
-    return data
+    return read_own(file, _MOST_BYTES)
 
 
 def _reason(error: OSError | ValueError) -> str:

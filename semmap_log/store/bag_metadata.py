@@ -82,7 +82,7 @@ def write_bag_metadata(folder: LogFolder, segments: Iterable[ClosedSegment]) -> 
 
 def _says(folder: LogFolder, text: bytes) -> bool:
     try:
-        return folder.read_bytes(BAG_METADATA_NAME) == text
+        return folder.read_bytes(BAG_METADATA_NAME, len(text) + 1) == text
     except OSError:
         return False
 

@@ -86,6 +86,8 @@ NO_HASH = bytes(HASH_BYTES)
 """What the first commit of a log has as its predecessor's hash."""
 
 LOCK_NAME = ".lock"
+NEW_LOCK_NAME = ".lock.tmp"
+"""A lock file that only writers can read, before it takes the place of one that all can."""
 BAG_METADATA_NAME = "metadata.yaml"
 OLD_MARK_NAME = "closed.json"
 """How far the log reached when its last segment was closed, as versions before `closed_mark` named
@@ -94,6 +96,8 @@ MANIFEST_NAME = "manifest.json"
 """Which segments lie in a store: `manifest`."""
 REMOVED_NAME = "shipped.json"
 """Which segments were removed from the disk once they were shipped: `removed_part`."""
+MOST_LIST_BYTES = 2**24
+"""Of a file that lists segments: these three. A manifest of 28,000 segments has as many."""
 KEPT_SUFFIX = ".kept"
 """Of the file that keeps what questions about all of a log need of a removed segment."""
 TORN_SUFFIX = ".torn"
@@ -220,7 +224,7 @@ def count_events(counts: Mapping[int, int]) -> int:
 def is_temporary(name: str) -> bool:
     """Tell whether that is the name of a file that a writer makes, before it gets its own."""
     others = (BAG_METADATA_NAME, OLD_MARK_NAME, ".closed-", REMOVED_NAME, KEPT_SUFFIX)
-    ours = ".mcap" in name or any(one in name for one in others)
+    ours = name == NEW_LOCK_NAME or ".mcap" in name or any(one in name for one in others)
     return name.startswith(".") and name.endswith(TEMPORARY_SUFFIX) and ours
 
 

@@ -8,7 +8,12 @@ from dataclasses import dataclass
 
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.store.bag_metadata import listed_names
-from semmap_log.store.form import BAG_METADATA_NAME, MANIFEST_NAME, OLD_MARK_NAME
+from semmap_log.store.form import (
+    BAG_METADATA_NAME,
+    MANIFEST_NAME,
+    MOST_LIST_BYTES,
+    OLD_MARK_NAME,
+)
 from semmap_log.store.manifest import Manifest, manifest_in
 
 
@@ -70,7 +75,8 @@ def read_manifest(store: ObjectStore, before: KeptManifest | None = None) -> Kep
         LogAccessError: The store does not let us.
     """
     try:
-        got = store.whole(MANIFEST_NAME, "" if before is None else before.e_tag)
+        e_tag = "" if before is None else before.e_tag
+        got = store.whole(MANIFEST_NAME, e_tag, most_bytes=MOST_LIST_BYTES)
     except FileNotFoundError:
         return None
     if got is None:
@@ -84,9 +90,10 @@ def metadata_text(store: ObjectStore) -> str:
     """Return the text of metadata.yaml; nothing where there is none.
 
     Raises:
+        CorruptLogError: It is too long.
         LogAccessError: The store does not let us.
     """
     with suppress(FileNotFoundError):
-        got = store.whole(BAG_METADATA_NAME)
+        got = store.whole(BAG_METADATA_NAME, most_bytes=MOST_LIST_BYTES)
         return "" if got is None else got[0].decode("utf-8", "replace")
     return ""

@@ -25,6 +25,10 @@ from semmap_log.store.sealed_json import sealed, unsealed
 _FORMAT = 1
 _NAME = late_pattern(r"[0-9A-Za-z_-][0-9A-Za-z._-]*\.mcap")
 _SHA256 = late_pattern(r"[0-9a-f]{64}")
+_UNLIKE_WRITTEN = (
+    ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError,
+)  # fmt: skip
+"""What reading a manifest raises that nobody has written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +132,7 @@ def manifest_in(data: bytes, where: PurePath) -> Manifest:
         _check_chain(manifest)
     except NewerLogError:
         raise
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+    except _UNLIKE_WRITTEN as error:
         raise CorruptLogError(where, None, f"no manifest as it was written ({error})") from None
     return manifest
 
@@ -254,7 +258,7 @@ def _check_possible(told: ShippedSegment) -> None:
         "counts": min(told.counts.values(), default=0) >= 0,
         "next_event": _is_counted(told),
         "recorded_ns": 0 <= told.recorded[0] <= told.recorded[1] < 2**64,
-        "happened_ns": told.happened[0] <= told.happened[1],
+        "happened_ns": -(2**63) <= told.happened[0] <= told.happened[1] < 2**63,
     }
     for name, holds in is_possible.items():
         if not holds:

@@ -16,7 +16,7 @@ from semmap_log.common.late_dataclass import dataclass
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.io.url_path import UrlPath, place_of
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import KEPT_SUFFIX, REMOVED_NAME
+from semmap_log.store.form import KEPT_SUFFIX, MOST_LIST_BYTES, REMOVED_NAME
 from semmap_log.store.sealed_json import sealed, unsealed
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 WITH_VARIABLE = "SEMMAP_LOG_WITH"
 """Names the URL at which segments are read that were removed from the disk."""
 _FORMAT = 1
+_PLACES_BYTES = 2**20
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +42,11 @@ class RemovedSegment:
     def kept_name(self) -> str:
         """Name of that file."""
         return kept_name(self.file)
+
+    @property
+    def most_kept_bytes(self) -> int:
+        """More than that file has, packed or not: at most its segment, and where its parts lie."""
+        return 2 * self.shipped.size + _PLACES_BYTES
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +92,7 @@ def read_removed_part(folder: LogFolder) -> RemovedPart | None:
     from semmap_log.store.manifest import manifest_in
 
     try:
-        data = folder.read_bytes(REMOVED_NAME)
+        data = folder.read_bytes(REMOVED_NAME, MOST_LIST_BYTES)
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:

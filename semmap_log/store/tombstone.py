@@ -42,8 +42,9 @@ class Tombstone:
     reasons: TrimReason
     previous_hash: bytes = NO_HASH
     hash: bytes = NO_HASH
+    """Of a commit that lacks records: the seal of its command (`gone_commands`)."""
     parts: tuple[LostPart, ...] = ()
-    """Channel ids ascending."""
+    """Channel ids ascending; of whole commits: the commands that can be sent again."""
 
     @property
     def next_event(self) -> int:

@@ -12,7 +12,7 @@ which something was taken back there keep all their sightings.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -29,7 +29,8 @@ from semmap_log.domain.events import (
     SightingsThinned,
 )
 from semmap_log.domain.moments import format_second
-from semmap_log.folds.registers import writes_of
+from semmap_log.folds.state_rows import state_rows
+from semmap_log.folds.thinned_runs import HOUR_NS
 from semmap_log.replay import keyframes
 from semmap_log.store.header import TrimReason
 from semmap_log.store.kind_bits import bits_of_counts, bits_of_kinds
@@ -39,12 +40,9 @@ from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
 
-HOUR_NS = 3600 * 10**9
 EVENTS_AT_ONCE = 100_000
 """About so many are looked at together; all of one hour always are."""
 _GOING = bits_of_kinds([DoorObserved, RobotPose])
-_COMES, _GOES = 254, 255
-"""In place of a state: the door is added, or removed."""
 
 
 class Thinning:
@@ -134,8 +132,9 @@ class Thinning:
 
     def _told_again(self) -> Iterator[int]:
         """Yield the numbers of events that told of sightings which still are there, and go now."""
-        hidden = self._reader.retractions()
-        for batch in self._reader.batches(Window(kinds=bits_of_kinds([SightingsThinned]))):
+        reader, hidden = self._reader, self._reader.retractions()
+        kept = Window(kinds=bits_of_kinds([SightingsThinned]), first_event=reader.horizon or None)
+        for batch in reader.batches(kept):
             told = hidden.visible(batch)
             if len(told):
                 again = self._going(told[SightingsThinned]["first_event"].astype(np.int64))
@@ -162,7 +161,7 @@ def _worth(repeats: NDArray[np.void]) -> EventBatch:
 
 
 def repeats_in(reader: LogReader, segment: Segment) -> Iterator[NDArray[np.void]]:
-    """Yield the sightings of a segment that repeat others, some hours at a time, as `_ROW`.
+    """Yield the sightings of a segment that repeat others, some hours at a time, as `STATE_ROW`.
 
     All that the log tells of the doors' states in the same span of time is looked at, in whatever
     segment it is. Those of some hours come by door and time.
@@ -177,7 +176,7 @@ def repeats_in(reader: LogReader, segment: Segment) -> Iterator[NDArray[np.void]
     cuts, touched = _first_look(reader, span)
     for first_ns, before_ns in pairwise([least, *cuts, greatest + 1]):
         hours = replace(span, happened_from_ns=first_ns, happened_before_ns=before_ns)
-        repeats = _repeats_among(_state_rows(reader.batches(hours)))
+        repeats = _repeats_among(state_rows(reader.batches(hours)))
         mine = repeats["number"] >= segment.header.first_event
         mine &= repeats["number"] < end_of(segment)
         yield repeats[mine & ~np.isin(repeats["door_id"], touched)]
@@ -192,7 +191,7 @@ def _first_look(reader: LogReader, span: Window) -> tuple[list[int], list[int]]:
     for batch in reader.batches(span):
         counts.update((batch.folds_ns // HOUR_NS).tolist())
         if hidden:
-            rows = _state_rows([batch.select(hidden.hidden(batch))])
+            rows = state_rows([batch.select(hidden.hidden(batch))])
             touched.update(rows["door_id"].tolist())
     hours = np.array(sorted(counts), np.int64)
     parts = np.cumsum([counts[hour] for hour in hours.tolist()]) // EVENTS_AT_ONCE
@@ -214,34 +213,3 @@ def _repeats_among(rows: NDArray[np.void]) -> NDArray[np.void]:
     is_within = alike & np.append(alike[1:], False) & was_known
     repeats: NDArray[np.void] = rows[is_within & rows["is_sighting"]]
     return repeats
-
-
-_ROW: np.dtype[np.void] = np.dtype(
-    [("door_id", "u4"), ("folds_ns", "i8"), ("number", "i8"), ("state", "u1"), ("is_sighting", "?"),
-     ("accuracy_open", "f8"), ("accuracy_closed", "f8"), ("run", "i8")]
-)  # fmt: skip
-"""`run`: those that follow each other in one hour, and say the same."""
-
-
-def _state_rows(batches: Iterable[EventBatch]) -> NDArray[np.void]:
-    """Return who told what about the doors' states, as `_ROW`."""
-    found = [np.empty(0, _ROW)]
-    for batch in batches:
-        for writes in writes_of(batch):
-            if writes.register not in ("state", "added", "removed"):
-                continue
-            places = writes.positions
-            rows = np.zeros(len(places), _ROW)
-            rows["door_id"] = batch.door_ids()[places]
-            rows["folds_ns"], rows["number"] = batch.folds_ns[places], batch.number[places]
-            told = writes.values_of(np.arange(len(places)))
-            rows["state"] = told.get("state", _COMES if writes.register == "added" else _GOES)
-            is_seen = rows["is_sighting"] = batch.kind[places] == DoorObserved.kind
-            if is_seen.any():
-                seen = batch[DoorObserved][
-                    np.searchsorted(batch.where(DoorObserved), places[is_seen])
-                ]
-                for name in ("accuracy_open", "accuracy_closed"):
-                    rows[name][is_seen] = seen[name]
-            found.append(rows)
-    return np.concatenate(found)

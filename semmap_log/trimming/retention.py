@@ -23,6 +23,7 @@ from semmap_log.store.header import TrimReason
 from semmap_log.store.kind_bits import EXPIRING, KEYFRAME_BIT
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_reading import commit_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import numbers_of
 
@@ -107,9 +108,9 @@ def _recorded_before(reader: LogReader, horizon: int) -> int:
 def _horizon(reader: LogReader, until_ns: int) -> tuple[int, int | None]:
     """Return the number of the event behind the last keyframe that can be the horizon.
 
-    All before it was recorded before the moment, in closed segments. A later retraction may not
-    reach before it: the keyframe would know what is not true any more. Which one held it back is
-    told, too.
+    All before it was recorded before the moment, in closed segments, and no commit reaches across
+    it. A later retraction may not reach before it: the keyframe would know what is not true any
+    more. Which one held it back is returned, too.
     """
     held: int | None = None
     for place, chunk, event in _keyframes_before(reader, until_ns):
@@ -118,9 +119,18 @@ def _horizon(reader: LogReader, until_ns: int) -> tuple[int, int | None]:
         reaching = _first_reaching_before(reader, event)
         if reaching is not None:
             held = reaching
-        elif keyframe_at(reader.segments[place], chunk) is not None:
+        elif _is_state_before(reader.segments[place], chunk, event):
             return event, held
     return reader.horizon, held
+
+
+def _is_state_before(segment: Segment, chunk: int, event: int) -> bool:
+    """Tell whether a keyframe lies between two commits, and holds the state before an event."""
+    commit = commit_of(segment, event)
+    if commit is not None and commit.first_event < event:
+        return False
+    state = keyframe_at(segment, chunk)
+    return state is not None and state.event == event - 1
 
 
 def _keyframes_before(reader: LogReader, until_ns: int) -> Iterator[tuple[int, int, int]]:

@@ -13,10 +13,9 @@ from semmap_log.common.texts import command_line, counted
 from semmap_log.domain.commits import Note
 from semmap_log.domain.events import Event, HistoryTrimmed
 from semmap_log.door_log.opening import WritingOptions, append
-from semmap_log.errors import LogError
+from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.io.progress import Progress
 from semmap_log.replay.read_model.indexing import remove_stale_tables
-from semmap_log.store.form import RECOVERING_NAME, TORN_SUFFIX
 from semmap_log.store.header import TrimReason
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
@@ -31,6 +30,7 @@ from semmap_log.store.trimming.trimming import (
     trim_segments,
 )
 from semmap_log.store.zip_files import refuse_zip
+from semmap_log.trimming.copy_check import check_copy
 
 
 class TrimRule(Protocol):
@@ -59,13 +59,11 @@ class TrimRule(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TrimmedLog:
-    """What was taken out of a log now, and what still lies elsewhere."""
+    """What was taken out of a log now."""
 
     done: Trimming
     event: int | None
     """Number of the event that tells of it; None: it was only counted."""
-    copies: tuple[Path, ...] = ()
-    """Files in and beside the log that may hold what was taken out."""
 
 
 def plan_trimming(log: Path, rule: TrimRule, progress: Progress | None = None) -> TrimmedLog:
@@ -78,7 +76,7 @@ def plan_trimming(log: Path, rule: TrimRule, progress: Progress | None = None) -
     refuse_zip(log)
     reader = LogReader(log)
     _refuse_elsewhere(reader, rule)
-    return TrimmedLog(count_selected(reader, rule.select, progress), None, copies_of(log))
+    return TrimmedLog(count_selected(reader, rule.select, progress), None)
 
 
 def trim_log(
@@ -91,7 +89,8 @@ def trim_log(
 ) -> TrimmedLog:
     """Take records out of a log for ever, and say so in it; where nothing can go, do nothing.
 
-    Stopped anywhere, the log is whole, and answers as before or as it will; do it again.
+    Stopped anywhere, the log is whole, and answers as before or as it will; do it again. Each
+    trimmed segment is read and verified before it takes the place of the old one.
 
     Args:
         log: Its folder.
@@ -103,25 +102,34 @@ def trim_log(
     Raises:
         LogLockedError: Somebody is writing.
         LogAccessError: The file system says no.
-        CorruptLogError: A segment is damaged; it stays as it is, and so do those behind it.
+        CorruptLogError: A segment is damaged, or its trimmed copy cannot be verified; it stays as
+            it is, and so do those after it.
         LogError: Some of what is to be redacted lies in a store only; or it is a zip file.
     """
     refuse_zip(log)
     reader = LogReader(log)
     _refuse_elsewhere(reader, rule)
     if not any(rule.select(segment) for segment in reader.segments) and not _is_begun(reader):
-        return TrimmedLog(Trimming(), None, copies_of(log))
+        return TrimmedLog(Trimming(), None)
     with append(log, **(writing or {})) as opened:
         reader = LogReader(log)
         begun = _told(rule, reader)
         opened.append(
             chain(rule.told_before(), [replace(begun, tombstones=of_log(reader, ""))]), note=note
         )
-    done = trim_segments(log, rule.select, progress)
+    try:
+        done = trim_segments(log, rule.select, check_copy, progress)
+    except CorruptLogError:
+        _end(log, rule, note, writing)
+        raise
+    return TrimmedLog(done, _end(log, rule, note, writing))
+
+
+def _end(log: Path, rule: TrimRule, note: Note, writing: WritingOptions | None) -> int:
+    """Record which records are gone now; return the number of the event that says so."""
     remove_stale_tables(log)
     with append(log, **(writing or {})) as opened:
-        appended = opened.append([_told(rule, LogReader(log))], note=note)
-    return TrimmedLog(done, appended.commit.last_event, copies_of(log))
+        return opened.append([_told(rule, LogReader(log))], note=note).commit.last_event
 
 
 def _refuse_elsewhere(reader: LogReader, rule: TrimRule) -> None:
@@ -155,14 +163,3 @@ def _is_begun(reader: LogReader) -> bool:
 
 def _told(rule: TrimRule, reader: LogReader) -> HistoryTrimmed:
     return told_of(reader, before=rule.before, rule=rule.words, reason=rule.reason)
-
-
-def copies_of(log: Path) -> tuple[Path, ...]:
-    """Return files of a log's folder that are no part of it, and may hold what was written once."""
-    return tuple(
-        sorted(
-            path
-            for path in log.iterdir()
-            if TORN_SUFFIX in path.name or path.name.startswith(("damaged-", RECOVERING_NAME))
-        )
-    )

@@ -132,7 +132,7 @@ def write_any(path: Path, commits: Iterable[tuple[list[Event], sl.Note]]) -> Pat
         for _ in range(4):
             log.add_door()
         for events, note in commits:
-            validator = Validator(log.door_index, log.state.event + 1)
+            validator = Validator(log.door_index, log.state.event + 1, past=log.known_past)
             passed = [event for event in map(_about_our_doors, events) if _may(validator, event)]
             if passed:
                 log.append(passed, note=note)

@@ -14,6 +14,7 @@ import shutil
 import struct
 import subprocess
 import sys
+import warnings
 import zlib
 from pathlib import Path
 from typing import Any
@@ -24,8 +25,8 @@ from doc_pages import ROOT, blocks_of
 from steady_clock import SteadyClock
 
 import semmap_log as sl
-from semmap_log.domain.events import FloorMap, LevelAdded
-from semmap_log.errors import HorizonError
+from semmap_log.domain.events import DoorAdded, FloorMap, LevelAdded
+from semmap_log.errors import EarlyEventsWarning, HorizonError
 from semmap_log.messages import layout
 from semmap_log.store.form import trimmed_topics
 from semmap_log.store.header import LogInfo, SegmentHeader, Trimmed, TrimReason
@@ -309,6 +310,23 @@ def test_a_moment_before_the_horizon_is_refused(option: str, kept: Path) -> None
     assert "is no longer kept" in run_reader(kept, f"{option}={moment}").stderr
     with pytest.raises(HorizonError, match="no longer kept"):
         sl.read(kept).replay(**{option[2:].replace("-", "_"): moment})
+
+
+@pytest.mark.parametrize("at", [-1, 0, 1])
+def test_an_annotation_counts_since_its_door_was_added(at: int, tmp_path: Path) -> None:
+    """
+    One that says it was before, or at that very moment and with a lesser number, is none.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock()) as log:
+        added_ns = log.now_ns() - 10**9
+        log.append([DoorAdded(door_id=7, x=1, y=2, theta=0, width=1, happened_ns=added_ns)])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", EarlyEventsWarning)
+            log.annotate(7, "name", "early", at=f"@{added_ns + at}")
+
+    assert read_by_product(tmp_path / "log") == without_nan(read_by_page(tmp_path / "log"))
+    (door,) = sl.read(tmp_path / "log").replay().doors.values()
+    assert door.name == (None if at < 0 else "early")
 
 
 def test_what_is_left_of_a_commit_is_held_to_its_tombstone(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import multiprocessing
 import os
 from collections import Counter
@@ -71,7 +72,7 @@ def _downloaded(bucket: str, folder: Path) -> Path:
     store = ObjectStore(UrlPath(bucket))
     folder.mkdir()
     for status in store.list():
-        got = store.whole(status.name)
+        got = store.whole(status.name, most_bytes=2**24)
         assert got is not None
         (folder / status.name).write_bytes(got[0])
     return folder
@@ -134,7 +135,7 @@ def _rewritten(bucket: str, change: Callable[[dict[str, Any]], None]) -> None:
     Put a manifest in the place of the one that lies there, as a liar with all rights would.
     """
     store = ObjectStore(UrlPath(bucket))
-    got = store.whole("manifest.json")
+    got = store.whole("manifest.json", most_bytes=2**24)
     assert got is not None
     entries = json.loads(got[0])
     del entries[DIGEST_KEY]
@@ -174,6 +175,9 @@ IMPOSSIBLE: dict[str, Callable[[dict[str, Any]], object]] = {
     "events that are not counted": lambda all_: all_["segments"][-1].update(next_event=10**9),
     "fewer than none": lambda all_: all_["segments"][1]["counts"].update({"1": -1}),
     "times that go back": lambda all_: all_["segments"][1].update(recorded_ns=[9, 3]),
+    "a time without end": lambda all_: all_["segments"][1].update(happened_ns=[0, math.inf]),
+    "a time after all time": lambda all_: all_["segments"][1].update(happened_ns=[0, 2**63]),
+    "a size without end": lambda all_: all_.update(superseded=[["x.mcap", math.inf, None]]),
     "a head behind the end": lambda all_: all_["segments"][1].update(head_end=10**12),
     "no hash": lambda all_: all_["segments"][1].update(sha256="zz"),
     "a list of nothing": lambda all_: all_.update(segments=[]),
@@ -204,7 +208,7 @@ def test_a_manifest_that_cannot_be_is_damage(
 def test_a_manifest_that_is_nested_without_end_is_damage(bucket: str) -> None:
     ship(OFFICE, UrlPath(bucket))
     store = ObjectStore(UrlPath(bucket))
-    got = store.whole("manifest.json")
+    got = store.whole("manifest.json", most_bytes=2**24)
     assert got is not None
     store.replace("manifest.json", b"[" * 100_000, got[1].e_tag)
 

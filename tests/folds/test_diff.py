@@ -59,7 +59,7 @@ def _random_log(path: Path, dice: random.Random, commits: int) -> sl.DoorLog:
 
 def _allowed(log: sl.DoorLogWriter, dice: random.Random, clock: SteadyClock) -> Iterator[Event]:
     number = log.state.event + 1
-    validator = Validator(log.door_index, number)
+    validator = Validator(log.door_index, number, past=log.known_past)
     for _ in range(dice.randint(1, 4)):
         try:
             event = _random_event(dice, number, clock.now_ns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import socket
 import stat
@@ -14,6 +15,7 @@ import semmap_log as sl
 from semmap_log.errors import AddressError
 from semmap_log.planners import addresses
 from semmap_log.planners.addresses import TcpAddress, UnixAddress, listen, read_address
+from tests.other_process import NOBODY, only_root, other_process
 
 
 @pytest.mark.parametrize(
@@ -219,6 +221,28 @@ def test_a_folder_that_stays_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         listen(UnixAddress(tmp_path / "log" / "s"))
 
     listen(UnixAddress(tmp_path / "log" / "s")).close()
+
+
+@only_root
+def test_a_folder_that_a_stranger_has_locked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Who may only read it makes no socket there, so their lock keeps nobody out of it.
+    """
+    monkeypatch.setattr(addresses, "LOCKED_S", 0.0)
+    tmp_path.chmod(0o755)
+
+    def lock() -> int:
+        fd = os.open(".", os.O_RDONLY)
+        fcntl.flock(fd, fcntl.LOCK_EX)
+        return fd
+
+    with other_process(lock, tmp_path, uid=NOBODY):
+        listen(UnixAddress(tmp_path / "s")).close()
+        tmp_path.chmod(0o777)
+        with pytest.raises(AddressError, match="locked this folder"):
+            listen(UnixAddress(tmp_path / "s"))
 
 
 @pytest.mark.parametrize("host", ["a" * 64, ".x", "x..y"])

@@ -166,6 +166,27 @@ def test_when_to_go(clinic: Asker) -> None:
         ]
 
 
+def test_a_door_that_is_named_often_is_looked_at_once(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    By whatever words.
+    """
+    looked_at: list[int] = []
+
+    def p_open(_: object, log: object, event: int, door: int, **times: int) -> tuple[float, bool]:
+        looked_at.append(door)
+        return 0.25 * door, True
+
+    monkeypatch.setattr(LearntDoors, "p_open", p_open)
+    ask = Asker(path)
+    words = "DOOR_1 DOOR_main_door main_door DOOR_2 DOOR_99 id:1 DOOR_2 " * 100
+
+    assert "DOOR_2" == ask(f"NEXT_DOOR {words}")
+    ask.close()
+    assert [1, 2] == looked_at
+
+
 def test_nothing_is_learnt_twice(tmp_path: Path) -> None:
     """
     Two threads ask, and the one that saw less of the log comes second.
@@ -177,7 +198,7 @@ def test_nothing_is_learnt_twice(tmp_path: Path) -> None:
             while log._reader.last_event() < event:
                 log.observe(door, "open", accuracy=0.9)
             now_ns = log.now_ns()
-            learnt.p_open(log, event, [door], now_ns=now_ns, time_ns=now_ns)
+            learnt.p_open(log, event, door, now_ns=now_ns, time_ns=now_ns)
 
     (beliefs,) = {id(each.evidence): each for each in learnt._by_estimator.values()}.values()
     assert 5 == len(beliefs.evidence)

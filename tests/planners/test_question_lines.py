@@ -196,6 +196,16 @@ def test_any_json_is_a_question_or_an_error(value: Any) -> None:
         (b'{"ask": "SET_DOOR_OPEN", "args": [1], "command_id": 5}', "32 hexadecimal digits, got 5"),
         (b'{"ask": "DOOR_OPEN", "args": [1], "ask": "DOOR_CLOSED"}', "key 'ask' is there twice"),
         (b"{" + b'"id":[' * 9000, "expected one JSON object"),
+        (b"NEXT_DOOR " + b"DOOR_1 " * 1000, "expected at most 1,000 words, got more"),
+        (b"NEXT_DOOR " + b'"a" ' * 16_000, "expected at most 1,000 words, got more"),
+        (b'{"ask": "NEXT_DOOR", "args": [[1' + b",1" * 30_000 + b"]]}", "at most 1,000 words"),
+        (b'{"ask": "NEXT_DOOR", "args": [1' + b",1" * 999 + b"]}", "at most 1,000 words"),
+        (b"DOOR_OPEN " + b"x" * 1001, "words of at most 1,000 characters, got 1,001"),
+        (b"x" * 60_000, "words of at most 1,000 characters, got 60,000"),
+        (b"BELIEVED " * 300 + b"DOORS" + b" AT now" * 300, "BELIEVED cannot be asked of what was"),
+        (b"BELIEVED " * 3000 + b"DOORS" + b" AT now" * 3000, "expected at most 1,000 words"),
+        (b'{"ask": "DOORS", "id": "' + b"x" * 300 + b'"}', "id: expected at most 256 bytes"),
+        (b'{"ask": "DOORS", "id": ' + b"[" * 900 + b"]" * 900 + b"}", "id: expected at most 256"),
     ],
 )  # fmt: skip
 def test_a_line_that_is_no_question_says_why(line: bytes, problem: str) -> None:
@@ -207,6 +217,19 @@ def test_a_line_that_is_no_question_says_why(line: bytes, problem: str) -> None:
 
     assert problem in str(refused.value)
     assert refused.value.is_json == line.startswith(b"{")
+
+
+def test_as_many_words_as_one_may_ask_by() -> None:
+    """
+    The doors of a large building; a command id is none of them.
+    """
+    doors = tuple(f"DOOR_{number}" for number in range(999))
+    quoted = " ".join(f'"{door}"' for door in doors)
+
+    assert doors == read_line(f"NEXT_DOOR {' '.join(doors)}".encode()).asked.doors
+    assert doors == read_line(f"NEXT_DOOR {quoted}".encode()).asked.doors
+    with pytest.raises(LineError, match="only an action takes a command id"):
+        read_line(f"#{'a' * 32} NEXT_DOOR {quoted}".encode())
 
 
 def test_an_error_in_json_has_the_id_of_its_question() -> None:

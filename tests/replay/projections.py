@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import DoorObserved
+from semmap_log.domain.events import DoorAnnotated, DoorObserved
 
 
 class Numbers:
@@ -22,6 +22,19 @@ class Numbers:
 
     def merge(self, earlier: list[int], later: list[int]) -> list[int]:
         return earlier + later
+
+
+class Texts:
+    """What was said of doors."""
+
+    name, version = "texts", 1
+
+    def initial(self) -> list[str]:
+        return []
+
+    def apply(self, state: list[str], batch: EventBatch) -> list[str]:
+        said = [one.event.value for one in batch if isinstance(one.event, DoorAnnotated)]
+        return [*state, *said]
 
 
 class Sums:

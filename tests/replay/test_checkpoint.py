@@ -15,7 +15,10 @@ import pytest
 import semmap_log as sl
 from semmap_log.domain.events import Retracted
 from semmap_log.errors import CheckpointError, CheckpointWarning, OutputError
-from tests.replay.projections import Digest, Numbers, Sums
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.trimming.redaction import Annotation, Redaction
+from semmap_log.trimming.trim_log import trim_log
+from tests.replay.projections import Digest, Numbers, Sums, Texts
 from tests.store.eventful import flip
 
 
@@ -228,15 +231,40 @@ def test_a_retraction_of_what_was_taken_in_begins_anew(
     assert (expected, []) == _fold(log_path, path)
 
 
+def test_what_was_redacted_since_is_not_told(log_path: Path, path: Path) -> None:
+    """
+    The state held it; without a warning it is made of what is left, and takes its place.
+    """
+    with sl.append(log_path) as log:
+        for key, value in (("owner", "Zoe"), ("kind", "fire door")):
+            log.annotate(1, key, value)
+    assert ["Zoe", "fire door"] == sl.read(log_path).fold(Texts(), checkpoint=path)
+    reader = LogReader(log_path)
+    parts = [Annotation(1, "owner")]
+
+    trim_log(log_path, Redaction.of(reader, parts, reader.last_event() + 1))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert ["fire door"] == sl.read(log_path).fold(Texts(), checkpoint=path)
+    assert b"Zoe" not in path.read_bytes()
+    _observe(log_path)
+    spy = _Spy()
+    sl.read(log_path).fold(spy, checkpoint=path.with_name("numbers"))
+    sl.read(log_path).fold(spy, checkpoint=path.with_name("numbers"))
+    assert sorted(spy.given) == sorted(set(spy.given)), "from then on it is used as ever"
+
+
 def test_what_is_hidden_already_can_be_hidden_again(log_path: Path, path: Path) -> None:
     """
-    A second retraction of the same events changes nothing, and costs nothing.
+    A second retraction, of another log, of the same events changes nothing, and costs nothing.
     """
+    again = Retracted(first_event=4, last_event=5)
     with sl.append(log_path) as log:
         log.append([Retracted(first_event=3, last_event=6)])
     _fold(log_path, path)
     with sl.append(log_path) as log:
-        log.append([Retracted(first_event=4, last_event=5)])
+        log.take_over(lambda _: [again], note=sl.Note(), command_id=bytes(16), content=bytes(32))
 
     assert ([0, 1, 2, *range(7, 13)], [12]) == _fold(log_path, path)
 

@@ -21,9 +21,12 @@ from semmap_log.domain.events import Retracted
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.replay.live_fold import LiveState
 from semmap_log.store.compaction import compact
+from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
+from semmap_log.trimming.redaction import Annotation, Redaction
+from semmap_log.trimming.trim_log import trim_log
 from tests.calls import MOST_CALLS_A_LOOK, calls_of
-from tests.replay.projections import Numbers
+from tests.replay.projections import Numbers, Texts
 from tests.replay.test_fold import expected_numbers
 
 ROOT = Path(__file__).parents[2]
@@ -88,6 +91,26 @@ def test_a_retraction_begins_anew(path: Path, tmp_path: Path) -> None:
     assert [0, 1] == first.state
     assert ([0, 2], 2, True) == (second.state, second.event, second.began_anew)
     assert [([0, 2], 2, False)] == _now(path, tmp_path / "checkpoint")
+
+
+def test_a_redaction_begins_anew(path: Path, tmp_path: Path) -> None:
+    """
+    The state held the text, and the checkpoint would have kept it.
+    """
+    with sl.append(path) as log:
+        log.annotate(1, "owner", "Zoe")
+        log.observe(1, "open")
+    checkpoint = tmp_path / "checkpoint"
+    live = sl.read(path).fold_live(Texts(), checkpoint=checkpoint, poll_s=0)
+    assert ["Zoe"] == next(live).state
+    reader = LogReader(path)
+
+    trim_log(path, Redaction.of(reader, [Annotation(1, "owner")], reader.last_event() + 1))
+
+    now = next(live)
+    assert ([], True) == (now.state, now.began_anew)
+    live.close()  # type: ignore[attr-defined]
+    assert b"Zoe" not in checkpoint.read_bytes()
 
 
 def test_rolls_and_compactions_are_nothing_new(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -244,7 +267,7 @@ for i in itertools.count():
 READER = """
 import sys
 import semmap_log as sl
-from tests.replay.projections import Numbers
+from tests.replay.projections import Numbers, Texts
 live = sl.read(sys.argv[1]).fold_live(
     Numbers(), checkpoint=sys.argv[2], save_every_s=0, poll_s=0.001
 )
@@ -308,7 +331,7 @@ FOLDER = """
 import itertools, sys
 import semmap_log as sl
 from pathlib import Path
-from tests.replay.projections import Numbers
+from tests.replay.projections import Numbers, Texts
 log, checkpoint = sl.read(sys.argv[1]), Path(sys.argv[2])
 for i in itertools.count():
     log.fold(Numbers(), checkpoint=checkpoint, save_every_s=0)

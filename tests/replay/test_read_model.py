@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import itertools
 import json
 import os
@@ -31,6 +32,7 @@ from semmap_log.replay.read_model import events_about
 from semmap_log.replay.read_model.indexing import index
 from semmap_log.store.compaction import compact
 from semmap_log.store.writing import segment_chain
+from tests.other_process import NOBODY, only_root, other_process
 from tests.test_replay import random_log as any_log
 
 pytest.importorskip("pyarrow")
@@ -529,7 +531,26 @@ def test_a_child_does_not_keep_the_lock(tmp_path: Path) -> None:
     os.waitpid(children[0], 0)
 
 
-@pytest.mark.skipif(os.getuid() != 0, reason="only root can become somebody else")
+@only_root
+def test_a_stranger_who_locks_an_index_keeps_nobody_out(tmp_path: Path) -> None:
+    """
+    Its folder, and a lock file that an older version made for all to read.
+    """
+    log = random_log(tmp_path / "log", 18, commits=70)
+    index(log)
+    (log / "index" / ".lock").chmod(0o644)
+
+    def lock() -> list[int]:
+        held = [os.open(name, os.O_RDONLY) for name in (".", ".lock")]
+        for fd in held:
+            fcntl.flock(fd, fcntl.LOCK_EX)
+        return held
+
+    with other_process(lock, log / "index", uid=NOBODY):
+        assert index(log, anew=True).made
+
+
+@only_root
 def test_an_index_that_nobody_may_read() -> None:
     """
     It is not used, and verify names it.

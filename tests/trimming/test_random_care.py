@@ -95,7 +95,8 @@ class CaredFor:
     def _events(self, log: sl.DoorLogWriter) -> Iterator[Event]:
         """Yield some random events that the map lets pass, many of them sightings that repeat."""
         dice, number = self.dice, log.state.event + 1
-        validator, whole = Validator(log.door_index, number), log._reader.first_whole_event
+        validator = Validator(log.door_index, number, past=log.known_past)
+        whole = log._reader.first_whole_event
         for _ in range(dice.randint(1, 4)):
             try:
                 event = random_event(dice, number, self.clock.now_ns)

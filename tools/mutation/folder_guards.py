@@ -47,11 +47,11 @@ FILES = (
 )  # fmt: skip
 
 LOCK_FILES = (
-    guard("a lock file with one name", "WriterLock._lock_file",
+    guard("a lock file with one name", "lock._checked",
           "status.st_nlink > 1", "False", "test_folder"),
-    guard("a lock file that is a file", "WriterLock._lock_file",
+    guard("a lock file that is a file", "lock._checked",
           "not stat.S_ISREG(status.st_mode)", "False", "test_folder"),
-    guard("a lock file that is a link is explained", "WriterLock._lock_file",
+    guard("a lock file that is a link is explained", "lock._opened_there",
           "error.errno in {errno.ELOOP, errno.ENXIO}", "False",
           "test_folder"),
     guard("a free folder is looked at again under the lock", "create_log",

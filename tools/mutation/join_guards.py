@@ -141,13 +141,6 @@ JOINS = (
         "test_join_horizon",
     ),
     guard(
-        "join: what is no longer kept comes in its place",
-        "kept_commits._all_kept",
-        "gone[0].number <= behind.last_event",
-        "reader.horizon <= behind.last_event",
-        "test_join_horizon",
-    ),
-    guard(
         "join: it may begin at its very end",
         "LogAnew.finish",
         "self._horizon < 0 <= self._horizon_ns",

@@ -35,7 +35,7 @@ LINES = (
     guard("lines: commits that are stored already", "append_lines",
           "found is None", "True", "test_lines_round_trip"),
     guard("lines: numbers of what is stored already", "append_lines",
-          "writing.pass_over(commit, found)", "", "test_lines_round_trip"),
+          "writing.pass_over(commit, found.commit)", "", "test_lines_round_trip"),
     guard("lines: a log that begins when the other did", "_Writing.append",
           "self.log.begin_at(recorded_ns - 1)", "", "test_lines_round_trip"),
     guard("lines: room for a keyframe between kept times", "LogWriter._make_ready",

@@ -72,7 +72,7 @@ FAILURES = (
 
 SAVING = (
     guard("saved: a folder of its own beside the log", "DoorSaver.__init__",
-          "own.with_name(own.name + DEFAULT_SUFFIX)", "own.parent",
+          "own.with_name(own.name + SAVED_SUFFIX)", "own.parent",
           "test_saving"),
     guard("saved: the folder is made", "DoorSaver.save",
           "self._root.mkdir(exist_ok=True)", "", "test_saving"),

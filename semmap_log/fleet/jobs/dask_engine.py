@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from importlib import import_module
+from queue import Empty, Queue
 from typing import Any
 from uuid import uuid4
 
 from semmap_log.errors import EngineError, MissingExtraError
-from semmap_log.fleet.jobs.engine import DEATHS, WorkerDied
+from semmap_log.fleet.jobs.engine import DEATHS, NoAnswer, WorkerDied
 
 ANSWERS_WITHIN_S = 20
+_NEVER = "10000 days"
+"""How late a worker of this machine may come back that was killed. It is started again, which
+takes minutes where the machine is busy; without this, Dask gives it up for good after 15 s."""
 _EXPECTED = "expected an address such as tcp://10.0.0.5:8786, which `dask scheduler` prints."
 
 
 class DaskEngine:
     """A client of a scheduler."""
 
-    def __init__(self, scheduler: str, workers: int, memory: str) -> None:
+    def __init__(self, scheduler: str, workers: int, memory: str, timeout_s: float) -> None:
         """Join a cluster, or start one; as `EngineChoice.open`."""
         try:
             import dask
@@ -30,9 +35,11 @@ class DaskEngine:
             raise MissingExtraError("distributed", "fleet") from error
         self._distributed = distributed
         self._cluster: Any = None
+        self._timeout_s = timeout_s
         dask.config.set(
             {
                 "distributed.scheduler.allowed-failures": DEATHS,
+                "distributed.deploy.lost-worker-timeout": _NEVER,
                 "distributed.comm.timeouts.connect": f"{ANSWERS_WITHIN_S}s",
             }
         )
@@ -70,26 +77,35 @@ class DaskEngine:
             ): number
             for number, question in enumerate(questions)
         }
-        done = self._distributed.as_completed(numbers, loop=self._client.loop)
-        for future in done:
-            yield numbers[future], self._result(future)
+        done: Queue[Any] = Queue()
+        for future in numbers:
+            future.add_done_callback(done.put)
+        while numbers:
+            try:
+                future = done.get(timeout=self._timeout_s)
+            except Empty:
+                yield from ((number, NoAnswer(self._timeout_s)) for number in numbers.values())
+                return
+            yield numbers.pop(future), self._result(future)
             future.release()
 
     def _result(self, future: Any) -> Any:
-        """Return a future's result.
+        """Return a future's result; it is computed again where its worker has gone with it.
 
         Raises:
             EngineError: There is none, and it is not the question's fault.
         """
+        end_s = time.monotonic() + self._timeout_s
         try:
-            return future.result()
+            return future.result(timeout=self._timeout_s)
         except self._distributed.scheduler.KilledWorker:
             return WorkerDied()
+        except (TimeoutError, asyncio.TimeoutError) as error:
+            if time.monotonic() >= end_s:
+                return NoAnswer(self._timeout_s)
+            raise _gone(error) from None
         except (CancelledError, asyncio.CancelledError, OSError) as error:
-            raise EngineError(
-                f"the Dask scheduler has gone ({type(error).__name__}). What was answered is kept; "
-                "run it again, and it goes on."
-            ) from None
+            raise _gone(error) from None
         except Exception as error:
             raise EngineError(
                 f"a worker could not run the question: {type(error).__name__}: {error}. Workers "
@@ -104,3 +120,10 @@ class DaskEngine:
     def _end_cluster(self) -> None:
         if self._cluster is not None:
             self._cluster.close()
+
+
+def _gone(error: BaseException) -> EngineError:
+    return EngineError(
+        f"the Dask scheduler has gone ({type(error).__name__}). What was answered is kept; "
+        "run it again, and it goes on."
+    )

@@ -1,20 +1,31 @@
 """Where functions run: here, one after the other, or on what others have built.
 
 An engine is one function: it takes questions and yields answers, in any order, each once. What
-holds for all of them: a worker that dies takes nothing along but the question that killed it.
+holds for all of them: a worker that dies takes nothing along but the question that killed it, and
+no question is waited for without end.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 DEATHS = 3
 """A question that has killed more workers than that is given up."""
+TIMEOUT_S = 3600.0
+"""Where no question is answered for so long, those that are left are given up."""
 
 
 class WorkerDied:
     """In the place of an answer: each worker that was given the question was ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoAnswer:
+    """In the place of an answer: no worker gave any for so long, and no more are waited for."""
+
+    within_s: float
 
 
 class Engine(Protocol):
@@ -23,7 +34,7 @@ class Engine(Protocol):
     def run(
         self, function: Callable[[Any, Any], Any], shared: Any, questions: Sequence[Any]
     ) -> Iterator[tuple[int, Any]]:
-        """Yield (number of a question, `function(shared, question)` or `WorkerDied`).
+        """Yield (number of a question, `function(shared, question)`, `WorkerDied` or `NoAnswer`).
 
         Args:
             function: Of a module that workers have, too.
@@ -39,7 +50,7 @@ class Engine(Protocol):
 
 
 class SerialEngine:
-    """This process."""
+    """This process: it has no workers that may go, so each question is waited for."""
 
     def run(
         self, function: Callable[[Any, Any], Any], shared: Any, questions: Sequence[Any]

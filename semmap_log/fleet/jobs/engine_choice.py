@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from semmap_log.errors import EngineError
 from semmap_log.fleet.jobs.dask_engine import DaskEngine
-from semmap_log.fleet.jobs.engine import Engine, SerialEngine
+from semmap_log.fleet.jobs.engine import TIMEOUT_S, Engine, SerialEngine
 from semmap_log.fleet.jobs.ray_engine import RayEngine
 
 ENGINES = ("dask", "ray", "serial")
@@ -26,6 +26,8 @@ class EngineChoice:
     """Of a cluster that is started; None: as many as there are cores."""
     memory: str = WORKER_MEMORY
     """Of each such worker at most; beyond, it is ended, and its question is given up."""
+    timeout_s: float = TIMEOUT_S
+    """Where no worker answers for so long, the logs that are left are given up."""
 
     def open(self) -> Engine:
         """Start it, or join the cluster.
@@ -38,7 +40,7 @@ class EngineChoice:
         if self.name == "serial":
             return SerialEngine()
         if self.name == "dask":
-            return DaskEngine(self.scheduler, workers, self.memory)
+            return DaskEngine(self.scheduler, workers, self.memory, self.timeout_s)
         if self.name == "ray":
-            return RayEngine(self.scheduler, workers)
+            return RayEngine(self.scheduler, workers, self.timeout_s)
         raise EngineError(f"engine {self.name!r}: expected one of {', '.join(ENGINES)}.")

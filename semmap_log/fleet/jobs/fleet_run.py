@@ -18,10 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.errors import MomentError
+from semmap_log.fleet.answer_places import default_folder
 from semmap_log.fleet.jobs.asked_logs import ask_logs
 from semmap_log.fleet.jobs.care_jobs import InfoJob, VerifyJob
 from semmap_log.fleet.jobs.door_jobs import DoorMapJob, OpeningsJob, ProbabilitiesJob
-from semmap_log.fleet.jobs.engine import Engine
+from semmap_log.fleet.jobs.engine import TIMEOUT_S, Engine
 from semmap_log.fleet.jobs.engine_choice import WORKER_MEMORY, EngineChoice
 from semmap_log.fleet.jobs.fleet_answer import (
     FleetAnswer,
@@ -32,7 +33,7 @@ from semmap_log.fleet.jobs.fleet_answer import (
 )
 from semmap_log.fleet.jobs.fold_job import FoldJob
 from semmap_log.fleet.jobs.job import Holds, Job
-from semmap_log.fleet.jobs.kept_answers import KeptAnswers, default_folder
+from semmap_log.fleet.jobs.kept_answers import KeptAnswers
 from semmap_log.fleet.jobs.lake_folder import lake_files, remove_earlier_files
 from semmap_log.fleet.jobs.lake_tables import commit_delta, commit_iceberg
 from semmap_log.fleet.jobs.log_answer import LogAnswer, LogQuestion
@@ -196,6 +197,7 @@ def fleet(
     scheduler: str = "",
     workers: int | None = None,
     memory: str = WORKER_MEMORY,
+    timeout_s: float = TIMEOUT_S,
     results: str | Path | None = None,
     fresh: bool = False,
 ) -> Fleet:
@@ -211,6 +213,7 @@ def fleet(
         scheduler: Address of a cluster that runs; empty: workers of this machine.
         workers: Of this machine; None: one a core.
         memory: Of each of them at most.
+        timeout_s: Where no worker answers for so long, the logs that are left have no answer.
         results: A folder where answers are kept; None: among the user's caches.
         fresh: Ask each log, whatever is kept.
 
@@ -220,5 +223,5 @@ def fleet(
     """
     places = log_places([urls] if isinstance(urls, str | PurePath) else urls)
     folder = default_folder() if results is None else Path(results)
-    choice = EngineChoice(engine, scheduler, workers, memory)
+    choice = EngineChoice(engine, scheduler, workers, memory, timeout_s)
     return Fleet(places, choice, folder, fresh=fresh)

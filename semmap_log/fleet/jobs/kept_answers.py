@@ -1,15 +1,12 @@
 """Answers of earlier runs, so that a run that was cut goes on, and one that is repeated is short.
 
-    <folder>/<job>-<parameters>/<place>-<log id>-<head>.answer
-
-One checked file an answer: a line of JSON, and a table in Arrow's stream format.
+They lie where `answer_places` says. One checked file an answer: a line of JSON, and a table in
+Arrow's stream format.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import asdict, replace
@@ -18,14 +15,15 @@ from pathlib import Path
 
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.errors import OutputError
+from semmap_log.fleet.answer_places import SUFFIX, answer_name, digits_of
 from semmap_log.fleet.jobs.job import Holds, Job
 from semmap_log.fleet.jobs.log_answer import LogAnswer
 from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
 from semmap_log.io.checked_file import read_checked, write_checked
 
 FORMAT = 1
-SUFFIX = ".answer"
-_DIGITS = 16
+MOST_BYTES = 2**28
+"""Of an answer that is kept: a longer one is asked for again."""
 
 
 class KeptAnswers:
@@ -39,7 +37,7 @@ class KeptAnswers:
         """
         ours = f"{FORMAT} {version('semmap-log')} {[str(field) for field in job.fields]}"
         asked = f"{ours} {job.name} {job.parameters()}"
-        self.folder = folder / f"{job.name}-{_digits(asked)}"
+        self.folder = folder / f"{job.name}-{digits_of(asked)}"
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # who was where
         except OSError as error:
@@ -57,10 +55,10 @@ class KeptAnswers:
 
     def get(self, place: str) -> LogAnswer | None:
         """Return the answer of a log; None: there is none that is whole."""
-        path = self._files.get(_digits(place))
+        path = self._files.get(digits_of(place))
         if path is None:
             return None
-        data = read_checked(path)
+        data = read_checked(path, MOST_BYTES)
         if data is None:
             return None
         try:
@@ -74,15 +72,20 @@ class KeptAnswers:
             return None
 
     def keep(self, answer: LogAnswer) -> None:
-        """Keep an answer in the place of the log's last one; where that fails, do without."""
+        """Keep an answer in the place of the log's last one.
+
+        Where that fails, or the answer is too long, the log is asked again by the next run.
+        """
         assert answer.table is not None
         asked = answer.asked
         out = pa.BufferOutputStream()
         with pa.ipc.new_stream(out, answer.table.schema) as writer:
             writer.write_table(answer.table)
         body = json.dumps(asdict(asked)).encode() + b"\n" + out.getvalue().to_pybytes()
-        of = _digits(asked.place)
-        path = self.folder / f"{of}-{asked.log_id[:_DIGITS]}-{asked.head[:_DIGITS]}{SUFFIX}"
+        if len(body) > MOST_BYTES:
+            return
+        of = digits_of(asked.place)
+        path = self.folder / answer_name(asked.place, asked.log_id, asked.head)
         before = self._files.get(of)
         with suppress(OSError):
             write_checked(path, body)
@@ -97,13 +100,3 @@ class KeptAnswers:
                 with suppress(OSError):
                     path.unlink(missing_ok=True)
             self._files.clear()
-
-
-def default_folder() -> Path:
-    """Return where answers are kept unless another place is named."""
-    cache = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    return Path(cache).expanduser() / "semmap-log" / "fleet"
-
-
-def _digits(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]

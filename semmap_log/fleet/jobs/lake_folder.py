@@ -16,10 +16,12 @@ from semmap_log.arrow.history_table import plain_texts
 from semmap_log.arrow.parquet import FOOTER_END, footer_bytes, rows_in, write_parquet
 from semmap_log.arrow.schema import schema_of
 from semmap_log.arrow.table_columns import COLUMNS, RETRACTED, SAID
+from semmap_log.errors import CorruptLogError
 from semmap_log.io.disk import output_errors, whole_file
 from semmap_log.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.io.url_path import UrlPath, place_of
 
+_MOST_FOOTER_BYTES = 2**26
 MONTH = pa.field("month", pa.string())
 """What the folders say."""
 
@@ -164,7 +166,15 @@ def _put_on_disk(path: Path, tables: Iterator[pa.Table]) -> tuple[int, int]:
 
 
 def _rows_of(store: ObjectStore, status: ObjectStatus) -> int:
-    """Return how many rows an object has; only its footer is fetched."""
-    end = store.part(status, status.size - FOOTER_END, status.size)
-    footer = store.part(status, status.size - footer_bytes(end), status.size)
+    """Return how many rows an object has; only its footer is fetched.
+
+    Raises:
+        CorruptLogError: It has no footer that can be one.
+    """
+    end = store.part(status, max(0, status.size - FOOTER_END), status.size)
+    length = footer_bytes(end)
+    if length > min(status.size, _MOST_FOOTER_BYTES):
+        problem = f"no Parquet file: its footer cannot have {length:,} bytes"
+        raise CorruptLogError(store.url / status.name, None, problem)
+    footer = store.part(status, status.size - length, status.size)
     return rows_in(pa.BufferReader(footer))

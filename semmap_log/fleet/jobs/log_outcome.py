@@ -23,6 +23,8 @@ class LogOutcome(str, Enum):
     """The question itself failed on it."""
     worker_died = "worker died"
     """Each worker that was given it was ended: by its memory, or by a crash."""
+    no_answer = "no answer"
+    """No worker has answered for as long as the run waits: one has gone, or needs longer."""
 
     @property
     def is_good(self) -> bool:

@@ -68,7 +68,10 @@ class _MonthTables:
         """Yield the events that happened in a month, numbers ascending."""
         since_ns, until_ns = _bounds_of(month)
         window = Window(
-            happened_from_ns=since_ns, happened_before_ns=until_ns, before_event=self._limit + 1
+            happened_from_ns=since_ns,
+            happened_before_ns=until_ns,
+            before_event=self._limit + 1,
+            only_kept=True,
         )
         names = [column.name for column in EVENT_COLUMNS]
         for table in self._log.tables_in(window, columns=names, limit=self._limit):

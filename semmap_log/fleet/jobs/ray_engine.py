@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Any
 
 from semmap_log.errors import EngineError
-from semmap_log.fleet.jobs.engine import DEATHS, WorkerDied
+from semmap_log.fleet.jobs.engine import DEATHS, NoAnswer, WorkerDied
 
 OBJECT_STORE_BYTES = 100 * 2**20
 
@@ -17,7 +17,7 @@ OBJECT_STORE_BYTES = 100 * 2**20
 class RayEngine:
     """A driver of Ray's."""
 
-    def __init__(self, scheduler: str, workers: int) -> None:
+    def __init__(self, scheduler: str, workers: int, timeout_s: float) -> None:
         """Join a cluster, or start one; as `EngineChoice.open`."""
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         try:
@@ -25,6 +25,7 @@ class RayEngine:
         except ImportError:
             raise EngineError("ray is not installed; install it with: pip install ray") from None
         self._ray = ray
+        self._timeout_s = timeout_s
         local = {
             "num_cpus": workers,
             "object_store_memory": OBJECT_STORE_BYTES,
@@ -50,13 +51,18 @@ class RayEngine:
         numbers = {remote.remote(given, each): n for n, each in enumerate(questions)}
         waiting = list(numbers)
         while waiting:
-            (ready,), waiting = ray.wait(waiting, num_returns=1)
-            yield numbers[ready], self._result(ready)
+            ready, waiting = ray.wait(waiting, num_returns=1, timeout=self._timeout_s)
+            if not ready:
+                yield from ((numbers[each], NoAnswer(self._timeout_s)) for each in waiting)
+                return
+            yield numbers[ready[0]], self._result(ready[0])
 
     def _result(self, ready: Any) -> Any:
         exceptions = self._ray.exceptions
         try:
-            return self._ray.get(ready)
+            return self._ray.get(ready, timeout=self._timeout_s)
+        except exceptions.GetTimeoutError:
+            return NoAnswer(self._timeout_s)
         except (exceptions.WorkerCrashedError, exceptions.OutOfMemoryError):
             return WorkerDied()
         except exceptions.RayError as error:

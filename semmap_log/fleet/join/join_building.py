@@ -75,7 +75,7 @@ def build_join(
     """
     for log in joined.logs:
         log.opened.check_known()
-    entropy, horizon_ns = SeededBytes(seed), horizon_of(joined)
+    entropy, horizon_ns = SeededBytes(seed), horizon_of(joined, plan)
     made = LogAnew(folder, _info(joined, entropy), entropy, horizon_ns=horizon_ns)
     rounds: dict[tuple[str, int], int] = {}
     translations = {

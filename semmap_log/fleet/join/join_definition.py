@@ -18,6 +18,7 @@ from semmap_log.io.url_path import UrlPath, place_of
 FORMAT = "semmap-log join"
 VERSION = 1
 SUFFIX = ".join.json"
+_MOST_BYTES = 2**24
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +52,11 @@ def read_definition(path: Path) -> JoinDefinition:
         NotALogError: It is none, or of a later version.
     """
     try:
-        said = json.loads(path.read_text(encoding="utf-8"))
+        with path.open("rb") as file:
+            data = file.read(_MOST_BYTES + 1)
+        if len(data) > _MOST_BYTES:
+            raise NotALogError(f"{path}: expected at most {_MOST_BYTES:,} bytes, got more.")
+        said = json.loads(data.decode())
         if not isinstance(said, dict) or said.get("format") != FORMAT:
             raise NotALogError(f'{path}: expected "format": "{FORMAT}", got another file.')
         if said.get("version") != VERSION:
@@ -62,7 +67,7 @@ def read_definition(path: Path) -> JoinDefinition:
         return _definition(path, said)
     except OSError as error:
         raise NotALogError(f"{path}: cannot be read: {error.strerror}.") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise NotALogError(f"{path}: no definition of a join: {error!r}.") from None
 
 

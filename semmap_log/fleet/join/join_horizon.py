@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from semmap_log.fleet.join.door_plan import DoorPlan
 from semmap_log.fleet.join.joined_logs import JoinedLogs
+from semmap_log.fleet.join.thinned_conflicts import known_again_ns
 from semmap_log.replay.position import retractions_behind
 from semmap_log.store.reading.window import Window
 
@@ -13,14 +15,14 @@ if TYPE_CHECKING:
     from semmap_log.store.reading.reader import LogReader
 
 
-def horizon_of(joined: JoinedLogs) -> int:
+def horizon_of(joined: JoinedLogs, plan: DoorPlan) -> int:
     """Return the moment (ns) from which on all of a join is known; -1: always.
 
-    That of the log that keeps least; later, if afterwards another takes back what was before it:
-    a state at the horizon cannot know both.
+    That of the log that keeps least; later, if one disagrees with what was thinned of another, or
+    if afterwards one takes back what was before it: a state at the horizon cannot know both.
     """
     readers = [log.opened for log in joined.logs]
-    horizon_ns = max(reader.horizon_ns for reader in readers)
+    horizon_ns = max(known_again_ns(joined, plan), *(reader.horizon_ns for reader in readers))
     if horizon_ns < 0:
         return -1
     spans = sorted(span for reader in readers for span in _taken_back(reader))

@@ -15,6 +15,7 @@ import os
 import tempfile
 import weakref
 from collections.abc import Iterable, Mapping
+from collections.abc import Set as AbstractSet
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path, PurePath
@@ -37,6 +38,10 @@ VIEW_VERSION = 2
 """Of what becomes of events: another version's views are not used."""
 FOLDER = "joined"
 """In a cache: where views lie."""
+TEMPORARY = "semmap-log-joined-"
+"""How the name of a folder for a view begins that is not kept."""
+LOGS_NAME = ".logs"
+"""In a view: the file that tells of which logs it is, an id a line."""
 
 Frames = Mapping[str, tuple[float, float, float]]
 
@@ -54,9 +59,10 @@ class JoinedView:
         seed = seed_of(joined)
         self._temporary = None
         if cache is None:
-            self._temporary = tempfile.TemporaryDirectory(prefix="semmap-log-joined-")
+            self._temporary = tempfile.TemporaryDirectory(prefix=TEMPORARY)
             self.path = Path(self._temporary.name) / "view"
             build_join(joined, plan_doors(joined), self.path, seed)
+            _tell_logs(joined, self.path)
             return
         self.path = cache / FOLDER / seed.hex()[:32]
         if not self.path.is_dir():
@@ -70,6 +76,7 @@ def _build_beside(joined: JoinedLogs, path: Path, seed: bytes) -> None:
         with tempfile.TemporaryDirectory(prefix=".", dir=path.parent) as beside:
             made = Path(beside) / "view"
             build_join(joined, plan_doors(joined), made, seed)
+            _tell_logs(joined, made)
             with suppress(FileExistsError):
                 made.rename(path)
     except LogError:
@@ -95,6 +102,27 @@ def seed_of(joined: JoinedLogs) -> bytes:
 
 def _listed(frame: RigidTransform | None) -> list[float] | None:
     return None if frame is None else frame.as_list()
+
+
+def _tell_logs(joined: JoinedLogs, view: Path) -> None:
+    """Write into a view which logs it is of."""
+    (view / LOGS_NAME).write_text("\n".join(log.log_id for log in joined.logs), "ascii")
+
+
+def views_of(log_ids: AbstractSet[str], cache: Path) -> list[Path]:
+    """Return the views in a cache that may be of one of these logs."""
+    try:
+        return [view for view in sorted((cache / FOLDER).iterdir()) if is_view_of(log_ids, view)]
+    except OSError:
+        return []
+
+
+def is_view_of(log_ids: AbstractSet[str], view: Path) -> bool:
+    """Tell whether a view may be of one of these logs: one that is being made does not tell."""
+    try:
+        return not log_ids.isdisjoint((view / LOGS_NAME).read_text("ascii").split())
+    except (OSError, ValueError):
+        return True
 
 
 _views: weakref.WeakValueDictionary[tuple[bytes, Path | None], JoinedView] = (

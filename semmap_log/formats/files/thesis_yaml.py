@@ -39,6 +39,8 @@ from semmap_log.formats.parsing.problems import Problems, shown
 from semmap_log.formats.parsing.strict_yaml import Mapping, Node, Scalar, load_yaml
 from semmap_log.formats.parsing.yaml_values import Fields, described, mapping_of
 
+SAVED_SUFFIX = "_saved"
+"""Of the folder beside a log where the server saves doors unless another is given."""
 PROB_KEYS = ("closed_prob", "open_prob")
 DOOR_KEYS = ("position", "width", "status", *PROB_KEYS)
 POSITION_KEYS = ("x", "y", "theta")

@@ -122,14 +122,14 @@ class _Wanted:
 def _visits_in(path: Path, log_id: str, wanted: _Wanted, tell: Tell | None) -> Iterator[KeptVisit]:
     """Yield the visits of a file up to where it ends."""
     with open_regular(path) as file:
-        reader = _FileReader(file)
+        reader = FileReader(file)
         said = ""
         try:
             for told in reader.visits(log_id):
                 if told.visit in wanted:
                     scans = reader.scans_of(told) if wanted.scans_of(told.visit) else ()
                     yield KeptVisit(told.visit, told.level, told.line, scans, told.event)
-        except _AnotherLogError as error:
+        except AnotherLogError as error:
             said = str(error)
         except ValueError as error:
             said = f"read up to where it is damaged: {error}"
@@ -141,12 +141,14 @@ def _visits_in(path: Path, log_id: str, wanted: _Wanted, tell: Tell | None) -> I
             tell(f"{path}: {said}")
 
 
-class _AnotherLogError(Exception):
+class AnotherLogError(Exception):
     """The file is of another log."""
 
 
 @dataclass(slots=True)
-class _Channel:
+class ScanChannel:
+    """A topic of a file."""
+
     topic: str
     of: tuple[str, str]
     """Robot and laser."""
@@ -154,11 +156,16 @@ class _Channel:
 
 
 @dataclass(slots=True)
-class _FileReader:
+class FileReader:
+    """Reads a file of kept scans once, from its start."""
+
     file: BinaryIO
     is_whole: bool = False
+    """Whether its end was reached."""
+    is_ours: bool = False
+    """Whether it says that it is of the log that was meant."""
     _types: dict[int, str] = field(default_factory=dict)
-    _channels: dict[int, _Channel] = field(default_factory=dict)
+    _channels: dict[int, ScanChannel] = field(default_factory=dict)
     _waiting: defaultdict[tuple[str, str], dict[int, ScanBytes]] = field(
         default_factory=lambda: defaultdict(dict)
     )
@@ -169,7 +176,22 @@ class _FileReader:
 
         Raises:
             ValueError: The file is damaged from there on.
-            _AnotherLogError: It is not of that log.
+            AnotherLogError: It is not of that log.
+        """
+        for channel, at_ns, data in self.messages(log_id):
+            if channel.topic == VISITS_TOPIC:
+                told = visit_in(data)
+                yield told
+                self._forget(told.visit)
+            else:
+                self._take(channel, at_ns, data)
+
+    def messages(self, log_id: str) -> Iterator[tuple[ScanChannel, int, bytes]]:
+        """Yield channel, time and data of each message, as they were written.
+
+        Raises:
+            ValueError: The file is damaged from there on.
+            AnotherLogError: It is not of that log.
         """
         from mcap import records as kinds
         from mcap.opcode import Opcode
@@ -178,15 +200,14 @@ class _FileReader:
             raise ValueError("expected an MCAP file, got something else")
         size = self.file.seek(0, 2)
         wanted = {Opcode.METADATA, Opcode.CHUNK, Opcode.DATA_END}
-        is_ours = False
-        for record in _up_to_the_tear(self.file, len(MAGIC), size, wanted):
+        for record in up_to_the_tear(self.file, len(MAGIC), size, wanted):
             if record.opcode == Opcode.METADATA:
-                is_ours = is_ours or _is_of(parsed(kinds.Metadata, record), log_id)
+                self.is_ours = self.is_ours or _is_of(parsed(kinds.Metadata, record), log_id)
             elif record.opcode == Opcode.DATA_END:
                 self.is_whole = True
                 return
             elif record.opcode == Opcode.CHUNK:
-                if not is_ours:
+                if not self.is_ours:
                     raise ValueError("it does not say which log it is of")
                 yield from self._chunk(OpenChunk(record))
 
@@ -206,7 +227,7 @@ class _FileReader:
             if stamp_ns in here
         )
 
-    def _chunk(self, chunk: OpenChunk) -> Iterator[ToldVisit]:
+    def _chunk(self, chunk: OpenChunk) -> Iterator[tuple[ScanChannel, int, bytes]]:
         from mcap import records as kinds
         from mcap.opcode import Opcode
 
@@ -217,29 +238,23 @@ class _FileReader:
             elif record.opcode == Opcode.CHANNEL:
                 self._know(parsed(kinds.Channel, record))
             else:
-                yield from self._message(record)
+                yield self._message(record)
 
     def _know(self, channel: Any) -> None:
         of = channel.metadata.get(ROBOT_KEY, ""), channel.metadata.get(LASER_KEY, "")
         ros_type = self._types.get(channel.schema_id, "")
-        self._channels[channel.id] = _Channel(channel.topic, of, ros_type)
+        self._channels[channel.id] = ScanChannel(channel.topic, of, ros_type)
 
-    def _message(self, record: Record) -> Iterator[ToldVisit]:
+    def _message(self, record: Record) -> tuple[ScanChannel, int, bytes]:
         if len(record.body) < MESSAGE.size:
             raise ValueError(f"the message at byte {record.at:,} of a chunk is cut")
         number, _, at_ns, _ = MESSAGE.unpack_from(record.body)
         channel = self._channels.get(number)
         if channel is None:
             raise ValueError(f"the message at byte {record.at:,} of a chunk is of no channel")
-        data = record.body[MESSAGE.size :]
-        if channel.topic == VISITS_TOPIC:
-            told = read_text(decoded(2, data, TEXT).data)
-            yield told
-            self._forget(told.visit)
-        else:
-            self._take(channel, at_ns, data)
+        return channel, at_ns, record.body[MESSAGE.size :]
 
-    def _take(self, channel: _Channel, at_ns: int, data: bytes) -> None:
+    def _take(self, channel: ScanChannel, at_ns: int, data: bytes) -> None:
         name = {POSE_WITH_COVARIANCE: "pose", SCAN: "scan", CLOUD: "beams"}.get(channel.ros_type)
         if name is not None:
             here = self._waiting[channel.of]
@@ -251,6 +266,15 @@ class _FileReader:
             del here[stamp_ns]
 
 
+def visit_in(data: bytes) -> ToldVisit:
+    """Return what a message on the topic of visits tells.
+
+    Raises:
+        ValueError: It is not the text of a visit.
+    """
+    return read_text(decoded(2, data, TEXT).data)
+
+
 _NOTHING = ScanBytes(b"", b"", b"", None)
 
 
@@ -258,17 +282,17 @@ def _is_of(metadata: Any, log_id: str) -> bool:
     """Tell whether a record says that the file is of that log.
 
     Raises:
-        _AnotherLogError: It says that it is of another.
+        AnotherLogError: It says that it is of another.
     """
     if metadata.name != METADATA:
         return False
     if metadata.metadata.get("log_id") != log_id:
-        raise _AnotherLogError("these are scans of another log, which had this one's name; "
+        raise AnotherLogError("these are scans of another log, which had this one's name; "
                                "passed over")  # fmt: skip
     return True
 
 
-def _up_to_the_tear(
+def up_to_the_tear(
     file: BinaryIO, start: int, end: int, wanted: Collection[int]
 ) -> Iterator[Record]:
     """Yield the records of a file; one that the end of the file cuts, and no more."""

@@ -64,7 +64,7 @@ class KeptScansWriter:
 
     def __init__(self, log: PurePath, log_id: str) -> None:
         self._log, self._log_id = log, log_id
-        self._file: _VisitFile | None = None
+        self._file: VisitFile | None = None
 
     @property
     def path(self) -> Path | None:
@@ -94,7 +94,7 @@ class KeptScansWriter:
             OutputError: It cannot be written.
         """
         if self._file is None:
-            self._file = _VisitFile.new(folder_beside(self._log), visit.first_ns, self._log_id)
+            self._file = VisitFile.new(folder_beside(self._log), visit.first_ns, self._log_id)
         self._file.add(visit, line, level, scans, event)
 
     def abandon(self) -> None:
@@ -119,11 +119,11 @@ class KeptScansWriter:
             self._file.close()
 
 
-class _VisitFile:
+class VisitFile:
     """One MCAP."""
 
     @classmethod
-    def new(cls, folder: Path, first_ns: int, log_id: str) -> _VisitFile:
+    def new(cls, folder: Path, first_ns: int, log_id: str) -> VisitFile:
         """Make a file that was not there.
 
         Raises:
@@ -160,6 +160,7 @@ class _VisitFile:
         scans: Sequence[PlacedScan],
         event: int | None,
     ) -> None:
+        """Write a visit, as `KeptScansWriter.keep`."""
         ordered = sorted(scans, key=lambda scan: scan.stamp_ns)
         with output_errors(self.path):
             for scan in ordered:
@@ -167,8 +168,8 @@ class _VisitFile:
             stamps_ns = tuple(scan.stamp_ns for scan in ordered)
             text = text_of(ToldVisit(visit, level, line, stamps_ns, event))
             message = encoded(2, Messages(2).new(TEXT, data=text), TEXT)
-            self._write(VISITS_TOPIC, TEXT, ("", ""), visit.last_ns, message)
-            self._flush()
+            self.write(VISITS_TOPIC, TEXT, ("", ""), visit.last_ns, message)
+            self.flush()
         self._forget(visit)
 
     def let_go(self) -> None:
@@ -185,12 +186,13 @@ class _VisitFile:
             self.path.parent.rmdir()
 
     def close(self) -> None:
+        """Write the file's end."""
         with output_errors(self.path):
             if not self._file.closed:
                 with self._file:
                     self._writer.finish()
 
-    def _flush(self) -> None:
+    def flush(self) -> None:
         """Hand all to the system; libraries that cannot end a chunk keep up to `CHUNK_BYTES`."""
         if hasattr(self._writer, "flush"):
             self._writer.flush()
@@ -205,11 +207,11 @@ class _VisitFile:
         parts = [part for part in map(topic_part, of) if part]
         told = scan_to_messages(scan, "/".join(parts) or "laser")
         root = "".join(f"/{part}" for part in parts)
-        self._write(TF_TOPIC, TRANSFORMS, ("", ""), scan.stamp_ns, told.transform)
-        self._write(f"{root}/pose", POSE_WITH_COVARIANCE, of, scan.stamp_ns, told.pose)
+        self.write(TF_TOPIC, TRANSFORMS, ("", ""), scan.stamp_ns, told.transform)
+        self.write(f"{root}/pose", POSE_WITH_COVARIANCE, of, scan.stamp_ns, told.pose)
         if told.beams is not None:
-            self._write(f"{root}/beams", CLOUD, of, scan.stamp_ns, told.beams)
-        self._write(f"{root}/scan", SCAN, of, scan.stamp_ns, told.scan)
+            self.write(f"{root}/beams", CLOUD, of, scan.stamp_ns, told.beams)
+        self.write(f"{root}/scan", SCAN, of, scan.stamp_ns, told.scan)
 
     def _forget(self, visit: Visit) -> None:
         stamps = self._written[visit.robot, visit.laser]
@@ -217,9 +219,18 @@ class _VisitFile:
             if stamp_ns < visit.last_ns - FORGET_NS // 2:
                 del stamps[stamp_ns]
 
-    def _write(
+    def write(
         self, topic: str, ros_type: str, of: tuple[str, str], at_ns: int, data: bytes
     ) -> None:
+        """Write a message.
+
+        Args:
+            topic: Its topic.
+            ros_type: Its type.
+            of: Robot and laser; empty: of none.
+            at_ns: Its time.
+            data: Its CDR.
+        """
         key = (topic, *of)
         if key not in self._channels:
             self._channels[key] = self._channel(topic, ros_type, of)

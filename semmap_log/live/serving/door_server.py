@@ -173,7 +173,11 @@ class DoorServer:
             raise CommandReusedError(f"goal id {work.goal.said_id}: {error}") from None
         if first is None:
             return True
-        return _answer(work.events[0] if work.events else self._log.event(first).event)
+        if not isinstance(ask, AddAsk):
+            return True
+        added = work.events[0] if work.events else self._log.event(first).event
+        assert isinstance(added, DoorAdded), "it is what the goal became"
+        return int(added.door_id)
 
     def _usable_log(self) -> DoorLogWriter:
         """Return the log, opened anew if the last try to do so failed.
@@ -288,11 +292,6 @@ class _Work:
         value = nothing if self.result is None else self.result
         said = " ".join([*([text] if text else []), *self.said])
         return Outcome(succeeded, {name: value}, said)
-
-
-def _answer(event: Event) -> Any:
-    """Return the result's value that a goal's event stands for."""
-    return int(event.door_id) if isinstance(event, DoorAdded) else True
 
 
 def when_ns(log: DoorLogWriter) -> int | None:

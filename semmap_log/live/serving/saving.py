@@ -16,13 +16,10 @@ from typing import NoReturn
 
 from semmap_log.domain.doors import DoorMap
 from semmap_log.errors import OutputError
-from semmap_log.formats.files.thesis_yaml import dump_thesis_yaml
+from semmap_log.formats.files.thesis_yaml import SAVED_SUFFIX, dump_thesis_yaml
 from semmap_log.io.disk import refuse_own_folder, replace_file
 
 SUFFIXES = (".yaml", ".yml")
-
-DEFAULT_SUFFIX = "_saved"
-"""Of the folder beside the log where files are saved unless another is given."""
 
 
 class DoorSaver:
@@ -42,7 +39,7 @@ class DoorSaver:
         """
         own = Path(os.path.abspath(log_folder))  # noqa: PTH100  without its `..`, through no link
         self._makes_root = root is None
-        self._root = own.with_name(own.name + DEFAULT_SUFFIX) if root is None else root.absolute()
+        self._root = own.with_name(own.name + SAVED_SUFFIX) if root is None else root.absolute()
         self._log_folder = log_folder
         self._default_prob = default_prob
 

@@ -12,6 +12,7 @@ words, is answered as the first time, and not done again, even if the server was
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import threading
 import traceback
@@ -244,7 +245,7 @@ class KernelQuestions:
                 return
             with self._mutex:
                 self._queues[key] = deque([question])
-            self._pool.submit(self._work, key)
+            self._submit(key)
         elif is_full:
             question.refuse(f"{MOST_QUESTIONS:,} questions of {question.kernel} wait already.")
 
@@ -259,14 +260,18 @@ class KernelQuestions:
         return answer is not None
 
     def _work(self, key: tuple[int, str]) -> None:
-        """Answer what one kernel has asked, in its order, until there is no more."""
-        while True:
-            with self._mutex:
-                if not self._queues[key]:
-                    del self._queues[key]
-                    return
-                question = self._queues[key].popleft()
-            self._answer(question)
+        """Answer the next question of one kernel; those behind it wait for other kernels' turns."""
+        with self._mutex:
+            if not self._queues[key]:
+                del self._queues[key]
+                return
+            question = self._queues[key].popleft()
+        self._answer(question)
+        self._submit(key)
+
+    def _submit(self, key: tuple[int, str]) -> None:
+        with contextlib.suppress(RuntimeError):  # it is closed: nothing more is begun
+            self._pool.submit(self._work, key)
 
     def _answer(self, question: KernelQuestion) -> None:
         is_action = question.asked.question.kind is QuestionKind.ACTION

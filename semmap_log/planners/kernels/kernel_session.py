@@ -25,6 +25,7 @@ from semmap_log.planners.kernels.message_passer import PasserConnection
 from semmap_log.planners.kernels.passer_frames import PASSER, is_name, message, unknown_name
 from semmap_log.planners.kernels.s_expressions import Expression, read_expression
 from semmap_log.planners.kernels.told_kernels import ECHO, ToldKernels
+from semmap_log.planners.question_lines import MOST_LINE_BYTES, too_long
 
 MOST_WAITING_BYTES = 2**20
 """Of messages that the passer has not taken: changes of doors wait until it has."""
@@ -198,7 +199,7 @@ class KernelSession:
                 self._told.is_unknown(unknown, self._heard_s)
             return
         try:
-            self._understand(name, read_expression(text.decode()))
+            self._understand(name, _expression_in(text))
         except (ExpressionError, PasserError, UnicodeDecodeError) as error:
             self._complain(f"{shown(name)} sent {shown(text[:60])}: {error}")
 
@@ -248,3 +249,15 @@ class KernelSession:
             self._say(problem)
         if self._complaints == MOST_COMPLAINTS:
             self._say("more such messages are not told.")
+
+
+def _expression_in(text: bytes) -> tuple[Expression, ...]:
+    """Return the expression that a message is.
+
+    Raises:
+        ExpressionError: It is none, or longer than a question may be.
+        UnicodeDecodeError: It is no UTF-8 text.
+    """
+    if len(text) > MOST_LINE_BYTES:
+        raise ExpressionError(too_long())
+    return read_expression(text.decode())

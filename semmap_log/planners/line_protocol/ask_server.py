@@ -1,7 +1,8 @@
 """Takes questions of many clients over a socket, and gives each its answers in order.
 
-One thread waits for all clients and answers what takes no time. Actions, and questions that read
-the log, are done by others; a client that waits, sleeps or floods holds up nobody but itself.
+One thread waits for all clients and answers what takes no time. Actions, questions that read the
+log, and lines that are long to read, are done by others, by turns; a client that waits, sleeps or
+floods holds up nobody but itself.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
@@ -23,9 +24,9 @@ from semmap_log.planners.line_protocol.admission import Admission
 from semmap_log.planners.line_protocol.connection import Broken, Connection
 from semmap_log.planners.line_protocol.deadlines import Deadlines
 from semmap_log.planners.line_protocol.tokens import TOKEN, is_token
-from semmap_log.planners.oracle import ENDS, Oracle, is_wait, time_is_over
+from semmap_log.planners.line_protocol.turns import Turns
+from semmap_log.planners.oracle import ENDS, Oracle, is_likely, is_wait, time_is_over
 from semmap_log.planners.question_lines import (
-    Answer,
     Line,
     LineError,
     read_line,
@@ -37,9 +38,10 @@ from semmap_log.planners.questions import QuestionKind
 MOST_CLIENTS = 1000
 ACTIONS_AT_ONCE = 8
 """They share the syncs of their commits."""
-LOOK_UPS_AT_ONCE = 2
-LINES_A_TURN = 64
-"""Of one client, before the others have theirs."""
+TURN_S = 0.01
+"""In each turn the clients that have asked share so long; a line of each is answered anyway."""
+SHORT_LINE = 2**10
+"""Bytes of a line that is read at once; to read a longer one may take milliseconds."""
 MOST_KNOWN_LINES = 4096
 MOST_KNOWN_BYTES = 200
 TOKEN_WITHIN_S = 10.0
@@ -86,13 +88,19 @@ class AskServer:
         """Clients that wait for an answer, and have asked more: none of their events is watched."""
         self._check_unheard_s = 0.0
         self._deadlines = Deadlines()
-        self._answers: deque[tuple[Connection, bytes]] = deque()
-        """What other threads have found."""
+        self._slice_s = TURN_S
+        """How long lines of one client are answered in this turn."""
+        self._found: deque[tuple[Connection, bytes | Line]] = deque()
+        """What other threads have found: answers, and the questions on long lines."""
         self._known_lines: dict[bytes, Line] = {}
         self._ending = False
         self._failure: Exception | None = None
         self._actions = ThreadPoolExecutor(ACTIONS_AT_ONCE, "ask-action")
-        self._look_ups = ThreadPoolExecutor(LOOK_UPS_AT_ONCE, "ask-look-up")
+        self._reading = Turns("ask-reading", rest=1.0)
+        self._look_ups = Turns("ask-look-up")
+        self._forecasts = Turns("ask-forecast")
+        """What is likely takes many times longer to tell than what was so."""
+        self._turns = (self._reading, self._look_ups, self._forecasts)
         self._waker, self._woken = socket.socketpair()
         self._is_woken = False
         self._admission = Admission(listener.socket, most_clients)
@@ -116,7 +124,8 @@ class AskServer:
             self._wake()
         self._thread.join()
         self._actions.shutdown()
-        self._look_ups.shutdown()
+        for turns in self._turns:
+            turns.close()
         self._waker.close()  # not before: whoever still has an answer wakes us
         self._woken.close()
 
@@ -143,14 +152,16 @@ class AskServer:
 
     def _turn(self, timeout_s: float | None) -> None:
         """Do what there is to do now, for everybody once."""
-        for key, events in self._selector.select(0 if self._ready else timeout_s):
+        selected = self._selector.select(0 if self._ready else timeout_s)
+        ready, self._ready = self._ready, {}
+        self._slice_s = TURN_S / max(len(selected) + len(ready), 1)
+        for key, events in selected:
             if isinstance(key.data, Connection):
                 self._serve(key.data, events)
             else:
                 key.data()
-        while self._answers:
-            self._give(*self._answers.popleft())
-        ready, self._ready = self._ready, {}
+        for _ in range(len(self._found)):
+            self._give(*self._found.popleft())
         for connection in ready:
             self._serve(connection, 0)
         self._deadlines.meet()
@@ -182,10 +193,11 @@ class AskServer:
                 if connection.has_ended and connection.is_abandoned():
                     self._drop(connection)
                     return
-            left = LINES_A_TURN
-            while connection.lines and left and not (connection.is_busy or connection.is_full):
-                left -= 1
+            end_s = time.monotonic() + self._slice_s
+            while connection.lines and not (connection.is_busy or connection.is_full):
                 self._take(connection, connection.lines.popleft())
+                if time.monotonic() >= end_s:
+                    break
             connection.send()
         except OSError:  # it has gone
             self._drop(connection)
@@ -223,18 +235,36 @@ class AskServer:
         if not connection.is_known:
             self._check_token(connection, data)
             return
-        line: Line | None = None
+        if len(data) > SHORT_LINE:
+            connection.is_busy = True
+            self._reading.add(connection, self._read_by_turns(connection, data))
+            return
         try:
             line = self._known_lines.get(data) or self._read(data)
+        except Exception as error:  # noqa: BLE001  the others are still to be answered
+            connection.answer(self._refusal(error, error))
+        else:
+            self._answer_line(connection, line)
+
+    def _answer_line(self, connection: Connection, line: Line) -> None:
+        """Answer a question, or have it answered."""
+        try:
             answer = self._oracle.at_once(line.asked)
             if answer is not None:
                 connection.answer(write_answer(line, answer))
             else:
                 self._begin(connection, line)
-        except (SemmapError, OSError) as error:
-            connection.answer(_problem(line or error, str(error)))
-        except Exception as error:  # noqa: BLE001  the others are still to be answered
-            connection.answer(self._own_problem(line or error, error))
+        except Exception as error:  # noqa: BLE001  as above
+            connection.answer(self._refusal(line, error))
+
+    def _read_by_turns(self, connection: Connection, data: bytes) -> Iterator[None]:
+        """Read a long line, in another thread: one part of its work."""
+        yield from ()
+        try:
+            found: bytes | Line = read_line(data.removesuffix(b"\r"))
+        except Exception as error:  # noqa: BLE001  the client waits for an answer, whatever it is
+            found = self._refusal(error, error)
+        self._post(connection, found)
 
     def _read(self, data: bytes) -> Line:
         """Return the question on a line; those without a command id are likely to come again."""
@@ -271,37 +301,48 @@ class AskServer:
             connection.end_wait = lambda: end(ENDS)
             self._deadlines.set(connection, asked.number, lambda: end(time_is_over(asked)))
             return
-        pool = self._actions if asked.question.kind is QuestionKind.ACTION else self._look_ups
-        pool.submit(self._answer, connection, line)
         connection.is_busy = True
+        work = self._answer_by_parts(connection, line)
+        if asked.question.kind is QuestionKind.ACTION:
+            self._actions.submit(list, work)  # an action is one part
+        else:
+            (self._forecasts if is_likely(asked) else self._look_ups).add(connection, work)
 
-    def _answer(self, connection: Connection, line: Line) -> None:
-        """Answer a question, in a thread of its own."""
+    def _answer_by_parts(self, connection: Connection, line: Line) -> Iterator[None]:
+        """Answer a question, part by part, in another thread."""
+        said = _problem(line, "the server ends")
         try:
-            answer: Answer = self._oracle.answer(line.asked, connection.client)
-            said = write_answer(line, answer)
-        except (SemmapError, OSError) as error:
-            said = _problem(line, str(error))
+            for answer in self._oracle.steps(line.asked, connection.client):
+                if answer is not None:
+                    said = write_answer(line, answer)
+                if answer is not None or self._ending:
+                    break
+                yield
         except Exception as error:  # noqa: BLE001  the client waits for an answer, whatever it is
-            said = self._own_problem(line, error)
+            said = self._refusal(line, error)
         self._post(connection, said)
 
-    def _own_problem(self, of: Line | BaseException, error: Exception) -> bytes:
-        """Return the answer where we have failed, and tell who runs the server how."""
+    def _refusal(self, of: Line | Exception, error: Exception) -> bytes:
+        """Return the answer where there is none; tell who runs the server where we have failed."""
+        if isinstance(error, (SemmapError, OSError)):
+            return _problem(of, str(error))
         self._say(traceback.format_exc())
         return _problem(of, f"{type(error).__name__}: {error}")
 
-    def _post(self, connection: Connection, said: bytes) -> None:
-        """Have an answer given by the server's own thread."""
-        self._answers.append((connection, said))
+    def _post(self, connection: Connection, found: bytes | Line) -> None:
+        """Have the server's own thread give an answer, or answer what was read."""
+        self._found.append((connection, found))
         self._wake()
 
-    def _give(self, connection: Connection, said: bytes) -> None:
-        """Give an answer that took time."""
+    def _give(self, connection: Connection, found: bytes | Line) -> None:
+        """Give an answer that took time; answer a question that took time to read."""
         if connection.is_gone:
             return
         connection.is_busy, connection.deadline_s = False, None
-        connection.answer(said)
+        if isinstance(found, bytes):
+            connection.answer(found)
+        elif not connection.is_leaving:
+            self._answer_line(connection, found)
         self._serve(connection, 0)
 
     def _wake(self) -> None:
@@ -357,7 +398,7 @@ class AskServer:
         self._admission.close()
 
 
-def _problem(of: Line | BaseException, problem: str) -> bytes:
+def _problem(of: Line | Exception, problem: str) -> bytes:
     """Return the answer to a line that has none, in the form that it was asked in."""
     if isinstance(of, (Line, LineError)):
         return write_error(problem, is_json=of.is_json, given_id=of.given_id)

@@ -38,7 +38,6 @@ from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import batches_of
 from semmap_log.store.reading.segment_scan import Segment
 
-LOCK = ".lock"
 SAMPLED = 4096
 """Rows by which it is chosen how columns are stored."""
 
@@ -156,6 +155,17 @@ def remove_stale_tables(log: Path) -> None:
         _tidied(folder, {s.path.stem for s in _indexable(LogReader(log))})
     except OSError as error:
         raise LogAccessError(f"{folder}: cannot be tidied: {error.strerror or error}.") from error
+
+
+def remove_stale_tables_alone(log: Path) -> None:
+    """Do the same as `remove_stale_tables`; nobody else makes tables meanwhile.
+
+    Raises:
+        LogLockedError: Somebody does, perhaps of segments as they were before they were trimmed.
+        LogAccessError: The file system does not let us.
+    """
+    with _alone(log / FOLDER):
+        remove_stale_tables(log)
 
 
 def index_state(reader: LogReader) -> IndexState | None:
@@ -354,17 +364,16 @@ def _whole(path: Path) -> Iterator[Path]:
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
     """Hold the lock of a read model."""
-    import fcntl  # there is none on Windows, where nobody writes
+    from semmap_log.store.folder import LogFolder
+    from semmap_log.store.lock import WriterLock
 
-    fd = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
     try:
-        try:
-            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise LogLockedError(
-                f"{folder}: another process is making this index; it will be there soon."
-            ) from None
+        lock = WriterLock(LogFolder(folder))
+    except LogLockedError:
+        raise LogLockedError(
+            f"{folder}: another process is making this index; it will be there soon."
+        ) from None
+    try:
         yield
-        fcntl.flock(fd, fcntl.LOCK_UN)  # a child may still have the file open
     finally:
-        os.close(fd)
+        lock.release()

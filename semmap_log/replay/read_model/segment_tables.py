@@ -111,9 +111,7 @@ class SegmentTables:
         """
         path, wanted = told_path(folder, segment.path.stem), binding(segment)
         try:
-            if path.lstat().st_size > _MOST_TOLD:
-                raise StaleIndexError(f"{path}: is damaged: too long.")
-            told = unsealed(json.loads(read_own(path)))
+            told = unsealed(json.loads(read_own(path, _MOST_TOLD)))
             seals = {part: told["files"][part] for part in PARTS}
         except FileNotFoundError:
             return None

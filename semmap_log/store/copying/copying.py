@@ -167,10 +167,12 @@ class _Copying:
         if self.removed is None:
             return
         for one in self.removed.segments:
-            data = self.log.read_bytes(one.kept_name)
+            data = self.log.read_bytes(one.kept_name, one.most_kept_bytes)
             if hashlib.sha256(data).hexdigest() != one.kept_sha256:
                 raise CorruptLogError(self.log / one.kept_name, None, "it is not what was written")
-            if not self.copy.has(one.kept_name) or self.copy.read_bytes(one.kept_name) != data:
+            if not self.copy.has(one.kept_name) or data != self.copy.read_bytes(
+                one.kept_name, len(data) + 1
+            ):
                 self.copy.write_whole(one.kept_name, [data])
         for outdated in plan.outdated:  # else it would stand before segments of the list
             self._go_back_before(outdated)

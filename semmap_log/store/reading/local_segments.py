@@ -14,6 +14,7 @@ from semmap_log.store.closed_mark import ClosedMark, listed_marks, read_mark
 from semmap_log.store.folder import LogFolder, Version
 from semmap_log.store.form import (
     BAG_METADATA_NAME,
+    MOST_LIST_BYTES,
     REMOVED_NAME,
     has_name_of_file,
 )
@@ -140,10 +141,10 @@ class LocalSegments:
         from semmap_log.store.bag_metadata import listed_names
 
         try:
-            text = self.folder.read_bytes(BAG_METADATA_NAME).decode("utf-8", "replace")
+            data = self.folder.read_bytes(BAG_METADATA_NAME, MOST_LIST_BYTES)
         except OSError:
             return []  # it is a cache
-        return listed_names(text)
+        return listed_names(data.decode("utf-8", "replace"))
 
 
 def list_segments(folder: LogFolder) -> Listing:

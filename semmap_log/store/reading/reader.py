@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from bisect import bisect_right
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import copy
 from itertools import pairwise
 from pathlib import Path, PurePath
@@ -117,16 +117,28 @@ class LogReader:
             LogAccessError: A segment cannot be read.
             LogError: Another log lies there now.
         """
-        before = self.segments
         if self._only is not None:
-            self.segments = [open_segment(self._only)]
+            segments = [open_segment(self._only)]
         else:
             found = self._files.look()
             self._check_same_log(found.segments[0])
-            self.segments, self.leftovers = found.segments, found.leftovers
-        if self.segments != before:
-            self._retractions, self._newer = None, None
-            self._latest_ns, self._is_in_order = None, False
+            segments, self.leftovers = found.segments, found.leftovers
+        if self.segments != segments:
+            self._set_segments(segments)
+
+    def with_copy(self, copied: Segment, sources: Sequence[Segment]) -> LogReader:
+        """Return the log with the copy of adjacent segments in their place."""
+        reader = copy(self)
+        first = self.segments.index(sources[0])
+        reader._set_segments(  # noqa: SLF001 - a reader, too
+            [*self.segments[:first], copied, *self.segments[first + len(sources) :]]
+        )
+        return reader
+
+    def _set_segments(self, segments: list[Segment]) -> None:
+        self.segments = segments
+        self._retractions, self._newer = None, None
+        self._latest_ns, self._is_in_order = None, False
 
     def anew(self) -> LogReader:
         """Return another reader of the same log, as it is now; what was read is read again.
@@ -275,14 +287,15 @@ class LogReader:
         self._check_order()
         if self.horizon and known_at_ns < self.horizon_ns:
             raise self.behind_horizon()
+        expired = self.horizon - 1  # all of that was known by then, whatever is left of it
         early = bisect_right(self.segments, known_at_ns, key=lambda s: s.recorded[0])
         for segment in reversed(self.segments[:early]):
             found = self._known_in(segment, known_at_ns)
             if segment.header.trimmed is not None:  # the first record may be gone
                 found = max(found, _known_by_commits(segment, known_at_ns))
             if found >= 0:
-                return found
-        return -1
+                return max(found, expired)
+        return expired
 
     def _known_in(self, segment: Segment, known_at_ns: int) -> int:
         """Return the last event of a segment whose commit has a record by then; -1: none."""
@@ -309,10 +322,11 @@ class LogReader:
             return recorded
         raise self.no_event(number)
 
-    def window_of(self, number: int) -> Window:
-        """Return the window of one event; what is left before the horizon can be shown, too."""
-        kinds = EVENT_BITS if number >= self.horizon else EVENT_BITS & ~EXPIRING_BITS
-        return Window(first_event=number, before_event=number + 1, kinds=kinds)
+    def window_of(self, first: int, last: int | None = None) -> Window:
+        """Return the window of one event, or of several; those left before the horizon included."""
+        kinds = EVENT_BITS if first >= self.horizon else EVENT_BITS & ~EXPIRING_BITS
+        end = (first if last is None else last) + 1
+        return Window(first_event=first, before_event=end, kinds=kinds)
 
     def commit_at(self, number: int) -> Commit:
         """Return the commit that holds an event, with its note.
@@ -354,11 +368,13 @@ class LogReader:
 
     @property
     def horizon_ns(self) -> int:
-        """When the last event before the horizon was recorded; -1: all can be asked about."""
+        """When the last commit before the horizon was closed; -1: all can be asked about."""
         if not self.horizon:
             return -1
         place = self.horizon_place()
-        return int(self.segments[place.segment].chunks.rows["start_ns"][place.chunk])
+        if not place.chunk:
+            return self.segments[0].recorded[1]
+        return int(self.segments[place.segment].chunks.rows["end_ns"][place.chunk - 1])
 
     def horizon_place(self) -> ChunkPlace:
         """Return where the keyframe lies that tells the state at the horizon.
@@ -385,9 +401,9 @@ class LogReader:
         return max(ends, default=0)
 
     def check_horizon(self, window: Window) -> None:
-        """Return if a question can be answered by what is left of the log, and say if some is gone.
+        """Check that a question can be answered by what is left of the log; warn if some is gone.
 
-        One that names no beginning is about what there is.
+        One that names no beginning, or wants only what is kept, is about what there is.
 
         Raises:
             HorizonError: It begins, or ends, before the horizon.
@@ -398,7 +414,7 @@ class LogReader:
             end is not None and end <= self.horizon_ns
             for end in (window.happened_before_ns, window.recorded_before_ns)
         )
-        if ends or window.has_beginning:
+        if not window.only_kept and (ends or window.has_beginning):
             raise self.behind_horizon()
         if not self._has_warned_of_horizon:
             self._has_warned_of_horizon = True

@@ -70,14 +70,14 @@ class RemovedSource:
     def _kept(self) -> list[tuple[int, memoryview]]:
         path = self._folder / self._removed.kept_name
         try:
-            data = self._folder.read_bytes(self._removed.kept_name)
+            data = self._folder.read_bytes(self._removed.kept_name, self._removed.most_kept_bytes)
         except FileNotFoundError:
             raise CorruptLogError(
                 path, None, f"it is gone; the segment lies at {self._url}"
             ) from None
         if hashlib.sha256(data).hexdigest() != self._removed.kept_sha256:
             raise CorruptLogError(path, None, f"not what was written; see {self._url}")
-        return _unpacked(zlib.decompress(data))
+        return _unpacked(zlib.decompressobj().decompress(data, self._removed.most_kept_bytes))
 
 
 def kept_bytes(segment: Segment, shipped: ShippedSegment) -> bytes:

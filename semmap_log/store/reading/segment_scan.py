@@ -336,9 +336,9 @@ def segment_in(path: PurePath, source: ByteSource, *, earlier: Segment | None = 
         LogError: As `open_segment`.
     """
     ends = source.read_ranges(
-        ((0, _USUAL_HEAD_BYTES), (max(0, source.size - FOOTER_BYTES), source.size))
+        ((0, _USUAL_HEADER_BYTES), (max(0, source.size - FOOTER_BYTES), source.size))
     )
-    header, head_end = read_head(path, source, ends[: min(_USUAL_HEAD_BYTES, source.size)])
+    header, head_end = read_head(path, source, ends[: min(_USUAL_HEADER_BYTES, source.size)])
     if is_footer(ends[-FOOTER_BYTES:]):
         return Segment(path, header, source, head_end, live=None)
     from semmap_log.store.reading.live_scan import go_on, scan_live
@@ -368,7 +368,7 @@ def _known_scan(
     return earlier.live
 
 
-_USUAL_HEAD_BYTES, _MOST_HEAD_BYTES = 2**12, 2**16
+_USUAL_HEADER_BYTES, MOST_HEADER_BYTES = 2**12, 2**16
 """A segment's own header lies within the first, but for very long names; within the second, else
 it is none of ours."""
 
@@ -388,11 +388,25 @@ def read_head(
         NewerLogError: A later major version has written it.
         CorruptLogError: The header is damaged.
     """
-    file = source.read(0, _USUAL_HEAD_BYTES) if start is None else start
+    file = source.read(0, _USUAL_HEADER_BYTES) if start is None else start
+    is_mcap = file[: len(mcap.MAGIC)] == mcap.MAGIC
+    if is_mcap and len(list(islice(frames(file, len(mcap.MAGIC), len(file)), 2))) < 2:
+        file = source.read(0, MOST_HEADER_BYTES)
+    return head_in(path, file)
+
+
+def head_in(path: PurePath, file: memoryview) -> tuple[SegmentHeader, int]:
+    """Return a segment's own header and where the records behind it begin.
+
+    Args:
+        path: Its file, for messages.
+        file: The first bytes of it; `MOST_HEADER_BYTES` are enough.
+
+    Raises:
+        LogError: As `read_head`.
+    """
     if file[: len(mcap.MAGIC)] != mcap.MAGIC:
         raise NotALogError(f"{path}: not an MCAP file.")
-    if len(list(islice(frames(file, len(mcap.MAGIC), len(file)), 2))) < 2:
-        file = source.read(0, _MOST_HEAD_BYTES)
     records = frames(file, len(mcap.MAGIC), len(file))
     first, second = next(records, None), next(records, None)
     if first is None or second is None or first[0] != Opcode.HEADER:

@@ -27,6 +27,8 @@ class Window:
     before_event: int | None = None
     kinds: int = EVENT_BITS
     """As bits: `kind_bits`."""
+    only_kept: bool = False
+    """Of what was before the log's horizon, what is kept is enough, wherever the window begins."""
 
     @classmethod
     def up_to(cls, *, at_ns: int | None, event: int | None) -> Window:

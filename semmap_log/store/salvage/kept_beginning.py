@@ -7,6 +7,7 @@ gaps and tombstones; what survives behind it follows without gaps.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,10 +18,13 @@ from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import segment_name
 from semmap_log.store.header import LogInfo, Trimmed
 from semmap_log.store.kind_bits import KEYFRAME_BIT
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of, page_at
 from semmap_log.store.reading.segment_scan import Segment, open_segment
+from semmap_log.store.salvage.split_commit import SplitSegment
 from semmap_log.store.segment import SegmentWriter
+from semmap_log.store.trimming.records_left import KeptRecords
 from semmap_log.store.trimming.trimming import told_of
 from semmap_log.store.verification import Severity, Verification
 from semmap_log.store.verification.folder_files import FolderFiles
@@ -35,6 +39,8 @@ class KeptBeginning:
     trimmed: Trimmed
     state: bytes | None
     """The Keyframe message at the horizon, where that stands at the head of the next segment."""
+    is_split: bool = False
+    """Whether its horizon lies within a commit, which becomes two: `split_commit`."""
 
     @property
     def next_event(self) -> int:
@@ -42,9 +48,9 @@ class KeptBeginning:
         return end_of(self.segment)
 
     @property
-    def last_ns(self) -> int:
-        """Log time of its last record."""
-        return int(page_at(self.segment, len(self.segment.chunks) - 1).heads["log_time"].max())
+    def events(self) -> int:
+        """How many events it holds."""
+        return int(self.segment.spans["events"].sum())
 
     def copy_to(self, folder: LogFolder, name: str, info: LogInfo) -> SegmentWriter:
         """Write it as the first segment of a new log, closed and installed, with its keyframe.
@@ -56,13 +62,13 @@ class KeptBeginning:
         header = replace(self.segment.full_header, info=info)
         writer = SegmentWriter(folder, segment_name(name, header.number), header)
         try:
-            for i, next_event in enumerate(self.segment.next_events.tolist()):
-                page = page_at(self.segment, i)
-                chunk = build_chunk(bytes(page.records), page.offsets, compression="zstd")
+            for records, next_event in self._parts():
+                page = Page(records, header.first_event, writer.path)
+                chunk = build_chunk(records, page.offsets, compression="zstd")
                 writer.add(chunk, levels=page.levels, next_event=next_event)
             if self.state is not None:
                 keyframe = KeyframeMessage(self.next_event - 1, self.state)
-                chunk = keyframe_chunk(keyframe, self.last_ns)
+                chunk = keyframe_chunk(keyframe, writer.statistics().message_end_time)
                 writer.add(chunk, next_event=self.next_event)
             writer.close()
             writer.install()
@@ -70,6 +76,13 @@ class KeptBeginning:
             writer.abandon()
             raise
         return writer
+
+    def _parts(self) -> Iterator[KeptRecords]:
+        if self.is_split:
+            yield from SplitSegment(self.segment, self.trimmed.horizon).parts()
+            return
+        for i, next_event in enumerate(self.segment.next_events.tolist()):
+            yield KeptRecords(bytes(page_at(self.segment, i).records), next_event)
 
     def told(self, folder: LogFolder) -> HistoryTrimmed:
         """Return what says in the new log that just these records were taken out of it."""
@@ -103,9 +116,12 @@ def kept_beginning(
     try:
         segment = open_segment(Path(path))
         trimmed = segment.header.trimmed
-        is_whole = all(finding.path != path for finding in verified.of(Severity.DAMAGE))
-        if is_whole and trimmed is not None and trimmed.horizon:
+        damage = [finding for finding in verified.of(Severity.DAMAGE) if finding.path == path]
+        if not damage and trimmed is not None and trimmed.horizon:
             return KeptBeginning(segment, trimmed, _state_behind(found, segment, trimmed))
+        if [finding.kind for finding in damage] == ["keyframe"] and trimmed is not None:
+            SplitSegment(segment, trimmed.horizon)  # raises where that is not what is wrong
+            return KeptBeginning(segment, trimmed, None, is_split=True)
     except (LogError, IndexError):
         pass
     raise LogError(

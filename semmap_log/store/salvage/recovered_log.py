@@ -62,8 +62,9 @@ class NewLog:
         self._beginning = beginning
         writer = beginning.copy_to(self.folder, self._name, self._next.info)
         self._closed.append(writer.closed_segment())
-        self.rewriter.begin_behind(beginning.next_event, beginning.segment.head, beginning.last_ns)
-        self._next = writer.header.next(beginning.next_event, beginning.segment.head)
+        head, last_ns = writer.written.head, writer.statistics().message_end_time
+        self.rewriter.begin_behind(beginning.next_event, head, last_ns)
+        self._next = writer.header.next(beginning.next_event, head)
         self._keyframes = self._new_source(self.folder, holds_nothing_back, LogReader(self.folder))
 
     def add(self, whole: WholeCommit) -> None:

@@ -125,6 +125,8 @@ def plan_recovery(
         beginning = kept_beginning(verifier.arrangement, found, verifier.trimming)
     if not verifier.arrangement.segments:
         raise LogError("\n".join(f"{f.path}: {f.text}" for f in found.findings))
+    if beginning is not None and beginning.is_split:
+        taken.take_split(beginning)
     headers = verifier.headers
     is_beyond_us = verifier.has_unknown_changes or (verifier.newer and taken.rewriter.has_moved)
     if is_beyond_us and found.of(Severity.DAMAGE):
@@ -161,7 +163,7 @@ class _Taken:
         self.doors: set[int] = set()
         self.added: set[int] = set()
         self.span_ns: tuple[int, int] | None = None
-        self._next = 0
+        self._next = self._events_below = 0
         self._gaps: list[tuple[int, int | None, int | None, int | None]] = []
 
     def add(self, whole: WholeCommit, kept_below: int) -> None:
@@ -174,6 +176,7 @@ class _Taken:
         self.span_ns = (self.span_ns or (commit.recorded_ns, 0))[0], commit.closed_ns
         if commit.last_event < kept_below:
             self.commits, self.events = self.commits + 1, self.events + whole.left
+            self._events_below += whole.left
         else:
             numbers = self.rewriter.numbers
             if numbers.next_event < kept_below:
@@ -182,6 +185,14 @@ class _Taken:
             self.commits += bool(self.rewriter.rewrite(whole))
             self.events += numbers.next_event - before
         self._note_doors(whole)
+
+    def take_split(self, beginning: KeptBeginning) -> None:
+        """Count the commit of the beginning that becomes two, which is not whole as it is."""
+        self.commits += 2
+        self.events += beginning.events - self._events_below
+        below = beginning.next_event
+        self._gaps = [gap for gap in self._gaps if gap[0] >= below]
+        self._next = max(self._next, below)
 
     def losses(self, found: Verification) -> list[Loss]:
         """Return the gaps, each with what was found wrong there."""

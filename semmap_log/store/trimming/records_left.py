@@ -16,7 +16,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.messages import layout, type_name, write_message
+from semmap_log.domain.commits import NO_CONTENT, Note
+from semmap_log.messages import layout, read_message, type_name, write_message
 from semmap_log.store import records as mcap
 from semmap_log.store.compaction.repaging import Pause, no_pause, pages
 from semmap_log.store.form import (
@@ -26,7 +27,9 @@ from semmap_log.store.form import (
     NO_HASH,
     NOTE_CHANNEL,
     TOMBSTONE_CHANNEL,
+    kind_of_channel,
 )
+from semmap_log.store.gone_commands import UNKNOWN, CommandSeal, Content, moved, part_of
 from semmap_log.store.header import TrimReason
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.segment_scan import Segment
@@ -64,6 +67,9 @@ class _OpenCommit:
     events_gone: int = 0
     notes_gone: int = 0
     note: bytes = b""
+    written_note: bytes = b""
+    """As it is in the segment."""
+    content: Content = field(default_factory=Content)
     before: Tombstone | None = None
     """What it lacked already."""
 
@@ -93,7 +99,7 @@ class _OpenCommit:
         before = self.before
         known = {} if before is None else {part.channel: part.digest for part in before.parts}
         lost = [self._part(channel, known) for channel in sorted(self.lacking | known.keys())]
-        if not lost:
+        if not lost and before is None:
             return None
         return Tombstone(
             said["first_event"],
@@ -103,8 +109,28 @@ class _OpenCommit:
             self.notes_gone + (0 if before is None else before.notes_gone),
             (reason if self.lacking else TrimReason(0))
             | (TrimReason(0) if before is None else before.reasons),
+            hash=self.seal(said),
             parts=tuple(lost),
         )
+
+    def seal(self, said: dict[str, Any]) -> bytes:
+        """Return the packed seal of its command; zeros: nobody can send it again.
+
+        Args:
+            said: The fields of its Commit.
+        """
+        content = bytes(said["content"])
+        if content == NO_CONTENT:
+            return NO_HASH
+        recorded_ns = said["log_time"] - said["count"] - bool(self.written_note)
+        if self.before is not None:
+            unknown = CommandSeal(UNKNOWN, UNKNOWN, 0, recorded_ns, 0, said["count"])
+            return self.before.hash if self.before.hash != NO_HASH else unknown.packed()
+        note = Note()
+        if self.written_note:
+            texts = read_message(type_name("CommitNote"), self.written_note[mcap.MESSAGE.size :])
+            note = Note(**(texts | {"salt": b""}))
+        return self.content.seal(said["command_id"], content, note, recorded_ns).packed()
 
     def _part(self, channel: int, known: dict[int, bytes]) -> LostPart:
         whole, kept = self.digests.get(channel, (None, None))
@@ -246,6 +272,9 @@ class RecordsLeft:
         is_gone: bool,
     ) -> None:
         commit.take(channel, record, b"" if is_gone else record)
+        happened_ns = mcap.MESSAGE.unpack_from(record)[5]
+        kind = kind_of_channel(channel) or 0
+        commit.content.add(kind, happened_ns, bytes(record[mcap.MESSAGE.size :]))
         commit.events_gone += is_gone
         commit.events_kept += not is_gone
         if not is_gone:
@@ -254,13 +283,14 @@ class RecordsLeft:
 
     def _note(self, commit: _OpenCommit, record: bytes | memoryview, *, is_gone: bool) -> None:
         """A note that goes leaves a blank one: by it the commit's time is found."""
-        commit.note = _blank_note(record) if is_gone else bytes(record)
+        commit.written_note = bytes(record)
+        commit.note = _blank_note(record) if is_gone else commit.written_note
         is_gone = is_gone and commit.note != bytes(record)  # one that is blank already
         commit.take(NOTE_CHANNEL, record, commit.note if is_gone else record)
         commit.notes_gone += is_gone
 
     def _close_commit(self, commit: _OpenCommit, record: bytes | memoryview, time_ns: int) -> None:
-        said = layout("Commit").unpack(record, mcap.MESSAGE.size)
+        said = layout("Commit").unpack(record, mcap.MESSAGE.size) | {"log_time": time_ns}
         before = commit.before
         is_last = bytes(said["hash"]) in self._heads  # by it the next segment is known to follow
         self.events_gone += commit.events_gone
@@ -279,6 +309,9 @@ class RecordsLeft:
 
     def _extend_run(self, more: Tombstone, time_ns: int) -> None:
         run = self._run
+        if run is not None and len(run.parts) + len(more.parts) > MOST_COMMANDS:
+            self._end_run()
+            run = None
         self._run_ns = time_ns
         self._run = more if run is None else replace(
             run,
@@ -288,12 +321,15 @@ class RecordsLeft:
             notes_gone=run.notes_gone + more.notes_gone,
             reasons=run.reasons | more.reasons,
             hash=more.hash,
+            parts=run.parts + moved(more.parts, run.count),
         )  # fmt: skip
 
     def _keyframe(self, page: Page) -> None:
         (data,) = page.keyframes()
         left = self._selection.keyframe(data)
         sequence, time_ns = int(page.heads["sequence"][0]), int(page.heads["log_time"][0])
+        if sequence != (self._next_number() - 1) % SEQUENCE_RANGE:
+            return  # within a commit, after events that are gone: no reader would find its place
         is_needed = not self._has_keyframe or sequence == (self._horizon - 1) % SEQUENCE_RANGE
         if left is None and not is_needed:
             return
@@ -304,6 +340,10 @@ class RecordsLeft:
         data = data if left is None else left
         self._put(mcap.message(KEYFRAME_CHANNEL, sequence, time_ns, time_ns, data))
         self._flush()
+
+    def _next_number(self) -> int:
+        """Return the number that a reader expects next, after what is left so far."""
+        return self._next_event if self._run is None else self._run.next_event
 
     def _put(self, records: bytes | memoryview) -> None:
         self._end_run()
@@ -328,12 +368,15 @@ class RecordsLeft:
 
 
 SEQUENCE_RANGE = 2**32
+MOST_COMMANDS = 4096
+"""Of so many a Tombstone keeps what answers them; then comes another."""
 _EMPTY = hashlib.sha256().digest()
 
 
 def _whole(said: dict[str, Any], commit: _OpenCommit, reason: TrimReason) -> Tombstone:
     """Return what stands for a commit of which nothing is left."""
     before = commit.before
+    seal = CommandSeal.unpacked(commit.seal(said))
     return Tombstone(
         said["first_event"],
         said["count"],
@@ -343,6 +386,7 @@ def _whole(said: dict[str, Any], commit: _OpenCommit, reason: TrimReason) -> Tom
         reason | (TrimReason(0) if before is None else before.reasons),
         bytes(said["previous_hash"]),
         bytes(said["hash"]),
+        () if seal is None else (part_of(said["command_id"], seal),),
     )
 
 

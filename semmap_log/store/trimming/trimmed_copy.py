@@ -14,8 +14,9 @@ from semmap_log.store.compaction.repaging import Pause, no_pause
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import SegmentHeader, Trimmed
 from semmap_log.store.pages import Page
+from semmap_log.store.reading.mapped_file import map_file
 from semmap_log.store.reading.segment_reading import end_of, pages_of
-from semmap_log.store.reading.segment_scan import Segment, open_segment
+from semmap_log.store.reading.segment_scan import Segment, segment_in
 from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.trimming.records_left import RecordsLeft, Selection
 
@@ -56,6 +57,8 @@ class TrimmedCopy:
         header = _header_of(sources, selection)
         self.writer = SegmentWriter(folder, sources[0].path.name, header)
         self._digest = hashlib.sha256()
+        self.segment: Segment
+        """The copy, opened, once it is written."""
 
     def write(self, pause: Pause) -> None:
         """Write all of it, close it, and compare what its file holds with what was written.
@@ -84,7 +87,8 @@ class TrimmedCopy:
         """Read the copy from its file, and compare its records with those that were handed on."""
         writer, sources = self.writer, self.left.sources
         assert writer.temporary is not None, "it was not installed yet"
-        copy = open_segment(writer.folder / writer.temporary, folder=writer.folder)
+        source = map_file(writer.folder / writer.temporary, writer.folder)
+        copy = self.segment = segment_in(writer.path, source)
         found = hashlib.sha256()
         for page in pages_of(copy):
             found.update(page.records)

@@ -7,27 +7,28 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-import numpy as np
-
 from semmap_log.domain.events import HistoryTrimmed
 from semmap_log.errors import LogAccessError
 from semmap_log.io.progress import Progress
 from semmap_log.store.bag_metadata import write_bag_metadata
 from semmap_log.store.compaction.merge import MergedFiles
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import TOMBSTONE_CHANNEL
 from semmap_log.store.header import TrimReason
-from semmap_log.store.kind_bits import TOMBSTONE_BIT
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.segment_reading import page_at, statistics_of
+from semmap_log.store.reading.segment_reading import statistics_of
 from semmap_log.store.reading.segment_scan import Segment
-from semmap_log.store.tombstone import TakenOut, Tombstone
+from semmap_log.store.reading.tombstones import tombstones
+from semmap_log.store.tombstone import TakenOut
 from semmap_log.store.trimming.records_left import RecordsLeft, Selection
 from semmap_log.store.trimming.trimmed_copy import TrimmedCopy, trimmed
 
 Select = Callable[[Segment], Selection | None]
 """Returns what is to be taken out of a segment; None: nothing."""
+
+CheckCopy = Callable[[LogReader, Segment], None]
+"""Takes the log as it would be, and the trimmed copy in it, before the copy is installed; raises
+CorruptLogError where the log could not be read or verified."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +55,9 @@ class Trimming:
         )
 
 
-def trim_segments(log: Path, select: Select, progress: Progress | None = None) -> Trimming:
+def trim_segments(
+    log: Path, select: Select, check: CheckCopy, progress: Progress | None = None
+) -> Trimming:
     """Take records out of the closed segments of a log.
 
     Stopped at any point, by whatever, each segment is as it was, or as it will be.
@@ -62,12 +65,14 @@ def trim_segments(log: Path, select: Select, progress: Progress | None = None) -
     Args:
         log: The log's folder.
         select: Says what goes.
+        check: Called for each copy before it is installed.
         progress: Told how many bytes of segments are done.
 
     Raises:
         LogLockedError: Somebody is writing.
         LogAccessError: The file system says no; what was done until then stays done.
-        CorruptLogError: A segment is damaged; it stays as it is, and so do those behind it.
+        CorruptLogError: A segment is damaged, or its copy fails `check`; it stays as it is, and so
+            do those after it.
     """
     folder = LogFolder.held(log)
     lock = WriterLock(folder)
@@ -76,7 +81,7 @@ def trim_segments(log: Path, select: Select, progress: Progress | None = None) -
         reader = LogReader(folder)
         at_once = 0.0  # what was merged into other files holds what goes, too
         MergedFiles.of(reader.segments, reader.leftovers).remove(folder, at_once)
-        return _trim(folder, select, progress)
+        return _trim(folder, select, check, progress)
     except LogAccessError:
         raise
     except OSError as error:
@@ -86,13 +91,21 @@ def trim_segments(log: Path, select: Select, progress: Progress | None = None) -
         lock.release()
 
 
-def _trim(folder: LogFolder, select: Select, progress: Progress | None) -> Trimming:
-    segments = [s for s in LogReader(folder).segments if s.closed and s.told is None]
+def _trim(
+    folder: LogFolder, select: Select, check: CheckCopy, progress: Progress | None
+) -> Trimming:
+    log = LogReader(folder)
+    segments = [s for s in log.segments if s.closed and s.told is None]
     done, total = 0, sum(segment.size for segment in segments)
     found = Trimming()
     for sources, selection in _steps(segments, select):
         if selection is not None:
-            found = _trim_one(folder, sources, selection, found)
+            with trimmed(folder, sources, selection) as copy:
+                if copy.left.is_changed:
+                    log = log.with_copy(copy.segment, sources)
+                    check(log, copy.segment)
+                    _install(folder, copy)
+                    found = found.with_more(copy.left, copy.writer.size)
         done += sum(segment.size for segment in sources)
         if progress is not None:
             progress(done, total)
@@ -110,16 +123,6 @@ def _steps(
             yield tuple(some), selection
         else:
             yield from (((segment,), selection) for segment in some)
-
-
-def _trim_one(
-    folder: LogFolder, sources: tuple[Segment, ...], selection: Selection, found: Trimming
-) -> Trimming:
-    with trimmed(folder, sources, selection) as copy:
-        if not copy.left.is_changed:
-            return found
-        _install(folder, copy)
-    return found.with_more(copy.left, copy.writer.size)
 
 
 def _install(folder: LogFolder, copy: TrimmedCopy) -> None:
@@ -202,9 +205,6 @@ def taken_out(reader: LogReader) -> TakenOut:
     """
     found = TakenOut()
     for segment in reader.segments:
-        for chunk in segment.chunks.having(TOMBSTONE_BIT).tolist():
-            page = page_at(segment, chunk)
-            for i in np.flatnonzero(page.heads["channel_id"] == TOMBSTONE_CHANNEL):
-                record = page.record(int(i))
-                found.add(Tombstone.in_record(record), record)
+        for tombstone, record in tombstones(segment):
+            found.add(tombstone, record)
     return found

@@ -13,7 +13,7 @@ from semmap_log.errors import LogAccessError
 from semmap_log.io.file_calls import open_plainly, read_into, read_page_into
 from semmap_log.store.closed_mark import ClosedMark, read_mark
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import BAG_METADATA_NAME
+from semmap_log.store.form import BAG_METADATA_NAME, MOST_LIST_BYTES
 from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.removed_part import RemovedPart, read_removed_part
 
@@ -131,7 +131,7 @@ class DiskPlace:
         return list(self.path.iterdir())
 
     @contextmanager
-    def opened(self, file: PurePath) -> Iterator[DiskFile]:
+    def opened(self, file: PurePath) -> Iterator[OpenedFile]:
         """Open a file; as `FilePlace.opened`."""
         fd = open_plainly(Path(file))
         try:
@@ -158,7 +158,7 @@ class DiskPlace:
     def bag_metadata(self) -> str:
         """Return the text of metadata.yaml; as `FilePlace.bag_metadata`."""
         try:
-            data = LogFolder(self.path).read_bytes(BAG_METADATA_NAME)
+            data = LogFolder(self.path).read_bytes(BAG_METADATA_NAME, MOST_LIST_BYTES)
         except (FileNotFoundError, LogAccessError):  # or it is no regular file
             return ""
         except OSError as error:

@@ -18,7 +18,7 @@ from semmap_log.store.closed_mark import (
     mark_in,
     those_that_count,
 )
-from semmap_log.store.form import BAG_METADATA_NAME, MANIFEST_NAME, mark_names
+from semmap_log.store.form import BAG_METADATA_NAME, MANIFEST_NAME, MOST_LIST_BYTES, mark_names
 from semmap_log.store.log_objects import KeptManifest, log_objects, objects_named, read_manifest
 from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.manifest_differences import differences
@@ -187,8 +187,8 @@ class ObjectPlace:
         return last_mark(those_that_count(names), self._read_mark)
 
     def _read_mark(self, name: str) -> ClosedMark | None:
-        data = self._whole(name)
-        return None if data is None else mark_in(data[:MOST_BYTES], self.path / name)
+        data = self._whole(name, MOST_BYTES)
+        return None if data is None else mark_in(data, self.path / name)
 
     def removed(self) -> None:
         """Return none: nothing is removed from a store by a list of ours."""
@@ -197,10 +197,11 @@ class ObjectPlace:
         """Return the text of metadata.yaml; a manifest stands in its place, where there is one."""
         if self._manifest is not None:
             return None
-        return (self._whole(BAG_METADATA_NAME) or b"").decode(errors="replace")
+        text = self._whole(BAG_METADATA_NAME, MOST_LIST_BYTES) or b""
+        return text.decode(errors="replace")
 
-    def _whole(self, name: str) -> bytes | None:
+    def _whole(self, name: str, most_bytes: int) -> bytes | None:
         with suppress(FileNotFoundError):
-            found = self._store.whole(name)
+            found = self._store.whole(name, most_bytes=most_bytes)
             return None if found is None else found[0]
         return None

@@ -19,6 +19,7 @@ from collections.abc import Callable
 from semmap_log.domain.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.folder import LogFolder
+from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import commit_of
 from semmap_log.store.reading.segment_scan import Segment, open_segment
@@ -70,8 +71,8 @@ class CommandMemory:
         if self._stored is not None:
             self._stored.add(segment.name, segment.header.first_event, segment.command_rows)
 
-    def find(self, command_id: bytes) -> Commit | None:
-        """Return the commit of a command, if it is stored.
+    def find(self, command_id: bytes) -> StoredCommand | None:
+        """Return a command, if it is stored.
 
         Args:
             command_id: 16 bytes.
@@ -88,10 +89,10 @@ class CommandMemory:
                 self._look_at(live)
             event = self._known.get(command_id)
             if event is not None:
-                return self._read_live(live, command_id, event)
+                return StoredCommand(self._read_live(live, command_id, event))
         if self._stored is None:
             self._stored = StoredCommands(self._folder, LogReader(self._folder).segments)
-        return self._stored.find(command_id) if len(self._stored) else None
+        return self._stored.find(command_id)
 
     def _look_at(self, live: SegmentWriter) -> None:
         """Take in the commits that were written before somebody asked."""

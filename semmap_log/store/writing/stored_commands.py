@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
+from hashlib import sha256
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.commits import Commit
 from semmap_log.store.command_index import fingerprint
 from semmap_log.store.folder import LogFolder
+from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.reading.command_rows import rows_of
 from semmap_log.store.reading.segment_reading import commit_of
 from semmap_log.store.reading.segment_scan import Segment, open_segment
+from semmap_log.store.reading.tombstones import gone_commands, seal_of
 
 _LOW = np.uint64(0xFFFF_FFFF)
 _HIGH = np.uint64(0xFFFF_FFFF_0000_0000)
@@ -49,6 +51,8 @@ class StoredCommands:
         """The one that was read last: commands that are sent again come in order, as a rule."""
         self._elsewhere = {s.path.name: s for s in segments if s.told is not None}
         """Those that were removed from the disk: what is not kept of them says where it lies."""
+        self._gone = {command.id_digest: command for s in segments for command in gone_commands(s)}
+        """Those of which nothing else is left."""
         self._take([(s.path.name, s.header.first_event, rows_of(s)) for s in segments if s.closed])
 
     def __len__(self) -> int:
@@ -65,18 +69,20 @@ class StoredCommands:
         self._last = None  # so that a file that is replaced gives its room back
         self._take([(name, first_event, rows)])
 
-    def find(self, command_id: bytes) -> Commit | None:
-        """Return the commit of a command, the last one if there are several; None: there is none.
+    def find(self, command_id: bytes) -> StoredCommand | None:
+        """Return a command, the last one if there are several of its id; None: there is none.
 
         Raises:
             CorruptLogError: The commit that it may be cannot be read.
             LogAccessError: Its segment cannot be read.
         """
         for event in self._events(fingerprint(command_id)):
-            commit = commit_of(self._segment(event), event)
+            segment = self._segment(event)
+            commit = commit_of(segment, event)
             if commit is not None and commit.command_id == command_id:
-                return commit
-        return None
+                return StoredCommand(commit, seal_of(segment, commit))
+        gone = self._gone.get(sha256(command_id).digest()) if self._gone else None
+        return None if gone is None else StoredCommand(gone.as_commit(command_id), gone.seal)
 
     def _events(self, wanted: int) -> Iterator[int]:
         """Yield where commits with a fingerprint begin, the last first."""

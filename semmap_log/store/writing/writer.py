@@ -17,6 +17,7 @@ from semmap_log.store.commit_records import CommitBuilder, Entropy, Stamp
 from semmap_log.store.compaction.background import KeepUp
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import NO_HASH
+from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
@@ -314,7 +315,7 @@ class LogWriter:
             except OSError as error:
                 raise self._poisoned(error.strerror) from error
 
-    def find(self, command_id: bytes) -> Commit | None:
+    def find(self, command_id: bytes) -> StoredCommand | None:
         """Return the commit of a command, if it is stored, however long ago.
 
         Args:

@@ -31,7 +31,7 @@ class Excerpt:
 
     log: DoorLog
     since_ns: int | None = None
-    """None: from the log's start."""
+    """None: from the log's start; `of` begins at the horizon of a log that has one."""
     until_ns: int | None = None
     """None: to the log's end."""
     doors: frozenset[DoorId] | None = None
@@ -45,11 +45,12 @@ class Excerpt:
 
         Raises:
             MomentError: A time cannot be read, or `since` comes after `until`.
+            HorizonError: It begins, or ends, before the log's horizon.
         """
         chosen = None if doors is None else frozenset(doors)
         since_ns, until_ns = log.instant(since), log.instant(until)
         refuse_reversed(since_ns, until_ns)
-        return cls(log, since_ns, until_ns, chosen)
+        return cls(log, log.shown_from_ns(since_ns, until_ns), until_ns, chosen)
 
     def read(self, progress: Callable[[int, int], None] | None = None) -> Iterator[EventBatch]:
         """Yield the events of any of the timelines, about any door, numbers ascending.

@@ -148,7 +148,8 @@ def _robot_level(log: DoorLog, at: Time) -> int | None:
     at_ns = log.instant(at)
     assert at_ns is not None
     last_ns, level = -1, None
-    for batch in log.batches(max(at_ns - LOOK_BACK_NS, 0), at_ns + 1, kinds=[RobotPose]):
+    since_ns = min(at_ns, max(at_ns - LOOK_BACK_NS, log.horizon_ns() + 1))
+    for batch in log.batches(since_ns, at_ns + 1, kinds=[RobotPose]):
         latest = int(np.argmax(batch.folds_ns))
         if batch.folds_ns[latest] >= last_ns:
             last_ns, level = int(batch.folds_ns[latest]), int(batch[RobotPose]["level"][latest])

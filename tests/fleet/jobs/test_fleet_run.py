@@ -17,6 +17,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import dask
+import distributed  # noqa: F401  it brings settings of its own, which a block of them must outlast
 import pyarrow as pa
 import pytest
 
@@ -221,6 +223,39 @@ def test_a_worker_that_is_killed_takes_nothing_along(made_fleet: Path, tmp_path:
     assert ["tug8"] == [Path(log.place).name for log in poisoned.bad]
     assert "worker died" == poisoned.bad[0].outcome.value
     assert expected == poisoned.states
+
+
+def test_a_worker_that_comes_back_late_is_waited_for(made_fleet: Path, tmp_path: Path) -> None:
+    """
+    On a busy machine its start takes longer than Dask waits before it gives a worker up for good.
+    """
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "50ms"}):
+        found = sl.fleet(made_fleet, workers=1, timeout_s=120).fold(KillsOnce(f"{tmp_path}/mark"))
+
+    assert (tmp_path / "mark").exists()
+    assert () == found.bad
+
+
+@pytest.mark.slow
+def test_logs_whose_worker_does_not_come_back_have_no_answer(
+    made_fleet: Path, tmp_path: Path
+) -> None:
+    """
+    Each is named, none is waited for without end, and what was answered is kept.
+    """
+    expected = sl.fleet(made_fleet, engine="serial").fold(Sightings()).states
+    port, once = _free_port(), KillsOnce(f"{tmp_path}/mark")
+    options: dict[str, Any] = {"scheduler": f"tcp://127.0.0.1:{port}", "results": tmp_path / "r"}
+    with _dask(port):  # its one worker is nobody's to start again
+        found = sl.fleet(made_fleet, timeout_s=5, **options).fold(once)
+
+    assert "no answer" in set(outcomes(found).values()) <= {"ok", "no answer"}
+    assert {log.place for log in found.logs} - {log.place for log in found.bad} == set(found.states)
+    assert "no worker has answered for 5 s" in found.bad[0].text
+    with _dask(port):
+        again = sl.fleet(made_fleet, timeout_s=120, **options).fold(once)
+    assert (expected, ()) == (again.states, again.bad)
+    assert len(found.states) == sum(log.is_kept for log in again.logs)
 
 
 def test_what_was_answered_is_not_asked_again(made_fleet: Path, tmp_path: Path) -> None:

@@ -32,6 +32,15 @@ def test_a_table_and_a_line_of_outcomes(
     assert "8 logs: 8 ok" in err
 
 
+@pytest.mark.parametrize("timeout", ["0s", "soon"])
+def test_a_timeout_is_some_time(
+    made_fleet: Path, timeout: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert code_of("map", made_fleet, "--timeout", timeout) in (1, 2)
+
+    assert timeout in capsys.readouterr().err
+
+
 def test_json_has_each_log_and_each_row(
     made_fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

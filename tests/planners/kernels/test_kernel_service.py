@@ -14,12 +14,13 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.errors import PasserError
 from semmap_log.planners.addresses import TcpAddress
+from semmap_log.planners.asked import AskedQuestion
 from semmap_log.planners.door_view import DoorView
 from semmap_log.planners.kernels import kernel_questions, kernel_session
 from semmap_log.planners.kernels.kernel_service import Kernels
 from semmap_log.planners.kernels.kernel_session import MOST_WAITING_BYTES, KernelSession, Patience
 from semmap_log.planners.kernels.message_passer import PasserConnection
-from semmap_log.planners.question_lines import Atom
+from semmap_log.planners.question_lines import Answer, Atom
 from tests.live.running import wait_until
 from tests.planners.kernels.kernel_world import KernelWorld, make_log, serving_kernels
 from tests.planners.kernels.stub_passer import StubKernel, StubPasser
@@ -618,6 +619,48 @@ def test_many_ask_at_once(passer: StubPasser, world: KernelWorld) -> None:
     assert got == ["T"] * 160
 
 
+def test_a_kernel_that_asks_much_holds_up_nobody(
+    path: Path, passer: StubPasser, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Where one is worked for at a time, another's question comes after the first of many.
+    """
+    monkeypatch.setattr(kernel_questions, "AT_ONCE", 1)
+    with (
+        serving_kernels(path, passer.port) as world,
+        passer.kernel("K1") as much,
+        passer.kernel("K2") as other,
+    ):
+        passer.wait_until_there("SEMMAP")
+        answered: list[str] = []
+
+        def answer(asked: AskedQuestion, client: str) -> Answer:
+            if not answered:
+                wait_until(lambda: len(world.service._questions._queues) == 2, "both ask")
+            answered.append(client)
+            return Answer(value=True)
+
+        monkeypatch.setattr(world.oracle, "answer", answer)
+        for number in range(5):
+            much.send(f"(ASK {number} (WHY DOOR_1))")
+        assert "T" == other.answer("(ASK 9 (WHY DOOR_2))", "9")
+        wait_until(lambda: len(answered) == 6, "all answers")
+
+    assert ["kernel K1", "kernel K2", *["kernel K1"] * 4] == answered
+
+
+def test_a_message_that_is_too_long_is_not_read(kernel: StubKernel, world: KernelWorld) -> None:
+    """
+    Nor answered: it is none of ours.
+    """
+    kernel.send(f"(ASK 1 (NEXT_DOOR {'DOOR_1 ' * 10_000}))")
+
+    wait_until(lambda: any("at most 65,536 bytes" in said for said in world.said), "a complaint")
+    assert "T" == kernel.answer("(ASK 2 (DOOR_OPEN DOOR_1))", "2")
+    said = kernel.answer(f"(ASK 3 (NEXT_DOOR {'DOOR_1 ' * 1000}))", "3")
+    assert "expected at most 1,000 words" in said
+
+
 @pytest.mark.parametrize("question", ["DOOR_OPEN {}", "WAIT_UNTIL {} OPEN 1"])
 def test_an_error_of_our_own_is_answered(
     question: str, kernel: StubKernel, world: KernelWorld, monkeypatch: pytest.MonkeyPatch
@@ -636,7 +679,7 @@ def test_an_error_of_our_own_is_answered(
     assert answer == '(ERROR "RuntimeError: of a test")'
     assert kernel.answer("(ASK 2 (DOOR_OPEN DOOR_1))", "2") == "T"
     assert not world.service._questions._waits
-    digits = '"' + "1" * 5000 + '"'
+    digits = '"' + "1" * 900 + '"'
     assert kernel.answer(f"(ASK 3 ({question.format(digits)}))", "3") == "NIL"
 
 

@@ -18,11 +18,22 @@ def test_all_figures_are_there(
     One line each.
     """
     monkeypatch.chdir(tmp_path)
-    few = ["--doors", "20", "--questions", "50", "--actions", "16", "--least", "0"]
+    few = [
+        "--doors",
+        "20",
+        "--questions",
+        "50",
+        "--actions",
+        "16",
+        "--least",
+        "0",
+        "--flooded",
+        "3",
+    ]
 
     assert 0 == ask_load.main(few)
 
     said = capsys.readouterr().out
-    assert 13 == len(said.splitlines())
+    assert 16 == len(said.splitlines())
     assert "wrong" not in said
     assert [] == list(tmp_path.iterdir())

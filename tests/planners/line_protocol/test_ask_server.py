@@ -22,10 +22,11 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.errors import AddressError, QuestionError
 from semmap_log.planners.addresses import read_address
+from semmap_log.planners.learnt import LearntDoors
 from semmap_log.planners.line_protocol import admission, ask_server
 from semmap_log.planners.line_protocol.ask_client import AskClient
 from semmap_log.planners.line_protocol.ask_server import MOST_KNOWN_LINES, AskServer
-from semmap_log.planners.line_protocol.connection import MOST_ANSWERS_BYTES
+from semmap_log.planners.line_protocol.connection import MOST_ANSWERS_BYTES, Connection
 from semmap_log.planners.question_lines import (
     MOST_LINE_BYTES,
     Answer,
@@ -271,6 +272,108 @@ def test_a_slow_question_holds_up_nobody(
     assert ["T"] * 10 == [each.line() for each in slow]
     for each in slow:
         each.close()
+
+
+LONG_LINES = {
+    "a door many times": b"NEXT_DOOR " + b"DOOR_1 " * 9000,
+    "a key twice": b"{" + b",".join(b'"%d":0' % n for n in [*range(6000), 5999]) + b"}",
+    "questions in questions": b"BELIEVED " * 3000 + b"DOORS" + b" AT now" * 3000,
+    "doors that are none": b"NEXT_DOOR " + b" ".join(b"x%d" % n for n in range(900)),
+}
+
+
+@pytest.mark.parametrize("name", LONG_LINES)
+def test_long_lines_are_read_by_another_thread(
+    name: str, ask: Asker, client: Raw, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    And answered in their order, as those before and after them.
+    """
+    readers: list[str] = []
+
+    def read(data: bytes) -> object:
+        readers.append(threading.current_thread().name)
+        return read_line(data)
+
+    monkeypatch.setattr(ask_server, "read_line", read)
+    client.send(b"DOOR_OPEN DOOR_1\n" + LONG_LINES[name] + b"\nDOOR_CLOSED DOOR_1\n")
+
+    answers = [client.line() for _ in range(3)]
+    assert ("T", "NIL") == (answers[0], answers[2])
+    assert answers[1] == "NIL" or answers[1].startswith(("ERROR ", '{"error": '))
+    assert ["ask", "ask-reading", "ask"] == readers
+    assert [] == ask.said
+
+
+def test_what_is_likely_holds_up_nobody(
+    ask: Asker, server: AskServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Who asks about what was so, or what is so.
+    """
+    going_on = threading.Event()
+    monkeypatch.setattr(LearntDoors, "p_open", lambda *_, **__: (float(going_on.wait(30)), True))
+    likely = [Raw(server.address) for _ in range(5)]
+    for each in likely:
+        each.send(b"NEXT_DOOR DOOR_1 DOOR_2\n")
+    with Raw(server.address) as other:
+        said = [other.ask("DOOR_OPEN DOOR_1 event:1"), other.ask("DOOR_OPEN DOOR_1")]
+    assert not going_on.is_set()
+    going_on.set()
+
+    assert ["T", "T"] == said
+    assert ["DOOR_1"] * 5 == [each.line() for each in likely]
+    for each in likely:
+        each.close()
+
+
+def test_a_question_of_many_doors_is_answered_by_turns(
+    ask: Asker, server: AskServer, client: Raw, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Another client's door comes after the first of them.
+    """
+    looked_at: list[int] = []
+
+    def p_open(_: object, log: object, event: int, door: int, **times: int) -> tuple[float, bool]:
+        if not looked_at:
+            other.send(b"PROBABILITY_DOOR_OPEN DOOR_5 AT now\n")
+            wait_until(lambda: server._forecasts._waiting, "the other's question")
+        looked_at.append(door)
+        return 0.5, True
+
+    monkeypatch.setattr(LearntDoors, "p_open", p_open)
+    with Raw(server.address) as other:
+        assert "DOOR_1" == client.ask("NEXT_DOOR DOOR_1 DOOR_2 DOOR_3 DOOR_4")
+        assert "0.5" == other.line()
+
+    assert [1, 5, 2, 3, 4] == looked_at
+
+
+def test_many_lines_at_once_hold_up_nobody(
+    server: AskServer, client: Raw, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Where their turn is over at once, one is answered before the others have theirs.
+    """
+    takes: list[Connection] = []
+    take = server._take
+
+    def watched(connection: Connection, data: bytes) -> None:
+        if not takes:
+            other.send(b"DOOR_OPEN DOOR_2\n")
+        takes.append(connection)
+        take(connection, data)
+
+    monkeypatch.setattr(ask_server, "TURN_S", 0.0)
+    monkeypatch.setattr(server, "_take", watched)
+    with Raw(server.address) as other:
+        client.send(b"DOOR_OPEN DOOR_1\n" * 500)
+        assert "NIL" == other.line()
+        assert {"T"} == {client.line() for _ in range(500)}
+
+    assert 501 == len(takes)
+    assert takes.index(next(each for each in takes if each is not takes[0])) < 10
 
 
 def test_two_hundred_clients(ask: Asker, server: AskServer) -> None:
@@ -608,8 +711,8 @@ def test_a_client_takes_little_memory(server: AskServer) -> None:
     assert 2 == len(server._selector.get_map())
 
 
-DIGITS = "1" * 5000
-"""More than Python makes a number of."""
+DIGITS = "1" * 900
+"""More than an id has."""
 
 
 @pytest.mark.parametrize("question", ["DOOR_OPEN", "WAIT_UNTIL", "WHY", "SET_DOOR_OPEN"])

@@ -149,7 +149,7 @@ def test_bytes_that_were_not_fetched_are_no_answer(
     """
     path = tmp_path / "log"
     with tiny_steps():
-        random_log(path, random.Random(2), commits=30)
+        random_log(path, random.Random(3), commits=30)
     opened, _ = far(path)
     assert opened.replay().doors
     monkeypatch.setattr(FarSegment, "need", lambda *_: None)

@@ -26,7 +26,7 @@ PID = "{pid}"
 """In a name: the number of the process."""
 LONGEST_S = 10
 ALWAYS = (
-    ".lock", "metadata.yaml", f".metadata.yaml.{PID}.tmp", ".recovering", "damaged-1",
+    ".lock", ".lock.tmp", "metadata.yaml", f".metadata.yaml.{PID}.tmp", ".recovering", "damaged-1",
     "closed.json", f".closed.json.{PID}.tmp", "closed-0-12.json",
 )  # fmt: skip
 VICTIM = b"a file of somebody else\n" * 20

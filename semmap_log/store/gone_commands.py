@@ -1,0 +1,229 @@
+"""What answers a command that is sent again once its events were taken out of the log.
+
+A *seal* keeps of a command: codes of what it asked for, when it was recorded, and which events it
+became. It lies in the Tombstone that stands for the events. The codes are HMACs under the command's
+id, of which no more than a digest is kept where the whole commit is gone: only who has the id can
+try contents against them. An id that a writer drew is never sent again: nothing of it is kept.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import struct
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from semmap_log.common.late_dataclass import dataclass
+from semmap_log.domain.commits import (
+    GIVEN_EVENTS,
+    NO_CONTENT,
+    NOTE_TEXTS,
+    Commit,
+    Durability,
+    Note,
+)
+from semmap_log.domain.events import DoorAnnotated, Event, FloorMap, RobotPose
+from semmap_log.messages import OBJECT_KINDS, decode, encode, fixed_layout
+from semmap_log.store.form import COMMIT_CHANNEL, NO_HASH
+from semmap_log.store.tombstone import LostPart, Tombstone
+
+_CODE_BYTES = 7
+_SEAL = struct.Struct(f"<{_CODE_BYTES}s{_CODE_BYTES}sHQII")
+_MOST_POSES = 2**16 - 1
+_MOST_WAITING = 64
+UNKNOWN = bytes(_CODE_BYTES)
+"""The code of a command whose events were taken out by a version that kept none."""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandSeal:
+    """What is kept of a command."""
+
+    timed: bytes
+    """Code of its content with the times of its events …"""
+    untimed: bytes
+    """… and without: a command that gave none is the same whenever it is sent."""
+    poses: int
+    """How many poses stand before the other events of its commit."""
+    recorded_ns: int
+    first: int
+    """The first event of its commit, counted from the first that the Tombstone is about."""
+    count: int
+    """How many events the commit had."""
+
+    def packed(self) -> bytes:
+        """Return its 32 bytes."""
+        return _SEAL.pack(
+            self.timed, self.untimed, self.poses, self.recorded_ns, self.first, self.count
+        )
+
+    @classmethod
+    def unpacked(cls, data: bytes) -> CommandSeal | None:
+        """Return the seal in 32 bytes; None: a version without seals wrote them."""
+        return None if data == NO_HASH else cls(*_SEAL.unpack(data))
+
+    def fits(self, command_id: bytes, content: bytes, note: Note, events: Sequence[Event]) -> bool:
+        """Tell whether it is that of a command.
+
+        Args:
+            command_id: The command's id.
+            content: Digest of what it asks for; zeros: its events are compared.
+            note: Who, with what, why.
+            events: Its own, as they are given; without a time or a level where the log gives it.
+        """
+        if self.timed == UNKNOWN:
+            return True
+        told = Content()
+        for event in events:
+            told.add(event.kind, event.happened_ns or 0, encode(event, 0))
+        timed, untimed = told.codes(command_id, content, note)
+        is_timed = all(event.happened_ns is not None for event in events)
+        return self.timed == timed if is_timed else self.untimed == untimed
+
+
+@dataclass(frozen=True, slots=True)
+class StoredCommand:
+    """A command that the log has stored."""
+
+    commit: Commit
+    """What it became; what is still known of that."""
+    seal: CommandSeal | None = None
+    """None: all of its events, and its note, are there to be compared."""
+
+    def has_content(self, content: bytes) -> bool:
+        """Tell whether it asked for what a digest stands for."""
+        commit = self.commit
+        if self.seal is None:
+            return commit.content == content
+        return self.seal.fits(commit.command_id, content, Note(), ())
+
+
+class Content:
+    """The events of a command, taken in one by one: what its codes are made of.
+
+    Poses before the other events waited for the command, and are none of its own. Where there are
+    poses only, the last one is compared.
+    """
+
+    def __init__(self) -> None:
+        self._poses = self._count = 0
+        """How many poses stand before the other events, and how many others there are."""
+        self._waiting: list[tuple[int, int, bytes]] = []
+        self._digests: tuple[Any, Any] | None = None
+        self._pose: tuple[int, int, bytes] | None = None
+
+    def add(self, kind: int, happened_ns: int, data: bytes) -> None:
+        """Take in an event: its kind, when it happened, and its CDR bytes."""
+        if kind == RobotPose.kind and not self._count:
+            self._poses += 1
+            self._pose = kind, happened_ns, data
+            return
+        self._count += 1
+        self._waiting.append((kind, happened_ns, data))
+        if len(self._waiting) >= _MOST_WAITING:
+            self._digests = self._absorbed()
+
+    def seal(self, command_id: bytes, content: bytes, note: Note, recorded_ns: int) -> CommandSeal:
+        """Return the seal of the command."""
+        codes = self.codes(command_id, content, note)
+        poses = min(self._poses if self._count else 0, _MOST_POSES)
+        return CommandSeal(*codes, poses, recorded_ns, 0, self._poses + self._count)
+
+    def codes(self, command_id: bytes, content: bytes, note: Note) -> tuple[bytes, bytes]:
+        """Return the codes with and without times."""
+        if content not in (NO_CONTENT, GIVEN_EVENTS):
+            code = _code(command_id, b"content" + content)
+            return code, code
+        if not self._count and self._pose is not None:
+            self._waiting.append(self._pose)
+        texts = "\0".join(getattr(note, name) for name in NOTE_TEXTS).encode()
+        timed, untimed = (_code(command_id, d.digest() + texts) for d in self._absorbed())
+        return timed, untimed
+
+    def _absorbed(self) -> tuple[Any, Any]:
+        timed, untimed = self._digests or (hashlib.sha256(), hashlib.sha256())
+        for kind, happened_ns, data in self._waiting:
+            said = struct.pack("<B", kind) + hashlib.sha256(_as_given(kind, data)).digest()
+            timed.update(said + struct.pack("<q", happened_ns))
+            untimed.update(said)
+        self._waiting = []
+        return timed, untimed
+
+
+def _code(command_id: bytes, content: bytes) -> bytes:
+    return hmac.digest(command_id, content, "sha256")[:_CODE_BYTES]
+
+
+def _as_given(kind: int, data: bytes) -> bytes:
+    """Return the CDR bytes of an event without what the log adds: salt, level, a map's stamp."""
+    if kind == FloorMap.kind:
+        event = decode(kind, data, 0)
+        assert isinstance(event, FloorMap)
+        numbers = (event.resolution, event.origin_x, event.origin_y)
+        shape = struct.pack("<f2d2q", *numbers, *event.cells.shape)
+        return shape + bytes(event.cells.tobytes())
+    if kind == DoorAnnotated.kind:
+        return data[20:]
+    if kind not in OBJECT_KINDS:
+        fields = fixed_layout(kind).dtype.fields
+        if fields is not None and "level" in fields:
+            dtype, at = fields["level"][:2]
+            return data[:at] + bytes(dtype.itemsize) + data[at + dtype.itemsize :]
+    return data
+
+
+@dataclass(frozen=True, slots=True)
+class GoneCommand:
+    """A command of which nothing is left but a digest of its id, and its seal."""
+
+    id_digest: bytes
+    """SHA-256 of its id."""
+    seal: CommandSeal
+    first_event: int
+    """Of its commit."""
+
+    def as_commit(self, command_id: bytes) -> Commit:
+        """Return what is still known of its commit."""
+        seal = self.seal
+        return Commit(
+            first_event=self.first_event,
+            count=seal.count,
+            recorded_ns=seal.recorded_ns,
+            closed_ns=seal.recorded_ns + seal.count,
+            command_id=command_id,
+            wall_clock_ns=seal.recorded_ns,
+            monotonic_clock_ns=0,
+            boot_id=bytes(16),
+            previous_hash=NO_HASH,
+            hash=NO_HASH,
+            durability=Durability.EVENT,
+            durable_before=self.first_event,
+            content=NO_CONTENT,
+            note=Note(),
+        )
+
+
+def part_of(command_id: bytes, seal: CommandSeal) -> LostPart:
+    """Return what a Tombstone of whole commits keeps of a command."""
+    return LostPart(COMMIT_CHANNEL, hashlib.sha256(command_id).digest(), seal.packed())
+
+
+def commands_in(tombstone: Tombstone) -> Iterable[GoneCommand]:
+    """Yield the commands that a Tombstone of whole commits keeps."""
+    for part in tombstone.parts if tombstone.commits else ():
+        seal = CommandSeal.unpacked(part.kept_digest)
+        if part.channel == COMMIT_CHANNEL and seal is not None:
+            yield GoneCommand(part.digest, seal, tombstone.first_event + seal.first)
+
+
+def moved(parts: Iterable[LostPart], offset: int) -> tuple[LostPart, ...]:
+    """Return parts of a Tombstone of whole commits for one that begins so many events earlier."""
+    found = []
+    for part in parts:
+        seal = CommandSeal.unpacked(part.kept_digest)
+        assert seal is not None, "each part of such a Tombstone has one"
+        later = replace(seal, first=seal.first + offset)
+        found.append(LostPart(part.channel, part.digest, later.packed()))
+    return tuple(found)

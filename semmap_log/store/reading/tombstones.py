@@ -1,0 +1,54 @@
+"""The Tombstones of a trimmed segment: what stands there for records that are gone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from semmap_log.domain.commits import Commit
+from semmap_log.store.form import TOMBSTONE_CHANNEL
+from semmap_log.store.gone_commands import UNKNOWN, CommandSeal, GoneCommand, commands_in
+from semmap_log.store.kind_bits import TOMBSTONE_BIT
+from semmap_log.store.reading.segment_reading import page_at
+from semmap_log.store.reading.segment_scan import Segment
+from semmap_log.store.reading.window import numbers_of
+from semmap_log.store.tombstone import Tombstone
+
+
+def tombstones(segment: Segment, first_chunk: int = 0) -> Iterator[tuple[Tombstone, bytes]]:
+    """Yield the Tombstones of a segment from a chunk on, and their Message records.
+
+    Raises:
+        CorruptLogError: A chunk is not what was written.
+        ValueError: One cannot be read.
+    """
+    if segment.header.trimmed is None:
+        return
+    places = segment.chunks.having(TOMBSTONE_BIT)
+    for chunk in places[places >= first_chunk].tolist():
+        page = page_at(segment, chunk)
+        for i in np.flatnonzero(page.heads["channel_id"] == TOMBSTONE_CHANNEL):
+            record = bytes(page.record(int(i)))
+            yield Tombstone.in_record(record), record
+
+
+def gone_commands(segment: Segment) -> Iterator[GoneCommand]:
+    """Yield the commands of whole commits that are gone, as far as they can be sent again."""
+    for tombstone, _ in tombstones(segment):
+        yield from commands_in(tombstone)
+
+
+def seal_of(segment: Segment, commit: Commit) -> CommandSeal | None:
+    """Return the seal of a commit that lacks records; None: it lacks none."""
+    if segment.header.trimmed is None:
+        return None
+    _, ends = numbers_of(segment)
+    chunk = int(np.searchsorted(ends, commit.last_event, "right"))
+    for tombstone, _ in tombstones(segment, chunk):
+        if tombstone.first_event > commit.first_event:
+            return None
+        if (tombstone.first_event, tombstone.commits) == (commit.first_event, 0):
+            found = CommandSeal.unpacked(tombstone.hash)
+            return found or CommandSeal(UNKNOWN, UNKNOWN, 0, commit.recorded_ns, 0, commit.count)
+    return None
