@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Generic, Protocol, TypeVar
 
+from semmap_log.common.distinct import distinct
 from semmap_log.domain.doors import DoorId
+from semmap_log.domain.moments import DAY_NS
 from semmap_log.probabilities.estimator import Times
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import Forecast
 
-MOST_DOORS = 8
-"""So many doors' tables are kept: those asked for last. Three years of one are some 30 MB."""
+MOST_DOORS, MOST_DAYS = 8, 1_100
+"""So many doors' tables are kept, of so many days together: those asked for last. A thousand days
+are some 40 MB."""
 
 
 class LearntOfDoor(Protocol):
@@ -38,7 +41,8 @@ class LearntByDoor(Generic[D]):
         """
         self.evidence = evidence
         self._learn = learn
-        self._doors: dict[DoorId, D] = {}
+        self._doors: dict[DoorId, tuple[D, int]] = {}
+        """What was learnt, and from how many days; asked for last: last."""
 
     def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
         """Return how likely the door is open: see `LearntModel`."""
@@ -48,8 +52,19 @@ class LearntByDoor(Generic[D]):
 
     def door(self, door_id: DoorId) -> D:
         """Return what was learnt about a door that there is evidence of."""
-        learnt = self._doors.pop(door_id, None) or self._learn(self.evidence[door_id])
-        self._doors[door_id] = learnt
-        if len(self._doors) > MOST_DOORS:
+        kept = self._doors.pop(door_id, None)
+        if kept is None:
+            evidence = self.evidence[door_id]
+            kept = self._learn(evidence), _days(evidence)
+        self._doors[door_id] = kept
+        while len(self._doors) > MOST_DOORS or (
+            len(self._doors) > 1 and sum(days for _, days in self._doors.values()) > MOST_DAYS
+        ):
             del self._doors[next(iter(self._doors))]
-        return learnt
+        return kept[0]
+
+
+def _days(evidence: DoorEvidence) -> int:
+    """Return on how many days something was known, more or less."""
+    held_ns = int((evidence.end_ns - evidence.start_ns).sum())
+    return held_ns // DAY_NS + len(distinct(evidence.seen_ns // DAY_NS))

@@ -28,6 +28,7 @@ Indices = NDArray[np.int64]
 
 BLOCKS = ((0,), (0, 1), (0, -1))
 """Hours that share a rate, counted from a cell's own: each block is an expert."""
+_BESIDE = sorted({hour for block in BLOCKS for hour in block})
 RATES = (1.5, 0.9, 0.9)
 """How much a known hour of a block counts: those of a cell lie a week apart, and prove much."""
 PRIOR = 0.015
@@ -58,11 +59,9 @@ class SlotRates:
     """P(open) of blocks by what was seen of them alone."""
 
     def __init__(self, tables: DayTables) -> None:
-        opened, known = discounted(weekly_sums(tables), tables.rows.lasts_d, HALF_LIFE_D).swapaxes(
-            0, 1
-        )
-        self.opened, self.known = opened, known
-        """(rows, 7, 24), in weeks."""
+        sums = discounted(weekly_sums(tables), tables.rows.lasts_d, HALF_LIFE_D)
+        self._weeks = np.ascontiguousarray(sums.swapaxes(0, 1)).reshape(2, -1)
+        """(2, cells): how many weeks each was open, and known."""
 
     def of(self, schedule: Tables, cells: WeekCells, idle_d: Indices | None = None) -> Tables:
         """Return it at some cells, (..., blocks).
@@ -73,12 +72,25 @@ class SlotRates:
             idle_d: (...), days of a gap after each row; None: 0.
         """
         slab = SLAB_WEEKS * np.maximum(schedule, SLAB_P)[..., None]
-        opened, known = (_blocks(part, cells) for part in (self.opened, self.known))
+        opened, known = self._of_blocks(cells)
         if idle_d is not None:
             still = kept(HALF_LIFE_D, idle_d[..., None])
             opened, known = still * opened, still * known
         found = (opened + slab) / (known + SLAB_WEEKS)
         return np.asarray(np.clip(found, LEAST, MOST), np.float64)
+
+    def known(self, cells: WeekCells) -> Tables:
+        """Return how many weeks the cells were known, (...)."""
+        row, weekday, hour = cells
+        return np.asarray(self._weeks[1].take((row * DAYS_IN_WEEK + weekday) * 24 + hour))
+
+    def _of_blocks(self, cells: WeekCells) -> Tables:
+        """Return (2, ..., blocks): the mean of each block's hours, at the cells it counts from."""
+        row, weekday, hour = cells
+        day = (row * DAYS_IN_WEEK + weekday) * 24
+        at = {beside: self._weeks.take(day + (hour + beside) % 24, 1) for beside in _BESIDE}
+        means = [np.mean([at[beside] for beside in block], axis=0) for block in BLOCKS]
+        return np.stack(means, axis=-1)
 
 
 class Slots:
@@ -117,7 +129,7 @@ class Slots:
         return OfSlots(
             self._earned[cell] * self._heard[row],
             (self._shares[cell] * rates).sum(-1),
-            self._rates.known[row, weekday, hour],
+            self._rates.known(cells),
         )
 
 
@@ -163,16 +175,6 @@ class _Trials(NamedTuple):
         """Return how often that weekday had ended by the midnights of these rows."""
         ended: Indices = (self.first_weekday + row - weekday - 1) // DAYS_IN_WEEK + 1
         return ended
-
-
-def _blocks(table: Tables, cells: WeekCells) -> Tables:
-    """Return (..., blocks): the mean over each block's hours, at the cells it counts from."""
-    row, weekday, hour = cells
-    means = [
-        np.mean([table[row, weekday, (hour + beside) % 24] for beside in block], axis=0)
-        for block in BLOCKS
-    ]
-    return np.stack(means, axis=-1)
 
 
 def _pooled(gain: Tables) -> Tables:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from semmap_log.domain.doors import DoorId
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import Forecast
-from semmap_log.probabilities.methods.by_door import MOST_DOORS, LearntByDoor
+from semmap_log.probabilities.methods.by_door import MOST_DAYS, MOST_DOORS, LearntByDoor
+from tests.probabilities.known import evidence
 
 NOW = np.zeros(1, np.int64)
 DOORS = {DoorId(i): DoorEvidence.nothing(DoorId(i), 0) for i in range(1, 30)}
@@ -64,6 +67,23 @@ def test_those_asked_for_lately_are_kept() -> None:
     for i in (1, 20, 2):
         learnt.door(DoorId(i))
     assert [2] == teacher.taught
+
+
+def test_of_doors_that_were_known_for_years_fewer_are_kept() -> None:
+    """
+    Their tables have a row a day; that of the door asked for is kept, however long it is.
+    """
+    half = 24.0 * MOST_DAYS / 2
+    told = [[(0.0, half, True)], [(0.0, half - 24, True)], [(0.0, 120.0, True)]]
+    told.append([(0.0, 4 * half, True)])
+    doors = {DoorId(i): replace(evidence(each), door_id=DoorId(i)) for i, each in enumerate(told)}
+    teacher = Teacher()
+    learnt = LearntByDoor(doors, teacher)
+
+    for i in (0, 1, 0, 2, 0, 1, 3, 3):
+        learnt.door(DoorId(i))
+
+    assert [0, 1, 2, 1, 3] == teacher.taught
 
 
 def test_of_a_stranger_nothing_is_learnt() -> None:
