@@ -59,8 +59,8 @@ class RunningFold(Generic[S]):
     ) -> bool:
         """Take in the events up to a number, or to the log's end; tell whether it began anew.
 
-        It begins anew if a retraction hides what was taken in, something was redacted since, or what
-        comes next is gone.
+        It begins anew if a retraction hides what was taken in, something was redacted since, or
+        what comes next is gone.
 
         Args:
             reader: Of the log; it is known to hold the position.
