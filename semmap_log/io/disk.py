@@ -195,7 +195,7 @@ def read_own(path: Path, most: int = MOST_OWN_BYTES) -> bytes:
         if status.st_size > most:
             problem = f"expected at most {most:,} bytes, got {status.st_size:,}"
             raise OSError(errno.EFBIG, problem)
-        return file.read(most)
+        return file.read(status.st_size)
 
 
 def refuse_special(path: Path) -> None:

@@ -201,7 +201,8 @@ class LogFolder:
             OSError: As the system says.
         """
         with self.regular_file(name) as file:
-            return file.read(most)
+            size = os.fstat(file.fileno()).st_size  # what is asked for is allocated, read or not
+            return file.read(size if most < 0 else min(size, most))
 
     def regular_file(self, name: str) -> BinaryIO:
         """Return a regular file, open to be read.
