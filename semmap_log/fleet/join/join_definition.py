@@ -52,11 +52,9 @@ def read_definition(path: Path) -> JoinDefinition:
         NotALogError: It is none, or of a later version.
     """
     try:
-        with path.open("rb") as file:
-            data = file.read(_MOST_BYTES + 1)
-        if len(data) > _MOST_BYTES:
-            raise NotALogError(f"{path}: expected at most {_MOST_BYTES:,} bytes, got more.")
-        said = json.loads(data.decode())
+        if (size := path.stat().st_size) > _MOST_BYTES:
+            raise NotALogError(f"{path}: expected at most {_MOST_BYTES:,} bytes, got {size:,}.")
+        said = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(said, dict) or said.get("format") != FORMAT:
             raise NotALogError(f'{path}: expected "format": "{FORMAT}", got another file.')
         if said.get("version") != VERSION:
