@@ -23,6 +23,7 @@ from semmap_log.beliefs.trials import (
 )
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.keywords import knows_keywords
+from semmap_log.door_log.clock_warnings import warn_of_clock
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import EstimatorError
 from semmap_log.io.progress import Progress
@@ -149,6 +150,7 @@ def evaluate_all(
         read_forecasts: Told the forecasts themselves, once a door, estimator and protocol: an
             evaluation holds their figures only.
     """
+    warn_of_clock(log)
     evidence = log.fold(EvidenceProjection())
     chosen = [d for d in evidence.door_ids if doors is None or d in doors]
     span = log.instant(since), log.instant(until)
