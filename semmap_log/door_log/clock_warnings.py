@@ -26,13 +26,25 @@ def warn_of_clock(log: DoorLog, since_ns: int | None = None) -> None:
         log: The log.
         since_ns: What was before does not matter; None: all of it does.
     """
-    if log.has_told_of_clock or (span_ns := log.happened_span()) is None:
+    if log.has_told_of_clock:
         return
-    first_ns, last_ns = span_ns
-    if first_ns < NEVER_BEFORE_NS <= last_ns and (since_ns or 0) < NEVER_BEFORE_NS:
-        _warn(log, Window(happened_before_ns=NEVER_BEFORE_NS), "before the robot's clock was set")
-    if first_ns < NEVER_AFTER_NS <= last_ns:
-        _warn(log, Window(happened_from_ns=NEVER_AFTER_NS), "where the robot's clock was wrong")
+    first_ns, end_ns = believable_span(log)
+    if first_ns is not None and (since_ns or 0) < first_ns:
+        _warn(log, Window(happened_before_ns=first_ns), "before the robot's clock was set")
+    if end_ns is not None:
+        _warn(log, Window(happened_from_ns=end_ns), "where the robot's clock was wrong")
+
+
+def believable_span(log: DoorLog) -> tuple[int | None, int | None]:
+    """Return from when and before when the clock can have been right, where some events are outside.
+
+    None: no event lies beyond that end, or all do.
+    """
+    first_ns, last_ns = log.happened_span() or (NEVER_BEFORE_NS, NEVER_BEFORE_NS)
+    return (
+        NEVER_BEFORE_NS if first_ns < NEVER_BEFORE_NS <= last_ns else None,
+        NEVER_AFTER_NS if first_ns < NEVER_AFTER_NS <= last_ns else None,
+    )
 
 
 def _warn(log: DoorLog, window: Window, why: str) -> None:
