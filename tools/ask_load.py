@@ -235,21 +235,23 @@ class Load:
         """Ask what is so, what was so, and what is likely, while ten clients flood the server."""
         client, now_ns = Client(self._path), time.time_ns()
         client.ask(b"NEXT_DOOR DOOR_1\n")  # from here on it has learnt
-        flooding = multiprocessing.get_context("spawn").Process(
-            target=flood, args=(self._path, self._doors), daemon=True
-        )
-        flooding.start()
-        time.sleep(3)
-        for what, line, times in (
-            ("one question", "DOOR_OPEN DOOR_1", count),
-            ("one of the past", "DOOR_OPEN DOOR_1 @{}", count),
-            ("one of what is likely", "PROBABILITY_DOOR_OPEN DOOR_1 AT @{}", max(count // 10, 1)),
-        ):
-            lines = [f"{line.format(now_ns - i)}\n".encode() for i in range(times)]
-            seconds = _timed(client.ask, lines)
-            print(f"{what + f', beside {FLOODING} that flood':50} {_us(seconds)}")
-        flooding.kill()
-        flooding.join()
+        for flooding in ("long lines", "long questions"):
+            process = multiprocessing.get_context("spawn").Process(
+                target=flood, args=(self._path, self._doors, flooding), daemon=True
+            )
+            process.start()
+            time.sleep(3)  # until all of them are at it
+            for what, line, times in (
+                ("what is so", "DOOR_OPEN DOOR_1", count),
+                ("what was so", "DOOR_OPEN DOOR_1 @{}", count),
+                ("what is likely", "PROBABILITY_DOOR_OPEN DOOR_1 AT @{}", max(count // 5, 1)),
+            ):
+                lines = [f"{line.format(now_ns - i)}\n".encode() for i in range(times)]
+                seconds = _timed(client.ask, lines)
+                beside = f"{what}, beside {FLOODING} that flood with {flooding}"
+                print(f"{beside:57} {_us(seconds)}")
+            process.kill()
+            process.join()
 
     def memory(self) -> None:
         """Print what the server's process holds, before and with many clients that have asked."""
@@ -297,25 +299,25 @@ class _Setting(threading.Thread):
         self.wrong += self._client.ask(line) != b"T"
 
 
-def flood(path: Path, doors: int) -> None:
+def flood(path: Path, doors: int, what: str) -> None:
     """Ask without pause, by several clients: in a process of its own."""
-    every = b" ".join(b"DOOR_%d" % door for door in range(1, doors + 1))
+    every = b" ".join(b"DOOR_%d" % door for door in range(1, min(doors, 900) + 1))
     keys = b",".join(b'"%d":0' % key for key in [*range(6000), 5999])
-    for place, line in zip(range(FLOODING), _rounds(
-        b"NEXT_DOOR " + b"DOOR_1 " * 9000, b"{" + keys + b"}",
-        b"BELIEVED " * 3000 + b"DOORS" + b" AT now" * 3000, b"NEXT_DOOR " + every[:60_000],
-        b"BEST_TIME DOOR_1", b"DOORS\n" * 9000,
-    ), strict=False):  # fmt: skip
-        reads = place < FLOODING - 2
-        threading.Thread(target=_flood, args=(Client(path), line + b"\n", reads)).start()
-
-
-def _rounds(*lines: bytes) -> Iterator[bytes]:
-    while True:
-        yield from lines
+    lines = {
+        "long lines": (
+            b"NEXT_DOOR " + b"DOOR_1 " * 9000,
+            b"{" + keys + b"}",
+            b"BELIEVED " * 3000 + b"DOORS" + b" AT now" * 3000,
+        ),
+        "long questions": (b"NEXT_DOOR " + every, b"BEST_TIME DOOR_1", b"DOORS\n" * 9000),
+    }[what]
+    for place in range(FLOODING):
+        line = lines[place % len(lines)] + b"\n"
+        threading.Thread(target=_flood, args=(Client(path), line, place > 0)).start()
 
 
 def _flood(client: Client, line: bytes, reads: bool) -> None:  # noqa: FBT001  of a thread
+    """Send a line again and again, and take its answers or leave them."""
     with contextlib.suppress(OSError):
         while True:
             client.socket.sendall(line)

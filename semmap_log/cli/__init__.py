@@ -128,10 +128,10 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 
 def _mend_streams() -> None:
-    """Make sure that there are streams, and that they take every character."""
+    """Make sure that there are streams, and that they take every character, or byte."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         stream = getattr(sys, name)
         if stream is None:
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115, PTH123
-        elif mode == "w" and hasattr(stream, "reconfigure"):
+        elif hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")

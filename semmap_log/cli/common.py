@@ -351,13 +351,19 @@ def stopped_for_good() -> Iterator[None]:
 
 
 def on_stop(stop: Callable[[], object]) -> None:
-    """Have Ctrl-C and SIGTERM ask for an end, instead of making one: what has come is finished."""
+    """Have signals ask for an end, instead of making one: what has come is finished.
+
+    Ctrl-C, SIGTERM and, unless it is ignored as under `nohup`, the end of the terminal.
+    """
 
     def asked(_number: int, _frame: object) -> None:
         stop()
 
     signal.signal(signal.SIGINT, asked)
     signal.signal(signal.SIGTERM, asked)
+    hangup = getattr(signal, "SIGHUP", signal.SIGTERM)
+    if signal.getsignal(hangup) is not signal.SIG_IGN:
+        signal.signal(hangup, asked)
 
 
 def _bar(unit: str) -> Any:

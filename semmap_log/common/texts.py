@@ -48,6 +48,15 @@ def _path(path: PurePath) -> str:
     return f"./{text}" if text.startswith("-") else text
 
 
+MOST_CHARACTERS = 2000
+"""Of a message, however long the texts in it are."""
+
+
+def brief(text: str) -> str:
+    """Return a message, cut if it is longer than anybody reads."""
+    return text if len(text) <= MOST_CHARACTERS else f"{text[: MOST_CHARACTERS - 1]}…"
+
+
 MOST_KEPT = 20
 """So many of a kind are kept."""
 MOST_TOLD = 3
@@ -81,8 +90,9 @@ class Repeats:
 
         Args:
             line: Where, 1-based; 0: on none.
-            text: What is said of it.
+            text: What is said of it; what is longer than anybody reads is cut.
         """
+        text = brief(text)
         kind = self._kinds.setdefault(_without_values(text), Kind())
         kind.count += 1
         kind.last_line = max(kind.last_line, line)

@@ -52,6 +52,9 @@ NoteTexts: TypeAlias = tuple[str, str, str, str]
 """What they say; empty where nothing is said."""
 NO_TEXTS: NoteTexts = ("", "", "", "")
 
+MOST_NOTE_CHARACTERS = 4 * 2**20
+"""Of all of a note's texts together: at most 16 MiB."""
+
 
 @knows_its_keywords
 @dataclass(frozen=True, slots=True)
@@ -73,6 +76,17 @@ class Note:
 
     def __bool__(self) -> bool:
         return bool(self.actor or self.source or self.reason or self.correlation)
+
+    def check_length(self) -> None:
+        """Return if a log takes a note of this length; what a log holds already is not checked.
+
+        Raises:
+            InvalidEventError: It is too long.
+        """
+        length = sum(len(getattr(self, name)) for name in NOTE_TEXTS)
+        if length > MOST_NOTE_CHARACTERS:
+            expected = f"at most {MOST_NOTE_CHARACTERS} characters in all of its texts"
+            raise InvalidEventError("Note", expected, length)
 
 
 def check_text(where: str, text: str) -> None:

@@ -7,7 +7,6 @@ by the log. The names and the meaning of every field are those of the `.msg` tex
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, field, fields
 from functools import cache
@@ -80,8 +79,8 @@ __all__ = [
 ]
 
 MAX_EVENT = 2**63 - 1
-LEAST_ABOVE_0 = math.nextafter(0.0, 1.0)
-"""The least number that is no zero."""
+LEAST_FLOAT32, GREATEST_FLOAT32 = 2.0**-149, (2 - 2.0**-23) * 2.0**127
+"""Of the positive numbers that a float32 can hold: what is beyond would be stored as 0, or not."""
 
 
 EventNumber: TypeAlias = Annotated[int, Whole(0, MAX_EVENT)]
@@ -224,8 +223,12 @@ class FloorMap(Event):
     level: LevelNumber = LEVEL_NOT_GIVEN
     """Not given: the log's only one."""
     resolution: Annotated[
-        float, Number(LEAST_ABOVE_0, words="a finite number of metres above 0", unit="metres")
-    ]
+        float,
+        Number(
+            LEAST_FLOAT32, GREATEST_FLOAT32,
+            words="a finite number of metres above 0 that a float32 can hold", unit="metres",
+        ),
+    ]  # fmt: skip
     """Metres a cell, float32 as in nav_msgs/MapMetaData."""
     origin_x: Coordinate
     """Where the lower left corner of cell (0, 0) lies, metres, frame `map`."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from semmap_log.arrow.table_columns import HISTORY_COLUMNS, SAID, THEN, Column
@@ -14,7 +15,6 @@ from semmap_log.domain.events import (
     ADDING_KINDS,
     POSE_KINDS,
     DoorAnnotated,
-    Event,
     FloorMap,
     LevelAdded,
 )
@@ -127,13 +127,26 @@ def names_then(
     names, levels = NamesThen(), {0}
     before = None if limit is None else limit + 1
 
-    def take(kinds: Collection[type[Event]]) -> None:
-        for batch in reader.batches(Window(kinds=bits_of_kinds(kinds), before_event=before)):
+    def take(batches: Iterable[EventBatch]) -> None:
+        for batch in batches:
             levels.update(levels_told(batch))
             names.apply(known.visible(batch))
 
     with_levels = _LEVEL_NAME in wanted
-    take([*ADDING_KINDS, DoorAnnotated, *([LevelAdded, FloorMap] if with_levels else [])])
+    kinds = [*ADDING_KINDS, DoorAnnotated, *([LevelAdded, FloorMap] if with_levels else [])]
+    take(reader.batches(Window(kinds=bits_of_kinds(kinds), before_event=before)))
     if with_levels and len(levels) > 1:  # a door is put on levels only that are told of
-        take([kind for kind in POSE_KINDS if kind not in ADDING_KINDS])
+        take(_moves(reader, before))
     return names
+
+
+def _moves(reader: LogReader, before: int | None) -> Iterator[EventBatch]:
+    """Yield the events that may put doors elsewhere, and what stands for those that are gone."""
+    kinds = bits_of_kinds(kind for kind in POSE_KINDS if kind not in ADDING_KINDS)
+    window = Window(kinds=kinds, before_event=before)
+    if reader.horizon:
+        from semmap_log.replay.horizon import events_at_horizon
+
+        yield from events_at_horizon(reader, window, None)
+        window = replace(window, first_event=reader.horizon)
+    yield from reader.batches(window)

@@ -98,7 +98,7 @@ def _check_room(folder: Path, size: int) -> None:
     free = shutil.disk_usage(folder.parent).free
     if size > free:
         raise OutputError(
-            f"{folder}: expected room for {size:,} bytes, as the manifest tells, got {free:,} "
+            f"{folder}: expected room for {size:,} bytes, as the manifest claims, got {free:,} "
             "free; nothing was fetched."
         )
 

@@ -49,7 +49,8 @@ class Annotations:
 
     def define(self, event: ClassDefined, stamp: Stamp) -> None:
         """Note what objects of a class are like."""
-        told = f"{event.geometry}\n{event.states}\n{event.blocks}"
+        texts = (event.geometry, event.states, event.blocks)
+        told = "\n".join(text.replace("\n", " ") for text in texts)
         self.write(_NO_DOOR, _DEFINES + event.class_name, told, stamp)
 
     def classes(self) -> dict[str, ObjectClass]:
@@ -58,7 +59,7 @@ class Annotations:
             return {}  # nothing is unpacked for it
         said = self._unpacked().get(_NO_DOOR, {})
         defined = {
-            key.removeprefix(_DEFINES): text.split("\n")
+            key.removeprefix(_DEFINES): text.split("\n", 2)
             for key, (_, text) in sorted(said.items())
             if key.startswith(_DEFINES)
         }

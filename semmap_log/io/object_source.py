@@ -25,7 +25,7 @@ GAP_BLOCKS = 4
 MOST_AT_ONCE = 2**23
 """Bytes of one request."""
 MOST_READ_BYTES = 2**27
-"""No more is taken up by one read: what says that it is longer, such as a chunk, may be wrong."""
+"""No read returns more: what claims to be longer, such as a chunk, is not fetched."""
 KEPT_BYTES = 2**25
 """So much is kept of all objects together, what was used last."""
 _THREADS = 8

@@ -1,8 +1,9 @@
 """Events as JSON lines from a pipe, a file or a keyboard, each appended as one commit.
 
 Lines that are waiting already share one sync; robot poses join the commit of the next line, or
-are written after a second. Every line is answered once it is stored as the log's durability
-promises, or once it is refused.
+are written after a second. Lines are answered once they are stored as the log's durability
+promises. A line that cannot be stored is refused, whatever is wrong with it, and the others are
+stored. Whatever ends the run, what was read before is written.
 """
 
 from __future__ import annotations
@@ -11,16 +12,24 @@ import json
 import os
 import select
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
+from semmap_log.common.texts import brief
 from semmap_log.domain.commits import NO_CONTENT, Commit, Durability
 from semmap_log.domain.events import Retracted, RobotPose
 from semmap_log.door_log.appended import Appended
 from semmap_log.door_log.appender import POSES_WAIT_S
 from semmap_log.door_log.door_commands import content_of
 from semmap_log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.errors import CommandError, CommandReusedError, FormatError, SemmapError
+from semmap_log.errors import (
+    CommandError,
+    CommandReusedError,
+    FormatError,
+    LogPoisonedError,
+    SemmapError,
+)
 from semmap_log.formats.json.event_json import means_same
 from semmap_log.formats.json.event_json_reader import (
     DoorLookup,
@@ -60,6 +69,8 @@ class LineRecorder:
     refused: int = 0
     stopping: bool = False
     """Set by a signal handler: finish what was read, then return."""
+    _read: deque[bytes] = field(default_factory=deque)
+    """Lines that were read, and not recorded yet."""
     _waiting: list[LineAnswer] = field(default_factory=list)
     _poses: list[tuple[int, RobotPose]] = field(default_factory=list)
     _poses_since: float = 0.0
@@ -71,20 +82,29 @@ class LineRecorder:
 
         Raises:
             LogPoisonedError: A write failed; lines without an answer may or may not be stored.
+            FormatError: `fd` cannot be read on; what was read before is stored.
         """
-        for lines in _line_groups(fd, self._stop_or_wait, self._patience_s):
-            for text in lines:
-                self._line += 1
-                if text.strip() and not self._take(text):
-                    self._finish()
+        try:
+            for lines in _line_groups(fd, self._stop_or_wait, self._patience_s):
+                self._read.extend(lines)
+                if not self._take_all():
                     return
-            if not self._may_wait():
-                self._settle()
-        self._finish()
+                if not self._may_wait():
+                    self._settle()
+        finally:  # whatever it was that ended it
+            self._take_all()
+            self._write_poses()
+            self._settle()
 
-    def _finish(self) -> None:
-        self._write_poses()
-        self._settle()
+    def _take_all(self) -> bool:
+        """Record the lines that were read; return False if the run must end here."""
+        while self._read:
+            self._line += 1
+            text = self._read.popleft()
+            if text.strip() and not self._take(text):
+                self._read.clear()
+                return False
+        return True
 
     def _stop_or_wait(self) -> bool:
         """Tell whether to stop; called while nothing comes in, and between reads."""
@@ -108,7 +128,7 @@ class LineRecorder:
         )
 
     def _take(self, text: bytes) -> bool:
-        """Record a line; return False if the run must end here."""
+        """Record a line, or refuse it; return False if the run must end here."""
         try:
             if not self._is_answered(text):
                 parsed = self._parse(text)
@@ -116,9 +136,10 @@ class LineRecorder:
                     self._keep_pose(parsed.event)
                 else:
                     self._append(parsed, text)
-        except (FormatError, CommandError) as error:
-            self.refused += 1
-            self.answer(LineAnswer(self._line, error=_without_place(error)))
+        except LogPoisonedError:  # nothing more can be written
+            raise
+        except Exception as error:  # noqa: BLE001  the lines after it are stored, whatever it is
+            self._wait(LineAnswer(self._line, error=_reason(error)))
             return not self.strict
         return True
 
@@ -129,7 +150,7 @@ class LineRecorder:
         understood.
         """
         if len(text) > MAX_LINE_BYTES:
-            raise CommandError(f"longer than {MAX_LINE_BYTES} bytes.")
+            raise CommandError(f"expected at most {MAX_LINE_BYTES} bytes, got a longer line.")
         command_id = command_id_of(text, path="line", line=self._line)
         stored = None if command_id is None else self.log.find_stored(command_id)
         if stored is None:
@@ -210,32 +231,44 @@ class LineRecorder:
         if self._waiting:
             if self.log.policy.level in (Durability.EVENT, Durability.BATCH):
                 self.log.sync()
-            for answer in self._waiting:
-                self.recorded += 1
+            answers, self._waiting = self._waiting, []
+            self.refused += sum(bool(answer.error) for answer in answers)
+            self.recorded += sum(not answer.error for answer in answers)
+            for answer in answers:
                 self.answer(answer)
-            self._waiting = []
 
 
 def _line_groups(
     fd: int, stop: Callable[[], bool], patience_s: Callable[[], float]
 ) -> Iterator[list[bytes]]:
     """Yield the lines that wait on `fd`, a group at a time, until its end or until told to stop."""
-    rest = b""
+    rest = bytearray()
     while not stop():
         ready, _, _ = select.select([fd], [], [], patience_s())
         if not ready:
             continue
-        data = os.read(fd, READ_BYTES)
+        data = _read_some(fd)
         if not data:
             break
-        *lines, rest = (rest + data).split(b"\n")
-        rest = rest[: MAX_LINE_BYTES + 1]  # too long already: it is refused once its end is seen
+        *lines, begun = data.split(b"\n")
         if lines:
+            lines[0] = bytes(rest + lines[0])
+            rest.clear()
             yield lines
+        if len(rest) <= MAX_LINE_BYTES:  # else it is too long already, and refused at its end
+            rest += begun
     else:
         return  # told to stop: a line that has begun is not a line
     if rest:
-        yield [rest]
+        yield [bytes(rest)]
+
+
+def _read_some(fd: int) -> bytes:
+    """Return what waits on `fd`; nothing: its end."""
+    try:
+        return os.read(fd, READ_BYTES)
+    except OSError as error:  # a folder, a disk that fails, a terminal that has gone
+        raise FormatError("standard input", f"cannot be read on: {error.strerror}") from None
 
 
 def _content(text: bytes) -> bytes:
@@ -243,8 +276,8 @@ def _content(text: bytes) -> bytes:
     return content_of("line", json.dumps(load_object(text), sort_keys=True))
 
 
-def _without_place(error: SemmapError) -> str:
-    """Return an error's text without the `line:7:` that the answer says already."""
-    text = str(error)
+def _reason(error: Exception) -> str:
+    """Return why a line was refused, without the `line:7:` that the answer says already."""
+    text = str(error) if isinstance(error, SemmapError) else f"{type(error).__name__}: {error}"
     place, colon, rest = text.partition(": ")
-    return rest if colon and place.startswith("line:") else text
+    return brief(rest if colon and place.startswith("line:") else text)

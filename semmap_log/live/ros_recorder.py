@@ -21,7 +21,7 @@ from semmap_log.domain.commits import Durability, Note
 from semmap_log.domain.events import Event
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.errors import CommandError, RosError
+from semmap_log.errors import CommandError, InvalidEventError, RosError
 from semmap_log.formats.ros.ros_decoding import MessageType
 from semmap_log.formats.ros.ros_types import RosVersion, short_name
 from semmap_log.live.ros_node import Received, RosNode
@@ -52,6 +52,7 @@ class EventSink(Protocol):
 
         Raises:
             CommandError: The map forbids one; none was taken.
+            InvalidEventError: No log can hold one; none was taken.
         """
 
     def settle(self) -> None:
@@ -317,7 +318,7 @@ class RosRecorder:
         source = f"{got.topic} of {got.sender}" if got.sender else got.topic
         try:
             self.sink.write(made.events, Note(made.actor, source, made.reason))
-        except CommandError as error:
+        except (CommandError, InvalidEventError) as error:
             self._complaints.add(topic, "events that the map forbids; left out", error)
             self._start_anew()
             return
@@ -340,7 +341,7 @@ class RosRecorder:
         for commit in visits:
             try:
                 self.sink.write(commit.events, commit.note)
-            except CommandError as error:
+            except (CommandError, InvalidEventError) as error:
                 said = "a sighting by laser that the map forbids; left out"
                 self._complaints.add(commit.note.source, said, error)
                 self._start_anew()

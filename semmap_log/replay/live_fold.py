@@ -28,8 +28,8 @@ class LiveState(Generic[S]):
     event: int
     """The last event in it; -1: none."""
     began_anew: bool = False
-    """A retraction hid what was in the state before, or something was redacted: it was folded again
-    from the log's start."""
+    """It was folded again from the log's start: a retraction hid what was in the state before,
+    something was redacted, or what came next was no longer kept."""
 
 
 def fold_live(

@@ -75,6 +75,10 @@ class Position:
             if one.number > self.event
         )
 
+    def is_before_horizon(self, reader: LogReader) -> bool:
+        """Tell whether events that come next are gone for their age."""
+        return NO_EVENT < self.event < reader.horizon - 1
+
     def _leaves_out(self, later: Retraction) -> bool:
         """Tell whether an earlier retraction hides all of it that was taken in."""
         last = min(later.last_event, self.event)
@@ -110,14 +114,36 @@ def hiding(retractions: Iterable[Retraction]) -> Retractions:
 
 
 def events_behind(
-    reader: LogReader, event: int, limit: int | None = None, progress: Progress | None = None
+    reader: LogReader,
+    event: int,
+    limit: int | None = None,
+    *,
+    at_ns: int | None = None,
+    progress: Progress | None = None,
 ) -> Iterator[EventBatch]:
     """Yield all events with numbers behind `event`, and up to `limit`, retracted ones included.
 
+    From a log's beginning on, what stands for the events before its horizon comes first.
+
+    Args:
+        reader: Of the log.
+        event: The number; -1: from the beginning on.
+        limit: The last event; None: the log's.
+        at_ns: Those that happened later are not needed; None: all are.
+        progress: Told how far the reading is.
+
     Raises:
         CorruptLogError: A chunk is not what was written, or events are missing.
+        HorizonError: The limit, or the moment, is before the horizon.
     """
-    return reader.batches(_behind(event, limit), progress=progress)
+    if event == NO_EVENT and reader.horizon:
+        from semmap_log.replay.horizon import events_at_horizon
+
+        window = Window.up_to(at_ns=at_ns, event=limit)
+        reader.check_horizon(window)
+        yield from events_at_horizon(reader, window, None)
+        event = reader.horizon - 1
+    yield from reader.batches(_behind(event, limit), progress=progress)
 
 
 def _behind(event: int, limit: int | None, kinds: int = EVENT_BITS) -> Window:

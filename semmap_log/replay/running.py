@@ -59,7 +59,8 @@ class RunningFold(Generic[S]):
     ) -> bool:
         """Take in the events up to a number, or to the log's end; tell whether it began anew.
 
-        It begins anew if a retraction hides what was taken in, or something was redacted since.
+        It begins anew if a retraction hides what was taken in, something was redacted since, or
+        what comes next is gone.
 
         Args:
             reader: Of the log; it is known to hold the position.
@@ -69,14 +70,19 @@ class RunningFold(Generic[S]):
         """
         later = retractions_behind(reader, self.position.event, limit)
         so_far = self.position
-        begins_anew = so_far.is_touched_by(later) or so_far.is_before_redaction(reader)
+        begins_anew = (
+            so_far.is_touched_by(later)
+            or so_far.is_before_redaction(reader)
+            or so_far.is_before_horizon(reader)
+        )
         if begins_anew:
             self._begin_anew()
             later = retractions_behind(reader, NO_EVENT, limit)
         self._retractions = (*self._retractions, *later)
         self._hidden = hiding(self._retractions)
-        for batch in events_behind(reader, self._event, limit, progress):
-            can_save = at_ns is None and self._is_due()
+        for batch in events_behind(reader, self._event, limit, at_ns=at_ns, progress=progress):
+            is_kept = int(batch.number[-1]) >= reader.horizon
+            can_save = at_ns is None and is_kept and self._is_due()
             rest = self._save_on_the_way(reader, batch) if can_save else batch
             self._apply(rest, at_ns)
         is_further = at_ns is None and self._event != self.position.event

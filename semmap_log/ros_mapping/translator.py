@@ -132,8 +132,8 @@ class Translator:
                 known.apply(event)
                 events.append(event)
             actor = reader.actor(got) if events else ""
-        except _TROUBLE as error:
-            said = f"{type(error).__name__}: {error}" if _is_ours(error) else str(error)
+        except Exception as error:  # noqa: BLE001  of a message that is anything
+            said = str(error) if isinstance(error, _TELLING) else f"{type(error).__name__}: {error}"
             self.complaints.add(got.topic, "a message that cannot be; passed over", said)
             return Made(events)
         rule = self._rules[got.topic].reading
@@ -164,10 +164,5 @@ class Translator:
 _PLACING = (ReadScan, ReadFrames, ReadPlace, ReadTransforms, ReadPose)
 """What can give a scan its place."""
 
-_TROUBLE = (SemmapError, AttributeError, TypeError, ValueError, OverflowError, IndexError)
-"""What a message raises that is another than its name says, or holds what cannot be."""
-
-
-def _is_ours(error: Exception) -> bool:
-    """Tell whether an error's text means little without its type."""
-    return isinstance(error, (AttributeError, TypeError, IndexError))
+_TELLING = (SemmapError, ValueError, OverflowError)
+"""Errors whose text says enough without their type."""

@@ -41,9 +41,6 @@ from semmap_log.store.form import (
 
 MOST_EVENT_BYTES = 100 * 2**20
 """Of an event's record: a floor map of 100 million cells is shorter. Chunks have a bound, too."""
-MOST_NOTE_CHARACTERS = 4 * 2**20
-"""Of all of a note's texts together: at most 16 MiB."""
-
 SALT_BYTES = 16
 
 Entropy = Callable[[int], bytes]
@@ -104,7 +101,7 @@ class CommitBuilder:
         Raises:
             InvalidEventError: The note is too long.
         """
-        _check_length(note)
+        note.check_length()
         self._stamp = stamp
         self._note = note
         self._entropy = entropy
@@ -231,13 +228,6 @@ class CommitBuilder:
     def _full(self, open_chunk: ChunkBuilder) -> BuiltChunk:
         open_chunk.hash_into(self._digests)
         return open_chunk.chunk()
-
-
-def _check_length(note: Note) -> None:
-    said = len(note.actor) + len(note.source) + len(note.reason) + len(note.correlation)
-    if said > MOST_NOTE_CHARACTERS:
-        expected = f"at most {MOST_NOTE_CHARACTERS} characters in all of its texts"
-        raise InvalidEventError("Note", expected, said)
 
 
 def _parts(events: Iterable[Event | EventBatch]) -> Iterator[Event | EventBatch]:

@@ -541,10 +541,11 @@ def test_record_strict_stops_at_the_first_bad_line(run, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_record_ends_well_when_asked_to(sign: signal.Signals, run, tmp_path: Path) -> None:
     """
-    Ctrl-C and SIGTERM: what was read is stored, the segment is closed, the exit code is 0.
+    Ctrl-C, SIGTERM and a terminal that is closed: what was read is stored, the segment is closed,
+    the exit code is 0.
     """
     process = _start("record", tmp_path / "office", "--ack")
     assert process.stdin is not None

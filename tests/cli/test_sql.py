@@ -266,3 +266,20 @@ def test_ctrl_c_ends_a_query_that_has_no_end(
     assert (INTERRUPTED if number == signal.SIGINT else 128 + number) == code
     assert err == b""
     assert ["office"] == [path.name for path in office.iterdir()]
+
+
+def test_a_query_from_a_pipe_that_is_no_text_is_an_error(tmp_path: Path) -> None:
+    """
+    In a line, as every other.
+    """
+    sl.create(tmp_path / "log", tz="UTC").close()
+
+    done = subprocess.run(
+        [sys.executable, "-m", "semmap_log", "sql", tmp_path / "log", "-"],
+        input=b"SELECT \xff", capture_output=True, check=False, timeout=200,
+        env={**os.environ, "PYTHONIOENCODING": "utf-8:strict"},
+    )  # fmt: skip
+
+    assert 1 == done.returncode
+    assert b"Traceback" not in done.stderr
+    assert done.stderr.startswith(b"semmap-log: ")

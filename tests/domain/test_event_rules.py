@@ -92,7 +92,9 @@ EDGES: dict[str, tuple[str, list[Any], list[Any]]] = {
     "name": ("text without NUL characters", [""], ["a\0"]),
     "elevation": ("a number", [math.nan, math.inf, -1], ["1", True]),
     "resolution": (
-        "a finite number of metres above 0", [LEAST, GREATEST], [0, -1.0, math.nan, math.inf]
+        "a finite number of metres above 0 that a float32 can hold",
+        [2.0**-149, float(np.finfo(np.float32).max)],
+        [0, -1.0, LEAST, GREATEST, math.nan, math.inf],
     ),
     "origin_x": ("a finite number", [0], [math.nan, math.inf]),
     "origin_y": ("a finite number", [0], [math.nan, math.inf]),

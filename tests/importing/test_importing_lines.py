@@ -101,6 +101,24 @@ def test_every_wrong_line_is_told(tmp_path):
         assert part in line
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a\0b", "reason: expected text without NUL"),
+        ("x" * 5 * 2**20, "Note: expected at most 41943"),
+    ],
+)
+def test_a_note_that_no_log_takes_is_told_with_its_line(tmp_path, text, expected):
+    """
+    Before anything is stored, and in a message that can be read.
+    """
+    with pytest.raises(FormatError) as caught:
+        plan(tmp_path, SEEN | {"door_id": 3}, SEEN | {"door_id": 3, "reason": text})
+
+    assert f"in.jsonl:2: {expected}" in str(caught.value)
+    assert len(str(caught.value)) < 3000
+
+
 def test_retractions_of_another_log_are_left_out_and_said(tmp_path):
     """
     Their numbers are of that log's events; one written by hand means this one's.

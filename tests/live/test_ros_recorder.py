@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.domain.commits import Note
-from semmap_log.domain.events import Event, LevelAdded
+from semmap_log.domain.commits import MOST_NOTE_CHARACTERS, Note
+from semmap_log.domain.events import DoorRequested, Event, LevelAdded
 from semmap_log.errors import CommandError, LogPoisonedError, RosError
 from semmap_log.importing.importing import import_file
 from semmap_log.live import ros_recorder
@@ -131,6 +131,27 @@ def test_a_type_that_is_not_installed_is_told_once(tmp_path: Path) -> None:
         recorder.run()
 
     assert ["/odd: left out: odd_msgs is not there; install it"] == told
+
+
+def test_a_message_that_no_log_takes_is_left_out_and_the_others_are_stored(tmp_path: Path) -> None:
+    """
+    A name of whoever asks that is longer than a note may be: complained about, once.
+    """
+
+    def during(node: MemoryNode) -> None:
+        node.say(Said("/door_states", *ROBOT.door_state("front", 2, START), START))
+        for who in ("x" * (MOST_NOTE_CHARACTERS + 1), "eva"):
+            node.say(Said("/door_requests", *ROBOT.door_request("front", 0, who), START + S))
+
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        recorder, told = _recorder(MemoryNode(during), LogSink(log))
+        recorder.run()
+
+    entries = list(sl.read(tmp_path / "log").history(kinds=[DoorRequested]))
+    assert ["eva"] == [entry.actor for entry in entries]
+    assert 1 == sum(
+        "events that the map forbids; left out: Note: expected" in each for each in told
+    )
 
 
 def test_what_comes_too_fast_for_the_disk_is_dropped_and_counted(

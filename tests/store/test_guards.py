@@ -16,7 +16,7 @@ import pytest
 from mcap.records import ChunkIndex
 
 import semmap_log as sl
-from semmap_log.domain.commits import Note
+from semmap_log.domain.commits import MOST_NOTE_CHARACTERS, Note
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import DoorAdded, DoorObserved
 from semmap_log.errors import CorruptLogError, LogPoisonedError
@@ -36,7 +36,6 @@ from semmap_log.store.chunks import (
 )
 from semmap_log.store.commit_records import (
     MOST_EVENT_BYTES,
-    MOST_NOTE_CHARACTERS,
     CommitBuilder,
     Stamp,
 )

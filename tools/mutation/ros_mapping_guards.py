@@ -102,7 +102,7 @@ SEEN = (
           'self.complaints.add(topic, "a message that cannot be read; passed over", error)', "",
           "test_sightings"),
     guard("a message that cannot be", "Translator._made",
-          "_TROUBLE", "ArithmeticError", "test_sightings", "test_robot"),
+          "Exception", "ArithmeticError", "test_sightings", "test_robot"),
     guard("an event counts at once", "Translator._made",
           "known.apply(event)", "", "test_door_maps"),
     guard("each kind of trouble is told once", "TopicProblems.add",

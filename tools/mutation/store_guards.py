@@ -93,6 +93,13 @@ STORES: tuple[Mutant, ...] = (
         "test_endless_answers",
     ),
     guard(
+        "stores: an answer that fills the memory",
+        "bounded_requests.answer_of",
+        "_peak_bytes() > most",
+        "False",
+        "test_endless_answers",
+    ),
+    guard(
         "stores: room on the disk",
         "fetching._check_room",
         "size > free",
@@ -102,8 +109,8 @@ STORES: tuple[Mutant, ...] = (
     guard(
         "fleet: a worker that comes back late",
         "DaskEngine.__init__",
-        '"distributed.deploy.lost-worker-timeout": _NEVER,',
-        "",
+        '"distributed.deploy.lost-worker-timeout"',
+        '"distributed.deploy.nothing"',
         "test_a_worker_that_comes_back_late_is_waited_for",
     ),
 )

@@ -23,7 +23,7 @@ from semmap_log.io.checked_file import read_checked, write_checked
 
 FORMAT = 1
 MOST_BYTES = 2**28
-"""Of an answer that is kept: a longer one is asked for again."""
+"""Of an answer that is kept; a longer one is not."""
 
 
 class KeptAnswers:

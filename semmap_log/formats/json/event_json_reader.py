@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from semmap_log.domain.commits import Note
+from semmap_log.domain.commits import Note, text_expected
 from semmap_log.domain.doors import NAN, DoorId, DoorState
 from semmap_log.domain.events import (
     KIND_BY_NAME,
@@ -52,10 +52,8 @@ class ParsedLine:
     """An event with what was said about it."""
 
     event: Event
-    actor: str = ""
-    source: str = ""
-    reason: str = ""
-    correlation: str = ""
+    note: Note = field(default_factory=Note)
+    """Who and why."""
     command_id: bytes | None = None
     """16 bytes."""
     number: int | None = None
@@ -70,11 +68,6 @@ class ParsedLine:
     """That log had taken it back."""
     timezone: str = ""
     """IANA zone of that log; empty: the line does not tell it."""
-
-    @property
-    def note(self) -> Note:
-        """Who and why."""
-        return Note(self.actor, self.source, self.reason, self.correlation)
 
     @property
     def is_exported(self) -> bool:
@@ -143,7 +136,7 @@ class _LineReader:
         kind = self.kind()
         self.refuse_unknown(kind)
         happened_ns = self.instant("happened")
-        said = {key: self.text(key) for key in NOTE_KEYS if key in self.left}
+        note = self.note()
         command_id = self.command_id()
         number = self.whole("event") if "event" in self.left else None
         recorded_ns = self.instant("recorded")
@@ -160,6 +153,7 @@ class _LineReader:
         event = kind(happened_ns=happened_ns, **values)
         return ParsedLine(
             event,
+            note,
             command_id=command_id,
             number=number,
             recorded_ns=recorded_ns,
@@ -167,8 +161,17 @@ class _LineReader:
             content=content,
             retracted=retracted,
             timezone=timezone,
-            **said,
         )
+
+    def note(self) -> Note:
+        """Return who and why."""
+        if self.left.keys().isdisjoint(NOTE_KEYS):
+            return _NOTHING_SAID
+        texts = (self.text(key) if key in self.left else "" for key in NOTE_KEYS)
+        actor, source, reason, correlation = texts
+        note = Note(actor, source, reason, correlation)
+        note.check_length()
+        return note
 
     def kind(self) -> type[Event]:
         name = self.left.pop("kind", None)
@@ -308,8 +311,9 @@ class _LineReader:
         value = self.left.pop(key)
         if not isinstance(value, str):
             raise _WrongError(f"{key}: expected a text, got {shown(value)}")
-        if not _is_unicode(value):
-            raise _WrongError(f"{key}: expected text that UTF-8 can hold, got {shown(value)}")
+        expected = text_expected(value)
+        if expected:
+            raise _WrongError(f"{key}: expected {expected}, got {shown(value)}")
         return value
 
     def truth(self, key: str) -> bool:
@@ -369,6 +373,8 @@ def _own_id(command_id: bytes | None, number: object) -> bytes | None:
     return hashlib.sha256(command_id + str(number).encode()).digest()[: len(command_id)]
 
 
+_NOTHING_SAID = Note()
+
 _OF_EXPORTS = ("event", "recorded", "commit", "content", "retracted", "timezone")
 """Keys by which `import` makes the same log again."""
 
@@ -390,11 +396,6 @@ def keys_of(kind: type[Event]) -> list[str]:
     names += ["accuracy"] if kind is DoorObserved else []
     names += ["door"] if issubclass(kind, DoorEvent) and kind is not DoorAdded else []
     return [*names, *NOTE_KEYS, "command_id"]
-
-
-def _is_unicode(text: str) -> bool:
-    """False for half a surrogate pair, which JSON can write and UTF-8 cannot."""
-    return not any("\ud800" <= character <= "\udfff" for character in text)
 
 
 _KNOWN_KEYS = {

@@ -91,7 +91,7 @@ def test_a_recorded_event_shows_its_number_and_when_the_log_learnt_it():
     line = parse(shown | {"command_id": "00" * 15 + "fF"})
     assert recorded.event == line.event
     assert (12, NOON_NS + 1) == (line.number, line.recorded_ns)
-    assert ("eva", "walled up", "") == (line.actor, line.reason, line.source)
+    assert ("eva", "walled up", "") == (line.note.actor, line.note.reason, line.note.source)
     assert bytes(15) + b"\xff" == line.command_id
 
 

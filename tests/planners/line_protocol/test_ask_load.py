@@ -34,6 +34,6 @@ def test_all_figures_are_there(
     assert 0 == ask_load.main(few)
 
     said = capsys.readouterr().out
-    assert 16 == len(said.splitlines())
+    assert 19 == len(said.splitlines())
     assert "wrong" not in said
     assert [] == list(tmp_path.iterdir())

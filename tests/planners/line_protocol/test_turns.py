@@ -39,12 +39,17 @@ class Doing:
         self.done: list[str] = []
 
     def work(
-        self, name: str, parts: int, before: Callable[[], object] = lambda: None
+        self,
+        name: str,
+        parts: int,
+        before: Callable[[], object] = lambda: None,
+        *,
+        part_s: float = PART_S,
     ) -> Iterator[None]:
         """Work of so many parts, each of which takes a while; something comes before the first."""
         before()
         for number in range(parts):
-            time.sleep(PART_S)
+            time.sleep(part_s)
             self.done.append(name)
             if number < parts - 1:
                 yield
@@ -59,6 +64,20 @@ def test_one_that_comes_waits_for_one_part_of_anothers(
     turns.close()
 
     assert ["long", "short", "long", "long", "long"] == doing.done
+
+
+def test_short_parts_come_more_often_than_long_ones(
+    turns: Turns, clients: list[Connection]
+) -> None:
+    doing, long, short = Doing(), *clients
+
+    def begin() -> None:
+        turns.add(short, doing.work("short", 3, part_s=0.001))
+
+    turns.add(long, doing.work("long", 3, begin, part_s=0.2))
+    turns.close()
+
+    assert ["long", "short", "short", "short", "long", "long"] == doing.done
 
 
 def test_who_comes_back_has_no_turns_saved(turns: Turns, clients: list[Connection]) -> None:

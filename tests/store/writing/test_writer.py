@@ -60,7 +60,7 @@ def test_what_no_chunk_can_hold_is_refused_before_it_is_written(
     A floor map, an annotation, a note: an error, nothing in the log, and the writer goes on.
     """
     monkeypatch.setattr(commits, "MOST_EVENT_BYTES", 2**16)
-    monkeypatch.setattr(commits, "MOST_NOTE_CHARACTERS", 2**15)
+    monkeypatch.setattr("semmap_log.domain.commits.MOST_NOTE_CHARACTERS", 2**15)
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", clock=clock) as log:
         door = log.add_door()
