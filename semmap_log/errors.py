@@ -36,7 +36,7 @@
     ├── RosError                    ROS is not there, or what was asked of it is not
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
-and six warnings:
+and seven warnings:
 
     KeyframeWarning                 a cache in the log cannot be used; answers only take longer
     NewerLogWarning                 events of a later version are left out; they change no answer
@@ -44,6 +44,7 @@ and six warnings:
     LevelNameWarning                a level's name is the number of another; the name counts
     KnownLaterWarning               nothing was known at a moment that the log was told of later
     SensorWarning                   what a sensor read contradicts the accuracies declared for it
+    ClockWarning                    an answer reaches back to when the robot's clock was not set
 
 Messages say where, what was expected, what was got and, where it helps, what to do.
 """
@@ -338,3 +339,7 @@ class KnownLaterWarning(UserWarning):
 
 class SensorWarning(UserWarning):
     """What a sensor read contradicts the accuracies that are declared for it: P(open) is off."""
+
+
+class ClockWarning(UserWarning):
+    """Events happened at times at which the robot's clock cannot have been right."""

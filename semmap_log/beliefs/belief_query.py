@@ -14,6 +14,7 @@ from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.moments import Moment
+from semmap_log.door_log.clock_warnings import warn_of_clock
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.door_log.known_later import known_later, moment_asked_ns
 from semmap_log.errors import UnknownDoorError
@@ -118,6 +119,7 @@ def ask(
         UnknownDoorError: One of the doors was not in the map then.
         MomentError: The time or the zone cannot be read.
     """
+    warn_of_clock(log)
     happened, known = log.moment(at), log.moment(known_at)
     moment_ns = moment_asked_ns(log, happened, known)
     if as_happened:

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from semmap_log.beliefs.patrol import Patrol, visited
 from semmap_log.beliefs.protocol import Protocol
 from semmap_log.beliefs.sensor_warnings import warn_of_sensors
@@ -23,10 +25,11 @@ from semmap_log.beliefs.trials import (
 )
 from semmap_log.domain.doors import DoorId
 from semmap_log.domain.keywords import knows_keywords
+from semmap_log.door_log.clock_warnings import believable_span, warn_of_clock
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.errors import EstimatorError
 from semmap_log.io.progress import Progress
-from semmap_log.probabilities.estimator import Estimator, LearntModel
+from semmap_log.probabilities.estimator import Estimator, LearntModel, Times
 from semmap_log.probabilities.evidence.evidence import Evidence, EvidenceProjection
 from semmap_log.probabilities.local_clock import LocalClock
 from semmap_log.probabilities.scores import (
@@ -42,6 +45,9 @@ LEAST_SAMPLES = (200, 100)
 """A door with fewer samples to learn from, or to be forecast, is left out."""
 LEAST_VISITS = (20, 10)
 """The same where visits are what is forecast."""
+MOST_SAMPLES = 2**21
+"""Of a door: four years of minutes. Where more is known, forecasts lie farther apart."""
+AT_ONCE = 2**16
 
 ForecastReader = Callable[[str, str, Trials, Probabilities], None]
 """Takes a protocol's name, an estimator's, what was asked of one door, and what it said: P(outcome
@@ -149,9 +155,11 @@ def evaluate_all(
         read_forecasts: Told the forecasts themselves, once a door, estimator and protocol: an
             evaluation holds their figures only.
     """
+    warn_of_clock(log)
     evidence = log.fold(EvidenceProjection())
     chosen = [d for d in evidence.door_ids if doors is None or d in doors]
-    span = log.instant(since), log.instant(until)
+    asked = log.instant(since), log.instant(until)
+    span = [b if a is None else a for a, b in zip(asked, believable_span(log), strict=True)]
     clock = LocalClock(log.info.timezone if tz is None else tz)
     is_truth = holds_truth(evidence, chosen)
     stretches = (
@@ -169,14 +177,22 @@ def evaluate_all(
         return reading_trials(evidence.door(door_id), *span)
 
     tests = {
-        name: _Test(name, protocol, is_truth, clock, stretches, ask, read_forecasts)
-        for name, protocol in protocols.items()
+        name: _Test(name, _coarse(of, stretches), is_truth, clock, stretches, ask, read_forecasts)
+        for name, of in protocols.items()
     }
     for test in tests.values():
         test.take(chosen, str(log.path))
     _run(tests, estimators, evidence=evidence, stretches=stretches, clock=clock, progress=progress)
     doubts = warn_of_sensors(log, evidence, chosen, evidence.latest_ns)
     return {name: replace(test.evaluation(), sensor_doubts=doubts) for name, test in tests.items()}
+
+
+def _coarse(protocol: Protocol, stretches: Mapping[DoorId, StateIntervals]) -> Protocol:
+    """Return the protocol with steps so long that no door has more than `MOST_SAMPLES`."""
+    step_ns = whole_ns(protocol.step_s)
+    most = max((found.count(step_ns) for found in stretches.values()), default=0)
+    times = -(-most // MOST_SAMPLES)
+    return protocol if times <= 1 else replace(protocol, step_s=protocol.step_s * times)
 
 
 def _run(
@@ -262,7 +278,7 @@ class _Test:
         training, split_ns = self.doors[door_id]
         trials = self._tests(door_id, training)
         known_ns = self.protocol.known_ns(trials, split_ns, self.clock)
-        p = trials.p_outcome(learnt.predict(door_id, trials.times_ns, known_ns).p_open)
+        p = trials.p_outcome(_p_open(door_id, learnt, trials.times_ns, known_ns))
         self.scores.setdefault(door_id, {})[name] = scores(p, trials.outcome)
         found = Reliability.of(p, trials.outcome)
         before = self.reliability.get(name)
@@ -285,6 +301,15 @@ class _Test:
             for door_id, (training, _) in self.doors.items()
         ]
         return Evaluation(self.protocol, self.is_truth, doors, self.left_out, self.reliability)
+
+
+def _p_open(
+    door_id: DoorId, learnt: LearntModel, times_ns: Times, known_ns: Times
+) -> Probabilities:
+    """Return P(open) at each time; some are forecast at a time, to bound memory."""
+    parts = (slice(i, i + AT_ONCE) for i in range(0, max(len(times_ns), 1), AT_ONCE))
+    said = (learnt.predict(door_id, times_ns[part], known_ns[part]).p_open for part in parts)
+    return np.concatenate([*said])
 
 
 def _count(each: Mapping[str, Scores]) -> int:

@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import STATE_KINDS
-from semmap_log.domain.moments import SECOND_NS
+from semmap_log.domain.moments import DAY_NS, SECOND_NS
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.folds.timeline import timeline
 from semmap_log.io.progress import Progress
 from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
+
+LONGEST_NS = 366 * DAY_NS
+"""A state that stays for longer: the robot may have been stored, or its clock wrong."""
 
 Times = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -46,6 +49,10 @@ class StateIntervals:
         """Return at which times the state was known."""
         place = np.searchsorted(self.start_ns, times_ns, "right") - 1
         return (place >= 0) & (times_ns < np.append(self.end_ns, 0)[place])
+
+    def count(self, step_ns: int) -> int:
+        """Return how many times `sampled` returns."""
+        return int((-(-self.end_ns // step_ns) + -self.start_ns // step_ns).sum())
 
     def sampled(self, step_ns: int) -> tuple[Times, NDArray[np.bool_]]:
         """Return (times, whether it was open) at each whole multiple of a step.
@@ -138,7 +145,8 @@ def truths(
     """Yield when doors were known to be open or closed.
 
     A door that was never seen, only set, is known as its timeline says. Of one that was seen, too,
-    only what was set and not contradicted is: a reading is no truth.
+    or that stayed as it was for more than `LONGEST_NS`, only what is evidence is: what was set and
+    not contradicted, and not long ago. A reading is no truth.
     """
     plain = [door for door in door_ids if not evidence.counts(door).sightings]
     batches = log.batches(kinds=STATE_KINDS, doors=plain, progress=progress) if plain else ()
@@ -146,10 +154,12 @@ def truths(
     end_ns = log.end_ns()
     for door_id in door_ids:
         if door_id in by_door:
-            yield door_id, _of_timeline(by_door[door_id], door_id, end_ns)
-        else:
-            known = evidence.door(door_id)
-            yield door_id, StateIntervals(known.start_ns, known.end_ns, known.is_open)
+            found = _of_timeline(by_door[door_id], door_id, end_ns)
+            if (found.end_ns - found.start_ns <= LONGEST_NS).all():
+                yield door_id, found
+                continue
+        known = evidence.door(door_id)
+        yield door_id, StateIntervals(known.start_ns, known.end_ns, known.is_open)
 
 
 def _parts(

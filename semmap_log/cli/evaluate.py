@@ -110,6 +110,8 @@ def run(
         from semmap_log.views.plots.reliability import plot_calibration
 
         plot_calibration(found, plot, name=log_name(log))
+    if found.protocol.step_s != step:
+        say(f"known for so long: a forecast each {found.protocol.step_s:g} s, not each {step:g} s.")
     names = opened.door_names()
     if as_json:
         print_json(evaluation_to_json(found, names=names))

@@ -32,6 +32,7 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.object_classes import OUTLINE, outline_told
+from semmap_log.door_log.clock_warnings import warn_of_clock
 from semmap_log.door_log.command_content import are_same
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.replay.replay import Scope
@@ -79,6 +80,7 @@ def costmap_frames(
         UnknownLevelError: As for `costmap_at`.
     """
     first_ns, end_ns = log.instant(since), log.instant(until)
+    warn_of_clock(log, first_ns)
     if first_ns is None:
         later_ns = log.shown_from_ns(None, None if end_ns is None else end_ns + 1)
         first_ns = _first_ns(log) if later_ns is None else later_ns - 1

@@ -74,6 +74,9 @@ PIN = "pin:"
 class DoorLog(LogTables, LogQueries, ShownAsTable):
     """A log that is read: as it was when it was opened, or last refreshed."""
 
+    has_told_of_clock = False
+    """Whether a warning has said that its clock was not set at some time: see `clock_warnings`."""
+
     def __init__(self, path: str | PurePath | LogFolder | LogReader) -> None:
         """Open a log for reading; needs no lock, no write access and no free space.
 
@@ -695,11 +698,13 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             MomentError: `since` comes after `until`.
             HorizonError: What is asked for begins, or ends, before the log's horizon.
         """
+        from semmap_log.door_log.clock_warnings import warn_of_clock
         from semmap_log.folds.timeline import timelines
 
         scope = self.scope(at, known_at)
         since_ns, until_ns = self.instant(since), self.instant(until)
         refuse_reversed(since_ns, until_ns)
+        warn_of_clock(self, since_ns)
         self._reader.check_horizon(Window(happened_from_ns=since_ns, happened_before_ns=until_ns))
         asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
         ids = None if doors is None else self._ids_ever(doors)

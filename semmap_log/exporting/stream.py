@@ -17,6 +17,7 @@ from semmap_log.domain.events import ClassDefined, DoorEvent, FloorMap, LevelAdd
 from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.domain.moments import refuse_reversed
 from semmap_log.domain.object_classes import DOOR
+from semmap_log.door_log.clock_warnings import warn_of_clock
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.exporting.in_order import Times, moments, times_of
 from semmap_log.exporting.latest_doors import LatestDoors
@@ -138,6 +139,7 @@ def log_stream(
         HorizonError: It begins, or ends, before the log's horizon.
     """
     since_ns, until_ns = log.instant(since), log.instant(until)
+    warn_of_clock(log, since_ns)
     refuse_reversed(since_ns, until_ns)
     later_ns = log.shown_from_ns(
         None if since_ns is None else since_ns + 1, None if until_ns is None else until_ns + 1

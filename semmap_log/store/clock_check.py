@@ -10,6 +10,8 @@ JUMP_NS = 60 * 10**9
 """A wall clock that moves by more than this against the monotonic clock of its boot is suspect."""
 NEVER_BEFORE_NS = 946_684_800 * 10**9
 """2000-01-01: no log is older, so a clock that says so was never set."""
+NEVER_AFTER_NS = 4_102_444_800 * 10**9
+"""2100-01-01: no log is so young, so a clock that says so is wrong."""
 
 _UNITS = ((365 * 86_400, "years"), (86_400, "days"), (3_600, "h"), (60, "min"), (1, "s"))
 
@@ -56,6 +58,10 @@ def clock_problem(previous: Commit | None, commit: Commit) -> str:
     is_unset = commit.wall_clock_ns < NEVER_BEFORE_NS
     if is_unset and (previous is None or previous.wall_clock_ns >= NEVER_BEFORE_NS):
         return "the wall clock was not set from here on: it says a time before the year 2000"
+    if commit.wall_clock_ns >= NEVER_AFTER_NS and (
+        previous is None or previous.wall_clock_ns < NEVER_AFTER_NS
+    ):
+        return "the wall clock was wrong from here on: it says a time after the year 2099"
     if previous is None:
         return ""
     moved = commit.wall_clock_ns - previous.wall_clock_ns

@@ -13,6 +13,7 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.batches.retraction import Retractions, in_ranges
 from semmap_log.domain.doors import DoorId, DoorMap
 from semmap_log.domain.moments import refuse_reversed
+from semmap_log.door_log.clock_warnings import warn_of_clock
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.replay.replay import Scope
 from semmap_log.store.reading.window import Window
@@ -50,6 +51,7 @@ class Excerpt:
         chosen = None if doors is None else frozenset(doors)
         since_ns, until_ns = log.instant(since), log.instant(until)
         refuse_reversed(since_ns, until_ns)
+        warn_of_clock(log, since_ns)
         return cls(log, log.shown_from_ns(since_ns, until_ns), until_ns, chosen)
 
     def read(self, progress: Callable[[int, int], None] | None = None) -> Iterator[EventBatch]:
