@@ -115,9 +115,11 @@ def _last(
     while count:
         start = max(after, end - back)
         commits = opened.commits_after(start, with_newer=True)
-        found = deque(_events(commits, wanted), maxlen=count)
-        if len(found) == count or start == after:
-            return found
+        numbers = deque((one.number for one, _ in _events(commits, wanted)), maxlen=count)
+        if numbers and (len(numbers) == count or start == after):  # read again, one at a time
+            return _events(opened.commits_after(numbers[0] - 1, with_newer=True), wanted)
+        if start == after:
+            return ()
         back *= BACK_FACTOR
     return ()
 

@@ -11,7 +11,7 @@ from semmap_log.domain.meaning import Changed
 from semmap_log.errors import FormatError, UnknownDoorError
 from semmap_log.folds.levels import level_called, levels_of
 from semmap_log.formats.json.event_json_reader import DoorLookup, ParsedLine, parse_event_line
-from semmap_log.formats.parsing.foreign_file import text_lines
+from semmap_log.formats.parsing.foreign_file import numbered_lines
 from semmap_log.formats.parsing.problems import Problems, shown
 from semmap_log.formats.parsing.strict_json import MOST_LINE_BYTES
 from semmap_log.importing.import_plan import Present
@@ -33,8 +33,7 @@ class LineReader:
 
     def lines(self) -> Iterator[tuple[int, ParsedLine]]:
         """Yield number and content of good lines, until there are too many bad ones."""
-        texts = text_lines(self.path, most_bytes=MOST_LINE_BYTES)
-        for number, text in enumerate(texts, start=1):
+        for number, text in numbered_lines(self.path, most_bytes=MOST_LINE_BYTES):
             parsed = self._read(number, text) if text.strip() else None
             if parsed is not None:
                 yield number, parsed

@@ -21,6 +21,13 @@ from semmap_log.store.form import (
     ZSTD_LEVEL,
 )
 from semmap_log.store.record_scan import ChunkDamage, heads_of
+from semmap_log.store.unpacking import (
+    FREE_CHUNK_BYTES,
+    MAX_CHUNK_BYTES,
+    MOST_RATIO,
+    most_unpacked,
+    unpack_records,
+)
 
 if TYPE_CHECKING:
     from mcap.records import ChunkIndex
@@ -28,20 +35,11 @@ if TYPE_CHECKING:
 _BODY = struct.Struct("<QQQI")
 """Start time, end time, uncompressed size, CRC: the head of a Chunk's body."""
 
-FREE_CHUNK_BYTES = 128 * 2**20
-"""So much a chunk may hold however few bytes it is packed in: the longest event and note, behind
-which a chunk ends, and what stands before them (below 2 MiB)."""
-MOST_RATIO = 100
-"""Beyond, only so many times its packed bytes: keyframes of a million doors are, packed sixteenfold
-where these are all alike."""
-MAX_CHUNK_BYTES = 2**30
-"""And never more. A larger size is damage, and must not become an allocation."""
-
 MOST_NS = 2**63 - 1
 """Times are below: the year 2262."""
 
 _local = threading.local()
-"""zstd contexts: one a thread, since one shared by two threads crashes the process."""
+"""zstd contexts: one a thread, as in `unpacking`."""
 
 
 @dataclass(slots=True)
@@ -196,19 +194,8 @@ class StoredChunk:
         """
         start = self.data_offset - base
         stored = memoryview(file)[start : start + self.stored_size]
-        if self.compression == "":
-            plain: bytes | memoryview = stored
-        elif self.compression == "zstd":
-            plain = _decompress_zstd(stored, self.size, into)
-        elif self.compression == "lz4":
-            plain = _decompress_lz4(stored, self.size)
-        else:
-            raise ChunkDamage(f"unknown compression {self.compression!r}")
-        if len(plain) != self.size:
-            raise ChunkDamage(f"expected {self.size} bytes of records, got {len(plain)}")
+        plain = unpack_records(stored, self.compression, self.size, into)
         check_crc(plain, self.crc)
-        if into is not None and plain is not into:
-            into[:] = plain
         return plain
 
 
@@ -225,11 +212,6 @@ def check_crc(records: bytes | memoryview, crc: int) -> None:
 def crc_problem(records: bytes | memoryview, crc: int) -> str:
     """Say what is wrong with records that do not fit their CRC."""
     return f"its CRC says {crc:08x}, its bytes {crc32(records):08x}"
-
-
-def most_unpacked(stored_size: int) -> int:
-    """Return how many bytes of records a chunk of so many stored bytes may hold."""
-    return min(MAX_CHUNK_BYTES, max(FREE_CHUNK_BYTES, MOST_RATIO * stored_size))
 
 
 MOST_HEAD_BYTES = mcap.FRAME.size + _BODY.size + 4 + 16 + 8
@@ -280,32 +262,3 @@ def _compress(records: bytes) -> bytes:
     if not hasattr(_local, "compressor"):
         _local.compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
     return bytes(_local.compressor.compress(records))
-
-
-def _decompress_zstd(stored: memoryview, size: int, into: memoryview | None) -> bytes | memoryview:
-    """Return what it holds, which is in that memory then, if any is given."""
-    import zstandard
-
-    if not hasattr(_local, "decompressor"):
-        _local.decompressor = zstandard.ZstdDecompressor()
-    try:
-        if zstandard.frame_content_size(stored) != size:  # or it would become an allocation
-            raise ChunkDamage(f"its zstd frame does not hold {size} bytes")
-        if into is None:
-            return bytes(_local.decompressor.decompress(stored, max_output_size=size))
-        with _local.decompressor.stream_reader(stored) as unpacked:
-            got = unpacked.readinto(into)
-    except zstandard.ZstdError as error:
-        raise ChunkDamage(f"zstd: {error}") from error
-    return into if got == size else into[:got]
-
-
-def _decompress_lz4(stored: memoryview, size: int) -> bytes:
-    """Return what it holds; if that is more than it should be, one byte more."""
-    import lz4.frame
-
-    try:
-        unpacker = lz4.frame.LZ4FrameDecompressor()
-        return bytes(unpacker.decompress(bytes(stored), max_length=size + 1))
-    except RuntimeError as error:
-        raise ChunkDamage(f"lz4: {error}") from error

@@ -143,7 +143,8 @@ def scan_together(
 ) -> NDArray[np.int64]:
     """Return where the messages of many small chunks begin, ascending.
 
-    All chunks are walked at once: the first message of each, then the second, and so on.
+    All chunks are walked at once: the first message of each, then the second, and so on; what is
+    left of few of them is walked one by one.
 
     Args:
         records: What holds the chunks' records.
@@ -154,8 +155,10 @@ def scan_together(
         ChunkDamage: They do not, or one is not a message.
     """
     found: list[NDArray[np.int64]] = []
+    if (starts >= ends).any():
+        raise ChunkDamage("a chunk without messages")
     at = starts
-    while len(at):
+    while len(at) > _FEW:
         if (at + mcap.MESSAGE.size > ends).any():
             raise ChunkDamage("the last record of a chunk is cut")
         frame = gather(records, at, _FRAME_DTYPE)
@@ -166,8 +169,9 @@ def scan_together(
         found.append(at)
         at = at + mcap.FRAME.size + length
         at, ends = at[at != ends], ends[at != ends]
-    if not found:
-        return np.empty(0, np.int64)
+    whole = memoryview(records)
+    for start, end in zip(at.tolist(), ends.tolist(), strict=True):
+        found.append(walk(whole[start:end]) + start)
     return np.sort(np.concatenate(found), kind="stable")  # which merges what is sorted already
 
 

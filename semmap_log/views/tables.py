@@ -9,17 +9,19 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from itertools import islice
 from pathlib import PurePath
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from semmap_log.common.texts import command_line, counted
 from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
-from semmap_log.domain.events import DoorUpdated, Event, RobotPose, field_names
+from semmap_log.domain.events import DoorUpdated, Event, FloorMap, RobotPose, field_names
 from semmap_log.domain.meaning import PART_OF
 from semmap_log.domain.moments import format_local, format_short
 from semmap_log.domain.object_classes import DOOR, ObjectClass
@@ -147,7 +149,7 @@ def history_pages(
         names: What the doors are called; one without a name is its number.
         objects: What is no door.
     """
-    waiting = iter(entries)
+    waiting = map(_without_cells, entries)
     page = list(islice(waiting, PAGE_ROWS))
     before: HistoryEntry | None = None
     while page or before is None:
@@ -155,6 +157,14 @@ def history_pages(
         if not page:
             return
         before, page = page[-1], list(islice(waiting, PAGE_ROWS))
+
+
+def _without_cells(entry: HistoryEntry) -> HistoryEntry:
+    """Return an entry as a table shows it: of a floor plan only how large it is."""
+    if not isinstance(entry.event, FloorMap):
+        return entry
+    cells = np.broadcast_to(np.int8(0), entry.event.cells.shape)  # of one byte
+    return replace(entry, event=replace(entry.event, cells=cells))
 
 
 def diff_table(found: Diff, *, tz: str) -> RenderableType:

@@ -168,8 +168,15 @@ COMPUTED_ONCE = (
 )  # fmt: skip
 
 SIZES = (
-    guard("size of a chunk's records", "StoredChunk.records",
-          "len(plain) != self.size", "False", "test_guards", "test_flips"),
+    guard("size of a chunk's records", "unpack_records",
+          "len(plain) != size", "False", "test_guards", "test_flips"),
+    guard("records that are packed very small", "_records_in_zstd",
+          "size > CLOSE_RATIO * len(stored)", "False", "test_unpacking"),
+    guard("records of one time", "_check_messages",
+          "not_after > MOST_AT_ONCE", "False", "test_unpacking"),
+    guard("sizes of all chunks in a summary", "chunk_table._check_rows",
+          'check_sizes(int(rows["size"].sum()), int(rows["stored_size"].sum()))', "",
+          "test_unpacking"),
     guard("stored size of a chunk in its record", "read_chunk_head",
           "at + 8 + stored_size != offset - base + length", "False",
           "test_guards", "test_flips"),
@@ -178,7 +185,7 @@ SIZES = (
     guard("limit of a chunk's size in a summary", "chunk_table._check_rows",
           '((rows["size"] < 0) | (rows["size"] > most)).any()', "False",
           "test_guards"),
-    guard("limit of an lz4 chunk", "_decompress_lz4", "max_length=size + 1", "", "test_guards"),
+    guard("limit of an lz4 chunk", "_records_in_lz4", "max_length=size + 1", "", "test_guards"),
     guard("limit of an event's record", "CommitBuilder._object",
           "len(record) > MOST_EVENT_BYTES", "False", "test_writer"),
     guard("limit of a packed index", "header._unpacked",

@@ -7,30 +7,31 @@ Any other goes through Python's own reader, which knows all of CSV and says what
 from __future__ import annotations
 
 import csv
-import gzip
+import re
 import zlib
-from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
 from semmap_log.errors import FormatError
 from semmap_log.formats.files.csv_rows import MOST_LINE_BYTES, MOST_ROWS, Row, has_length, places_of
 from semmap_log.formats.parsing.foreign_file import (
-    GZIP_MAGIC,
+    BLOCK_BYTES,
     decode_utf8,
-    open_regular,
-    text_lines,
+    numbered_lines,
+    open_unpacked,
     too_long,
 )
 from semmap_log.formats.parsing.problems import Problems
 from semmap_log.formats.parsing.text_column import PADDING, TextColumn
 
-BLOCK_BYTES = 2**20
 _NEWLINE, _COMMA = ord("\n"), ord(",")
+
+
+_BLANK_LINES = re.compile(rb"(?:\r?\n)*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,16 +61,12 @@ class CsvBlocks:
         """
         self._path = path
         self._problems = problems
-        self._raw = open_regular(path)
-        is_gzip = self._raw.read(2) == GZIP_MAGIC
-        self._raw.seek(0)
-        self._file: BinaryIO | gzip.GzipFile = (
-            gzip.GzipFile(fileobj=self._raw) if is_gzip else self._raw
-        )
+        self._file = open_unpacked(path)
         self._line = 1
         """Number of the line that is read next."""
-        self._pending: deque[bytes] = deque()
-        """Lines that Python's reader has still to take."""
+        self._lines = b""
+        """What Python's reader takes; from `_at` on it has still to take it."""
+        self._at = 0
         self._total = 0
         """Rows so far."""
         self._in_block = 0
@@ -79,7 +76,7 @@ class CsvBlocks:
             self._width = len(header.texts)
             self._places = places_of(header, path, required, optional)
         except BaseException:
-            self._raw.close()
+            self._file.close()
             raise
 
     def blocks(self) -> Iterator[bytes]:
@@ -88,8 +85,7 @@ class CsvBlocks:
         Raises:
             FormatError: The file cannot be read on.
         """
-        block = b"".join(self._pending)
-        self._pending.clear()
+        block, self._lines = self._lines[self._at :], b""
         try:
             while block or (block := self._next()):
                 behind = self._line + block.count(b"\n")
@@ -98,7 +94,7 @@ class CsvBlocks:
                 self._line = max(self._line, behind)  # `rows` may have gone further
                 block = b""
         finally:
-            self._raw.close()
+            self._file.close()
 
     def columns(self, block: bytes) -> Columns | None:
         """Return a block's cells; None: it is not plain, and wants `rows`."""
@@ -137,7 +133,7 @@ class CsvBlocks:
         """
         found = [
             Row(line, [cells[at] if at is not None else "" for at in self._places])
-            for line, cells in self._cells(block)
+            for line, cells in takewhile(lambda _: not self._problems.is_full, self._cells(block))
             if has_length(line, cells, self._width, self._problems)
         ]
         self._count(len(found) - self._in_block)
@@ -157,29 +153,35 @@ class CsvBlocks:
 
     def _cells(self, block: bytes) -> Iterator[Row]:
         """Yield every row that is not blank, all its cells, by Python's reader."""
-        self._pending.extend(_lines_of(block))
-        before = self._line - 1
+        self._lines, self._at = block, 0
         reader = csv.reader(self._texts(), strict=True)
-        while self._pending:
+        while self._pass_blank_lines():
             try:
                 cells = next(reader, None)
             except csv.Error as error:
-                line = before + reader.line_num
-                raise self._problems.with_last(line, f"not CSV: {error}") from None
+                raise self._problems.with_last(self._line - 1, f"not CSV: {error}") from None
             if cells:
-                yield Row(before + reader.line_num, cells)
+                yield Row(self._line - 1, cells)
+
+    def _pass_blank_lines(self) -> bool:
+        """Go to the next line that is not blank, as Python's reader would; False: there is none."""
+        end = _BLANK_LINES.match(self._lines, self._at).end()  # type: ignore[union-attr]
+        self._line += self._lines.count(b"\n", self._at, end)
+        self._at = end
+        return end < len(self._lines)
 
     def _texts(self) -> Iterator[str]:
-        """Yield the lines that are pending, and those behind them if they are asked for."""
+        """Yield the lines that are to be taken, and those behind them if they are asked for."""
         while True:
-            if not self._pending:
-                self._pending.extend(_lines_of(self._next()))
-            if not self._pending:
+            if self._at == len(self._lines):
+                self._lines, self._at = self._next(), 0
+            if not self._lines:
                 return
-            line, number = self._pending.popleft(), self._line
+            end = self._lines.find(b"\n", self._at) + 1 or len(self._lines)
+            line, number = self._lines[self._at : end], self._line
             if len(line) > MOST_LINE_BYTES:
                 raise too_long(self._path, number, MOST_LINE_BYTES)
-            self._line += 1
+            self._line, self._at = number + 1, end
             yield decode_utf8(line, self._path, first_line=number)
 
     def _next(self) -> bytes:
@@ -189,17 +191,28 @@ class CsvBlocks:
             if block and not block.endswith(b"\n"):
                 block += self._file.readline(MOST_LINE_BYTES + 1)
         except (OSError, EOFError, zlib.error):
-            for _ in text_lines(self._path, most_bytes=MOST_LINE_BYTES):
+            for _ in numbered_lines(self._path, most_bytes=MOST_LINE_BYTES):
                 pass  # comes to the same place line by line, and says where it is
             raise
         return block
 
 
-def _lines_of(block: bytes) -> list[bytes]:
-    """Return the lines with their ends; a line break inside quotes ends one, too."""
-    lines = [line + b"\n" for line in block.split(b"\n")]
-    lines[-1] = lines[-1][:-1]
-    return lines if lines[-1] else lines[:-1]
+def read_rows(
+    path: Path, problems: Problems, *, required: tuple[str, ...], optional: tuple[str, ...] = ()
+) -> Iterator[list[Row]]:
+    """Yield the file's rows, some at a time, with the texts of `required` + `optional` columns.
+
+    An optional column that the file does not have is empty. Rows of another length than the
+    header's are noted in `problems`.
+
+    Raises:
+        FormatError: The file cannot be read or is not CSV; its header has not those columns.
+    """
+    table = CsvBlocks(path, problems, required=required, optional=optional)
+    for block in table.blocks():
+        yield table.rows(block)
+        if problems.is_full:
+            return
 
 
 def _plain(block: bytes) -> bytes | None:

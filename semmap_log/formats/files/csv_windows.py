@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semmap_log.domain.doors import DoorState
-from semmap_log.formats.files.csv_rows import read_rows
+from semmap_log.formats.files.csv_blocks import read_rows
 from semmap_log.formats.files.csv_times import instants_of
 from semmap_log.formats.parsing.csv_text import meant
 from semmap_log.formats.parsing.problems import Problems, shown

@@ -168,6 +168,8 @@ class _Reader:
         for index, ((line, (_, name, state_text, accuracy_text)), ns, later_ns) in enumerate(
             stamps
         ):
+            if self.problems.is_full:
+                return
             state = self.parsed_state(state_text, line)
             accuracy = self.parsed_accuracy(accuracy_text, line) if accuracy_text else NAN
             named = meant(name)

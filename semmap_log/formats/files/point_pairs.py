@@ -11,9 +11,10 @@ from pathlib import Path
 
 from semmap_log.door_log.map_fit import PointPair
 from semmap_log.errors import UnknownDoorError
-from semmap_log.formats.files.csv_rows import Row, read_rows
+from semmap_log.formats.files.csv_blocks import read_rows
+from semmap_log.formats.files.csv_rows import Row
 from semmap_log.formats.parsing.csv_text import meant
-from semmap_log.formats.parsing.foreign_file import text_lines
+from semmap_log.formats.parsing.foreign_file import numbered_lines
 from semmap_log.formats.parsing.problems import Problems, shown
 
 OLD, NEW = ("old_x", "old_y"), ("new_x", "new_y")
@@ -34,7 +35,7 @@ def read_pairs(path: Path, start_of: DoorStart) -> list[PointPair]:
         FormatError: The file cannot be read, or a row is wrong; names the lines.
     """
     problems = Problems(path)
-    header = next(iter(text_lines(path, most_bytes=MOST_LINE_BYTES)), "")
+    _, header = next(numbered_lines(path, most_bytes=MOST_LINE_BYTES), (1, ""))
     if "door" in [name.strip().lower() for name in header.split(",")]:
         pairs = list(_of_doors(path, problems, start_of))
     else:

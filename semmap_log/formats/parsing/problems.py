@@ -9,6 +9,8 @@ from semmap_log.errors import FormatError
 
 MOST_KINDS = 1_000
 """More than anybody reads, few enough that a wrong file of a million lines needs no memory."""
+MOST_PROBLEMS = 50_000
+"""A file with so many is another than it was taken for: it is not worth reading on."""
 
 
 class Problems:
@@ -17,15 +19,17 @@ class Problems:
     def __init__(self, path: Path | str) -> None:
         self.path = path
         self.found = Repeats()
+        self._count = 0
 
     def add(self, line: int, text: str) -> None:
         """Note that `text` is wrong on `line` (1-based)."""
         self.found.add(line, text)
+        self._count += 1
 
     @property
     def is_full(self) -> bool:
         """True once it is not worth reading on."""
-        return len(self.found) >= MOST_KINDS
+        return len(self.found) >= MOST_KINDS or self._count >= MOST_PROBLEMS
 
     def raise_any(self) -> None:
         """Raise what was found.

@@ -19,16 +19,15 @@ from semmap_log.common.late_dataclass import dataclass
 from semmap_log.errors import CorruptLogError
 from semmap_log.io.byte_source import ByteSource
 from semmap_log.store import records as mcap
-from semmap_log.store.chunks import (
-    FREE_CHUNK_BYTES,
-    MAX_CHUNK_BYTES,
-    MOST_HEAD_BYTES,
-    MOST_RATIO,
-    StoredChunk,
-    read_chunk_head,
-)
+from semmap_log.store.chunks import MOST_HEAD_BYTES, StoredChunk, read_chunk_head
 from semmap_log.store.kind_bits import bits_of_channels
 from semmap_log.store.record_scan import ChunkDamage, gather
+from semmap_log.store.unpacking import (
+    FREE_CHUNK_BYTES,
+    MAX_CHUNK_BYTES,
+    MOST_RATIO,
+    check_sizes,
+)
 
 ROW: np.dtype[np.void] = np.dtype(
     [
@@ -396,6 +395,7 @@ def _check_rows(rows: NDArray[np.void], data_start: int, data_end: int) -> None:
     most = np.minimum(np.maximum(by_ratio, FREE_CHUNK_BYTES), MAX_CHUNK_BYTES)
     if ((rows["size"] < 0) | (rows["size"] > most)).any():
         raise ChunkDamage("a chunk larger than any is")
+    check_sizes(int(rows["size"].sum()), int(rows["stored_size"].sum()))
     if (rows["size"] != rows["stored_size"])[plain].any():
         raise ChunkDamage("an uncompressed chunk of two sizes")
     behind = rows["behind"]

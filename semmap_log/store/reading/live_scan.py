@@ -28,7 +28,8 @@ from semmap_log.store.reading.invariants import Reading, ReadPosition
 from semmap_log.store.reading.live_records import ChunkRun, read_part
 from semmap_log.store.reading.page_reading import kinds_of_chunks
 from semmap_log.store.reading.resync import whole_chunks
-from semmap_log.store.record_scan import ScannedRecords, frames
+from semmap_log.store.record_scan import ChunkDamage, ScannedRecords, frames
+from semmap_log.store.unpacking import check_sizes
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +130,8 @@ def _with_part(scan: LiveScan, part: ChunkRun, header: SegmentHeader) -> LiveSca
     """Return the scan with those chunks of a part that fit, up to the first that does not."""
     if not part.chunks:
         return replace(scan, problem=part.problem)
+    if too_much := _too_much(scan, part):
+        return replace(scan, problem=too_much)
     page = part.page(scan.table.path, header.first_event)
     ends = np.cumsum([len(offsets) for offsets in part.offsets])
     source, kinds = scan.table.source, kinds_of_chunks(page, ends)
@@ -156,6 +159,19 @@ def _with_part(scan: LiveScan, part: ChunkRun, header: SegmentHeader) -> LiveSca
         whole_at=part.ends[last],
         whole_place=places[last],
     )
+
+
+def _too_much(scan: LiveScan, part: ChunkRun) -> str:
+    """Return what is wrong with the sizes of all chunks so far and of a part; empty: nothing."""
+    rows, more = scan.table.rows, part.chunks
+    try:
+        check_sizes(
+            int(rows["size"].sum()) + sum(chunk.size for chunk in more),
+            int(rows["stored_size"].sum()) + sum(chunk.stored_size for chunk in more),
+        )
+    except ChunkDamage as damage:
+        return str(damage)
+    return ""
 
 
 def _judged(scan: LiveScan, source: ByteSource) -> LiveScan:

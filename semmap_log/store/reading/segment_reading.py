@@ -122,7 +122,9 @@ def batches_of(
         return with_batch(read_page(group, first_event, in_place=True, is_sound=is_sound), mine)
 
     tasks = (partial(read, group, mine) for group, mine in _with_places(segment, wanted, chunks))
-    is_worth_it = int(wanted.rows["size"].sum()) > FEW_BYTES and not wanted.are_small
+    sizes = wanted.rows["size"]
+    is_worth_it = int(sizes.sum()) > FEW_BYTES and not wanted.are_small
+    is_worth_it = is_worth_it and int(sizes.max()) <= MOST_AHEAD_BYTES
     yield from ahead(tasks) if is_worth_it else (task() for task in tasks)
 
 
@@ -162,6 +164,9 @@ whole chunk and a fifth of one: twice that is a page."""
 
 MANY_CHUNKS = 32
 """Fewer are checked one by one sooner than all the data of their segment are."""
+
+MOST_AHEAD_BYTES = 32 * CHUNK_BYTES
+"""Where a chunk holds more, as one with a large floor map does, no two are in memory at a time."""
 
 FEW_BYTES = 3 * CHUNK_BYTES
 """So few are read at once: to hand them to other threads would take longer."""

@@ -19,6 +19,7 @@ from semmap_log.store import records as mcap
 from semmap_log.store.chunks import NO_SPAN, StoredChunk, read_chunk_head
 from semmap_log.store.form import FLOOR_MAP_CHANNEL, LAST_EVENT_CHANNEL, ZSTD_LEVEL
 from semmap_log.store.record_scan import ChunkDamage
+from semmap_log.store.unpacking import unpack_records
 from semmap_log.store.verification.file_bytes import WINDOW_BYTES, FileBytes
 
 Message = tuple[int, int, int, int, int, int]
@@ -161,31 +162,11 @@ def _heads_in(data: memoryview) -> Iterator[int]:
 
 
 def _records(record: memoryview, stored: StoredChunk) -> bytes | memoryview:
+    if stored.compression not in ("", "zstd"):
+        raise ChunkDamage(f"unknown compression {stored.compression!r}")
     start = stored.data_offset - stored.offset
     data = record[start : start + stored.stored_size]
-    if stored.compression == "":
-        if stored.stored_size != stored.size:
-            raise ChunkDamage(f"expected {stored.size} bytes of records, got {stored.stored_size}")
-        return data
-    if stored.compression != "zstd":
-        raise ChunkDamage(f"unknown compression {stored.compression!r}")
-    return _decompressed(data, stored.size)
-
-
-def _decompressed(data: memoryview, size: int) -> bytes:
-    """Return what a zstd frame holds, once it says itself that it is of the right size."""
-    import zstandard
-
-    try:
-        said = zstandard.get_frame_parameters(data)
-        if said.content_size != size:  # else its word would be taken for how much to allocate
-            raise ChunkDamage(f"expected {size} bytes of records, its frame says otherwise")
-        plain = bytes(zstandard.ZstdDecompressor().decompress(data, max_output_size=size))
-    except (zstandard.ZstdError, MemoryError) as error:
-        raise ChunkDamage(f"zstd: {error}") from None
-    if len(plain) != size:
-        raise ChunkDamage(f"expected {size} bytes of records, got {len(plain)}")
-    return plain
+    return unpack_records(data, stored.compression, stored.size)
 
 
 def _messages(records: bytes | memoryview) -> list[Message]:

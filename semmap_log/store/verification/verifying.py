@@ -262,6 +262,7 @@ class Verifier:
                 contents.add(item)
                 if self._progress is not None:
                     self._progress(self._bytes - len(walk.file) + item.end, self._todo)
+                del item  # or it would be in memory while the next one is unpacked
             elif isinstance(item, Flaw):
                 contents.is_flawless = False
                 is_head = not contents.chunks  # the keyframe: synced before the file has its name

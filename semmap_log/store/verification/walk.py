@@ -20,6 +20,7 @@ from semmap_log.store.header import SegmentHeader
 from semmap_log.store.newer import Newer, is_later_kind
 from semmap_log.store.record_scan import ChunkDamage
 from semmap_log.store.segment import Head, channel_record
+from semmap_log.store.unpacking import check_sizes
 from semmap_log.store.verification.file_bytes import FileBytes
 from semmap_log.store.verification.pieces import Piece, examine, find_piece
 
@@ -62,6 +63,8 @@ class SegmentWalk:
         self.problem = ""
         """Why no chunk begins there; empty at the file's end."""
         self._header_end = header_end
+        self._size = self._stored_size = 0
+        """Of the chunks that were unpacked."""
 
     def __iter__(self) -> Iterator[Piece | Flaw | Gap]:
         """Yield chunks in file order, and what is wrong between them."""
@@ -72,9 +75,13 @@ class SegmentWalk:
             levels, start = self._floor_map_channels(at)
             piece, self.problem = self._piece(start)
             if piece is not None:
+                self.problem = self._too_much(piece)
+                if self.problem:
+                    break
                 yield from self._around(piece, levels, is_known=is_known)
                 yield piece
                 at, is_known = min(piece.end + len(piece.index), size), True
+                piece = None  # the next one is unpacked without it in memory
                 continue
             found = find_piece(self.file, at, size)
             if found is None:
@@ -89,8 +96,20 @@ class SegmentWalk:
         while (piece := find_piece(self.file, start, len(self.file))) is not None:
             if any(durable > event for durable in _durable_before(piece)):
                 return True
+            if self._too_much(piece):
+                return False
             start = piece.end
         return False
+
+    def _too_much(self, piece: Piece) -> str:
+        """Take in the sizes of a chunk; return what is wrong with those of all."""
+        self._size += piece.stored.size
+        self._stored_size += piece.stored.stored_size
+        try:
+            check_sizes(self._size, self._stored_size)
+        except ChunkDamage as damage:
+            return str(damage)
+        return ""
 
     def _schemas_and_channels(self) -> Iterator[Flaw]:
         """Compare every Schema and Channel that we know with ours, byte for byte."""
