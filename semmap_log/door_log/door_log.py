@@ -571,7 +571,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """Return the same; of an event that is no longer kept, what is left of it at the horizon.
 
         That is an update with what it wrote of its door and no other event wrote since. When it was
-        recorded is not known: not after the horizon.
+        recorded is not known: as if it had been when it happened.
 
         Raises:
             LogError: There is no such event, or nothing is left of it.
@@ -585,8 +585,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         if not left:
             return self.entry(number)
         event, happened_ns = left[0].event, left[0].happened_ns
-        recorded_ns = max(happened_ns, self._reader.horizon_ns)
-        return HistoryEntry(number, event, happened_ns, recorded_ns, reason="no longer kept")
+        return HistoryEntry(number, event, happened_ns, happened_ns, reason="no longer kept")
 
     def diff(self, first: Time, second: Time) -> Diff:
         """Return what is different at the second moment, and the events that did it.
