@@ -36,7 +36,7 @@ def warn_of_clock(log: DoorLog, since_ns: int | None = None) -> None:
 
 
 def believable_span(log: DoorLog) -> tuple[int | None, int | None]:
-    """Return from when and before when the clock can have been right, where some events are outside.
+    """Return from when and before when the clock can have been right, if some events are outside.
 
     None: no event lies beyond that end, or all do.
     """
@@ -54,8 +54,8 @@ def _warn(log: DoorLog, window: Window, why: str) -> None:
     first, last = (format_local(int(ns), log.info.timezone)[:4] for ns in ends_ns)
     years = first if first == last else f"{first} to {last}"
     warnings.warn(
-        f"{counted(sum(map(len, batches)), 'event')} happened in {years}, {why}: spans of "
-        f"time that include {years} are wrong. To see the commits: {command_line('info', log.path)}",
+        f"{counted(sum(map(len, batches)), 'event')} happened in {years}, {why}: spans of time "
+        f"that include {years} are wrong. To see the commits: {command_line('info', log.path)}",
         ClockWarning,
         stacklevel=frames_of_ours(),
     )
