@@ -18,7 +18,7 @@ import semmap_log as sl
 from semmap_log.domain.events import FloorMap
 from semmap_log.errors import CorruptLogError
 from semmap_log.replay.care import verify
-from semmap_log.store import record_scan
+from semmap_log.store import chunk_unpacking, record_scan
 from semmap_log.store import records as mcap
 from semmap_log.store.chunk_unpacking import (
     CLOSE_RATIO,
