@@ -59,7 +59,7 @@ BAD = {
     "zeros behind a long message": (
         _message(9, 3 * MIB) + bytes(5 * MIB), f"no message at byte {31 + 3 * MIB} of the chunk's"
     ),
-    "messages of one time": (ALIKE, f"{MOST_AT_ONCE + 1} messages that are not after the one"),
+    "messages of one time": (ALIKE, f"{MOST_AT_ONCE + 1:,} messages not after the one"),
     "a head that lies across two pieces": (
         _message(9, PIECE_BYTES - 40) + b"\5" + bytes(MIB), f"no message at byte {PIECE_BYTES - 9}"
     ),
