@@ -256,7 +256,7 @@ def test_no_copy_ends_before_the_horizon(tmp_path: Path, monkeypatch: pytest.Mon
     trim_log(log, Retention(LogReader(log), LogReader(log).last_log_time_ns()))
     opened = sl.read(log)
 
-    for scope in (Scope(at_ns=opened.horizon_ns() - 1), Scope(event=opened.horizon() - 1)):
+    for scope in (Scope(at_ns=opened.horizon_ns() - 1), Scope(event=opened.horizon() - 2)):
         with pytest.raises(HorizonError), pseudonymous(opened, scope):
             pass
         with pytest.raises(HorizonError):
