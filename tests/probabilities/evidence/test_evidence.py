@@ -9,7 +9,8 @@ import pytest
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved
+from semmap_log.domain.events import DoorAdded, DoorObserved, SightingsThinned
+from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.probabilities.evidence.evidence import (
     Counts,
     DoorEvidence,
@@ -368,3 +369,24 @@ def test_a_million_sightings_are_folded_and_asked_in_seconds() -> None:
 
     assert count == sum(kept)
     assert calls.total() < count / 10
+
+
+def test_a_run_that_was_taken_out_costs_no_more_than_an_hour_of_looks() -> None:
+    """
+    However many sightings over how many years a stranger's log says that it stands for.
+    """
+    evidence = Evidence()
+    evidence.apply(EventBatch.of(DoorAdded, happened_ns=np.array([0]), door_id=1))
+
+    evidence.apply(
+        EventBatch.of(
+            SightingsThinned, happened_ns=np.array([MAX_TIME_NS]), door_id=1, state=1,
+            count=2**32 - 1, accuracy_open=0.9, accuracy_closed=0.9, first_ns=0,
+            last_ns=MAX_TIME_NS,
+        )
+    )  # fmt: skip
+
+    found = evidence.door(DoorId(1), MAX_TIME_NS)
+    assert len(found.seen_ns) <= 4096
+    assert found.seen_ns[-1] - found.seen_ns[0] <= 3600 * 10**9
+    assert 12 <= np.count_nonzero(found.is_visit) <= 13
