@@ -3,7 +3,7 @@
 obstore reads a listing, and the text of an error, whole before it returns: a server that sends
 without end would fill the memory. So a request runs in a loop of its own, and the caller watches
 the clock and the process's peak memory; past a limit the request is dropped, with all that it has
-read. The bodies of objects are not read here: they are streamed, and counted, by who asks.
+read.
 """
 
 from __future__ import annotations

@@ -179,20 +179,21 @@ class ObjectStore:
         """
         options = {"if_none_match": unlike} if unlike else {}
 
-        def get() -> tuple[bytes, ObjectStatus] | None:
-            try:
-                got = self._answer(
-                    lambda: self._obstore.get_async(self._store, name, options=options)
-                )
-            except self._obstore.exceptions.NotModifiedError:
-                return None
+        async def get() -> tuple[bytes, ObjectStatus]:
+            got = await self._obstore.get_async(self._store, name, options=options)
             status = _status(got.meta, name)
             if status.size > most_bytes:
                 problem = f"expected at most {most_bytes:,} bytes, got {status.size:,}"
                 raise CorruptLogError(self.url / name, None, problem)
-            return self._body(got, name, status.size), status
+            return await self._body(got, name, status.size), status
 
-        return self._asked(name, get)
+        def answer() -> tuple[bytes, ObjectStatus] | None:
+            try:
+                return self._answer(get, most_bytes=MOST_GROWTH_BYTES + 2 * most_bytes)
+            except self._obstore.exceptions.NotModifiedError:
+                return None
+
+        return self._asked(name, answer)
 
     def part(self, status: ObjectStatus, start: int, end: int) -> bytes:
         """Return bytes of an object, which must still be that object.
@@ -208,17 +209,17 @@ class ObjectStore:
         if status.e_tag:
             options["if_match"] = status.e_tag
 
-        def get() -> bytes:
-            got = self._answer(
-                lambda: self._obstore.get_async(self._store, status.name, options=options),
-                most_bytes=_GROWTH_WHILE_READING,
-            )
+        async def get() -> bytes:
+            got = await self._obstore.get_async(self._store, status.name, options=options)
             if got.meta["size"] != status.size:
                 raise ObjectChangedError(self._changed(status.name))
-            return self._body(got, status.name, end - start)
+            return await self._body(got, status.name, end - start)
+
+        def answer() -> bytes:
+            return self._answer(get, most_bytes=_GROWTH_WHILE_READING)
 
         for _ in range(_CUT_TRIES):
-            data: bytes = self._asked(status.name, get)
+            data: bytes = self._asked(status.name, answer)
             if len(data) == end - start:
                 return data
         raise LogAccessError(
@@ -281,25 +282,27 @@ class ObjectStore:
             ) from None
 
     def _answer(
-        self, request: Callable[[], Awaitable[Any]], *, most_bytes: int = MOST_GROWTH_BYTES
-    ) -> Any:
+        self, request: Callable[[], Awaitable[T]], *, most_bytes: int = MOST_GROWTH_BYTES
+    ) -> T:
         return answer_of(request, within_s=self._within_s, most_bytes=most_bytes)
 
-    def _body(self, got: Any, name: str, size: int) -> bytes:
-        """Return the bytes of an object that come.
+    async def _body(self, got: Any, name: str, size: int) -> bytes:
+        """Return the bytes of an object that come; fewer where they end before.
 
         Raises:
-            LogAccessError: More come than were asked for.
+            LogAccessError: More come than were requested.
         """
         chunks, come = [], 0
-        for chunk in got.stream(min_chunk_size=_CHUNK_BYTES):
-            come += len(chunk)
-            if come > size:
-                raise LogAccessError(
-                    f"{self.url / name}: {size:,} bytes were asked for, and the store sends more; "
-                    "ask another way to the store."
-                )
+        async for chunk in got.stream(min_chunk_size=min(size, _CHUNK_BYTES)):
             chunks.append(chunk)
+            come += len(chunk)
+            if come >= size:
+                break
+        if come > size:
+            raise LogAccessError(
+                f"{self.url / name}: expected {size:,} bytes, got more: the store sends what was "
+                "not requested. Read the object in another way."
+            )
         return chunks[0] if len(chunks) == 1 else b"".join(chunks)
 
     def _asked(self, name: str, request: Callable[[], T]) -> T:

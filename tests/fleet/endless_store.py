@@ -80,6 +80,18 @@ def endless_errors(request: Answering) -> None:
     request.send_without_end(in_chunks=True)
 
 
+def endless_errors_after_a_cut(request: Answering) -> None:
+    """End in the middle of an object; to who reads on from there, say at length that it is gone."""
+    if "Range" in request.headers:
+        endless_errors(request)
+    elif request.command != "GET":
+        request.start(404, 0)
+    else:
+        request.start(200, 8)
+        request.send(b"1234")
+        request.close_connection = True
+
+
 def endless_lists(request: Answering) -> None:
     """Have no manifest, and list blanks."""
     if not request.is_listing:
