@@ -3,20 +3,42 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import PurePath
+from typing import Protocol
 
+from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.texts import command_line, counted
 from semmap_log.common.users_line import frames_of_ours
 from semmap_log.domain.moments import format_local
 from semmap_log.errors import ClockWarning
 from semmap_log.store.clock_check import NEVER_AFTER_NS, NEVER_BEFORE_NS
+from semmap_log.store.header import LogInfo
 from semmap_log.store.reading.window import Window
 
-if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog
+
+class ClockedLog(Protocol):
+    """What is asked of a log: a `DoorLog`."""
+
+    has_told_of_clock: bool
+    """Whether the warning was given."""
+
+    @property
+    def path(self) -> PurePath:
+        """Where it lies."""
+
+    @property
+    def info(self) -> LogInfo:
+        """What was fixed when it was made."""
+
+    def happened_span(self) -> tuple[int, int] | None:
+        """Return when its first and last event happened; None: it has none."""
+
+    def batches_in(self, window: Window) -> Iterator[EventBatch]:
+        """Yield the events of a window."""
 
 
-def warn_of_clock(log: DoorLog, since_ns: int | None = None) -> None:
+def warn_of_clock(log: ClockedLog, since_ns: int | None = None) -> None:
     """Warn, once for a log, of events at times at which the robot's clock cannot have been right.
 
     They lie before 2000, or after 2099, and others do not. Where all are from such a time, they fit
@@ -35,7 +57,7 @@ def warn_of_clock(log: DoorLog, since_ns: int | None = None) -> None:
         _warn(log, Window(happened_from_ns=end_ns), "where the robot's clock was wrong")
 
 
-def believable_span(log: DoorLog) -> tuple[int | None, int | None]:
+def believable_span(log: ClockedLog) -> tuple[int | None, int | None]:
     """Return from when and before when the clock can have been right, if some events are outside.
 
     None: no event lies beyond that end, or all do.
@@ -47,7 +69,7 @@ def believable_span(log: DoorLog) -> tuple[int | None, int | None]:
     )
 
 
-def _warn(log: DoorLog, window: Window, why: str) -> None:
+def _warn(log: ClockedLog, window: Window, why: str) -> None:
     log.has_told_of_clock = True
     batches = [batch.folds_ns for batch in log.batches_in(window) if len(batch)]
     ends_ns = min(map(min, batches)), max(map(max, batches))

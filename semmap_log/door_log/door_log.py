@@ -428,14 +428,13 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
     def shown_from_ns(self, since_ns: int | None, until_ns: int | None) -> int | None:
         """Return from when on events of a span are shown: by default from the log's horizon on.
 
+        It is None in a log without a horizon if nothing is asked for: before the first event.
+
         The state there opens what is shown. That what was before is gone is then warned of.
 
         Args:
             since_ns: From then on; None: that is not asked for.
             until_ns: Before then; None: to the log's end.
-
-        Returns:
-            None where the log has no horizon, and nothing is asked for: before the first event.
 
         Raises:
             HorizonError: The span begins, or ends, before the horizon.

@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from semmap_log.common.texts import command_line
+from semmap_log.common.texts import command_line, counted
 from semmap_log.errors import LogAccessError, LogError
 from semmap_log.io.made_logs import refuse_made
 from semmap_log.io.object_store import ObjectStore
@@ -192,7 +192,7 @@ class _Shipping:
             where = self.store.url / MANIFEST_NAME
             raise LogError(
                 f"{where}: expected at most {MOST_LIST_BYTES:,} bytes, got {len(data):,} for "
-                f"{len(manifest.segments):,} segments; nothing there is changed. "
+                f"{counted(len(manifest.segments), 'segment')}; nothing there is changed. "
                 f"To make fewer of them: {command_line('compact', self.segments[0].path.parent)}"
             )
         if before is None:

@@ -37,7 +37,7 @@ def kept_commits(
         NewerLogError: A commit has an event of an unknown kind that may change others.
         CorruptLogError: A chunk is not what was written.
     """
-    ends_before = reader.horizon and limit is not None and limit < reader.horizon
+    ends_before = reader.horizon and limit is not None and limit < reader.horizon - 1
     if ends_before or (at_ns is not None and at_ns < reader.horizon_ns):
         raise reader.behind_horizon()
     for followed in _all_kept(reader):

@@ -14,6 +14,13 @@ from numpy.typing import NDArray
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.io.checksum import crc32
 from semmap_log.store import records as mcap
+from semmap_log.store.chunk_unpacking import (
+    FREE_CHUNK_BYTES,
+    MAX_CHUNK_BYTES,
+    MOST_RATIO,
+    most_unpacked,
+    unpack_records,
+)
 from semmap_log.store.form import (
     COMPRESS_FROM_BYTES,
     FLOOR_MAP_CHANNEL,
@@ -21,13 +28,6 @@ from semmap_log.store.form import (
     ZSTD_LEVEL,
 )
 from semmap_log.store.record_scan import ChunkDamage, heads_of
-from semmap_log.store.unpacking import (
-    FREE_CHUNK_BYTES,
-    MAX_CHUNK_BYTES,
-    MOST_RATIO,
-    most_unpacked,
-    unpack_records,
-)
 
 if TYPE_CHECKING:
     from mcap.records import ChunkIndex

@@ -22,6 +22,7 @@ from semmap_log.domain.events import (
     DoorRequested,
     DoorUpdated,
     Event,
+    HistoryTrimmed,
     MomentPinned,
     Retracted,
     RobotPose,
@@ -357,8 +358,14 @@ def is_redacted(part: Part, event: Event) -> bool:
 
 def hidden_in(told: Sequence[Told]) -> set[int]:
     retractions = {number: event for number, *_, event in told if isinstance(event, Retracted)}
-    ranges = (range(one.first_event, one.last_event + 1) for one in retractions.values())
-    return {number for numbers in ranges for number in numbers} - retractions.keys()
+    ranges = [range(one.first_event, one.last_event + 1) for one in retractions.values()]
+    alone = {numbers[0] for numbers in ranges if len(numbers) == 1}
+    about_the_log = {
+        number for number, *_, event in told if isinstance(event, (HistoryTrimmed, MomentPinned))
+    }
+    return {n for numbers in ranges for n in numbers} - retractions.keys() - about_the_log | (
+        alone & about_the_log
+    )
 
 
 STEPS = ("write", "write", "redact", "thin", "keep", "pin", "compact", "copy", "index")

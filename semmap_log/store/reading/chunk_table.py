@@ -19,15 +19,15 @@ from semmap_log.common.late_dataclass import dataclass
 from semmap_log.errors import CorruptLogError
 from semmap_log.io.byte_source import ByteSource
 from semmap_log.store import records as mcap
-from semmap_log.store.chunks import MOST_HEAD_BYTES, StoredChunk, read_chunk_head
-from semmap_log.store.kind_bits import bits_of_channels
-from semmap_log.store.record_scan import ChunkDamage, gather
-from semmap_log.store.unpacking import (
+from semmap_log.store.chunk_unpacking import (
     FREE_CHUNK_BYTES,
     MAX_CHUNK_BYTES,
     MOST_RATIO,
     check_sizes,
 )
+from semmap_log.store.chunks import MOST_HEAD_BYTES, StoredChunk, read_chunk_head
+from semmap_log.store.kind_bits import bits_of_channels
+from semmap_log.store.record_scan import ChunkDamage, gather
 
 ROW: np.dtype[np.void] = np.dtype(
     [

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.io.byte_source import ByteSource
+from semmap_log.store.chunk_unpacking import check_sizes
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.chunk_table import ROW, ChunkTable
@@ -29,7 +30,6 @@ from semmap_log.store.reading.live_records import ChunkRun, read_part
 from semmap_log.store.reading.page_reading import kinds_of_chunks
 from semmap_log.store.reading.resync import whole_chunks
 from semmap_log.store.record_scan import ChunkDamage, ScannedRecords, frames
-from semmap_log.store.unpacking import check_sizes
 
 
 @dataclass(frozen=True, slots=True)

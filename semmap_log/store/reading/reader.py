@@ -410,7 +410,7 @@ class LogReader:
         """
         if not self._reaches_behind(window):
             return
-        ends = (window.before_event or MAX_EVENT) <= self.horizon or any(
+        ends = (window.before_event or MAX_EVENT) < self.horizon or any(
             end is not None and end <= self.horizon_ns
             for end in (window.happened_before_ns, window.recorded_before_ns)
         )

@@ -16,10 +16,10 @@ from mcap.records import ChunkIndex
 
 from semmap_log.io.checksum import crc32
 from semmap_log.store import records as mcap
+from semmap_log.store.chunk_unpacking import unpack_records
 from semmap_log.store.chunks import NO_SPAN, StoredChunk, read_chunk_head
 from semmap_log.store.form import FLOOR_MAP_CHANNEL, LAST_EVENT_CHANNEL, ZSTD_LEVEL
 from semmap_log.store.record_scan import ChunkDamage
-from semmap_log.store.unpacking import unpack_records
 from semmap_log.store.verification.file_bytes import WINDOW_BYTES, FileBytes
 
 Message = tuple[int, int, int, int, int, int]

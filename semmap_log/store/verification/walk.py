@@ -15,12 +15,12 @@ from mcap.records import Channel, Schema
 
 from semmap_log.messages import layout
 from semmap_log.store import records as mcap
+from semmap_log.store.chunk_unpacking import check_sizes
 from semmap_log.store.form import COMMIT_CHANNEL, FLOOR_MAP_CHANNEL, floor_map_topic
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.newer import Newer, is_later_kind
 from semmap_log.store.record_scan import ChunkDamage
 from semmap_log.store.segment import Head, channel_record
-from semmap_log.store.unpacking import check_sizes
 from semmap_log.store.verification.file_bytes import FileBytes
 from semmap_log.store.verification.pieces import Piece, examine, find_piece
 

@@ -125,7 +125,7 @@ def test_a_log_that_is_gone_or_damaged_is_told(tmp_path: Path) -> None:
     """
     path = tmp_path / "log"
     with tiny_steps():
-        random_log(path, random.Random(1), commits=30)
+        random_log(path, random.Random(4), commits=30)
     opened, _ = far(path)
     file = min(path.glob("*.mcap"))
     offset = opened._reader.segments[0].chunks[1].data_offset + 20
@@ -149,7 +149,7 @@ def test_bytes_that_were_not_fetched_are_no_answer(
     """
     path = tmp_path / "log"
     with tiny_steps():
-        random_log(path, random.Random(3), commits=30)
+        random_log(path, random.Random(4), commits=30)
     opened, _ = far(path)
     assert opened.replay().doors
     monkeypatch.setattr(FarSegment, "need", lambda *_: None)

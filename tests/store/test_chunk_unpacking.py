@@ -18,16 +18,9 @@ import semmap_log as sl
 from semmap_log.domain.events import FloorMap
 from semmap_log.errors import CorruptLogError
 from semmap_log.replay.care import verify
-from semmap_log.store import record_scan, unpacking
+from semmap_log.store import chunk_unpacking, record_scan
 from semmap_log.store import records as mcap
-from semmap_log.store.chunks import NO_SPAN, BuiltChunk, ChunkFacts, assemble_chunk
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import KEYFRAME_CHANNEL, NO_HASH
-from semmap_log.store.header import LogInfo, SegmentHeader
-from semmap_log.store.reading.chunk_table import rows_of_indexes
-from semmap_log.store.record_scan import ChunkDamage, scan_together, walk
-from semmap_log.store.segment import SegmentWriter
-from semmap_log.store.unpacking import (
+from semmap_log.store.chunk_unpacking import (
     CLOSE_RATIO,
     FREE_SEGMENT_BYTES,
     MOST_AT_ONCE,
@@ -36,6 +29,13 @@ from semmap_log.store.unpacking import (
     check_sizes,
     unpack_records,
 )
+from semmap_log.store.chunks import NO_SPAN, BuiltChunk, ChunkFacts, assemble_chunk
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.form import KEYFRAME_CHANNEL, NO_HASH
+from semmap_log.store.header import LogInfo, SegmentHeader
+from semmap_log.store.reading.chunk_table import rows_of_indexes
+from semmap_log.store.record_scan import ChunkDamage, scan_together, walk
+from semmap_log.store.segment import SegmentWriter
 from tests.store.logs import empty_keyframe
 
 MIB = 2**20
@@ -59,7 +59,7 @@ BAD = {
     "zeros behind a long message": (
         _message(9, 3 * MIB) + bytes(5 * MIB), f"no message at byte {31 + 3 * MIB} of the chunk's"
     ),
-    "messages of one time": (ALIKE, f"{MOST_AT_ONCE + 1} messages that are not after the one"),
+    "messages of one time": (ALIKE, f"{MOST_AT_ONCE + 1:,} messages not after the one"),
     "a head that lies across two pieces": (
         _message(9, PIECE_BYTES - 40) + b"\5" + bytes(MIB), f"no message at byte {PIECE_BYTES - 9}"
     ),
@@ -88,12 +88,12 @@ def test_what_is_no_record_is_not_unpacked_further(monkeypatch: pytest.MonkeyPat
     """
     taken = []
 
-    def pieces(stored: memoryview, usual=unpacking._pieces) -> Iterator[bytes]:  # type: ignore[no-untyped-def]
+    def pieces(stored: memoryview, usual=chunk_unpacking._pieces) -> Iterator[bytes]:  # type: ignore[no-untyped-def]
         for piece in usual(stored):
             taken.append(len(piece))
             yield piece
 
-    monkeypatch.setattr(unpacking, "_pieces", pieces)
+    monkeypatch.setattr(chunk_unpacking, "_pieces", pieces)
     with pytest.raises(ChunkDamage, match="no message"):
         _unpacked(bytes(128 * MIB))
 
@@ -163,7 +163,7 @@ def test_a_segment_of_too_much_is_refused_before_it_is_unpacked(
         log.append([replace(FLOOR, level=level)])
     if closed:
         log.close()
-    monkeypatch.setattr(unpacking, "FREE_SEGMENT_BYTES", 9_000_000)
+    monkeypatch.setattr(chunk_unpacking, "FREE_SEGMENT_BYTES", 9_000_000)
 
     assert any(expected in finding.text for finding in verify(path).findings)
     if closed:

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator
 
 from mcap.opcode import Opcode
 
+from semmap_log.common.texts import counted
 from semmap_log.store import records as mcap
 from semmap_log.store.record_scan import ChunkDamage
 
@@ -157,6 +158,6 @@ def _check_messages(pieces: Iterable[bytes]) -> None:
                 raise ChunkDamage(f"no message at byte {at} of the chunk's records")
             not_after += log_ns <= last_ns
             if not_after > MOST_AT_ONCE:
-                raise ChunkDamage(f"{not_after} messages that are not after the one before")
+                raise ChunkDamage(f"{counted(not_after, 'message')} not after the one before")
             last_ns, at = log_ns, at + mcap.FRAME.size + length
         begun = data[at - start :]  # of a head, or nothing
