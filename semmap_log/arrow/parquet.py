@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import BinaryIO
 
 from semmap_log.arrow.arrow_sdk import pa, pq
 
@@ -104,7 +105,7 @@ def _repeats(column: pa.ChunkedArray) -> bool:
     return 2 * len(column.unique()) <= there
 
 
-def rows_in(file: Path | pa.NativeFile) -> int:
+def rows_in(file: BinaryIO | pa.NativeFile) -> int:
     """Return how many rows a Parquet file has; of its bytes the footer is enough."""
     return int(pq.read_metadata(file).num_rows)
 

@@ -37,10 +37,10 @@ def seal_of(path: Path) -> Seal:
     Raises:
         OSError: It cannot be read, or is none.
     """
-    known = pq.read_metadata(path)
-    starts = [_start_of(known.row_group(group)) for group in range(known.num_row_groups)]
     crcs, at = [], 0
     with path.open("rb") as file:
+        known = pq.read_metadata(file)  # which itself takes no name but UTF-8's
+        starts = [_start_of(known.row_group(group)) for group in range(known.num_row_groups)]
         size = file.seek(-FOOTER_END, os.SEEK_END) + FOOTER_END
         ends = [*starts[1:], size - footer_bytes(file.read(FOOTER_END)), size]
         file.seek(0)

@@ -24,7 +24,7 @@ def default_folder() -> Path:
 
 def digits_of(text: str) -> str:
     """Return what stands for a text in a name."""
-    return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
+    return hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:_DIGITS]
 
 
 def answer_name(place: str, log_id: str, head: str) -> str:

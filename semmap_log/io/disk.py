@@ -58,9 +58,14 @@ def sync_folder(folder: Path) -> None:
         os.close(fd)
 
 
+def utf8_text(path: str) -> str:
+    r"""Return a path for where only UTF-8 goes; other bytes of it are spelt out: `\xff`."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
+
+
 def utf8_name(path: PurePath) -> str:
-    r"""Return a path's name for where only UTF-8 goes; other bytes of it are spelt out: `\xff`."""
-    return os.fsencode(path.name).decode("utf-8", "backslashreplace")
+    """Return the same of a path's name."""
+    return utf8_text(path.name)
 
 
 def log_name(log: PurePath) -> str:

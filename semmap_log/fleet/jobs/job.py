@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
+from semmap_log.io.disk import utf8_text
 
 LOG_FIELDS = (
     pa.field("log", pa.string(), nullable=False),
@@ -94,5 +95,13 @@ def table_of_log(job: Job, asked: AskedLog, told: Told) -> pa.Table:
     names = (field.name for field in LOG_FIELDS)
     columns = {name: [text] * rows for name, text in zip(names, whose, strict=True)} | told.rows
     return pa.Table.from_arrays(
-        [pa.array(columns[field.name], field.type) for field in schema], schema=schema
+        [_array(columns[field.name], field.type) for field in schema], schema=schema
     )
+
+
+def _array(values: Sequence[Any], of: pa.DataType) -> pa.Array:
+    """Return a column; of texts that name files, only UTF-8."""
+    try:
+        return pa.array(values, of)
+    except UnicodeEncodeError:
+        return pa.array([v if v is None else utf8_text(v) for v in values], of)

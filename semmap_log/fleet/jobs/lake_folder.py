@@ -162,7 +162,8 @@ def _put_on_disk(path: Path, tables: Iterator[pa.Table]) -> tuple[int, int]:
         path.parent.mkdir(parents=True, exist_ok=True)
         with output_errors(path), whole_file(path) as temporary:
             write_parquet(temporary, chain([first], tables), LAKE_SCHEMA, {})
-    return rows_in(path), path.stat().st_size
+    with path.open("rb") as file:
+        return rows_in(file), path.stat().st_size
 
 
 def _rows_of(store: ObjectStore, status: ObjectStatus) -> int:

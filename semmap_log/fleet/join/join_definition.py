@@ -98,7 +98,7 @@ def write_definition(path: Path, definition: JoinDefinition) -> None:
     if not path.name.endswith(SUFFIX) or path.name == SUFFIX:
         raise LogError(f"{path}: expected a name that ends with {SUFFIX}.")
     text = json.dumps(to_json(definition, path.absolute().parent), indent=2, ensure_ascii=False)
-    replace_file(path, f"{text}\n".encode())
+    replace_file(path, f"{text}\n".encode(errors="backslashreplace"))  # JSON's escapes, too
 
 
 def to_json(definition: JoinDefinition, folder: Path) -> dict[str, Any]:
