@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from semmap_log.batches.retraction import Retractions, in_ranges
+from semmap_log.batches.retraction import in_ranges
 from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.events import (
@@ -297,7 +297,8 @@ class _Checks:
         self.now_ns = 0
         """By which clock the events are recorded: a later time counts as that."""
         self.validator = Validator(self.index, self.next, lambda: self.now_ns)
-        self.retracted = Retractions()
+        self.retracted: list[tuple[int, int]] = []
+        """What was retracted since the doors that are left were looked at."""
         self.changes: list[tuple[int, Event]] = []
         """Number and event of what the file changed in the index."""
 
@@ -314,7 +315,7 @@ class _Checks:
             self.changes.append((self.next, replace(event, happened_ns=happened_ns)))
         self.next += 1
         if isinstance(event, Retracted):
-            self.retracted.ranges.append((event.first_event, event.last_event))
+            self.retracted.append((event.first_event, event.last_event))
 
     def begin(self, now_ns: int, *, are_facts: bool) -> None:
         """Begin a commit: only what was retracted before it cannot be asked for any more."""
@@ -324,22 +325,29 @@ class _Checks:
         self.validator = Validator(index, self.next, lambda: self.now_ns, are_facts=are_facts)
 
     def without_retracted(self) -> DoorIndex:
-        """Return the doors and levels that are left; what the log holds of levels stays."""
-        index = self.index.copy()
-        for first, last in self.retracted.ranges:
+        """Return the doors and levels that are left; what the log holds of levels stays.
+
+        What was retracted stays so: it is looked at once.
+        """
+        ranges, self.retracted = self.retracted, []
+        held = self.index = self.index.copy()
+        for first, last in ranges:
             for event in self.stored.comings(first, min(last, self.first - 1)):
                 if isinstance(event, DoorAdded):
-                    index.placed.pop(event.door_id, None)
-                    index.level_of.pop(event.door_id, None)
+                    held.placed.pop(event.door_id, None)
+                    held.level_of.pop(event.door_id, None)
                 elif isinstance(event, DoorRemoved):
-                    index.bring_back(event.door_id)
-        numbers = np.array([number for number, _ in self.changes], np.int64)
-        hidden = in_ranges(numbers, self.retracted.ranges).tolist()
-        for (number, event), is_hidden in zip(self.changes, hidden, strict=True):
+                    held.bring_back(event.door_id)
+        changes, self.changes = self.changes, []
+        hidden = in_ranges(np.array([number for number, _ in changes], np.int64), ranges)
+        for change, is_hidden in zip(changes, hidden.tolist(), strict=True):
             if not is_hidden:
-                index.apply(event, number)
-            elif isinstance(event, DoorAdded):
-                index.used_ids.add(event.door_id)
+                self.changes.append(change)
+            elif isinstance(change[1], DoorAdded):
+                held.used_ids.add(change[1].door_id)
+        index = held.copy()
+        for number, event in self.changes:
+            index.apply(event, number)
         return index
 
 
