@@ -27,13 +27,14 @@ from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandError
 from semmap_log.formats.json.event_json import means_same
 from semmap_log.formats.json.event_json_reader import ParsedLine
-from semmap_log.importing.import_plan import Present
+from semmap_log.importing.import_plan import Present, weight_of
 from semmap_log.importing.line_commits import LineOptions, PlannedCommit, grouped, taken
 from semmap_log.importing.line_numbers import NumberMap, OpenRetractions
 from semmap_log.importing.line_reading import LineReader
 
 MOST_KEPT = 100_000
-"""Of more lines none is kept in memory: their file is read twice."""
+"""Of more lines none is kept in memory: their file is read twice. For `weight_of`."""
+NO_CELLS = np.zeros((0, 0), np.int8)
 
 
 class Stored(Protocol):
@@ -137,6 +138,7 @@ class _LinePlanner:
         """Of the logs that wrote the lines."""
         self.left_out: list[str] = []
         self.kept: list[tuple[int, ParsedLine]] | None = []
+        self.kept_weight = 0
 
     def plan(self) -> LinesPlan:
         last_id = b""
@@ -196,7 +198,8 @@ class _LinePlanner:
         for number, parsed in self.reader.lines():
             if self.kept is not None:
                 self.kept.append((number, parsed))
-                if len(self.kept) > MOST_KEPT:
+                self.kept_weight += weight_of(parsed.event)
+                if self.kept_weight > MOST_KEPT:
                     self.kept = None
             self.watch(number, parsed)
             yield number, parsed
@@ -312,6 +315,8 @@ class _Checks:
         if isinstance(event, _CHANGING):
             happened_ns = self.now_ns if event.happened_ns is None else event.happened_ns
             happened_ns = min(happened_ns, self.now_ns)
+            if isinstance(event, FloorMap):  # only its level counts
+                event = replace(event, cells=NO_CELLS)
             self.changes.append((self.next, replace(event, happened_ns=happened_ns)))
         self.next += 1
         if isinstance(event, Retracted):

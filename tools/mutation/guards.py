@@ -174,7 +174,7 @@ SIZES = (
           "len(record) > MOST_EVENT_BYTES", "False", "test_writer"),
     guard("limit of a note's texts", "Note.check_length",
           "length > MOST_NOTE_CHARACTERS", "False", "test_writer"),
-    guard("limit of a packed index", "header._unpacked",
+    guard("limit of a packed index", "inflated",
           "unpacker.decompress(data, most + 1)", "unpacker.decompress(data)",
           "test_index"),
     guard("columns of an index of one length", "spans_of_summary",

@@ -13,6 +13,7 @@ from semmap_log.common.lazily import computed_once
 from semmap_log.domain.events import FloorMap, Retracted
 from semmap_log.errors import CorruptLogError, ElsewhereError
 from semmap_log.io.byte_source import ByteSource, Identity
+from semmap_log.io.inflating import inflated
 from semmap_log.io.url_path import UrlPath
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.kind_bits import bits_of_kinds
@@ -22,6 +23,7 @@ from semmap_log.store.reading.segment_reading import batches_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
 from semmap_log.store.removed_part import WITH_VARIABLE, RemovedSegment
+from semmap_log.store.unpacking import most_unpacked
 
 
 class RemovedSource:
@@ -77,7 +79,10 @@ class RemovedSource:
             ) from None
         if hashlib.sha256(data).hexdigest() != self._removed.kept_sha256:
             raise CorruptLogError(path, None, f"not what was written; see {self._url}")
-        return _unpacked(zlib.decompress(data))
+        try:
+            return _unpacked(inflated(data, most_unpacked(len(data))))
+        except (ValueError, TypeError, RecursionError) as error:
+            raise CorruptLogError(path, None, f"not what was written: {error}") from None
 
 
 def kept_bytes(segment: Segment, shipped: ShippedSegment) -> bytes:
