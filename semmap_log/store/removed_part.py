@@ -27,6 +27,10 @@ WITH_VARIABLE = "SEMMAP_LOG_WITH"
 _FORMAT = 1
 
 
+MOST_KEPT_BYTES = 2**30
+"""Of what is kept of a segment: its floor plans are."""
+
+
 @dataclass(frozen=True, slots=True)
 class RemovedSegment:
     """A segment whose file was removed."""

@@ -52,7 +52,12 @@ from semmap_log.store.reading.segment_folder import check_is_log
 from semmap_log.store.reading.segment_reading import end_of, statistics_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.segment_set import check_adjoins
-from semmap_log.store.removed_part import RemovedPart, read_removed_part, write_removed_part
+from semmap_log.store.removed_part import (
+    MOST_KEPT_BYTES,
+    RemovedPart,
+    read_removed_part,
+    write_removed_part,
+)
 from semmap_log.store.verification.keyframe_place import NewKeyframeCheck
 
 
@@ -167,10 +172,13 @@ class _Copying:
         if self.removed is None:
             return
         for one in self.removed.segments:
-            data = self.log.read_bytes(one.kept_name)
+            data = self.log.read_bytes(one.kept_name, MOST_KEPT_BYTES)
             if hashlib.sha256(data).hexdigest() != one.kept_sha256:
                 raise CorruptLogError(self.log / one.kept_name, None, "it is not what was written")
-            if not self.copy.has(one.kept_name) or self.copy.read_bytes(one.kept_name) != data:
+            if (
+                not self.copy.has(one.kept_name)
+                or self.copy.read_bytes(one.kept_name, MOST_KEPT_BYTES) != data
+            ):
                 self.copy.write_whole(one.kept_name, [data])
         for outdated in plan.outdated:  # else it would stand before segments of the list
             self._go_back_before(outdated)

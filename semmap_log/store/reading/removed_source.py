@@ -22,7 +22,7 @@ from semmap_log.store.reading.command_rows import rows_of
 from semmap_log.store.reading.segment_reading import batches_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
-from semmap_log.store.removed_part import WITH_VARIABLE, RemovedSegment
+from semmap_log.store.removed_part import MOST_KEPT_BYTES, WITH_VARIABLE, RemovedSegment
 from semmap_log.store.unpacking import most_unpacked
 
 
@@ -72,7 +72,7 @@ class RemovedSource:
     def _kept(self) -> list[tuple[int, memoryview]]:
         path = self._folder / self._removed.kept_name
         try:
-            data = self._folder.read_bytes(self._removed.kept_name)
+            data = self._folder.read_bytes(self._removed.kept_name, MOST_KEPT_BYTES)
         except FileNotFoundError:
             raise CorruptLogError(
                 path, None, f"it is gone; the segment lies at {self._url}"
