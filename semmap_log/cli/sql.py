@@ -129,14 +129,9 @@ def _query(query: str | None, file: Path | None) -> str | None:
         return sys.stdin.read()
     if file is None:
         return query
-    from semmap_log.errors import FormatError
+    from semmap_log.formats.parsing.foreign_file import MIB, decode_utf8, read_capped
 
-    try:
-        return file.read_text(encoding="utf-8")
-    except OSError as error:
-        raise FormatError(file, f"cannot be read: {error.strerror}.") from None
-    except UnicodeDecodeError:
-        raise FormatError(file, "expected a query as UTF-8 text, got other bytes.") from None
+    return decode_utf8(read_capped(file, most_bytes=MIB), file)
 
 
 def _logs(given: list[str]) -> dict[str, DoorLog]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import PurePath
@@ -14,6 +15,7 @@ from semmap_log.domain.doors import DoorId, DoorMap, is_given, next_door_id
 from semmap_log.domain.events import (
     ClassDefined,
     DoorAdded,
+    DoorEvent,
     DoorRemoved,
     DoorUpdated,
     Event,
@@ -65,6 +67,8 @@ class DoorIndex:
     names: Callable[[], Mapping[DoorId, str]] = field(default=dict, repr=False, compare=False)
     """What doors are called, removed ones too: for messages."""
     _levels: dict[int, str | None] | None = field(default=None, repr=False, compare=False)
+    _on_level: Counter[int] | None = field(default=None, repr=False, compare=False)
+    """How many doors with a place are on each level; None: not counted yet."""
     _latest_added_ns: int | None = field(default=None, repr=False, compare=False)
 
     @classmethod
@@ -130,9 +134,11 @@ class DoorIndex:
     @property
     def levels(self) -> dict[int, str | None]:
         """The levels that there are: see `levels.level_numbers`; with their names."""
-        if self._levels is None:
+        if self._on_level is None:
             placed = (self.level_of[door] for door, is_placed in self.placed.items() if is_placed)
-            numbers = level_numbers(self.level_names, placed)
+            self._on_level, self._levels = Counter(placed), None
+        if self._levels is None:
+            numbers = level_numbers(self.level_names, self._on_level)
             self._levels = {number: self.level_names.get(number) for number in numbers}
         return self._levels
 
@@ -186,7 +192,7 @@ class DoorIndex:
 
     def bring_back(self, door_id: int) -> None:
         """Take in that a door's removal is taken back: the door is as it was before."""
-        self._levels = None
+        self._on_level = None
         removal = self.removals.pop(door_id)
         self.placed[door_id], self.level_of[door_id] = removal.was_placed, removal.level
         self.removed_ns.pop(door_id)
@@ -197,7 +203,7 @@ class DoorIndex:
 
     def take_back(self, first: int, last: int) -> dict[int, int]:
         """Take doors out whose adding is retracted; return when each had been added."""
-        self._levels = None
+        self._on_level = None
         gone = self.added_by(first, last)
         for door_id in gone:
             self.placed.pop(door_id, None)
@@ -207,7 +213,32 @@ class DoorIndex:
 
     def apply(self, event: Event, number: int) -> None:
         """Take in what an event changes; one without a time counts from the end of time."""
-        self._levels = None
+        if isinstance(event, DoorEvent):
+            before = self._level_with(event.door_id)
+            self._take_in(event, number)
+            self._count_moved(before, self._level_with(event.door_id))
+        else:
+            self._take_in(event, number)
+            self._levels = None
+
+    def _level_with(self, door_id: int) -> int | None:
+        """Return the level on which a door has a place; None: it has none."""
+        return self.level_of[door_id] if self.placed.get(door_id) else None
+
+    def _count_moved(self, before: int | None, after: int | None) -> None:
+        """Count a door that went from a level, or from nowhere, to another."""
+        if self._on_level is None or before == after:
+            return
+        if after is not None:
+            self._on_level[after] += 1
+            self._levels = self._levels if self._on_level[after] > 1 else None
+        if before is not None:
+            self._on_level[before] -= 1
+            if not self._on_level[before]:
+                del self._on_level[before]
+                self._levels = None
+
+    def _take_in(self, event: Event, number: int) -> None:
         happened_ns = MAX_TIME_NS if event.happened_ns is None else event.happened_ns
         if isinstance(event, DoorAdded):
             self.placed[event.door_id] = not math.isnan(event.x)

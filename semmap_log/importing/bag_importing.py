@@ -6,13 +6,13 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from semmap_log.domain.events import Event, FloorMap
+from semmap_log.domain.events import Event
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.errors import FormatError
 from semmap_log.formats.bags.bag_protocol import BagChannel, BagReader
 from semmap_log.formats.bags.bag_reading import open_bag
 from semmap_log.formats.ros.ros_types import short_name
-from semmap_log.importing.import_plan import ImportPlan
+from semmap_log.importing.import_plan import ImportPlan, weight_of
 from semmap_log.io.progress import Progress
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.topic_problems import TopicProblems
@@ -20,10 +20,7 @@ from semmap_log.ros_mapping.topic_rules import RosMapping
 from semmap_log.ros_mapping.translator import Translator
 
 MOST_KEPT = 200_000
-"""Of more events none is kept in memory: their bag is read twice."""
-
-CELLS_AN_EVENT = 256
-"""So many cells of a floor plan count as an event of those that are kept."""
+"""Of more events none is kept in memory: their bag is read twice. For `weight_of`."""
 
 TOLD_EVERY = 1000
 """Messages between two words of progress."""
@@ -49,7 +46,7 @@ def plan_bag(
     weight = count = 0
     for event in passage.events():
         count += 1
-        weight += event.cells.size // CELLS_AN_EVENT if isinstance(event, FloorMap) else 1
+        weight += weight_of(event)
         if kept is not None:
             kept.append(event)
             if weight > MOST_KEPT:

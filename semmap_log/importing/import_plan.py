@@ -40,6 +40,17 @@ from semmap_log.door_log.known_past import KnownPast
 from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
 from semmap_log.formats.files.door_table import DoorTable, TableDoor
 
+BYTES_AN_EVENT = 256
+"""So many cells of a floor plan, or characters of a text, count as an event of those that are kept
+in memory."""
+
+
+def weight_of(event: Event) -> int:
+    """Return as how many events one counts, of those that are kept in memory."""
+    if isinstance(event, FloorMap):
+        return 1 + event.cells.size // BYTES_AN_EVENT
+    return 1 + len(event.value) // BYTES_AN_EVENT if isinstance(event, DoorAnnotated) else 1
+
 
 @dataclass(frozen=True, slots=True)
 class Present:

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from semmap_log.batches.retraction import Retractions, in_ranges
+from semmap_log.batches.retraction import in_ranges
 from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.events import (
@@ -27,14 +27,15 @@ from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandError
 from semmap_log.formats.json.event_json import means_same
 from semmap_log.formats.json.event_json_reader import ParsedLine
-from semmap_log.importing.import_plan import Present
+from semmap_log.importing.import_plan import Present, weight_of
 from semmap_log.importing.line_commits import LineOptions, PlannedCommit, grouped, taken
 from semmap_log.importing.line_numbers import NumberMap, OpenRetractions
 from semmap_log.importing.line_reading import LineReader
 from semmap_log.store.gone_commands import CommandSeal, StoredCommand
 
 MOST_KEPT = 100_000
-"""Of more lines none is kept in memory: their file is read twice."""
+"""Of more lines none is kept in memory: their file is read twice. For `weight_of`."""
+NO_CELLS = np.zeros((0, 0), np.int8)
 
 
 class Stored(Protocol):
@@ -138,6 +139,7 @@ class _LinePlanner:
         """Of the logs that wrote the lines."""
         self.left_out: list[str] = []
         self.kept: list[tuple[int, ParsedLine]] | None = []
+        self.kept_weight = 0
 
     def plan(self) -> LinesPlan:
         last_id = b""
@@ -197,7 +199,8 @@ class _LinePlanner:
         for number, parsed in self.reader.lines():
             if self.kept is not None:
                 self.kept.append((number, parsed))
-                if len(self.kept) > MOST_KEPT:
+                self.kept_weight += weight_of(parsed.event)
+                if self.kept_weight > MOST_KEPT:
                     self.kept = None
             self.watch(number, parsed)
             yield number, parsed
@@ -316,7 +319,8 @@ class _Checks:
         """By which clock the events are recorded: a later time counts as that."""
         self.past = present.past
         self.validator = Validator(self.index, self.next, lambda: self.now_ns, past=self.past)
-        self.retracted = Retractions()
+        self.retracted: list[tuple[int, int]] = []
+        """What was retracted since the doors that are left were looked at."""
         self.changes: list[tuple[int, Event]] = []
         """Number and event of what the file changed in the index."""
 
@@ -330,10 +334,12 @@ class _Checks:
         if isinstance(event, _CHANGING):
             happened_ns = self.now_ns if event.happened_ns is None else event.happened_ns
             happened_ns = min(happened_ns, self.now_ns)
+            if isinstance(event, FloorMap):  # only its level counts
+                event = replace(event, cells=NO_CELLS)
             self.changes.append((self.next, replace(event, happened_ns=happened_ns)))
         self.next += 1
         if isinstance(event, Retracted):
-            self.retracted.ranges.append((event.first_event, event.last_event))
+            self.retracted.append((event.first_event, event.last_event))
 
     def begin(self, now_ns: int, *, are_facts: bool) -> None:
         """Begin a commit: only what was retracted before it cannot be asked for any more."""
@@ -350,22 +356,29 @@ class _Checks:
         )
 
     def without_retracted(self) -> DoorIndex:
-        """Return the doors and levels that are left; what the log holds of levels stays."""
-        index = self.index.copy()
-        for first, last in self.retracted.ranges:
+        """Return the doors and levels that are left; what the log holds of levels stays.
+
+        What was retracted stays so: it is looked at once.
+        """
+        ranges, self.retracted = self.retracted, []
+        held = self.index = self.index.copy()
+        for first, last in ranges:
             for event in self.stored.comings(first, min(last, self.first - 1)):
                 if isinstance(event, DoorAdded):
-                    index.placed.pop(event.door_id, None)
-                    index.level_of.pop(event.door_id, None)
+                    held.placed.pop(event.door_id, None)
+                    held.level_of.pop(event.door_id, None)
                 elif isinstance(event, DoorRemoved):
-                    index.bring_back(event.door_id)
-        numbers = np.array([number for number, _ in self.changes], np.int64)
-        hidden = in_ranges(numbers, self.retracted.ranges).tolist()
-        for (number, event), is_hidden in zip(self.changes, hidden, strict=True):
+                    held.bring_back(event.door_id)
+        changes, self.changes = self.changes, []
+        hidden = in_ranges(np.array([number for number, _ in changes], np.int64), ranges)
+        for change, is_hidden in zip(changes, hidden.tolist(), strict=True):
             if not is_hidden:
-                index.apply(event, number)
-            elif isinstance(event, DoorAdded):
-                index.used_ids.add(event.door_id)
+                self.changes.append(change)
+            elif isinstance(change[1], DoorAdded):
+                held.used_ids.add(change[1].door_id)
+        index = held.copy()
+        for number, event in self.changes:
+            index.apply(event, number)
         return index
 
 

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from collections.abc import Set as AbstractSet
 from pathlib import Path
 
 from semmap_log.domain.doors import LEVEL_NOT_GIVEN, DoorId, next_door_id
 from semmap_log.domain.events import DoorAnnotated, DoorEvent, LevelAdded
 from semmap_log.domain.meaning import Changed
 from semmap_log.errors import FormatError, UnknownDoorError
-from semmap_log.folds.levels import level_called, levels_of
+from semmap_log.folds.levels import NUMBER_PREFIX, level_called, levels_of
 from semmap_log.formats.json.event_json_reader import DoorLookup, ParsedLine, parse_event_line
 from semmap_log.formats.parsing.foreign_file import numbered_lines
 from semmap_log.formats.parsing.problems import Problems, shown
 from semmap_log.formats.parsing.strict_json import MOST_LINE_BYTES
 from semmap_log.importing.import_plan import Present
+
+MOST_LEVEL_DIGITS = 5
+"""Of a level's number."""
 
 
 class LineReader:
@@ -29,7 +34,13 @@ class LineReader:
         self.used_ids, self.greatest_id = {*present.used_ids}, present.greatest_id
         self.level_names = {n: level.name for n, level in levels_of(present.door_map).items()}
         self.levels = {door.door_id: door.level for door in present.door_map.doors.values()}
-        self.names = {door.door_id: door.name or "" for door in present.door_map.doors.values()}
+        names = ((door.door_id, door.name) for door in present.door_map.doors.values())
+        self.doors_called = _Called(names)
+        self.levels_called = _Called(self.level_names.items())
+        self.longest_level = max(
+            map(len, map(self.door_map.level_name, self.level_names)), default=0
+        )
+        """So many characters a level's name has at most, before a slash and a door's."""
 
     def lines(self) -> Iterator[tuple[int, ParsedLine]]:
         """Yield number and content of good lines, until there are too many bad ones."""
@@ -52,6 +63,7 @@ class LineReader:
             self._learn(parsed.event)
         elif isinstance(parsed.event, LevelAdded):
             self.level_names[parsed.event.level] = parsed.event.name
+            self.levels_called.rename(parsed.event.level, parsed.event.name)
         return parsed
 
     def _learn(self, event: DoorEvent) -> None:
@@ -60,21 +72,25 @@ class LineReader:
         if event.sets() & Changed.POSE:
             self.levels[event.door_id] = event.values_set()["level"]
         if isinstance(event, DoorAnnotated) and event.key == "name":
-            self.names[event.door_id] = event.value
+            self.doors_called.rename(event.door_id, event.value)
 
     # What the reader of a line asks
 
     def _resolve(self, text: str) -> DoorId:
-        found = [
-            door_id
-            for door_id, name in self.names.items()
-            if name
-            and text in (name, f"{self.door_map.level_name(self.levels.get(door_id, 0))}/{name}")
-        ]
+        found = {*self.doors_called[text]}
+        slash = text.find("/")
+        while 0 <= slash <= max(self.longest_level, MOST_LEVEL_DIGITS):
+            level, name = text[:slash], text[slash + 1 :]
+            found |= {
+                door_id
+                for door_id in self.doors_called[name]
+                if self.door_map.level_name(self.levels.get(DoorId(door_id), 0)) == level
+            }
+            slash = text.find("/", slash + 1)
         if len(found) != 1:
             many = f"{len(found)} doors have" if found else "no door has"
             raise UnknownDoorError(f"door: {many} the name {shown(text)}")
-        return found[0]
+        return DoorId(found.pop())
 
     def _next_id(self) -> DoorId:
         return next_door_id(self.used_ids, self.greatest_id)
@@ -83,4 +99,32 @@ class LineReader:
         return self.levels.get(door_id, LEVEL_NOT_GIVEN)
 
     def _level(self, text: str | None) -> int:
-        return LEVEL_NOT_GIVEN if text is None else level_called(text, self.level_names)
+        if text is None:
+            return LEVEL_NOT_GIVEN
+        digits = text.removeprefix(NUMBER_PREFIX)
+        numbers = {*self.levels_called[text]}
+        if digits.isdecimal() and len(digits) <= MOST_LEVEL_DIGITS:
+            numbers.add(int(digits))
+        meant = {n: self.level_names[n] for n in numbers if n in self.level_names}
+        return level_called(text, meant or self.level_names)
+
+
+class _Called:
+    """Which doors, or levels, bear a name."""
+
+    def __init__(self, names: Iterable[tuple[int, str | None]]) -> None:
+        self._names: dict[int, str] = {}
+        self._called: defaultdict[str, set[int]] = defaultdict(set)
+        for number, name in names:
+            self.rename(number, name or "")
+
+    def rename(self, number: int, name: str) -> None:
+        """Take in what one is called from now on; empty: nothing."""
+        self._called[self._names.get(number, "")].discard(number)
+        self._names[number] = name
+        if name:
+            self._called[name].add(number)
+
+    def __getitem__(self, name: str) -> AbstractSet[int]:
+        """Return those that are called so."""
+        return self._called.get(name, frozenset())

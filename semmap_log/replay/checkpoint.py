@@ -90,7 +90,7 @@ class Checkpoint(Generic[S]):
             if not self._fits(head):
                 return None
             position, state = _position(head), self._load_state(stored)
-        except ValueError as error:
+        except (ValueError, LookupError, TypeError, MemoryError, RecursionError) as error:
             self._refuse(f"it is damaged: {error}")
             return None
         if position.is_before_redaction(reader):

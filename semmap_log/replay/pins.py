@@ -11,7 +11,9 @@ import zlib
 
 from semmap_log.domain.events import MomentPinned
 from semmap_log.folds.door_map import DoorMapState
+from semmap_log.io.inflating import inflated
 from semmap_log.replay import keyframes
+from semmap_log.store.chunk_unpacking import most_unpacked
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
@@ -67,8 +69,9 @@ def with_state(pin: MomentPinned, state: DoorMapState, next_event: int) -> Momen
 
 
 def unpacked(text: str) -> DoorMapState | None:
-    """Return the state in a pin; None: it is of another version, or damaged."""
+    """Return the state in a pin; None: it is of another version, damaged, or larger than any."""
     try:
-        return keyframes.decode(zlib.decompress(base64.b64decode(text, validate=True)))
-    except (ValueError, zlib.error):
+        packed = base64.b64decode(text, validate=True)
+        return keyframes.decode(inflated(packed, most_unpacked(len(packed))))
+    except ValueError:
         return None

@@ -36,6 +36,8 @@ class WrittenState:
         """
         self._folder = folder
         self._flush = flush
+        self._reader = reader
+        """The log as it was when it was read last; None: it was not."""
         self._state = DoorMapState() if reader is None else state_at(reader)
         self._unfolded: list[bytes] = []
         self._offsets: list[NDArray[np.int64] | None] = []
@@ -81,7 +83,9 @@ class WrittenState:
         self._fold()
         if self._needs_reading:
             self._flush()
-            self._state, self._needs_reading = state_at(LogReader(self._folder)), False
+            known = self._reader  # of which nothing is read again
+            self._reader = LogReader(self._folder) if known is None else known.refreshed()
+            self._state, self._needs_reading = state_at(self._reader), False
         return self._state
 
     def _fold(self) -> None:

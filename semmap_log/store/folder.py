@@ -40,6 +40,8 @@ _CANNOT_LINK = {errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP}
 """What file systems say that have no hard links (FAT, some network servers)."""
 
 
+MOST_BYTES = 2**26
+"""Of a file that is read whole: what lists the segments of a log, or tells of them."""
 Version = tuple[int, int, int, int]
 """Device, inode, size and time of the last change of a file."""
 
@@ -192,8 +194,10 @@ class LogFolder:
         except FileNotFoundError:
             return False
 
-    def read_bytes(self, name: str, most: int = -1) -> bytes:
+    def read_bytes(self, name: str, most: int = MOST_BYTES) -> bytes:
         """Return what is in a regular file; of a longer one so many bytes at most.
+
+        None of ours is longer than the default. A hole of a file may be of any length.
 
         Raises:
             FileNotFoundError: There is nothing of that name.
@@ -201,8 +205,7 @@ class LogFolder:
             OSError: As the system says.
         """
         with self.regular_file(name) as file:
-            size = os.fstat(file.fileno()).st_size
-            return file.read(size if most < 0 else min(most, size))
+            return file.read(min(most, os.fstat(file.fileno()).st_size + 1))
 
     def regular_file(self, name: str) -> BinaryIO:
         """Return a regular file, open to be read.

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
+from semmap_log.io.inflating import inflated
 from semmap_log.store.form import (
     DIGEST_KEY,
     FORMAT_MINOR,
@@ -285,20 +286,9 @@ def _pack(values: Sequence[int]) -> str:
 
 def _unpack(text: str, most: int) -> NDArray[np.int64]:
     try:
-        return np.frombuffer(_unpacked(base64.b64decode(text, validate=True), 8 * most), "<i8")
-    except (zlib.error, ValueError) as error:
-        raise ValueError(f"its times cannot be read: {error}") from error
-
-
-def _unpacked(data: bytes, most: int) -> bytes:
-    """Return what is packed, or raise ValueError: no more is unpacked than may be there."""
-    unpacker = zlib.decompressobj()
-    unpacked = unpacker.decompress(data, most + 1)
-    if len(unpacked) > most:
-        raise ValueError(f"expected at most {most // 8} chunks, got more")
-    if not unpacker.eof or unpacker.unused_data:
-        raise ValueError("it does not end where what is packed ends")
-    return unpacked
+        return np.frombuffer(inflated(base64.b64decode(text, validate=True), 8 * most), "<i8")
+    except ValueError as error:
+        raise ValueError(f"its times of at most {most} chunks cannot be read: {error}") from error
 
 
 def _digest(entries: Mapping[str, str]) -> str:

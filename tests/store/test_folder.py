@@ -22,7 +22,7 @@ from semmap_log.errors import (
 from semmap_log.replay.care import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.compaction.compacting import compact_segment, install_over
-from semmap_log.store.folder import LogFolder
+from semmap_log.store.folder import MOST_BYTES, LogFolder
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.writing import segment_chain
@@ -527,3 +527,16 @@ def test_of_two_creators_one_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
         sl.create(path, tz="UTC")
 
     assert 6 == sum(len(batch) for batch in sl.read(path).batches())
+
+
+def test_a_file_that_is_a_hole_is_not_read_to_its_end(tmp_path: Path) -> None:
+    """
+    Beside segments, in a folder that may come from a stranger: it takes no room on a disk.
+    """
+    log = made(tmp_path / "log")
+    os.truncate(log / "metadata.yaml", 2**36)
+
+    assert MOST_BYTES == len(LogFolder(log).read_bytes("metadata.yaml"))
+    assert 5 == len(LogFolder(log).read_bytes("metadata.yaml", 5))
+    assert DOOR in sl.read(log).replay().doors
+    assert not [one for one in verify(log).findings if "chunk" in one.kind]

@@ -15,7 +15,7 @@ import semmap_log as sl
 from fault_injection.acknowledged import Tell
 from fault_injection.fault import Outcome, Plan
 from fault_injection.forking import forked
-from fault_injection.hostile.bags import bag_bomb, bag_liar, mcap_bomb, mcap_liar
+from fault_injection.hostile.bags import bag_bomb, bag_liar, mcap_bomb, mcap_liar, mcap_of_many
 from fault_injection.hostile.logs import hostile_log
 from fault_injection.hostile.texts import csv_bomb, gzip_bomb, json_bomb, picture_bomb, yaml_bomb
 from fault_injection.pool import side_by_side
@@ -27,7 +27,7 @@ MOST_MIB = 600
 """So much more memory than before a verb may take, whatever the file says."""
 ROOM_MIB = 4096
 """Address space beyond what there is: more is refused by the kernel."""
-LONGEST_S = 20
+LONGEST_S = 10
 """Of work, in seconds of a processor."""
 
 Make = Callable[[Path, random.Random], str]
@@ -36,6 +36,7 @@ LOG, FILE = "{log}", "{file}"
 
 FOREIGN: tuple[tuple[str, Make, tuple[Ask, ...]], ...] = (
     ("made.mcap", mcap_bomb, (("import", LOG, FILE), ("info", FILE), ("verify", FILE))),
+    ("made.mcap", mcap_of_many, (("import", LOG, FILE), ("info", FILE))),
     ("made.mcap", mcap_liar, (("import", LOG, FILE), ("info", FILE), ("verify", FILE))),
     ("made.bag", bag_bomb, (("import", LOG, FILE), ("info", FILE))),
     ("made.bag", bag_liar, (("import", LOG, FILE), ("info", FILE))),

@@ -11,7 +11,7 @@ LEVELS = (
           "placed_levels(door_map)", "()",
           "test_levels"),
     guard("levels: doors with a place make a level for the writer", "DoorIndex.levels",
-          "level_numbers(self.level_names, placed)", "sorted(self.level_names)",
+          "level_numbers(self.level_names, self._on_level)", "sorted(self.level_names)",
           "test_levels"),
     guard("levels: a name counts before a number", "level_called",
           "named or numbered", "numbered or named", "test_levels"),

@@ -89,6 +89,8 @@ class _Metadata:
         for name in self.files:
             if Path(name).is_absolute() or ".." in Path(name).parts:
                 raise FormatError(path, f"expected files of this folder, got {name!r}")
+        if len(set(self.files)) < len(self.files):
+            raise FormatError(path, "expected each file once, got one twice")
 
 
 def _child(node: Node | None, key: str) -> Node | None:

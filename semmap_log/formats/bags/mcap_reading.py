@@ -24,6 +24,7 @@ from semmap_log.formats.bags.mcap_records import (
     read_summary,
     records,
 )
+from semmap_log.formats.bags.unpacking import Tally
 from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.formats.parsing.problems import shown
 from semmap_log.formats.ros.ros_decoding import DefinitionForm, MessageType
@@ -116,10 +117,11 @@ class McapBag:
         ]  # fmt: skip
         heapq.heapify(chunks)
         heap: list[tuple[int, int, int, int, bytes, OpenChunk, Iterator[Any]]] = []
+        tally = Tally(self._footer_at)
         open_bytes = last_ns = 0
         while chunks or heap:
             if chunks and (not heap or chunks[0][0] <= heap[0][0]):
-                chunk = self._chunk_at(heapq.heappop(chunks)[1])
+                chunk = self._chunk_at(heapq.heappop(chunks)[1], tally)
                 open_bytes += len(chunk.data)
                 if open_bytes > OPEN_BYTES:
                     raise FormatError(
@@ -141,13 +143,13 @@ class McapBag:
                 at_ns, place, number, data = following
                 heapq.heappush(heap, (at_ns, chunk.at, place, number, data, chunk, messages))
 
-    def _chunk_at(self, at: int) -> OpenChunk:
+    def _chunk_at(self, at: int, tally: Tally) -> OpenChunk:
         from mcap.opcode import Opcode
 
         record = next(records(self._file, at, self._footer_at, {Opcode.CHUNK}), None)
         if record is None or record.opcode != Opcode.CHUNK:
             raise ValueError(f"expected a chunk at byte {at:,}, as its index says, got none")
-        return OpenChunk(record)
+        return OpenChunk(record, tally)
 
     def _indexed_channels(self) -> dict[int, BagChannel]:
         found = {}
@@ -202,10 +204,10 @@ class McapBag:
             nonlocal crc
             crc = crc32(data, crc)
 
-        asked = {*wanted, Opcode.CHUNK, Opcode.DATA_END}
+        asked, tally = {*wanted, Opcode.CHUNK, Opcode.DATA_END}, Tally(self._footer_at)
         for record in records(self._file, len(MAGIC), self._footer_at, asked, hear=hear):
             if record.opcode == Opcode.CHUNK:
-                yield from OpenChunk(record).records(wanted)
+                yield from OpenChunk(record, tally).records(wanted)
             elif record.opcode == Opcode.DATA_END:
                 (expected,) = unpack_from("<I", record.body)
                 if expected not in (0, before):

@@ -18,7 +18,7 @@ from zlib import crc32
 import numpy as np
 
 from semmap_log.formats.bags.damage import reason_of
-from semmap_log.formats.bags.unpacking import MOST_BYTES, unpack
+from semmap_log.formats.bags.unpacking import MOST_BYTES, Tally, unpack
 
 FRAME = Struct("<BQ")
 MESSAGE = Struct("<HIQQ")
@@ -26,6 +26,10 @@ MESSAGE = Struct("<HIQQ")
 MOST_SUMMARY_BYTES = 64 * 2**20
 """Of a file of some terabytes."""
 BLOCK_BYTES = 2**20
+FREE_RECORDS = 50_000
+MOST_RECORDS_A_BYTE = {"zstd": 8}
+"""Beyond those, of a chunk as it is packed: messages whose times differ take more than half a byte
+each in zstd, and others more than one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,8 +176,8 @@ def read_summary(file: BinaryIO, start: int, end: int) -> Summary:
 class OpenChunk:
     """A chunk, unpacked."""
 
-    def __init__(self, record: Record) -> None:
-        """Unpack it.
+    def __init__(self, record: Record, tally: Tally) -> None:
+        """Unpack it, and have that counted.
 
         Raises:
             ValueError: It is too large, damaged, or no chunk.
@@ -187,7 +191,11 @@ class OpenChunk:
             raise ValueError(f"the chunk at byte {record.at:,}: {error}") from None
         if chunk.uncompressed_crc and crc32(self.data) != chunk.uncompressed_crc:
             raise ValueError(f"the chunk at byte {record.at:,}: its CRC is another")
+        tally.add(len(self.data))
         self.at = record.at
+        a_byte = MOST_RECORDS_A_BYTE.get(chunk.compression, 1)
+        self._most = max(FREE_RECORDS, a_byte * len(record.body))
+        """So many records it may have."""
 
     def records(self, wanted: Collection[int]) -> Iterator[Record]:
         """Yield the records in it that are wanted, with their places in the chunk.
@@ -195,9 +203,11 @@ class OpenChunk:
         Raises:
             ValueError: It holds something else.
         """
-        view, at = memoryview(self.data), 0
+        view, at, count = memoryview(self.data), 0, 0
         while at < len(view):
             opcode, length = _checked(view[at : at + FRAME.size], at, len(view) - at)
+            count += 1
+            self._check_count(count)
             if opcode in wanted:
                 yield Record(opcode, at, bytes(view[at + FRAME.size : at + FRAME.size + length]))
             at += FRAME.size + length
@@ -222,8 +232,11 @@ class OpenChunk:
 
         times, places = array("Q"), array("q")
         data, at, end, message = self.data, 0, len(self.data), int(Opcode.MESSAGE)
+        count = 0
         while at < end:
             opcode, length = _checked(data[at : at + FRAME.size], at, end - at)
+            count += 1
+            self._check_count(count)
             if opcode == message:
                 if length < MESSAGE.size:
                     raise ValueError(f"the message at byte {at:,} of a chunk is cut")
@@ -233,3 +246,10 @@ class OpenChunk:
                     places.append(at)
             at += FRAME.size + length
         return times, places
+
+    def _check_count(self, count: int) -> None:
+        if count > self._most:
+            raise ValueError(
+                f"the chunk at byte {self.at:,}: expected at most {self._most:,} records in what "
+                "it is packed in, got more"
+            )

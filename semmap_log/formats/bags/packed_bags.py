@@ -10,9 +10,11 @@ from pathlib import Path
 
 from semmap_log.errors import FormatError
 from semmap_log.formats.bags.bag_protocol import BagChannel, BagMessage, BagReader
-from semmap_log.formats.bags.unpacking import MOST_RATIO, PIECE_BYTES, unpack
+from semmap_log.formats.bags.mcap_reading import MAGIC
+from semmap_log.formats.bags.unpacking import MOST_RATIO, PIECE_BYTES, Tally, unpack
 from semmap_log.formats.parsing.foreign_file import open_regular
 
+_BEGINNINGS = (MAGIC, b"SQLite format 3\0")
 FREE_FILE_BYTES = 2**30
 """A packed file may hold so much, or a thousand times its own bytes."""
 
@@ -39,9 +41,11 @@ class PackedMessages:
         Raises:
             FormatError: One is damaged, or too large.
         """
+        tally = Tally(self._path.stat().st_size)
         for message in self._bag.messages(channels):
             try:
                 data = unpack(message.data, "zstd")
+                tally.add(len(data))
             except ValueError as error:
                 problem = f"a message on {message.channel.topic}: {error}"
                 raise FormatError(self._path, problem) from None
@@ -71,7 +75,9 @@ def _unpack_file(source: Path, target: Path) -> None:
         packed.seek(0)
         try:
             with zstandard.ZstdDecompressor().stream_reader(packed, closefd=False) as stream:
-                while piece := stream.read(PIECE_BYTES):
+                if not (piece := stream.read(PIECE_BYTES)).startswith(_BEGINNINGS):
+                    raise FormatError(source, "expected a packed .mcap or .db3, got something else")
+                while piece:
                     most -= len(piece)
                     if most < 0:
                         raise FormatError(
@@ -79,5 +85,6 @@ def _unpack_file(source: Path, target: Path) -> None:
                             "unpacked; got more; unpack it yourself: zstd -d",
                         )  # fmt: skip
                     file.write(piece)
+                    piece = stream.read(PIECE_BYTES)
         except (zstandard.ZstdError, OSError) as error:
             raise FormatError(source, f"cannot be unpacked: {error}") from None

@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 from rosbags.rosbag1 import Reader
 
-from semmap_log.formats.bags.unpacking import MOST_BYTES, unpack
+from semmap_log.formats.bags.unpacking import MOST_BYTES, Tally, unpack
 from semmap_log.formats.parsing.foreign_file import open_regular
 
 
@@ -64,6 +64,7 @@ class GuardedReader(Reader):  # type: ignore[misc]  # rosbags tells mypy nothing
 
     def __init__(self, path: Path) -> None:
         super().__init__(GuardedPath(path))
+        self._tally = Tally(path.stat().st_size)
 
     def read_chunk(self) -> Any:
         """Read a chunk's header; what it holds is unpacked within limits.
@@ -74,7 +75,12 @@ class GuardedReader(Reader):  # type: ignore[misc]  # rosbags tells mypy nothing
         chunk = super().read_chunk()
         packing = chunk.decompressor.__module__.split(".")[0]
         name = {"bz2": "bz2", "lz4": "lz4"}.get(packing, "none")
-        return chunk._replace(decompressor=partial(unpack, compression=name))
+        return chunk._replace(decompressor=partial(self._unpacked, compression=name))
+
+    def _unpacked(self, data: bytes, *, compression: str) -> bytes:
+        unpacked = unpack(data, compression)
+        self._tally.add(len(unpacked))
+        return unpacked
 
     def read_index_data(self, pos: int, indexes: Any) -> None:
         """Read where the messages of a connection are in a chunk.

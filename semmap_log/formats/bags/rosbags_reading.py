@@ -15,6 +15,7 @@ from urllib.parse import quote
 from semmap_log.errors import FormatError
 from semmap_log.formats.bags.bag_protocol import BagChannel, BagMessage
 from semmap_log.formats.bags.damage import reason_of
+from semmap_log.formats.bags.unpacking import Tally
 from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.formats.ros.ros_decoding import MessageType
 from semmap_log.formats.ros.ros_types import RosVersion, long_name
@@ -68,9 +69,11 @@ class RosbagsBag:
         if not chosen:
             return
         expected, count = self.count(channels), 0
+        tally = Tally(self._path.stat().st_size)
         with _troubles(self._path):
             for connection, at_ns, data in self._reader.messages(chosen):
                 count += 1
+                tally.add(len(data))
                 yield BagMessage(self._channels[connection.id], at_ns, bytes(data))
         if count != expected:
             raise FormatError(

@@ -1,7 +1,8 @@
 """Unpacking what strangers packed: a few kilobytes of zstd can hold gigabytes of zeros.
 
 What a packed piece (a chunk of a bag, a message) may hold is limited: 128 MiB, and more only up to
-a thousand times its packed bytes, and never more than 256 MiB. Nothing is unpacked further.
+a thousand times its packed bytes, and never more than 256 MiB. Nothing is unpacked further. What a
+file holds in all is limited by a `Tally`: 1 GiB, and more only up to four thousand times its bytes.
 """
 
 from __future__ import annotations
@@ -13,11 +14,35 @@ FREE_BYTES = 128 * 2**20
 """A map of a hundred million cells, of which most are unknown, is packed ten-thousandfold."""
 MOST_RATIO = 1_000
 MOST_BYTES = 256 * 2**20
+FREE_FILE_BYTES = 2**30
+MOST_FILE_RATIO = 4_000
+"""As of a segment of ours: `store.unpacking`."""
 PIECE_BYTES = 2**20
 FED_BYTES = 256
 """Of zstd: four bytes can stand for 128 KiB, so that at most 8 MiB come of them."""
 
 STATED = "128 MiB, or 1,000 times its packed bytes, and never more than 256 MiB"
+
+
+class Tally:
+    """Counts the bytes that come of a file while it is read once."""
+
+    def __init__(self, file_size: int) -> None:
+        self._left = max(FREE_FILE_BYTES, MOST_FILE_RATIO * file_size)
+
+    def add(self, size: int) -> None:
+        """Count some more.
+
+        Raises:
+            ValueError: They are more than come of any such file.
+        """
+        self._left -= size
+        if self._left < 0:
+            raise ValueError(
+                f"expected at most 1 GiB, or {MOST_FILE_RATIO:,} times the file's bytes, of chunks "
+                "and messages; got more; take out of a copy what is not needed: mcap filter, "
+                "rosbag filter"
+            )
 
 
 def most_unpacked(packed: int) -> int:

@@ -36,6 +36,7 @@ from semmap_log.domain.events import (
 from semmap_log.domain.meaning import PARTS
 from semmap_log.domain.moments import format_utc
 from semmap_log.domain.rules import Nanoseconds, Rule
+from semmap_log.io.inflating import inflated
 
 NOTE_KEYS = ("actor", "source", "reason", "correlation")
 
@@ -164,11 +165,7 @@ def unpack_cells(text: str, *, width: int, height: int) -> NDArray[np.int8]:
     if width < 0 or height < 0 or width * height > MOST_CELLS:
         raise ValueError(f"expected at most {MOST_CELLS:,} cells, got {width} x {height}")
     size = width * height
-    try:
-        # One byte more than there may be, and no further, whatever the text unpacks to.
-        raw = zlib.decompressobj().decompress(base64.b64decode(text, validate=True), size + 1)
-    except zlib.error as error:
-        raise ValueError(f"expected zlib data: {error}") from None
+    raw = inflated(base64.b64decode(text, validate=True), size)
     if len(raw) != size:
-        raise ValueError(f"expected {size:,} cells of {width} x {height}, got another number")
+        raise ValueError(f"expected {size:,} cells of {width} x {height}, got {len(raw):,}")
     return np.frombuffer(raw, np.int8).reshape(height, width)

@@ -17,6 +17,7 @@ from semmap_log.formats.bags.mcap_records import (
     parsed,
     records,
 )
+from semmap_log.formats.bags.unpacking import Tally
 from semmap_log.formats.kept_scans.kept_visit import (
     FORGET_NS,
     LASER_KEY,
@@ -199,6 +200,7 @@ class FileReader:
         if self.file.read(len(MAGIC)) != MAGIC:
             raise ValueError("expected an MCAP file, got something else")
         size = self.file.seek(0, 2)
+        tally = Tally(size)
         wanted = {Opcode.METADATA, Opcode.CHUNK, Opcode.DATA_END}
         for record in up_to_the_tear(self.file, len(MAGIC), size, wanted):
             if record.opcode == Opcode.METADATA:
@@ -209,7 +211,7 @@ class FileReader:
             elif record.opcode == Opcode.CHUNK:
                 if not self.is_ours:
                     raise ValueError("it does not say which log it is of")
-                yield from self._chunk(OpenChunk(record))
+                yield from self._chunk(OpenChunk(record, tally))
 
     def scans_of(self, told: ToldVisit) -> tuple[PlacedScan, ...]:
         """Return the scans of the visit that was yielded last.

@@ -71,7 +71,14 @@ def read_text(text: str) -> ToldVisit:
             tuple(visit.first_ns + int(after) for after in found["scans_after_ns"]),
             None if event is None else int(event),
         )
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (
+        AttributeError,
+        KeyError,
+        TypeError,
+        ValueError,
+        ArithmeticError,
+        RecursionError,
+    ) as error:
         raise ValueError(f"expected the text of a visit, got {text[:60]!r}") from error
 
 

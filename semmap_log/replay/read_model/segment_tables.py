@@ -159,6 +159,8 @@ class SegmentTables:
             StaleIndexError: They are not what was written.
         """
         with self._opened(COMMITS) as file:
+            if file.rows > len(self.numbers):  # each has at least one event
+                raise ValueError(f"{file.rows} commits of {len(self.numbers)} events")
             return _commits_of(file.all(), self.numbers)
 
     def check(self) -> None:

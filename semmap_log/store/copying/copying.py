@@ -52,7 +52,11 @@ from semmap_log.store.reading.segment_folder import check_is_log
 from semmap_log.store.reading.segment_reading import end_of, statistics_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.segment_set import check_adjoins
-from semmap_log.store.removed_part import RemovedPart, read_removed_part, write_removed_part
+from semmap_log.store.removed_part import (
+    RemovedPart,
+    read_removed_part,
+    write_removed_part,
+)
 from semmap_log.store.verification.keyframe_place import NewKeyframeCheck
 
 

@@ -13,7 +13,9 @@ from semmap_log.common.lazily import computed_once
 from semmap_log.domain.events import FloorMap, Retracted
 from semmap_log.errors import CorruptLogError, ElsewhereError
 from semmap_log.io.byte_source import ByteSource, Identity
+from semmap_log.io.inflating import inflated
 from semmap_log.io.url_path import UrlPath
+from semmap_log.store.chunk_unpacking import most_unpacked
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.manifest import ShippedSegment
@@ -77,7 +79,10 @@ class RemovedSource:
             ) from None
         if hashlib.sha256(data).hexdigest() != self._removed.kept_sha256:
             raise CorruptLogError(path, None, f"not what was written; see {self._url}")
-        return _unpacked(zlib.decompressobj().decompress(data, self._removed.most_kept_bytes))
+        try:
+            return _unpacked(inflated(data, most_unpacked(len(data))))
+        except (ValueError, TypeError, RecursionError) as error:
+            raise CorruptLogError(path, None, f"not what was written: {error}") from None
 
 
 def kept_bytes(segment: Segment, shipped: ShippedSegment) -> bytes:

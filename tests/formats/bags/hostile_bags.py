@@ -105,13 +105,15 @@ def header(**fields: bytes) -> bytes:
     return pack("<I", len(text)) + text
 
 
-def ros1_bag_of(compression: str, data: bytes, *, datasize: int | None = None) -> bytes:
-    """Return a `.bag` with one chunk of those bytes."""
+def ros1_bag_of(
+    compression: str, data: bytes, *, datasize: int | None = None, entries: int = 1
+) -> bytes:
+    """Return a `.bag` with one chunk of those bytes, whose index names its one message so often."""
     magic = b"#ROSBAG V2.0\n"
     chunk = header(op=b"\5", compression=compression.encode(), size=pack("<I", 100))
     chunk += pack("<I", len(data) if datasize is None else datasize) + data
-    index = header(op=b"\4", ver=pack("<I", 1), conn=pack("<I", 0), count=pack("<I", 1))
-    index += pack("<I", 12) + pack("<III", 1, 0, 0)
+    index = header(op=b"\4", ver=pack("<I", 1), conn=pack("<I", 0), count=pack("<I", entries))
+    index += pack("<I", 12 * entries) + pack("<III", 1, 0, 0) * entries
     bag = header(op=b"\3", index_pos=bytes(8), conn_count=pack("<I", 1),
                  chunk_count=pack("<I", 1))  # fmt: skip
     head = len(magic) + len(bag) + 4
@@ -123,7 +125,7 @@ def ros1_bag_of(compression: str, data: bytes, *, datasize: int | None = None) -
     connection += said
     info = header(op=b"\6", ver=pack("<I", 1), chunk_pos=pack("<Q", head), count=pack("<I", 1),
                   start_time=pack("<II", 1, 0), end_time=pack("<II", 1, 0))  # fmt: skip
-    info += pack("<I", 8) + pack("<II", 0, 1)
+    info += pack("<I", 8) + pack("<II", 0, entries)
     return magic + bag + chunk + index + connection + info
 
 
@@ -136,7 +138,22 @@ def _folder(path: Path, name: str, mode: str) -> Path:
 
 def packed_file(path: Path) -> None:
     """Write a folder whose one file holds more than a GiB."""
-    _folder(path, "x.mcap.zstd", "FILE").write_bytes(zeros_in_zstd(1100 * MIB))
+    stream = zstandard.ZstdCompressor(level=3).compressobj()
+    parts = [stream.compress(part) for part in (MAGIC, *_zeros(1100 * MIB))]
+    _folder(path, "x.mcap.zstd", "FILE").write_bytes(b"".join([*parts, stream.flush()]))
+
+
+def packed_nothing(path: Path) -> None:
+    """Write a folder whose one file holds a GiB of zeros."""
+    _folder(path, "x.mcap.zstd", "FILE").write_bytes(zeros_in_zstd(1000 * MIB))
+
+
+def named_twice(path: Path) -> None:
+    """Write a folder that names its one file many times over."""
+    file = _folder(path, "x.mcap", "NONE")
+    file.write_bytes(mcap_of())
+    metadata = path / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("- x.mcap", "- x.mcap\n  - x.mcap"))
 
 
 def packed_message(path: Path) -> None:
@@ -203,7 +220,30 @@ def _chunk_of_zeros(size: int) -> bytes:
     return mcap_of(chunk_of(zeros_in_zstd(size), "zstd", size))
 
 
+def _tiny(*, is_indexed: bool) -> bytes:
+    """Return very many messages that are all alike, in few bytes."""
+    inside = message(5) * 2_000_000
+    return mcap_of(chunk_of(zstandard.compress(inside), "zstd", len(inside)), is_indexed=is_indexed)
+
+
+def _large(*, is_indexed: bool) -> bytes:
+    """Return chunks with a large message each: one by one they are allowed."""
+    chunks = []
+    for i in range(10):
+        inside = message(10 * i, 120 * MIB)
+        chunks.append(chunk_of(zstandard.compress(inside), "zstd", len(inside), at=10 * i))
+    return mcap_of(*chunks, is_indexed=is_indexed)
+
+
+def _one_again_and_again() -> bytes:
+    """Return a `.bag` whose index names one large message a thousand times."""
+    inside = header(op=b"\2", conn=pack("<I", 0), time=pack("<II", 1, 0))
+    inside += pack("<I", 90 * MIB) + bytes(90 * MIB)
+    return ros1_bag_of("bz2", bz2.compress(inside), entries=1000)
+
+
 TOO_MUCH = "expected at most 128 MiB, or 1,000 times its packed bytes, and never more than 256 MiB"
+IN_ALL = "expected at most 1 GiB, or 4,000 times the file's bytes, of chunks and messages"
 SAYS = BOMB_BYTES
 HOSTILE: dict[str, tuple[Callable[[Path], None], str]] = {
     "says.mcap": (_file(lambda: mcap_of(chunk_of(zeros_in_zstd(), "zstd", SAYS))), TOO_MUCH),
@@ -232,6 +272,15 @@ HOSTILE: dict[str, tuple[Callable[[Path], None], str]] = {
     "bz2.bag": (_file(lambda: ros1_bag_of("bz2", zeros_in_bz2())), TOO_MUCH),
     "lz4.bag": (_file(lambda: ros1_bag_of("lz4", zeros_in_lz4())), TOO_MUCH),
     "no-lz4.bag": (_file(lambda: ros1_bag_of("lz4", b"nonsense")), "it is no lz4"),
+    "tiny.mcap": (_file(lambda: _tiny(is_indexed=True)), "records in what it is packed in"),
+    "tiny-not-indexed.mcap": (
+        _file(lambda: _tiny(is_indexed=False)), "records in what it is packed in"
+    ),
+    "large.mcap": (_file(lambda: _large(is_indexed=True)), IN_ALL),
+    "large-not-indexed.mcap": (_file(lambda: _large(is_indexed=False)), IN_ALL),
+    "again.bag": (_file(_one_again_and_again), IN_ALL),
+    "nothing": (packed_nothing, "expected a packed .mcap or .db3, got something else"),
+    "twice": (named_twice, "expected each file once, got one twice"),
     "file": (packed_file, "expected at most 1 GiB, or 1,000 times its own bytes"),
     "message": (packed_message, TOO_MUCH),
     "view.db3": (endless_view, "expected messages to be a table of rosbag2, got a view"),

@@ -41,3 +41,14 @@ def test_values_that_cannot_be_are_refused(name: str, value: Any) -> None:
 
     with pytest.raises(ValueError, match="expected the text of a visit"):
         read_text(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, '{"door_id": ' * 100_000, '{"door_id": Infinity, "state": "OPEN"}', "1"]
+)
+def test_texts_that_no_recorder_wrote_are_refused(text: str) -> None:
+    """
+    Nested without end, or with a number that is none.
+    """
+    with pytest.raises(ValueError, match="expected the text of a visit"):
+        read_text(text)

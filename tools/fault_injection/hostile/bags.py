@@ -8,6 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import zstandard
+
 from fault_injection.hostile.packed import bz2_zeros, crc_of_zeros, lz4_zeros, zstd_zeros
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -39,6 +41,19 @@ def mcap_bomb(path: Path, dice: random.Random) -> str:
     has_summary = dice.random() < 0.5
     path.write_bytes(_mcap([_record(6, chunk)], has_summary=has_summary, size=declared))
     return f"{compression} chunk of {real // 2**20} MiB zeros that says {declared}"
+
+
+def mcap_of_many(path: Path, dice: random.Random) -> str:
+    """Write an MCAP file with chunks of very many messages, or of large ones; all are good."""
+    count = dice.choice((1, 5_000_000))
+    body = struct.pack("<HIQQ", 1, 0, 1, 1) + bytes(0 if count > 1 else 120 * 2**20)
+    inside = _record(5, body) * min(count, 2**27 // (9 + len(body)))
+    packed = zstandard.compress(inside, 1)
+    chunk = struct.pack("<QQQI", 1, 2, len(inside), 0) + _text(b"zstd")
+    chunk += struct.pack("<Q", len(packed)) + packed
+    chunks = dice.choice((1, 50))
+    path.write_bytes(_mcap([_record(6, chunk)] * chunks, has_summary=False, size=len(inside)))
+    return f"{chunks} chunks of {len(inside)} bytes of messages of {len(body)} bytes"
 
 
 def mcap_liar(path: Path, dice: random.Random) -> str:

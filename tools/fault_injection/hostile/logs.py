@@ -6,22 +6,27 @@ import base64
 import hashlib
 import random
 import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+import zstandard
+
 import semmap_log as sl
 from fault_injection.hostile.packed import crc_of_zeros, zlib_zeros, zstd_zeros
 from fault_injection.subject import commit_places
+from semmap_log.store import records as mcap
 
 _CHUNK = 6
 
 
 def hostile_log(path: Path, dice: random.Random) -> str:
     """Write a log's folder; return what is wrong with it, in words."""
-    ways = (_chunk_of_zeros, _index_of_zeros, _huge_numbers, _zeros_behind, _huge_metadata)
+    ways = (_chunk_of_zeros, _chunk_of_messages, _index_of_zeros, _huge_numbers, _zeros_behind,
+            _huge_metadata)  # fmt: skip
     return dice.choice(ways)(path, dice)
 
 
@@ -56,6 +61,20 @@ def _chunk_of_zeros(path: Path, dice: random.Random) -> str:
     data += struct.pack("<BQ", _CHUNK, len(body)) + body
     segment.write_bytes(data)
     return f"a live log with a chunk of {mib} MiB zeros at byte {at}"
+
+
+def _chunk_of_messages(path: Path, dice: random.Random) -> str:
+    """A live segment that ends with chunks of very many messages which are all alike."""
+    channel, chunks = dice.choice((4, 50, 90, 91, 92)), dice.choice((1, 6))
+    segment = _log(path, closed=False)
+    message = mcap.message(channel, 8, 2**61, 2**61, b"")
+    records = message * (2**27 // len(message))
+    packed = zstandard.compress(records, 1)
+    body = struct.pack("<QQQI", 2**61, 2**61, len(records), zlib.crc32(records))
+    body += struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(packed)) + packed
+    with segment.open("ab") as file:
+        file.write((struct.pack("<BQ", _CHUNK, len(body)) + body) * chunks)
+    return f"a live log with {chunks} chunks of {len(records)} bytes of messages that are all alike"
 
 
 def _index_of_zeros(path: Path, dice: random.Random) -> str:

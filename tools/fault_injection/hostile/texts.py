@@ -33,6 +33,9 @@ def json_bomb(path: Path, dice: random.Random) -> str:
         "a number that is too large": '{"kind": "DoorObserved", "door_id": 1, "accuracy": 1e999}',
         "a line of 60 MB": '{"kind": "' + "x" * 60_000_000 + '"}',
         "a million keys": "{" + ",".join(f'"{i}":1' for i in range(10**6)) + "}",
+        "many keys, the last one twice": (
+            "{" + ",".join(f'"{i}":0' for i in [*range(MANY), MANY - 1]) + "}"
+        ),
         "NaN": '{"kind": "RobotPose", "x": NaN, "y": Infinity, "theta": 0}',
         "a lone surrogate": '{"kind": "DoorObserved", "door": "\\ud800", "state": "OPEN"}',
         "60 MB without an end": "x" * 60_000_000,
@@ -50,7 +53,8 @@ def gzip_bomb(path: Path, dice: random.Random) -> str:
     what, block, mib = dice.choice((
         ("zeros", bytes(2**20), 512),
         ("one line", b"x" * 2**20, 512),
-        ("empty lines", b"\n" * 2**20, 8),
+        ("empty lines", b"\n" * 2**20, 64),
+        ("bad lines", b"0\n" * 2**19, 15),
         ("commas", b"," * 2**20, 64),
     ))  # fmt: skip
     path.write_bytes(gzip_of(head, 1) + gzip_of(block, mib))
