@@ -11,7 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 HUGE, GIGABYTE = 100 * 10**9, 10**9
 _BLANKS = b" " * 2**18
-_BYTES_PER_S = 5e8
+_BYTES_PER_S = 2.5e8
 
 
 @dataclass(slots=True)
