@@ -44,6 +44,7 @@ and seven warnings:
     LevelNameWarning                a level's name is the number of another; the name counts
     KnownLaterWarning               nothing was known at a moment that the log was told of later
     SensorWarning                   what a sensor read contradicts the accuracies declared for it
+    ClockTimeWarning                a time such as 14:02 could mean that of several days
     ClockWarning                    an answer reaches back to when the robot's clock was not set
 
 Messages say where, what was expected, what was got and, where it helps, what to do.
@@ -339,6 +340,10 @@ class KnownLaterWarning(UserWarning):
 
 class SensorWarning(UserWarning):
     """What a sensor read contradicts the accuracies that are declared for it: P(open) is off."""
+
+
+class ClockTimeWarning(UserWarning):
+    """A time such as 14:02 or Tue 10:00 could mean that of several days; one was taken."""
 
 
 class ClockWarning(UserWarning):

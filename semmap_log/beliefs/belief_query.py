@@ -22,6 +22,7 @@ from semmap_log.io.progress import Progress
 from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
 from semmap_log.probabilities.estimator import Estimator
 from semmap_log.probabilities.estimators import by_name
+from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.forecast import Forecast
 from semmap_log.probabilities.local_clock import LocalClock
 
@@ -66,12 +67,12 @@ class BeliefQuery:
 
     def evidence(self, door: Door) -> EvidenceSummary:
         """Return what is known of a door up to the moment."""
-        everything, until_ns = self.beliefs.evidence, self.known_ns
-        return EvidenceSummary.of(
-            everything.door(door.door_id, until_ns),
-            everything.counts(door.door_id, until_ns),
-            self.clock,
-        )
+        return self.summary(door, self.beliefs.evidence.door(door.door_id, self.known_ns))
+
+    def summary(self, door: Door, evidence: DoorEvidence) -> EvidenceSummary:
+        """Return evidence about a door in numbers."""
+        counts = self.beliefs.evidence.counts(door.door_id, self.known_ns)
+        return EvidenceSummary.of(evidence, counts, self.clock)
 
     def sensor_doubts(self, log: DoorLog) -> list[SensorDoubt]:
         """Return the sensors that are not as accurate as declared, having warned of each."""
@@ -120,7 +121,7 @@ def ask(
         MomentError: The time or the zone cannot be read.
     """
     warn_of_clock(log)
-    happened, known = log.moment(at), log.moment(known_at)
+    happened, known = log.moment(at), log.known_moment(known_at)
     moment_ns = moment_asked_ns(log, happened, known)
     if as_happened:
         happened, known = _when_all_is_told_at_once(log, happened, known), Moment()

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.beliefs.belief_query import BeliefQuery, ask
-from semmap_log.beliefs.door_beliefs import LATER, DoorBelief, belief, default_estimator
-from semmap_log.beliefs.typical_week import WEEK_HOURS, WeekPattern, first_hour, typical_week
+from semmap_log.beliefs.door_beliefs import DoorBelief, belief, default_estimator
+from semmap_log.beliefs.typical_week import WEEK_HOURS, WeekPattern, typical_week
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import Door, DoorId
 from semmap_log.domain.keywords import knows_keywords
@@ -98,7 +98,7 @@ def best_time(
             too. Without either that is the log's end.
         as_happened: As if each event had been recorded when it happened, whatever was imported or
             told later: see `belief_query.ask`.
-        estimator: None: `filter` for the next hours, `schedule` for the typical week.
+        estimator: For the next hours; None: `filter`.
         tz: IANA zone of the building's clocks; None: the log's.
         most: How many windows of each kind.
         progress: Told how far the reading is.
@@ -118,9 +118,8 @@ def best_time(
         doors=[door],
         progress=progress,
     )
-    far = near if estimator else near.by(LATER)
     (asked_for,) = near.doors
-    week = typical_week(far, asked_for)
+    week = typical_week(near, asked_for)
     coming = _Coming.of(near, asked_for, week.is_seen)
     most = most if week.is_known else 0
     now = belief(near, asked_for)
@@ -168,7 +167,8 @@ class _Coming:
 
     @classmethod
     def of(cls, asked: BeliefQuery, door: Door, is_seen: WeekMask) -> _Coming:
-        counted = first_hour(asked) + np.arange(WEEK_HOURS + 1)
+        first = int(asked.clock.wall_s(np.array([asked.known_ns]))[0] // HOUR_S)
+        counted = first + np.arange(WEEK_HOURS + 1)
         edges_ns = asked.clock.instants_ns(counted.astype(np.float64) * HOUR_S)
         edges_ns[0] = asked.known_ns
         lengths_ns = np.diff(edges_ns)

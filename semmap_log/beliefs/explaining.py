@@ -54,7 +54,7 @@ def explain(
         LogError: There is no event of that number.
     """
     door_id = log.resolve_ever(door)
-    when, known = log.moment(at), log.moment(known_at)
+    when, known = log.moment(at), log.known_moment(known_at)
     time_ns, end_ns = moment_asked_ns(log, when, known), log.end_ns()
     if known == Moment():
         known = when

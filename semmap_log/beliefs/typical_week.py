@@ -18,7 +18,7 @@ from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.io.progress import Progress
 from semmap_log.probabilities.evidence.coverage import WEEK, WeekMask
 from semmap_log.probabilities.forecast import Forecast
-from semmap_log.probabilities.local_clock import HOUR_S
+from semmap_log.probabilities.methods.schedule import DoorSchedule
 
 if TYPE_CHECKING:
     from semmap_log.probabilities.sensors.sensor_doubts import SensorDoubt
@@ -74,7 +74,6 @@ class TypicalWeek:
     known_ns: int
     tz: str
     """Zone of the hours."""
-    estimator: str
     is_known: bool
     """False: too little was seen of the door at all."""
     hours: WeekPattern
@@ -115,12 +114,15 @@ def typical_weeks(
     at: Time = None,
     known_at: Time = None,
     as_happened: bool = False,
-    estimator: str | None = None,
     tz: str | None = None,
     doors: Iterable[DoorId | str] | None = None,
     progress: Progress | None = None,
 ) -> TypicalWeeks:
     """Return the typical week of each door, ids ascending.
+
+    It rests on the reports about that door alone: whatever else is written since, and however late
+    one asks, it stays the same. How likely a door is open in the hours to come is another question:
+    see `probabilities`.
 
     Args:
         log: Whose doors.
@@ -129,19 +131,16 @@ def typical_weeks(
             too. Without either that is the log's end.
         as_happened: As if each event had been recorded when it happened, whatever was imported or
             told later: see `belief_query.ask`.
-        estimator: None: `schedule`. Another is asked for the week that comes.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these (id, name, or level/name); None: all that are in the map then.
         progress: Told how far the reading is.
 
     Raises:
         UnknownDoorError: One of the doors was not in the map then.
-        EstimatorError: There is no such estimator.
         MomentError: The time or the zone cannot be read.
     """
-    chosen = estimator or LATER
     asked = ask(
-        log, at=at, known_at=known_at, as_happened=as_happened, estimator=chosen, tz=tz,
+        log, at=at, known_at=known_at, as_happened=as_happened, estimator=LATER, tz=tz,
         doors=doors, progress=progress,
     )  # fmt: skip
     found = TypicalWeeks(typical_week(asked, door) for door in asked.doors)
@@ -150,24 +149,17 @@ def typical_weeks(
 
 
 def typical_week(asked: BeliefQuery, door: Door) -> TypicalWeek:
-    """Return a door's week: what is expected of the 168 hours that come, each at its middle."""
-    hours = first_hour(asked) + 1 + np.arange(WEEK_HOURS)
-    said = asked.predict(door, asked.clock.instants_ns((hours + 0.5).astype(np.float64) * HOUR_S))
-    evidence = asked.evidence(door)
-    of_the_week = hours % WEEK_HOURS
-    pattern = WeekPattern.of(said, evidence.coverage.is_seen.ravel()[of_the_week])
+    """Return a door's week, by all reports about it up to the moment."""
+    evidence = asked.beliefs.evidence.as_last_reported(door.door_id, asked.known_ns)
+    expected = DoorSchedule(evidence, asked.clock, with_today=True).week()
+    summary = asked.summary(door, evidence)
+    hours = WeekPattern.of(expected, summary.coverage.is_seen.ravel())
     return TypicalWeek(
         door=door,
         level_name=asked.door_map.level_name(door.level),
         known_ns=asked.known_ns,
         tz=asked.clock.tz,
-        estimator=asked.estimator,
-        is_known=bool(said.is_known.any()),
-        hours=pattern.taken(np.argsort(of_the_week).reshape(WEEK)),
-        evidence=evidence,
+        is_known=bool(expected.is_known.any()),
+        hours=hours.taken(np.arange(WEEK_HOURS).reshape(WEEK)),
+        evidence=summary,
     )
-
-
-def first_hour(asked: BeliefQuery) -> int:
-    """Return the local hour of the moment that is asked from, counted from a Monday's midnight."""
-    return int(asked.clock.wall_s(np.array([asked.known_ns]))[0] // HOUR_S)

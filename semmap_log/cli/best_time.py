@@ -79,6 +79,6 @@ def run(
                 refuse_untold(opened, at, known_at, door=opened.resolve_ever(door), remedy=line)
             raise
     if as_json:
-        print_json(best_time_to_json(found, known_at_ns=opened.moment(known_at).ns))
+        print_json(best_time_to_json(found, known_at_ns=opened.known_moment(known_at).ns))
         return
     console().print(best_time_table(found))

@@ -148,7 +148,7 @@ def run(
     zone = opened.info.timezone if tz is None else tz
     if as_json:
         print_json(
-            beliefs_to_json(beliefs, tz=zone, known_at_ns=opened.moment(known_at).ns)
+            beliefs_to_json(beliefs, tz=zone, known_at_ns=opened.known_moment(known_at).ns)
             | (_applied_to_json(applied) if applied else {})
         )
         return
@@ -239,7 +239,7 @@ def _show_typical(
         zone = opened.info.timezone if asked["tz"] is None else asked["tz"]
         print_json(
             weeks_to_json(
-                weeks, which.value, tz=zone, known_at_ns=opened.moment(asked["known_at"]).ns
+                weeks, which.value, tz=zone, known_at_ns=opened.known_moment(asked["known_at"]).ns
             )
         )
         return

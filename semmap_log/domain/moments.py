@@ -8,6 +8,7 @@ spring skips is an error.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from datetime import datetime, timedelta, timezone
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -28,7 +29,8 @@ FIRST_NANOSECONDS = 10**14
 """`@n` counts nanoseconds from here on, and seconds below."""
 
 INSTANTS = "2026-03-01T14:02, 2026-03-01T14:02:00.5Z, 2026-03-01 or @1772373720"
-MOMENTS = f"2h ago, yesterday 14:00, now, event:1234, {INSTANTS}"
+MOMENTS = f"2h ago, yesterday 14:00, 14:00, Tue 10:00, now, event:1234, {INSTANTS}"
+WEEKDAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +41,22 @@ class Moment:
     event: int | None = None
 
 
-def parse_moment(text: str, *, tz: str, end_ns: int) -> Moment:
+def parse_moment(
+    text: str,
+    *,
+    tz: str,
+    end_ns: Callable[[], int],
+    last_ns: Callable[[], int] | None = None,
+) -> Moment:
     """Return the moment that `text` names.
 
     Args:
         text: One of the forms of `parse_instant`, or `now`, `2h ago`, `90 min ago`,
-            `yesterday 14:00`, `today 09:30`, `09:30` (the same), `event:1234`.
+            `yesterday 14:00`, `today 09:30`, `09:30` and `Tue 10:00` (the last ones), `event:1234`.
         tz: IANA zone of times without an offset.
-        end_ns: The log's end, from which `now`, `ago`, `today`, `yesterday` are counted.
+        end_ns: Returns the log's end, from which `now`, `ago`, `today`, `yesterday` are counted.
+        last_ns: Returns the time up to which a clock time or a weekday is the last one; default:
+            `end_ns`.
 
     Raises:
         MomentError: None of these forms, or no such time.
@@ -58,18 +68,30 @@ def parse_moment(text: str, *, tz: str, end_ns: int) -> Moment:
             raise MomentError(f"{text!r}: expected an event number up to {MAX_EVENT}.")
         return Moment(event=event)
     if text.lower() == "now":
-        return Moment(ns=end_ns)
+        return Moment(ns=end_ns())
     if found := _AGO.fullmatch(text.lower()):
         back_ns = _decimal_ns(found["count"], _UNIT_NS[found["unit"]])
-        return Moment(ns=_checked(end_ns - back_ns, text))
-    if _CLOCK.fullmatch(text):
-        text = f"today {text}"
+        return Moment(ns=_checked(end_ns() - back_ns, text))
+    if found := _LAST.fullmatch(text.lower()):
+        return Moment(ns=_last_before((last_ns or end_ns)(), found, tz))
     if found := _DAY.fullmatch(text.lower()):
-        day = _local(end_ns, tz).date() - timedelta(days=found["day"] == "yesterday")
+        day = _local(end_ns(), tz).date() - timedelta(days=found["day"] == "yesterday")
         return Moment(ns=parse_instant(f"{day}T{found['clock'] or '00:00'}", tz=tz))
     if not (text.startswith("@") or _ISO.fullmatch(text)):
         raise MomentError(f"Expected a moment such as {MOMENTS}; got {text[:60]!r}.")
     return Moment(ns=parse_instant(text, tz=tz))
+
+
+def parse_weekday(text: str) -> tuple[int, int] | None:
+    """Return the day of the week, from Monday's 0 on, and the hour of `Tue 10:00`; None: no such.
+
+    Of `10:30` the hour is 10, and of `Tue` it is 0.
+    """
+    found = _LAST.fullmatch(text.strip().lower())
+    if found is None or found["day"] is None:
+        return None
+    hour = int((found["clock"] or "00")[:2])
+    return (_weekday(found["day"]), hour) if hour < 24 else None
 
 
 def parse_duration(text: str) -> int:
@@ -94,8 +116,14 @@ def refuse_reversed(since_ns: int | None, until_ns: int | None) -> None:
         raise MomentError("the first moment lies after the second; swap them.")
 
 
-def parse_range(text: str, *, tz: str, end_ns: int) -> tuple[Moment, Moment]:
-    """Return the two moments of `T1..T2`.
+def parse_range(
+    text: str,
+    *,
+    tz: str,
+    end_ns: Callable[[], int],
+    last_ns: Callable[[], int] | None = None,
+) -> tuple[Moment, Moment]:
+    """Return the two moments of `T1..T2`; the arguments are those of `parse_moment`.
 
     Raises:
         MomentError: Not two moments with two dots between them, or the second comes first.
@@ -103,7 +131,9 @@ def parse_range(text: str, *, tz: str, end_ns: int) -> tuple[Moment, Moment]:
     first, dots, last = text.partition("..")
     if not dots:
         raise MomentError(f"{text!r}: expected two moments as T1..T2, such as today..now.")
-    moments = tuple(parse_moment(part, tz=tz, end_ns=end_ns) for part in (first, last))
+    moments = tuple(
+        parse_moment(part, tz=tz, end_ns=end_ns, last_ns=last_ns) for part in (first, last)
+    )
     start, end = moments
     if start.ns is not None and end.ns is not None and start.ns > end.ns:
         raise MomentError(f"{text!r}: expected T1..T2 with T1 before T2; swap them.")
@@ -224,10 +254,13 @@ _ISO = late_pattern(
 )
 _NUMBER = late_pattern(r"(?P<whole>\d{1,19})(?:\.(?P<fraction>\d{1,30}))?", re.ASCII)
 _EVENT = late_pattern(r"event:(?P<number>\d{1,19})", re.ASCII)
-_DAY = late_pattern(
-    r"(?P<day>today|yesterday)(?: +(?P<clock>\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?))?", re.ASCII
+_CLOCK = r"(?P<clock>\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?)"
+_DAY = late_pattern(rf"(?P<day>today|yesterday)(?: +{_CLOCK})?", re.ASCII)
+_LAST = late_pattern(
+    rf"(?:(?P<day>{'|'.join(f'{day[:3]}(?:{day[3:]})?' for day in WEEKDAYS)})(?: +|$))?"
+    rf"(?:{_CLOCK})?(?<=.)",
+    re.ASCII,
 )
-_CLOCK = late_pattern(r"\d\d:\d\d(:\d\d(\.\d{1,9})?)?", re.ASCII)
 _UNIT_NS = {
     name: ns
     for ns, names in (
@@ -243,6 +276,22 @@ _UNIT_NS = {
 _LENGTH = rf"(?P<count>\d{{1,12}}(?:\.\d{{1,9}})?) ?(?P<unit>{'|'.join(_UNIT_NS)})"
 _DURATION = late_pattern(_LENGTH, re.ASCII)
 _AGO = late_pattern(rf"{_LENGTH} +ago", re.ASCII)
+
+
+def _last_before(end_ns: int, found: re.Match[str], tz: str) -> int:
+    """Return the last time before an end at which clocks show a time, on a day of the week."""
+    day, clock = _local(end_ns, tz).date(), found["clock"] or "00:00"
+    if found["day"]:
+        day -= timedelta(days=(day.weekday() - _weekday(found["day"])) % 7)
+    at_ns = parse_instant(f"{day}T{clock}", tz=tz)
+    if at_ns > end_ns:
+        day -= timedelta(days=7 if found["day"] else 1)
+        at_ns = parse_instant(f"{day}T{clock}", tz=tz)
+    return at_ns
+
+
+def _weekday(name: str) -> int:
+    return [day[:3] for day in WEEKDAYS].index(name[:3])
 
 
 @lru_cache(maxsize=64)

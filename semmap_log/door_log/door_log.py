@@ -10,6 +10,7 @@ sl.read("office").replay(at="2026-03-01T12:00").doors[door].state
 from __future__ import annotations
 
 import threading
+import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path, PurePath
 from types import TracebackType
@@ -32,12 +33,18 @@ from semmap_log.domain.events import (
     kinds_meant,
 )
 from semmap_log.domain.keywords import knows_its_keywords
-from semmap_log.domain.moments import Moment, parse_range, refuse_reversed
+from semmap_log.domain.moments import (
+    Moment,
+    format_local,
+    parse_moment,
+    parse_range,
+    refuse_reversed,
+)
 from semmap_log.domain.object_classes import DOOR, ObjectClass
 from semmap_log.door_log.log_queries import LogQueries
 from semmap_log.door_log.log_tables import LogTables
 from semmap_log.door_log.times import NEAR_NS, Time, moment_of
-from semmap_log.errors import LogError, MomentError
+from semmap_log.errors import ClockTimeWarning, LogError, MomentError
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.projection import SAVE_EVERY_S, Projection
 from semmap_log.io.progress import Progress
@@ -300,7 +307,9 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             MomentError: A time cannot be read.
             LogError: There is no event of that number.
         """
-        first, last = self.moment(since), self.moment(until)
+        first, last = (
+            self.known_moment(time) if recorded else self.moment(time) for time in (since, until)
+        )
         for bound in (first, last):
             self._check_is_there(bound.event, behind_the_last=1)
         return Window(
@@ -853,15 +862,52 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
         Args:
             time: A moment in any of its forms.
-            now_ns: What `now` is, and `2h ago` counts from; default: the log's end.
+            now_ns: What `now` is, and `2h ago` counts from; default: the log's end. `14:02` and
+                `Tue 10:00` are the last ones before it; by default, the last ones before anything
+                was last said of the doors' states, whatever was noted since.
 
         Raises:
             MomentError: It cannot be read.
         """
         if isinstance(time, str) and time.startswith(PIN):
             return self._pinned(time.removeprefix(PIN))
-        end_ns = self.end_ns if now_ns is None else lambda: now_ns
+        if now_ns is not None:
+            return moment_of(time, tz=self.info.timezone, end_ns=lambda: now_ns)
+        end_ns, last_ns = self.end_ns, lambda: self._last_before(str(time))
+        return moment_of(time, tz=self.info.timezone, end_ns=end_ns, last_ns=last_ns)
+
+    def known_moment(self, time: Time) -> Moment:
+        """Return what a recorded time means: `now` is the last commit, and `2h ago` before that.
+
+        Raises:
+            MomentError: It cannot be read.
+        """
+        if isinstance(time, str) and time.startswith(PIN):
+            return self._pinned(time.removeprefix(PIN))
+        end_ns = self._reader.last_log_time_ns
         return moment_of(time, tz=self.info.timezone, end_ns=end_ns)
+
+    def _last_before(self, time: str) -> int:
+        """Return up to when a clock time or a weekday is the last one; warn where it matters."""
+        from semmap_log.door_log.log_end import latest_happened_ns
+
+        end_ns, last_ns = self.end_ns(), latest_happened_ns(self._reader, of_states=True) or None
+        if last_ns is None:
+            return end_ns
+        taken, other = (
+            parse_moment(time, tz=self.info.timezone, end_ns=lambda: ns).ns
+            for ns in (last_ns, end_ns)
+        )
+        if taken != other:
+            shown = format_local(taken, self.info.timezone)
+            warnings.warn(
+                ClockTimeWarning(
+                    f"{time} is taken as {shown}: the last one before anything was last said of a "
+                    "door's state"
+                ),
+                stacklevel=4,
+            )
+        return last_ns
 
     def _pinned(self, name: str) -> Moment:
         known = self.pins()
@@ -882,7 +928,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             MomentError: It is not two moments, the earlier first.
         """
-        return parse_range(text, tz=self.info.timezone, end_ns=self.end_ns())
+        return parse_range(text, tz=self.info.timezone, end_ns=self.end_ns)
 
     def scope(self, at: Time = None, known_at: Time = None, event: int | None = None) -> Scope:
         """Return the bounds that these moments mean; `event:12` bounds the numbers.
@@ -891,7 +937,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             MomentError: A time cannot be read, or is not one.
             LogError: There is no event of that number.
         """
-        happened, known = self.moment(at), self.moment(known_at)
+        happened, known = self.moment(at), self.known_moment(known_at)
         if event is not None and (not is_whole_number(event) or event < 0):
             raise MomentError(f"event {event!r}: expected a whole number, from 0 on.")
         numbers = [n for n in (event, happened.event, known.event) if n is not None]

@@ -37,7 +37,7 @@ def known_later(
         MomentError: A time cannot be read.
         LogError: There is no event of that number.
     """
-    happened, known = log.moment(at), log.moment(known_at)
+    happened, known = log.moment(at), log.known_moment(known_at)
     moment_ns = moment_asked_ns(log, happened, known)
     if known == Moment():
         return _told_of_early(log, moment_ns, door)

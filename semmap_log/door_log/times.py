@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from datetime import datetime
 
@@ -19,13 +18,20 @@ NEAR_NS = 10 * 60 * SECOND_NS
 """What happened so long before or after a moment is near it."""
 
 
-def moment_of(time: Time, *, tz: str, end_ns: Callable[[], int]) -> Moment:
+def moment_of(
+    time: Time,
+    *,
+    tz: str,
+    end_ns: Callable[[], int],
+    last_ns: Callable[[], int] | None = None,
+) -> Moment:
     """Return what a time means in a log.
 
     Args:
         time: A moment in any of its forms.
         tz: The log's zone.
-        end_ns: Gives what `now` is, and `2h ago` counts from; asked only where that matters.
+        end_ns: Returns what `now` is, and `2h ago` counts from; called only where that matters.
+        last_ns: Returns up to when `14:02` is the last one; default: `end_ns`.
 
     Raises:
         MomentError: It cannot be read.
@@ -37,7 +43,7 @@ def moment_of(time: Time, *, tz: str, end_ns: Callable[[], int]) -> Moment:
     if isinstance(time, datetime):
         time = time.isoformat()
     if isinstance(time, str):
-        return parse_moment(time, tz=tz, end_ns=0 if _is_absolute(time) else end_ns())
+        return parse_moment(time, tz=tz, end_ns=end_ns, last_ns=last_ns)
     if not is_whole_number(time):
         raise MomentError(
             f"expected a time as whole nanoseconds since 1970, a text such as {INSTANTS}, or a "
@@ -64,8 +70,3 @@ def happened_ns_of(time: Time, *, tz: str, now_ns: int) -> int | None:
             f"{moment.event}, of whose time `show` tells."
         )
     return moment.ns
-
-
-def _is_absolute(time: str) -> bool:
-    """Tell whether a text names a moment without reference to another: the usual, cheap case."""
-    return bool(re.match(r"\s*(\d{4}-|@|event:)", time))

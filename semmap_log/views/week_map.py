@@ -194,6 +194,6 @@ def _digit(probability: float) -> int:
 def _notes(weeks: Sequence[TypicalWeek], legend: str = LEGEND) -> list[Text]:
     first = weeks[0]
     known = moment_in_words(first.known_ns, first.tz)
-    notes = [legend, f"hours of {first.tz}, by {first.estimator}, as known at {known}"]
+    notes = [legend, f"hours of {first.tz}, as known at {known}"]
     notes += never_seen_lines(weeks)
     return [Text(note, style="dim") for note in notes]

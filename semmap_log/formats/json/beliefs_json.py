@@ -66,7 +66,6 @@ def weeks_to_json(
         "at": format_utc(first.known_ns) if first else None,
         "known_at": None if known_at_ns is None else format_utc(known_at_ns),
         "tz": tz,
-        "estimator": first.estimator if first else None,
         "interval": INTERVAL,
         "doors": [_week(week, by) for week in weeks],
         "sensor_doubts": _doubts(getattr(weeks, "sensor_doubts", ())),

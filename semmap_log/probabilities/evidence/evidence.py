@@ -147,6 +147,16 @@ class Evidence:
         """
         return self._about(door_id).evidence.up_to(_or(until_ns, self.latest_ns))
 
+    def as_last_reported(self, door_id: DoorId, until_ns: int) -> DoorEvidence:
+        """Return what is known of a door when the last report about it comes, at most at a time.
+
+        It stays the same until more is told of this door, however long that takes.
+        """
+        known = self._about(door_id)
+        count = int(np.searchsorted(known.reports["folds_ns"], until_ns, "right"))
+        last_ns = int(known.reports["folds_ns"][count - 1]) if count else until_ns
+        return known.evidence.up_to(last_ns)
+
     def up_to(self, until_ns: int | None = None) -> Mapping[DoorId, DoorEvidence]:
         """Return what is known of each of `door_ids`, made when it is asked for."""
         return _EvidenceOfDoors(self, _or(until_ns, self.latest_ns))

@@ -45,6 +45,8 @@ One whole day makes them; of a robot's rounds, a few at that time (a visit count
 sensor can tell, 0.64 h at an accuracy of 0.9)."""
 
 
+WEEK_LEAD_D = 3
+"""A typical week is forecast so many days ahead; from 0 to 28 the forecasts are equally good."""
 CELLS_AT_ONCE = 4096
 """So many are looked up together, to bound memory."""
 
@@ -61,9 +63,11 @@ class Expected(NamedTuple):
 class DoorSchedule:
     """What was learnt about one door, as each midnight knew it."""
 
-    def __init__(self, evidence: DoorEvidence, clock: LocalClock) -> None:
+    def __init__(
+        self, evidence: DoorEvidence, clock: LocalClock, *, with_today: bool = False
+    ) -> None:
         self._evidence, self._clock = evidence, clock
-        self._days_told = ToldDays(evidence, clock)
+        self._days_told = ToldDays(evidence, clock, with_today=with_today)
         self._tables = self._days_told.tables
         self._seen_h = _seen_h(self._tables)
         self._by_lead: dict[int, _OfLead] = {}
@@ -115,6 +119,25 @@ class DoorSchedule:
     def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
         """Return forecasts: see `LearntModel.predict`."""
         return Forecast.around(*self.expect(times_ns, known_ns))
+
+    def week(self) -> Forecast:
+        """Return what a week is like, (168,) hours, Monday first.
+
+        It rests on the evidence alone, and on no moment that it is asked at: each hour is forecast
+        `WEEK_LEAD_D` days ahead of the last midnight that something is known of.
+        """
+        hours = np.arange(24 * DAYS_IN_WEEK)
+        if not len(self._tables):
+            return Forecast.of_nothing(len(hours))
+        last = np.full(len(hours), len(self._tables))
+        cells = WeekCells(last, hours // 24, hours % 24)
+        ahead = self._of_lead(int(lead_of(np.array([WEEK_LEAD_D]))[0]))
+        return Forecast.around(
+            ahead.p_open_at(cells),
+            ahead.variance_at(cells, self._variances),
+            self._seen_h[last, cells.hour] >= LEAST_H,
+            ahead.days_at(cells),
+        )
 
     def _variance_at(self, so_far_ahead: _OfLead, cells: WeekCells) -> Table:
         return so_far_ahead.variance_at(cells, self._variances)

@@ -15,10 +15,14 @@ Times = NDArray[np.int64]
 class ToldDays:
     """Whole days up to the last that tells something; a row for each midnight between them."""
 
-    def __init__(self, evidence: DoorEvidence, clock: LocalClock) -> None:
+    def __init__(
+        self, evidence: DoorEvidence, clock: LocalClock, *, with_today: bool = False
+    ) -> None:
+        """Take the evidence about a door; `with_today`: the day that has not ended counts, too."""
         self._clock = clock
         until_ns = np.array([evidence.until_ns], np.int64)
-        tables = day_tables(evidence, clock).before(int(clock.hour_of(until_ns)[0]) // 24)
+        today = int(clock.hour_of(until_ns)[0]) // 24
+        tables = day_tables(evidence, clock).before(today + with_today)
         tells = np.flatnonzero(tables.known_h.any(1)) + 1
         self.tables = tables.before(int(tables.rows.midnights[tells.max(initial=0)]))
         self.midnights = self.tables.rows.midnights

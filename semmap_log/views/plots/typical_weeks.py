@@ -165,7 +165,7 @@ def _title(week: TypicalWeek, label: str, letters: HasShape) -> str:
 def _heading(week: TypicalWeek, by: By) -> str:
     what = {"week": "a typical week", "hour": "a typical day", "weekday": "the days of the week"}
     known = format_short(week.known_ns, week.tz, seconds=False)
-    return f"P(open) over {what[by]}\nby {week.estimator}, as known at {known}"
+    return f"P(open) over {what[by]}\nas known at {known}"
 
 
 def _key(week: TypicalWeek, by: By) -> str:
