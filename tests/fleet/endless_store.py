@@ -43,7 +43,7 @@ class Answering(BaseHTTPRequestHandler):
         self.sent.bytes += len(data)
 
     def send_without_end(self, *, in_chunks: bool = False) -> None:
-        """Send until the client leaves; not faster than a fast network, however busy this machine."""
+        """Send until the client leaves, no faster than a fast network does."""
         if self.command != "HEAD":
             block = b"%x\r\n%b\r\n" % (len(_BLANKS), _BLANKS) if in_chunks else _BLANKS
             while True:
