@@ -78,6 +78,10 @@ def run(
     object_class: OfClass = None,
     tz: Zone = None,
     by: Annotated[By | None, typer.Option("--by", help="Typical hours, days, or the week.")] = None,
+    when: Annotated[
+        str | None,
+        typer.Option("--when", metavar='"Tue 10:00"', help="A typical hour of the week."),
+    ] = None,
     plot: Annotated[
         Path | None,
         typer.Option("--plot", metavar="X.png", help="Draw that, the week unless --by; or .svg."),
@@ -97,8 +101,12 @@ def run(
     `evaluate` asks; in a log that was imported, nothing else is known of the past.
 
     A door of which too little is known is UNKNOWN. In brackets: a 90 % interval of P(open),
-    somewhat narrow where little was seen. --by shows typical times instead, in cells of which
-    never-seen ones are left empty.
+    somewhat narrow where little was seen.
+
+    --when "Tue 10:00" answers another question: what the door is typically like then. --by shows
+    all typical hours, days, or the whole week; never-seen ones are left empty. These rest on what
+    was seen of the door alone, and stay the same whenever they are asked for; --horizon 2h
+    forecasts the hours to come from what was seen last.
 
     --apply writes P(open) and P(closed) into the log, one commit, for doors that are known and
     whose numbers differ: replay, costmap --by belief and the thesis's YAML have them then. They
@@ -107,6 +115,7 @@ def run(
     \b
     Examples:
       semmap-log probabilities office
+      semmap-log probabilities office front --when "Tue 10:00"
       semmap-log probabilities office front --horizon 2h
       semmap-log probabilities office --at "yesterday 14:00" --json
       semmap-log probabilities office --known-at 2026-03-01T14:02
@@ -120,8 +129,11 @@ def run(
     from semmap_log.domain.moments import parse_duration
     from semmap_log.formats.json.beliefs_json import beliefs_to_json
 
-    typical = by is not None or plot is not None
-    _refuse_useless(about, horizon=horizon, typical=typical, apply=apply)
+    if when is not None and (by is not None or plot is not None):
+        raise typer.BadParameter("shows one hour; leave it out, or --by and --plot",
+                                 param_hint="--when")  # fmt: skip
+    typical = when is not None or by is not None or plot is not None
+    _refuse_useless(about, horizon=horizon, estimator=estimator, typical=typical, apply=apply)
     if plot is not None and plot.suffix not in PLOTS:
         raise typer.BadParameter(f"expected a name that ends in .png or .svg, got {plot}",
                                  param_hint="--plot")  # fmt: skip
@@ -132,7 +144,8 @@ def run(
     if object_class is not None:
         asked["doors"] = _of_class(sl.read(log), object_class, asked)
     if typical:
-        _show_typical(log, asked, by, plot, as_json=as_json)
+        del asked["estimator"]
+        _show_typical(log, asked, by, plot, when, as_json=as_json)
         return
     asked["horizon_ns"] = parse_duration(horizon) if horizon else 0
     opened, applied = sl.read(log), None
@@ -201,12 +214,17 @@ def _refuse_untold(opened: DoorLog, asked: Mapping[str, Any]) -> None:
     )
 
 
-def _refuse_useless(about: About, *, horizon: str, typical: bool, apply: bool) -> None:
+def _refuse_useless(
+    about: About, *, horizon: str, estimator: str | None, typical: bool, apply: bool
+) -> None:
     """Refuse options that would change nothing: somebody meant something by them."""
     if typical and apply:
-        raise typer.BadParameter("writes the numbers of one moment", param_hint="--by, --plot")
-    if typical and horizon:
-        raise typer.BadParameter("a typical week has none; leave it out", param_hint="--horizon")
+        raise typer.BadParameter(
+            "writes the numbers of one moment", param_hint="--by, --plot, --when"
+        )
+    for option, value in (("--horizon", horizon), ("--estimator", estimator)):
+        if typical and value:
+            raise typer.BadParameter("a typical week has none; leave it out", param_hint=option)
     given = [
         f"--{name.replace('_', '-')}" for name, value in about.items() if value not in ("", None)
     ]
@@ -215,13 +233,24 @@ def _refuse_useless(about: About, *, horizon: str, typical: bool, apply: bool) -
 
 
 def _show_typical(
-    log: Path, asked: dict[str, Any], by: By | None, plot: Path | None, *, as_json: bool
+    log: Path,
+    asked: dict[str, Any],
+    by: By | None,
+    plot: Path | None,
+    when: str | None,
+    *,
+    as_json: bool,
 ) -> None:
     import semmap_log as sl
     from semmap_log.beliefs.typical_week import typical_weeks
+    from semmap_log.domain.moments import parse_weekday
     from semmap_log.formats.json.beliefs_json import weeks_to_json
     from semmap_log.io.disk import refuse_own_folder
 
+    hour = None if when is None else parse_weekday(when)
+    if when is not None and hour is None:
+        raise typer.BadParameter(f'expected a day and an hour such as "Tue 10:00", got {when!r}',
+                                 param_hint="--when")  # fmt: skip
     opened = sl.read(log)
     tell_how_to_begin(opened)
     if plot is not None:
@@ -237,13 +266,10 @@ def _show_typical(
             return
     if as_json:
         zone = opened.info.timezone if asked["tz"] is None else asked["tz"]
-        print_json(
-            weeks_to_json(
-                weeks, which.value, tz=zone, known_at_ns=opened.known_moment(asked["known_at"]).ns
-            )
-        )
+        known_at_ns = opened.known_moment(asked["known_at"]).ns
+        print_json(weeks_to_json(weeks, which.value, hour=hour, tz=zone, known_at_ns=known_at_ns))
         return
-    _print_weeks(weeks, which)
+    _print_weeks(weeks, which, hour)
 
 
 def _plot(weeks: Sequence[TypicalWeek], plot: Path, by: By) -> None:
@@ -257,11 +283,14 @@ def _plot(weeks: Sequence[TypicalWeek], plot: Path, by: By) -> None:
     say(f"{plot}: {drawn_of(len(weeks))}{others}.")
 
 
-def _print_weeks(weeks: Sequence[TypicalWeek], by: By) -> None:
-    from semmap_log.views.week_map import hour_rows, week_maps, weekday_rows
+def _print_weeks(weeks: Sequence[TypicalWeek], by: By, hour: tuple[int, int] | None) -> None:
+    from semmap_log.views.week_map import hour_rows, hour_table, week_maps, weekday_rows
 
     if not weeks:
         say("no door is in the map then.")
+        return
+    if hour is not None:
+        console().print(hour_table(weeks, *hour))
         return
     show = {By.hour: hour_rows, By.weekday: weekday_rows, By.week: week_maps}
     console().print(show[by](weeks))

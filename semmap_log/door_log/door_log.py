@@ -894,12 +894,10 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         end_ns, last_ns = self.end_ns(), latest_happened_ns(self._reader, of_states=True) or None
         if last_ns is None:
             return end_ns
-        taken, other = (
-            parse_moment(time, tz=self.info.timezone, end_ns=lambda: ns).ns
-            for ns in (last_ns, end_ns)
-        )
-        if taken != other:
-            shown = format_local(taken, self.info.timezone)
+        tz = self.info.timezone
+        taken = parse_moment(time, tz=tz, end_ns=lambda: last_ns)
+        if taken.ns is not None and taken != parse_moment(time, tz=tz, end_ns=lambda: end_ns):
+            shown = format_local(taken.ns, tz)
             warnings.warn(
                 ClockTimeWarning(
                     f"{time} is taken as {shown}: the last one before anything was last said of a "

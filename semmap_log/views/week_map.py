@@ -79,6 +79,30 @@ def hour_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
     return Group(TextPicture(drawn, table), *_notes(weeks))
 
 
+def hour_table(weeks: Sequence[TypicalWeek], day: int, hour: int) -> RenderableType:
+    """Return P(open) and its interval in one hour of the week, a row for each door."""
+    table = ColumnTable(
+        [
+            TableColumn("door_id", "id", right=True), TableColumn("name", "name", least=8),
+            TableColumn("", "P(open)"),
+            *(TableColumn(name) for name in ("p_open", "low", "high")),
+        ]
+    )  # fmt: skip
+    for week in weeks:
+        cell = week.hours.taken((day, hour))
+        numbers = float(cell.p_open), float(cell.low), float(cell.high)
+        if cell.is_known:
+            exact = [f"{value:.4f}" for value in numbers]
+            table.add(*_names(week), with_interval(*numbers), *exact)
+        elif week.is_known and not week.is_seen[day, hour]:
+            never = Text("never seen then", style=OTHER_STATE_COLOUR)
+            table.add(*_names(week), never, *[ABSENT] * 3)
+        else:
+            table.add(*_names(week), _unknown(week), *[ABSENT] * 3)
+    legend = f"typical of {DAY_NAMES[day]} {hour:02}:00 to {hour + 1:02}:00; 90 % interval"
+    return Group(table, *_notes(weeks, legend))
+
+
 def weekday_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
     """Return P(open) and its interval for the seven days, two lines for each door."""
 

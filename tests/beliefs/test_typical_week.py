@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.beliefs.typical_week import WeekPattern, typical_weeks
 from tests.beliefs.patrolled import ATTIC, FRONT, OPEN_HOURS, ROUNDS, patrolled
+from tests.conftest import SteadyClock
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +71,48 @@ def test_means_are_of_what_is_known() -> None:
     np.testing.assert_allclose([0.4, 0.0, 0.4], means.low, atol=1e-12)
     np.testing.assert_allclose([0.6, 0.2, 0.6], means.high)
     np.testing.assert_array_equal([True, True, False], means.is_known)
+
+
+DAY_NS = 86_400 * 10**9
+
+
+def _note(log: sl.DoorLogWriter, clock: SteadyClock) -> None:
+    log.annotate(ATTIC, "note", "new lock")
+
+
+def _other_door(log: sl.DoorLogWriter, clock: SteadyClock) -> None:
+    for hour in range(400):
+        log.observe(ATTIC, ("open", "closed")[hour % 2], at=clock.now_ns + 3600 * 10**9 * hour)
+
+
+def _name(log: sl.DoorLogWriter, clock: SteadyClock) -> None:
+    log.update_door(FRONT, x=1.0, reason="measured anew")
+
+
+@pytest.mark.parametrize("later", [_note, _other_door, _name])
+@pytest.mark.parametrize("days", [0.4, 5, 40, 400])
+@pytest.mark.parametrize("held", [False, True], ids=["seen", "held"])
+def test_a_week_rests_on_what_is_said_of_the_door_alone(
+    tmp_path: Path, later: Callable[[sl.DoorLogWriter, SteadyClock], None], days: float, held: bool
+) -> None:
+    """
+    Whatever else is written later, and however late: no digit changes.
+    """
+    path = patrolled(tmp_path / "log").path
+    clock = SteadyClock(sl.read(path).end_ns())
+    if held:
+        with sl.append(path, clock=clock) as log:
+            log.update_door(FRONT, state="open")
+    (before,) = typical_weeks(sl.read(path), doors=[FRONT])
+    clock.now_ns += int(days * DAY_NS)
+    with sl.append(path, clock=clock) as log:
+        later(log, clock)
+
+    (after,) = typical_weeks(sl.read(path), doors=[FRONT])
+
+    for name in ("p_open", "low", "high", "is_known"):
+        np.testing.assert_array_equal(getattr(after.hours, name), getattr(before.hours, name))
+    assert before.is_known
 
 
 @pytest.mark.parametrize("first", ["2026-03-02", "2026-10-05"])

@@ -10,7 +10,7 @@ import numpy as np
 from semmap_log.beliefs.best_times import BestTime, LikelyHours
 from semmap_log.beliefs.door_beliefs import DoorBelief
 from semmap_log.beliefs.evidence_summary import EvidenceSummary
-from semmap_log.beliefs.typical_week import By, TypicalWeek
+from semmap_log.beliefs.typical_week import By, TypicalWeek, WeekPattern
 from semmap_log.domain.doors import Door
 from semmap_log.domain.moments import SECOND_NS, format_utc
 from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_words
@@ -54,20 +54,29 @@ def belief_to_json(belief: DoorBelief) -> dict[str, Any]:
 
 
 def weeks_to_json(
-    weeks: Sequence[TypicalWeek], by: By, *, tz: str, known_at_ns: int | None = None
+    weeks: Sequence[TypicalWeek],
+    by: By,
+    *,
+    hour: tuple[int, int] | None = None,
+    tz: str,
+    known_at_ns: int | None = None,
 ) -> dict[str, Any]:
     """Return P(open) of typical hours, days or weeks: lists of 24, of 7, or of 7 lists of 24.
 
     Days begin with Monday. `cell_is_known`: those that were ever seen; others are carried over.
+    With `hour`, a day from Monday's 0 on and an hour, P(open) is of that one alone.
     """
     first = weeks[0] if weeks else None
     return {
-        "by": by,
+        **({"by": by} if hour is None else {"when": f"{DAY_NAMES[hour[0]]} {hour[1]:02}:00"}),
         "at": format_utc(first.known_ns) if first else None,
         "known_at": None if known_at_ns is None else format_utc(known_at_ns),
         "tz": tz,
         "interval": INTERVAL,
-        "doors": [_week(week, by) for week in weeks],
+        "doors": [
+            _week(week, week.pattern(by) if hour is None else week.hours.taken(hour))
+            for week in weeks
+        ],
         "sensor_doubts": _doubts(getattr(weeks, "sensor_doubts", ())),
     }
 
@@ -132,8 +141,7 @@ def _evidence(evidence: EvidenceSummary, known_ns: int) -> dict[str, Any]:
     }
 
 
-def _week(week: TypicalWeek, by: By) -> dict[str, Any]:
-    pattern = week.pattern(by)
+def _week(week: TypicalWeek, pattern: WeekPattern) -> dict[str, Any]:
     return {
         **_door(week.door, week.level_name),
         "is_known": week.is_known,

@@ -135,7 +135,7 @@ class DoorSchedule:
         return Forecast.around(
             ahead.p_open_at(cells),
             ahead.variance_at(cells, self._variances),
-            self._seen_h[last, cells.hour] >= LEAST_H,
+            self._seen_h[last - 1, cells.hour] >= LEAST_H,  # the last day alone makes no week
             ahead.days_at(cells),
         )
 
