@@ -12,6 +12,7 @@ from rich.console import Console, RenderableType
 import semmap_log as sl
 from semmap_log.beliefs.typical_week import TypicalWeek, typical_weeks
 from semmap_log.views.palette import VIRIDIS
+from semmap_log.views.belief_words import short_number
 from semmap_log.views.week_map import hour_rows, week_maps, weekday_rows
 from semmap_log.views.week_shades import ink_on, shade
 from tests.beliefs.patrolled import patrolled
@@ -80,7 +81,7 @@ def test_the_days_show_their_interval(front: TypicalWeek) -> None:
     shown = printed(weekday_rows([front]))
 
     numbers, intervals = (row.split() for row in shown.splitlines()[1:3])
-    assert [f"{p:.2f}"[1:] for p in days.p_open] == numbers[-7:]
+    assert [short_number(p) for p in days.p_open] == numbers[-7:]
     assert 7 == sum("-" in word for word in intervals)
 
 

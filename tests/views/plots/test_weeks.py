@@ -83,7 +83,7 @@ def test_each_door_has_a_panel_with_its_name(doors: int, weeks: list[TypicalWeek
     titles = [panel.get_title(loc="left") for panel in figure.axes]
     names = ["front", "store", "attic: UNKNOWN, never seen"]
     assert [names[i % 3] for i in range(doors)] == [title for title in titles if title]
-    assert "by schedule, as known at 2026-03-29 19:30" in figure.get_suptitle()
+    assert "as known at 2026-03-29 19:30" in figure.get_suptitle()
     assert "hour of the day, Europe/Vienna; dot: " in figure.get_supxlabel()
 
 
