@@ -17,6 +17,7 @@ from semmap_log.cli.verb import Verb
 
 GROUPS: dict[str, dict[str, str]] = {
     "First steps": {
+        "help": "Show what a verb does, or what verbs there are.",
         "demo": "The main job in one go, on a shipped recording.",
         "init": "Make a new log.",
         "import": "Import doors, states or events from a file.",
@@ -87,10 +88,14 @@ GROUPS: dict[str, dict[str, str]] = {
         "fleet": "Ask many logs one question.",
     },
 }
-"""Group -> its verbs, as --help shows them, and what each does in a line.
+"""Group -> its verbs, as `help --all` shows them, and what each does in a line.
 
 The verb `best-time` is `run` in `best_time.py`; one that has verbs of its own is `app` there.
 """
+
+FIRST_WEEK = ("init", "import", "add", "observe", "record", "replay", "why", "history",
+              "probabilities", "report", "view", "export")  # fmt: skip
+"""Those that `-h` shows: what one does in the first week."""
 
 OLD_NAMES = {"state": "replay", "log": "history"}
 """Names that help does not show -> the verbs that they are."""

@@ -15,7 +15,7 @@ from semmap_log.cli.failures import CLICK_ERROR
 from semmap_log.cli.plain_streams import READER_GONE, forget_output
 from semmap_log.cli.plain_values import with_plain_readers
 from semmap_log.cli.verb import offered
-from semmap_log.cli.verb_table import GROUPS, SHOWN, VerbsByName
+from semmap_log.cli.verb_table import FIRST_WEEK, GROUPS, SHOWN, VerbsByName
 
 
 class Verbs(TyperGroup):
@@ -37,7 +37,20 @@ class Verbs(TyperGroup):
         return list(self.commands)
 
     def format_commands(self, _: Any, formatter: Any) -> None:
-        """Write the verbs, group after group; none is loaded for it."""
+        """Write the verbs of the first week, and where the others are; none is loaded for it."""
+        widest = max(map(len, FIRST_WEEK))
+        with formatter.section("The verbs of the first week"):
+            formatter.write_dl([(f"{name:<{widest}}", SHOWN[name]) for name in FIRST_WEEK])
+        with formatter.section("More"):
+            formatter.write_dl(
+                [
+                    ("semmap-log help VERB", "What a verb does, with examples."),
+                    ("semmap-log help --all", f"All {len(SHOWN)} verbs, in groups."),
+                ]
+            )
+
+    def format_all_commands(self, formatter: Any) -> None:
+        """Write all verbs, group after group; none is loaded for it."""
         widest = max(map(len, SHOWN))
         for group, verbs in GROUPS.items():
             with formatter.section(group):

@@ -44,7 +44,8 @@ def run(
 
     \b
     Times: 2026-03-01T14:02 (the log's zone), …Z, @1772373720, 2h ago,
-    yesterday 14:00, now (counted from the log's end), event:1234.
+    yesterday 14:00, now (counted from the log's end), 14:00, Tue 10:00 (the last
+    ones), event:1234.
 
     \b
     Examples:

@@ -17,6 +17,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from semmap_log.cli.verb_table import FIRST_WEEK, SHOWN
 from tests.live.running import DEADLINE_S
 from tests.views.rerun.some_logs import small_log
 
@@ -107,6 +108,30 @@ def run(
         return Result(code, captured.out, captured.err)
 
     return run
+
+
+def test_help_begins_with_the_verbs_of_the_first_week(run) -> None:
+    """
+    And says how to see the others.
+    """
+    first, every = run("-h").out, run("help", "--all").out
+
+    assert first == run("help").out
+    shown = {line.split()[0] for line in first.partition("first week:")[2].splitlines() if line}
+    assert {*FIRST_WEEK, "More:", "semmap-log"} == shown
+    assert {*SHOWN} <= {line.split()[0] for line in every.splitlines() if line.strip()}
+
+
+@pytest.mark.parametrize("verb", [["replay"], ["call", "add"]])
+def test_help_of_a_verb_is_what_the_verb_shows(run, verb: list[str]) -> None:
+    assert run("help", *verb).out == run(*verb, "--help").out
+
+
+def test_help_of_no_verb_says_which_was_meant(run) -> None:
+    helped = run("help", "reply")
+
+    assert 2 == helped.code
+    assert "Did you mean replay" in helped.err
 
 
 @pytest.mark.parametrize("verb", VERBS)
