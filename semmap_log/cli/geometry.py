@@ -8,12 +8,14 @@ from typing import Annotated
 
 import typer
 
+from semmap_log.cli.verb import POINT
+
 X = Annotated[float | None, typer.Option(help="Start of the door's line, metres.")]
 Y = Annotated[float | None, typer.Option(help="Start of the door's line, metres.")]
 Theta = Annotated[float | None, typer.Option(help="Its direction, radians.")]
 Width = Annotated[float | None, typer.Option(help="Its length, metres.")]
-Start = Annotated[str | None, typer.Option("--from", metavar="X,Y", help="Start of the line …")]
-End = Annotated[str | None, typer.Option("--to", metavar="X,Y", help="… and its end.")]
+Start = Annotated[str | None, typer.Option("--from", metavar=POINT, help="Start of the line …")]
+End = Annotated[str | None, typer.Option("--to", metavar=POINT, help="… and its end.")]
 
 
 @dataclass(frozen=True, slots=True)

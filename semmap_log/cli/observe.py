@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, DoorName, WritableLog, refuse_nan, takes_about
+from semmap_log.cli.states import StateOption, a_state_typed, state_given
 
 if TYPE_CHECKING:
     from semmap_log.door_log.door_log_writer import About
@@ -17,8 +18,11 @@ if TYPE_CHECKING:
 def run(
     log: WritableLog,
     door: DoorName,
-    state: Annotated[str, typer.Argument(metavar="STATE", help="What was seen, such as open.")],
+    state: Annotated[
+        str | None, typer.Argument(metavar="STATE", help="What was seen, such as open.")
+    ] = None,
     *,
+    seen: StateOption = None,
     accuracy: Annotated[
         float, typer.Option(help="P(the sensor reads right), 0.5..1, for open and closed alike.")
     ] = 1.0,
@@ -42,9 +46,11 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.cli.outcome import tell
-    from semmap_log.cli.states import a_state_typed
 
     refuse_nan(opening=opening)
+    state = state_given(state, seen)
+    if state is None:
+        raise typer.BadParameter("expected what was seen, such as open", param_hint="STATE")
     with sl.append(log) as opened, a_state_typed():
         appended = opened.observe(
             door,

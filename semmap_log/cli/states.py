@@ -4,10 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Annotated
 
 import typer
 
 from semmap_log.errors import InvalidEventError
+
+StateOption = Annotated[
+    str | None,
+    typer.Option("--state", metavar="STATE", help="OPEN, CLOSED, UNKNOWN, MOVING or OFFLINE."),
+]
+
+
+def state_given(word: str | None, option: str | None) -> str | None:
+    """Return the state that is typed as a word, or by `--state`.
+
+    Raises:
+        typer.BadParameter: It is given twice.
+    """
+    if word is not None and option is not None:
+        raise typer.BadParameter(f"is given already: {word}", param_hint="--state")
+    return word if option is None else option
 
 
 @contextmanager

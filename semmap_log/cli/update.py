@@ -8,6 +8,7 @@ import typer
 
 from semmap_log.cli.common import AsJson, DoorName, WritableLog, refuse_nan, takes_about
 from semmap_log.cli.geometry import End, Line, Start, Theta, Width, X, Y, line_of
+from semmap_log.cli.states import StateOption, a_state_typed, state_given
 
 if TYPE_CHECKING:
     from semmap_log.door_log.door_log_writer import About
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 def run(
     log: WritableLog,
     door: DoorName,
+    word: Annotated[
+        str | None, typer.Argument(metavar="STATE", help="Its state, such as closed.")
+    ] = None,
     *,
     x: X = None,
     y: Y = None,
@@ -25,9 +29,7 @@ def run(
     start: Start = None,
     end: End = None,
     level: Annotated[str | None, typer.Option(help="Level, by number or name.")] = None,
-    state: Annotated[
-        str | None, typer.Option(help="OPEN, CLOSED, UNKNOWN, MOVING or OFFLINE.")
-    ] = None,
+    state: StateOption = None,
     prob_open: Annotated[float | None, typer.Option(help="P(open), 0..1.")] = None,
     prob_closed: Annotated[float | None, typer.Option(help="P(closed), 0..1.")] = None,
     as_json: AsJson = False,
@@ -37,14 +39,14 @@ def run(
 
     \b
     Examples:
-      semmap-log update office front --state closed --actor ann --reason "lock up"
+      semmap-log update office front closed --actor ann --reason "lock up"
       semmap-log update office 3 --x 2.1 --y 1.5
       semmap-log update office 3 --prob-open 0.3 --prob-closed 0.7
     """
     import semmap_log as sl
     from semmap_log.cli.outcome import tell
-    from semmap_log.cli.states import a_state_typed
 
+    state = state_given(word, state)
     refuse_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
     line = line_of(Line(x, y, theta, width), start, end)
     fields = (line.x, line.y, line.theta, line.width, level, state, prob_open, prob_closed)

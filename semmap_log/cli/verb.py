@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import typer
 from typer import core
 from typer.core import TyperCommand
 
@@ -28,6 +29,10 @@ NEED_NO_VALUE = {"--scan": re.compile(r"(/\w+)+", re.ASCII)}
 TAKE_PLACES = {"go"}
 """Verbs with places as arguments; one at a negative x looks like an option."""
 NEGATIVE_PLACE = late_pattern(r"-[\d.]+,.+", re.ASCII)
+
+POINT = "X,Y"
+"""How help shows an option that takes a point."""
+NUMBER = late_pattern(r"[+-]?[\d.]+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 HELP_MADE_LATE: dict[str, Callable[[], str]] = {}
 """Verb -> what makes the end of its help, which is asked for only then: it is slow to make."""
@@ -61,11 +66,25 @@ class Verb(TyperCommand):
         """Take up the command line; of a word that is no option, say which may be meant."""
         try:
             given = _with_places(args) if self.name in TAKE_PLACES else args
+            self._refuse_split_points(given)
             return super().parse_args(ctx, _with_values(given))
         except CLICK_ERROR as error:
             if hasattr(error, "possibilities") and hasattr(error, "option_name"):
                 error.possibilities = self._similar(error.option_name)
             raise
+
+    def _refuse_split_points(self, args: list[str]) -> None:
+        """Refuse a point as two numbers: the second would be taken for another argument.
+
+        Raises:
+            typer.BadParameter: It says what to type.
+        """
+        points = {name for param in self.params if param.metavar == POINT for name in param.opts}
+        for option, x, y in zip(args, args[1:], args[2:], strict=False):
+            if option in points and NUMBER.fullmatch(x) and NUMBER.fullmatch(y):
+                raise typer.BadParameter(
+                    f"expected {POINT}, got two numbers; type: {option} {x},{y}", param_hint=option
+                )
 
     def _similar(self, option: str) -> list[str]:
         """Return the options of a like name that help shows: no hidden ones, no old spellings."""

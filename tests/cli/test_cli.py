@@ -788,3 +788,21 @@ def test_ctrl_c_behind_the_end_is_no_traceback() -> None:
         _, err = process.communicate(timeout=DEADLINE_S)
 
     assert (-signal.SIGINT, "") == (process.returncode, err)
+
+
+def test_verbs_take_a_state_alike(run) -> None:
+    """
+    As a word, or by --state; not both.
+    """
+    for verb in ("observe", "update"):
+        assert 0 == run(verb, "office", "1", "open").code
+        assert 0 == run(verb, "office", "1", "--state", "closed").code
+        assert 2 == run(verb, "office", "1", "open", "--state", "closed").code
+    assert 2 == run("observe", "office", "1").code
+
+
+def test_a_point_as_two_numbers_is_said_to_be_meant_as_one(run) -> None:
+    refused = run("add", "office", "--from", "1", "-2.5", "--to", "2,2")
+
+    assert 2 == refused.code
+    assert "type: --from 1,-2.5" in refused.err

@@ -175,9 +175,13 @@ class _LineReader:
 
     def kind(self) -> type[Event]:
         name = self.left.pop("kind", None)
-        if not isinstance(name, str) or name not in KIND_BY_NAME:
-            raise _WrongError(f"kind: expected one of {', '.join(KIND_BY_NAME)}; got {shown(name)}")
-        return KIND_BY_NAME[name]
+        if isinstance(name, str) and name in KIND_BY_NAME:
+            return KIND_BY_NAME[name]
+        from difflib import get_close_matches
+
+        close = get_close_matches(str(name)[:60], KIND_BY_NAME, n=1)
+        expected = close[0] if close else f"one of {', '.join(KIND_BY_NAME)}"
+        raise _WrongError(f"kind: expected {expected}; got {shown(name)}")
 
     def refuse_unknown(self, kind: type[Event]) -> None:
         """Name a key that the kind does not have, before one is missed that may be meant by it.
