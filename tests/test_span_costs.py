@@ -75,12 +75,11 @@ def test_memory_of_what_loads_more_goes_by_events(
     verb: tuple[str, ...], log: str, tmp_path: Path
 ) -> None:
     """
-    With room for what a verb imports.
+    With room for what a verb imports. Of three days there may be nothing to evaluate.
     """
-    code = ended(verb, log_of(tmp_path / "usual", IN_2026), tmp_path, 10 * MORE_BYTES)
+    code = ended(verb, LOGS[log](tmp_path / "log"), tmp_path, 10 * MORE_BYTES)
 
-    assert code in {0, 1}
-    assert code == ended(verb, LOGS[log](tmp_path / "log"), tmp_path, 10 * MORE_BYTES)
+    assert code == 0 or (verb[0] == "evaluate" and code == 1)
 
 
 def ended(verb: tuple[str, ...], log: Path, out: Path, more_bytes: int = MORE_BYTES) -> int:
