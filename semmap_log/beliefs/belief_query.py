@@ -14,6 +14,7 @@ from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import Door, DoorId, DoorMap
 from semmap_log.domain.keywords import knows_keywords
 from semmap_log.domain.moments import Moment
+from semmap_log.door_log.asked_doors import doors_listed
 from semmap_log.door_log.clock_warnings import warn_of_clock
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.door_log.known_later import known_later, moment_asked_ns
@@ -129,7 +130,7 @@ def ask(
     chosen = (
         door_map.doors
         if doors is None
-        else {_door_then(log, door, door_map, happened, known) for door in doors}
+        else {_door_then(log, door, door_map, happened, known) for door in doors_listed(doors)}
     )
     clock = LocalClock(log.info.timezone if tz is None else tz)
     return BeliefQuery(

@@ -14,6 +14,9 @@ class DoorState(IntEnum):
     MOVING = 3
     OFFLINE = 4
 
+    def __str__(self) -> str:
+        return self.name
+
     @classmethod
     def parse(cls, text: str) -> DoorState:
         """Return the state of that name, in any case of letters.

@@ -7,7 +7,7 @@ the Unix epoch, UTC. A probability is in [0, 1]; NaN means that it was not given
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import field
 from itertools import count
 from types import MappingProxyType
@@ -164,6 +164,19 @@ class Door:
         return tuple((self.x + cos * x - sin * y, self.y + sin * x + cos * y) for x, y in corners)
 
 
+def door_called(name: str, doors: Iterable[tuple[Door, Container[str | None]]]) -> Door:
+    """Return the one door that is called so.
+
+    Raises:
+        KeyError: There is none, or several are.
+    """
+    named = [door for door, called in doors if name in called]
+    if len(named) == 1:
+        return named[0]
+    ids = ", ".join(str(door.door_id) for door in named)
+    raise KeyError(f"expected the name of one door, got {name!r}: {ids or 'none'}")
+
+
 @dataclass(frozen=True, slots=True)
 class RemovedDoor:
     """A door that was removed, as it would be had it not been."""
@@ -210,8 +223,21 @@ class DoorMap(ShownAsTable):
     def __len__(self) -> int:
         return len(self.doors)
 
-    def __getitem__(self, door_id: DoorId) -> Door:
-        return self.doors[door_id]
+    def __getitem__(self, door: DoorId | str) -> Door:
+        """Return the door of an id, a name or level/name.
+
+        Raises:
+            KeyError: There is none, or several have the name.
+        """
+        if not isinstance(door, str):
+            return self.doors[door]
+        return door_called(
+            door,
+            (
+                (each, (each.name, f"{self.level_name(each.level)}/{each.name}"))
+                for each in self.doors.values()
+            ),
+        )
 
     @property
     def moment_ns(self) -> int:

@@ -86,14 +86,18 @@ def ids_ever(doors: Iterable[DoorId | str], reader: LogReader) -> list[DoorId]:
     Raises:
         UnknownDoorError: No door has such a name, or ever had.
     """
-    one_alone = isinstance(doors, str) or is_whole_number(doors)
-    listed = cast("list[DoorId | str]", [doors] if one_alone else doors)
     return [
         DoorId(int(door))
         if not isinstance(door, str) and is_whole_number(door)
         else door_ever(door, reader)
-        for door in listed
+        for door in doors_listed(doors)
     ]
+
+
+def doors_listed(doors: Iterable[DoorId | str] | DoorId | str) -> Iterable[DoorId | str]:
+    """Return doors as a list of them; one alone, too."""
+    one_alone = isinstance(doors, str) or is_whole_number(doors)
+    return cast("Iterable[DoorId | str]", [doors] if one_alone else doors)
 
 
 def _ever_said(reader: LogReader) -> DoorMapState:

@@ -36,6 +36,7 @@ from semmap_log.domain.keywords import knows_its_keywords
 from semmap_log.domain.moments import (
     Moment,
     format_local,
+    format_short,
     parse_moment,
     parse_range,
     refuse_reversed,
@@ -110,6 +111,9 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
     def __repr__(self) -> str:
         try:
             said = counted(self._reader.last_event() + 1, "event")
+            if since_ns := self.since_ever_ns():
+                tz = self.info.timezone
+                said += f", {format_short(since_ns, tz)} to {format_short(self.end_ns(), tz)}"
         except LogError:
             said = "damaged"
         return f"<{type(self).__name__} {str(self._reader.folder)!r}: {said}>"

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import datetime
+from datetime import date
+
+import numpy as np
 
 from semmap_log.domain.events import is_whole_number
 from semmap_log.domain.moments import INSTANTS, SECOND_NS, Moment, parse_moment
 from semmap_log.errors import MomentError
 
-Time = int | str | datetime | Moment | None
+Time = int | str | date | np.datetime64 | Moment | None
 """Nanoseconds UTC, a text as on the command line (`2026-03-01T14:02`, `2h ago`, `event:12`), a
-datetime (a naive one is in the log's zone), or what `moment` made of one."""
+datetime, date or pandas Timestamp (without a zone it is in the log's), a numpy.datetime64 (UTC), or
+what `moment` made of one."""
 
 
+SECONDS = 10**9, 3 * 10**15
+"""From here to there a number of nanoseconds is of January 1970, and more likely something else."""
 NEAR_NS = 10 * 60 * SECOND_NS
 """What happened so long before or after a moment is near it."""
 
@@ -40,14 +45,21 @@ def moment_of(
         return Moment()
     if isinstance(time, Moment):
         return time
-    if isinstance(time, datetime):
+    if isinstance(time, date):
         time = time.isoformat()
+    elif isinstance(time, np.datetime64):
+        time = int(time.astype("datetime64[ns]").astype(np.int64))
     if isinstance(time, str):
         return parse_moment(time, tz=tz, end_ns=end_ns, last_ns=last_ns)
     if not is_whole_number(time):
         raise MomentError(
             f"expected a time as whole nanoseconds since 1970, a text such as {INSTANTS}, or a "
             f"datetime; got {time!r}."
+        )
+    if SECONDS[0] <= time < SECONDS[1]:
+        raise MomentError(
+            f"expected nanoseconds since 1970, got {time}, which is in 1970: for seconds, "
+            f'milliseconds or microseconds since then type "@{time}", or multiply.'
         )
     return Moment(ns=int(time))
 

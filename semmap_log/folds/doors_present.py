@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.common.distinct import distinct
-from semmap_log.domain.doors import Door, DoorId, DoorState
+from semmap_log.domain.doors import Door, DoorId, DoorState, door_called
 from semmap_log.domain.meaning import FIELDS
 from semmap_log.domain.object_classes import CLASS, DOOR
 from semmap_log.folds.annotations import Annotations
 
 
 class DoorsPresent(Mapping[DoorId, Door]):
-    """Door id -> door, ids ascending; does not change."""
+    """Door id -> door, ids ascending; does not change. A door's name can be looked up, too."""
 
     def __init__(self, columns: Mapping[str, NDArray[Any]], annotations: Annotations) -> None:
         """Take the doors up.
@@ -36,7 +36,9 @@ class DoorsPresent(Mapping[DoorId, Door]):
         self._everything: dict[DoorId, Door] | None = None
         """All of them, ids ascending, once somebody asked for all."""
 
-    def __getitem__(self, door_id: DoorId) -> Door:
+    def __getitem__(self, door_id: DoorId | str) -> Door:
+        if isinstance(door_id, str):
+            return door_called(door_id, ((door, (door.name,)) for door in self.values()))
         door = self._made.get(door_id)
         if door is None:
             place = self._places[door_id]
