@@ -43,7 +43,7 @@ from semmap_log.store.verification.folder_files import (
     bag_metadata_findings,
     mark_findings,
 )
-from semmap_log.store.verification.hash_chain import Chain, OnCommit, WholeCommit
+from semmap_log.store.verification.hash_chain import Chain, OnCommit, OnGone, WholeCommit
 from semmap_log.store.verification.keyframe_place import KeyframePlace, NewKeyframeCheck
 from semmap_log.store.verification.object_place import ObjectPlace
 from semmap_log.store.verification.pieces import Piece
@@ -125,6 +125,7 @@ class Verifier:
         progress: Progress | None = None,
         on_commit: OnCommit | None = None,
         *,
+        on_gone: OnGone | None = None,
         keep_parts: bool = False,
         ends: Collection[int] = (),
     ) -> None:
@@ -136,12 +137,13 @@ class Verifier:
             head: As for `verify`.
             progress: As for `verify`.
             on_commit: Takes each commit that is whole and in its place.
+            on_gone: Takes what stands for whole commits that were taken out, in its place.
             keep_parts: Whether it wants the commit's records: a long commit is in memory then.
             ends: As for `verify`.
         """
         self._place = DiskPlace(path) if isinstance(path, Path) else path
         self.path = self._place.path
-        self.chain = Chain(self._report, self._commit, keep_parts=keep_parts)
+        self.chain = Chain(self._report, self._commit, on_gone=on_gone, keep_parts=keep_parts)
         self.arrangement = FolderFiles(self._place)
         self.findings: list[Finding] = []
         self._head = head
@@ -247,7 +249,7 @@ class Verifier:
             self._damage("header", at, file.problem)
             contents.is_flawless = False
         self.chain.begin_segment(file.path, file.header)
-        if file.header is not None and file.header.trimmed is not None:
+        if self._is_trimmed:
             self._keyframes.forget()
 
     def _chunks(self, i: int, walk: SegmentWalk, contents: Contents, *, is_live: bool) -> bool:
@@ -289,10 +291,15 @@ class Verifier:
         self._note_trimming(piece)
 
     @property
+    def place(self) -> int:
+        """Which of the segments of `arrangement` is being read."""
+        return self._at
+
+    @property
     def _is_trimmed(self) -> bool:
-        """Whether records were taken out of the segment under way."""
-        file = self.arrangement.segments[self._at]
-        return file.header is not None and file.header.trimmed is not None
+        """Whether records were taken out of the segment under way, as far as it can be known."""
+        header = self.arrangement.segments[self._at].header
+        return header is None or header.trimmed is not None
 
     def _note_trimming(self, piece: Piece) -> None:
         """Remember the last event that tells of records that were taken out."""
