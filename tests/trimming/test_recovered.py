@@ -10,6 +10,7 @@ from typing import NamedTuple
 import pytest
 
 import semmap_log as sl
+from semmap_log.domain.doors import DoorId
 from semmap_log.replay.care import copy, recover, recover_into, verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
@@ -61,7 +62,7 @@ def damages(log: Path) -> Iterator[Damage]:
 def trim(log: Path, kinds: str) -> None:
     for kind in kinds.split():
         with sl.append(log, compact=False) as opened:
-            opened.observe(1, "closed")
+            opened.observe(DoorId(1), "closed")
         trim_log(log, RULES[kind](LogReader(log)))
 
 
@@ -173,7 +174,7 @@ def test_behind_a_gap_commands_are_known_by_new_numbers(log: Path, first: Answer
     last_of_first = LogReader(log).segments[1].header.first_event - 1
     with sl.append(log, clock=MinuteClock(), compact=False) as opened:
         opened.add_door(x=0.0, y=0.0, theta=0.0, width=0.9)
-    segment.path.unlink()
+    Path(segment.path).unlink()
 
     recover(log)
 

@@ -33,7 +33,7 @@ from semmap_log.store.verification.closing import (
     summary_flaws,
 )
 from semmap_log.store.verification.disk_and_store import DiskAndStorePlace
-from semmap_log.store.verification.file_bytes import Vanished
+from semmap_log.store.verification.file_bytes import FileBytes, Vanished
 from semmap_log.store.verification.file_heads import SegmentFile, bytes_of, first_bytes, name_of
 from semmap_log.store.verification.file_place import DiskPlace, FilePlace
 from semmap_log.store.verification.findings import CommitEnd, Finding, Severity, Verification
@@ -41,6 +41,7 @@ from semmap_log.store.verification.folder_files import (
     FolderFiles,
     arrange,
     bag_metadata_findings,
+    leftover_finding,
     mark_findings,
 )
 from semmap_log.store.verification.hash_chain import Chain, OnCommit, OnGone, WholeCommit
@@ -391,16 +392,14 @@ class Verifier:
         for file in files:
             found: list[Finding] = []
             chain = Chain(found.append)
-            assert file.header is not None
-            chain.start_at(file.header)
+            if file.header is not None:
+                chain.start_at(file.header)
             with bytes_of(self._place, file) as data:
                 self._bytes += len(data)
-                for item in SegmentWalk(data, file.header_end, file.header):
-                    if isinstance(item, Piece):
-                        chain.add(item)
+                flaws = _flaws_of_leftover(file, data, chain)
             if chain.commits:
                 self._merged[chain.next_event - 1] = (file.path, chain.head)
-            self.findings.append(_leftover(file.path, is_whole=not found))
+            self.findings.append(leftover_finding(file.path, is_whole=not (found or flaws)))
 
     def _commit(self, whole: WholeCommit) -> None:
         commit = whole.commit
@@ -556,12 +555,21 @@ def _log_of(told: HistoryTrimmed) -> str:
     return told.tombstones.partition(":")[0]
 
 
-def _leftover(path: PurePath, *, is_whole: bool) -> Finding:
-    text = "was merged into another segment; the next writer removes it"
-    if is_whole:
-        return Finding("leftover", Severity.NOTE, path, None, None, text)
-    text = f"{text}; its own bytes are damaged, which costs nothing"
-    return Finding("leftover", Severity.WARNING, path, None, None, text)
+def _flaws_of_leftover(file: SegmentFile, data: FileBytes, chain: Chain) -> list[Flaw | Gap]:
+    """Take the chunks of a segment that was merged into another; return what is not as written."""
+    if file.header is None:
+        return [Flaw("header", 0, file.problem)]
+    contents = Contents(file.header_end, file.header)
+    flaws: list[Flaw | Gap] = [Flaw("header", 0, file.problem)] if file.problem else []
+    walk = SegmentWalk(data, file.header_end, file.header)
+    for item in walk:
+        if isinstance(item, Piece):
+            chain.add(item)
+            contents.add(item)
+        else:
+            flaws.append(item)
+    contents.header = walk.header
+    return flaws or list(closing_flaws(data, walk.pieces_end, contents))
 
 
 def _unusual(path: PurePath, offset: int) -> Finding:
