@@ -22,7 +22,6 @@ from semmap_log.messages import layout
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.form import COMMAND_ATTACHMENT, COMMIT_CHANNEL, TOMBSTONE_CHANNEL
-from semmap_log.store.tombstone import Tombstone
 
 COMMAND_ID_BYTES = 16
 MEDIA_TYPE = "application/octet-stream"
@@ -111,6 +110,8 @@ class WrittenCommits:
 
     def _take_gone(self, chunk: BuiltChunk) -> None:
         """Take in the hash of commits that are gone, where no other follows them in a chunk."""
+        from semmap_log.store.tombstone import Tombstone
+
         at = max(_places_in(chunk, TOMBSTONE_CHANNEL))
         end = at + mcap.FRAME.size + mcap.FRAME.unpack_from(chunk.records, at)[1]
         last = Tombstone.in_record(chunk.records[at:end])
