@@ -39,7 +39,7 @@ COSTMAPS = (
     guard("claims around a window are as before", "InflationLayer._claimed",
           "differs.any()", "False", "test_inflation"),
     guard("costs reach as far as the radius", "InflationLayer.__init__",
-          "math.ceil(radius", "int(radius", "test_inflation"),
+          "math.ceil(radius / geometry.resolution)", "int(radius / geometry.resolution)", "test_inflation"),
     guard("the master is reset first", "LayeredCostmap._drawn_in",
           "self._master[window.slices] = self._default", "", "test_layered"),
     guard("frames in the order of happening", "over_time._in_order",
