@@ -271,7 +271,7 @@ STARTS = [
     ("_verb('replay', sys.argv[1])", CORE | {"typer", "rich"}, 136),
     ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 141),
     ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 137),
-    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 186),
+    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 189),
     ("_verb('why', sys.argv[1], '1', '--json')", CORE | {"typer"}, 193),
     ("_verb('--help')", {"typer"}, 21),
     ("_verb('--version')", {"typer"}, 23),

@@ -44,7 +44,7 @@ from semmap_log.domain.moments import (
 from semmap_log.domain.object_classes import DOOR, ObjectClass
 from semmap_log.door_log.log_queries import LogQueries
 from semmap_log.door_log.log_tables import LogTables
-from semmap_log.door_log.times import NEAR_NS, Time, moment_of
+from semmap_log.door_log.times import NEAR_NS, Time, moment_of, refuse_other_units
 from semmap_log.errors import ClockTimeWarning, LogError, MomentError
 from semmap_log.folds.door_map import DoorMapState
 from semmap_log.folds.projection import SAVE_EVERY_S, Projection
@@ -111,9 +111,10 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
     def __repr__(self) -> str:
         try:
             said = counted(self._reader.last_event() + 1, "event")
-            if since_ns := self.since_ever_ns():
-                tz = self.info.timezone
-                said += f", {format_short(since_ns, tz)} to {format_short(self.end_ns(), tz)}"
+            spans = [one.span for one in self._reader.segments if len(one.chunks)]
+            if spans:
+                ends = min(first for first, _ in spans), max(last for _, last in spans)
+                said += ", {} to {}".format(*(format_short(ns, self.info.timezone) for ns in ends))
         except LogError:
             said = "damaged"
         return f"<{type(self).__name__} {str(self._reader.folder)!r}: {said}>"
@@ -877,6 +878,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             return self._pinned(time.removeprefix(PIN))
         if now_ns is not None:
             return moment_of(time, tz=self.info.timezone, end_ns=lambda: now_ns)
+        if isinstance(time, int):
+            refuse_other_units(time, self.since_ever_ns() or 0)
         end_ns, last_ns = self.end_ns, lambda: self._last_before(str(time))
         return moment_of(time, tz=self.info.timezone, end_ns=end_ns, last_ns=last_ns)
 

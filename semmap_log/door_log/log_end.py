@@ -29,17 +29,16 @@ def latest_happened_ns(reader: LogReader, *, of_states: bool = False) -> int:
     hidden = reader.retractions(with_newer=True)
     latest_ns = 0
     for segment in reversed(reader.segments):
-        if not hidden.ranges and not of_states:
-            latest_ns = max(latest_ns, segment.span[1])
-        else:
-            latest_ns = _latest_in(segment, hidden, latest_ns, of_states=of_states)
+        latest_ns = max(latest_ns, _latest_in(segment, hidden, latest_ns, of_states=of_states))
         if latest_ns >= segment.recorded[0]:
             break
     return latest_ns
 
 
 def _latest_in(segment: Segment, hidden: Retractions, known_ns: int, *, of_states: bool) -> int:
-    """Return the latest time in a segment; the known one where that is later."""
+    """Return the latest time in a segment; any earlier one where it is not later than another."""
+    if not hidden.ranges and not of_states:
+        return segment.span[1]
     latest_ns, greatest_ns = known_ns, segment.spans["greatest"]
     for chunk in np.argsort(-greatest_ns).tolist():
         if greatest_ns[chunk] <= latest_ns:

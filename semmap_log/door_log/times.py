@@ -17,8 +17,8 @@ datetime, date or pandas Timestamp (without a zone it is in the log's), a numpy.
 what `moment` made of one."""
 
 
-SECONDS = 10**9, 3 * 10**15
-"""From here to there a number of nanoseconds is of January 1970, and more likely something else."""
+UNITS = {"seconds": 10**9, "milliseconds": 10**12, "microseconds": 10**15}
+"""What a number may be of instead, from 2001 to 2286, from so many on to ten times as many."""
 NEAR_NS = 10 * 60 * SECOND_NS
 """What happened so long before or after a moment is near it."""
 
@@ -56,12 +56,28 @@ def moment_of(
             f"expected a time as whole nanoseconds since 1970, a text such as {INSTANTS}, or a "
             f"datetime; got {time!r}."
         )
-    if SECONDS[0] <= time < SECONDS[1]:
-        raise MomentError(
-            f"expected nanoseconds since 1970, got {time}, which is in 1970: for seconds, "
-            f'milliseconds or microseconds since then type "@{time}", or multiply.'
-        )
     return Moment(ns=int(time))
+
+
+def refuse_other_units(time: int, first_ns: int) -> None:
+    """Refuse a number that would be in January 1970 as nanoseconds, in a log that begins later.
+
+    Args:
+        time: Nanoseconds.
+        first_ns: When the log begins.
+
+    Raises:
+        MomentError: It is one, and says which unit it may be of.
+    """
+    if first_ns < 100 * UNITS["microseconds"]:
+        return
+    for unit, least in UNITS.items():
+        if least <= time < 10 * least:
+            factor = 10**18 // least
+            raise MomentError(
+                f"expected a time as whole nanoseconds since 1970, got {time}, which looks like "
+                f"{unit}; multiply by {factor:_}."
+            )
 
 
 def happened_ns_of(time: Time, *, tz: str, now_ns: int) -> int | None:

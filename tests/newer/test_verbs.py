@@ -55,7 +55,7 @@ WRITE = {
     "patrol": ["LOG", "start"],
     "record": ["LOG"],
 }
-OF_NO_LOG = {"demo", "init", "ros-package", "prolog-module", "oprs-package", "ask", "call"}
+OF_NO_LOG = {"help", "demo", "init", "ros-package", "prolog-module", "oprs-package", "ask", "call"}
 NEED_MORE = {"serve", "play", "scan-report"}
 """ROS, or scans; they open the log as `append` and `read` do."""
 IN_PLACE = {

@@ -92,10 +92,11 @@ def test_other_places_have_one_short_line(log: sl.DoorLogWriter) -> None:
     Which says what it is and how much, whatever it holds.
     """
     values = shown_values(log)
+    said = f"{str(log.path)!r}: 4 events, 2026-03-01 21:20:00 to 2026-03-01 21:20:00"
 
     assert {
-        "DoorLogWriter": f"<DoorLogWriter {str(log.path)!r}: 4 events>",
-        "DoorLog": f"<DoorLog {str(log.path)!r}: 4 events>",
+        "DoorLogWriter": f"<DoorLogWriter {said}>",
+        "DoorLog": f"<DoorLog {said}>",
         "DoorMap": "<DoorMap of 1 door, up to event 3>",
         "Timeline": "<Timeline of door 1: 3 intervals>",
         "Diff": "<Diff of doors: 0 added, 0 removed, 1 changed; 3 events>",

@@ -53,7 +53,7 @@ APPENDING = (
     guard("what a copy of the map is changed by", "DoorLogWriter.state_in",
           "DoorMapState.from_arrays(self.state.to_arrays())", "self.state", "test_state_in"),
     guard("the end of what is not taken back", "log_end._latest_in",
-          "hidden.visible(batch).folds_ns", "batch.folds_ns", "test_log_end"),
+          "hidden.visible(batch)", "batch", "test_log_end"),
     guard("the end, in an earlier segment", "log_end.latest_happened_ns",
           "latest_ns >= segment.recorded[0]", "True", "test_log_end"),
     guard("keywords that many calls share are refused like others", "knows_keywords",
