@@ -109,6 +109,8 @@ class Verification:
     """Of the ends that were asked about: those within whole commits that were taken out."""
     taken_before: int = 0
     """Number of the first event after all that was taken out; 0: nothing was."""
+    trimming_before: int = 0
+    """The number after the last event that tells of a trimming; 0: none does."""
     events_gone: int = 0
     """That were taken out on purpose."""
     notes_gone: int = 0

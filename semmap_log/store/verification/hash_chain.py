@@ -246,7 +246,7 @@ class Chain:
         self._pending = None
         return count
 
-    def _number(self, sequence: int) -> int:
+    def number_of(self, sequence: int) -> int:
         """Return the event number with these low 32 bits that is nearest to the next one."""
         half = SEQUENCE_RANGE // 2
         ahead = (sequence - self.next_event + half) % SEQUENCE_RANGE - half
@@ -302,7 +302,7 @@ class Chain:
 
     def _begun(self, sequence: int) -> _Pending:
         """Return the commit that begins with the event of that sequence."""
-        number = self._number(sequence)
+        number = self.number_of(sequence)
         is_behind_a_gap = self._is_trimmed and not self._open and number > self.next_event
         return _Pending(self.next_event if is_behind_a_gap else number)
 
@@ -311,7 +311,7 @@ class Chain:
         if not self._is_trimmed:
             return 0
         expected = pending.next_event - (channel in (NOTE_CHANNEL, COMMIT_CHANNEL))
-        return max(0, self._number(sequence) - expected)
+        return max(0, self.number_of(sequence) - expected)
 
     def _tombstone(self, piece: Piece, record: bytes | memoryview) -> None:
         """Take what stands for records that are gone: whole commits, or some of the next."""

@@ -166,6 +166,7 @@ class Verifier:
         """Whether some of them may have changed more than themselves."""
         self.trimming: HistoryTrimmed | None = None
         """The last event that tells of records that were taken out."""
+        self._trimming_before = 0
         self._wanted_ends = frozenset(ends)
         self._ends: dict[int, CommitEnd] = {}
         self._first_event = self._closed_before = 0
@@ -307,7 +308,7 @@ class Verifier:
         """Remember the last event that tells of records that were taken out."""
         if HistoryTrimmed.kind not in piece.counts:
             return
-        for channel, *_, start, end in piece.messages:
+        for channel, sequence, *_, start, end in piece.messages:
             if channel == HistoryTrimmed.kind:
                 with suppress(ValueError):  # which the check of keyframes tells
                     found = decode(channel, piece.records[start + MESSAGE.size : end], None)
@@ -315,6 +316,7 @@ class Verifier:
                     header = self.arrangement.segments[self._at].header
                     if header is not None and _log_of(found) == header.info.log_id:
                         self.trimming = found
+                        self._trimming_before = self.chain.number_of(sequence) + 1
 
     def _note_newer(self, piece: Piece, walk: SegmentWalk) -> None:
         """Count events of kinds unknown here; no keyframe can be folded behind some of them."""
@@ -546,6 +548,7 @@ class Verifier:
             segment_ends=tuple(self._segment_ends),
             ends_gone=frozenset(self._ends_gone),
             taken_before=chain.unbound.before,
+            trimming_before=self._trimming_before,
             events_gone=chain.taken_out.events,
             notes_gone=chain.taken_out.notes,
         )
