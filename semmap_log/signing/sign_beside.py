@@ -59,7 +59,7 @@ class SignBeside:
         every_s: float = EVERY_S,
         end_s: float = END_S,
     ) -> None:
-        """Take the log and the key; no thread is started yet.
+        """Take the log and the key; the thread is started with the writer.
 
         Args:
             log: The log's folder.
@@ -85,7 +85,6 @@ class SignBeside:
         """What keeps it from signing; empty: nothing does."""
 
     def __enter__(self) -> Self:
-        self._thread.start()
         return self
 
     def __exit__(
@@ -102,15 +101,15 @@ class SignBeside:
         if self._sessions:
             session.goes_on_from(self._sessions[-1])
         self._sessions.append(session)
+        if len(self._sessions) == 1:
+            self._thread.start()
 
     @property
     def is_all_signed(self) -> bool:
         """Whether the end has come, and found all signed that was written."""
-        return self._thread.is_ended and not self.problem
+        return not self._sessions or (self._thread.is_ended and not self.problem)
 
     def _look(self, *, is_last: bool) -> None:
-        if not self._sessions:
-            return
         try:
             self._sign(self._sessions[-1], is_last=is_last)
         except AbandonedWork:
