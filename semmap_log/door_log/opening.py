@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _LOCALTIME = Path("/etc/localtime")
 
 
-class Signer(Protocol):
+class FollowsWriter(Protocol):
     """Signs what a writer appends: `semmap_log.signing.sign_beside.SignBeside`."""
 
     def follow(self, writer: LogWriter) -> None:
@@ -42,7 +42,7 @@ class WritingOptions(TypedDict, total=False):
     compact: bool
     clock: Clock | None
     entropy: Entropy
-    signer: Signer | None
+    signer: FollowsWriter | None
 
 
 _USUAL: Final[WritingOptions] = {
