@@ -63,10 +63,21 @@ class WholeCommit:
     has_note: bool = False
     loose: int = 0
     """How many of them only its Tombstone vouches for."""
+    lacks: Tombstone | None = None
+    """What stands for the others; None: none was taken out."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoneCommits:
+    """Whole commits that were taken out on purpose."""
+
+    tombstone: Tombstone
+    time_ns: int
+    """Log time of the tombstone."""
 
 
 OnCommit = Callable[[WholeCommit], None]
-OnGone = Callable[[Tombstone], None]
+OnGone = Callable[[GoneCommits], None]
 
 
 @dataclass(slots=True)
@@ -128,8 +139,8 @@ class Chain:
         self,
         report: Report,
         on_commit: OnCommit | None = None,
-        on_gone: OnGone | None = None,
         *,
+        on_gone: OnGone | None = None,
         keep_parts: bool = False,
     ) -> None:
         """Begin before the first segment.
@@ -137,7 +148,7 @@ class Chain:
         Args:
             report: Takes each finding.
             on_commit: Takes each commit that is whole and in its place.
-            on_gone: Takes each Tombstone of whole commits, once it has counted.
+            on_gone: Takes what stands for whole commits that were taken out, in its place.
             keep_parts: Whether to tell it where the commit's records are.
         """
         self.next_event = 0
@@ -155,10 +166,10 @@ class Chain:
         """Events and notes that are left, so far."""
         self._loose = 0
         """Of them, those that the hash of the last commit does not bind."""
-        self._on_gone = on_gone
         self._is_trimmed = False
         self._report = report
         self._on_commit = on_commit
+        self._on_gone = on_gone
         self._keep_parts = keep_parts
         self._pending: _Pending | None = None
         self._open: list[Finding] = []
@@ -170,9 +181,9 @@ class Chain:
         self.last_seen = header.first_event - 1
 
     def begin_segment(self, path: PurePath, header: SegmentHeader | None) -> None:
-        """Go on in the next segment; None: its header cannot be read, so it is not asked."""
+        """Go on in the next segment; None: its header cannot be read, so it may be trimmed."""
         self._path = path
-        self._is_trimmed = header is not None and header.trimmed is not None
+        self._is_trimmed = header is None or header.trimmed is not None
         if header is None:
             return
         self.unbound.begin_segment(header)
@@ -220,7 +231,7 @@ class Chain:
             if channel == KEYFRAME_CHANNEL:
                 self._keyframe(piece, message)
             elif channel == TOMBSTONE_CHANNEL and self._is_trimmed:
-                self._tombstone(piece, records[start:end])
+                self._tombstone(piece, records[start:end], message[2])
             elif channel == COMMIT_CHANNEL:
                 self._commit(piece, i, records[start:end])
             else:
@@ -313,7 +324,7 @@ class Chain:
         expected = pending.next_event - (channel in (NOTE_CHANNEL, COMMIT_CHANNEL))
         return max(0, self.number_of(sequence) - expected)
 
-    def _tombstone(self, piece: Piece, record: bytes | memoryview) -> None:
+    def _tombstone(self, piece: Piece, record: bytes | memoryview, time_ns: int) -> None:
         """Take what stands for records that are gone: whole commits, or some of the next."""
         try:
             found = Tombstone.in_record(record)
@@ -328,10 +339,11 @@ class Chain:
         elif self._pending is not None:
             self.wrong("tombstone", self._path, piece.stored.offset, "it is within a commit")
         else:
-            self._whole_commits(found, piece.stored.offset)
+            self._whole_commits(GoneCommits(found, time_ns), piece.stored.offset)
 
-    def _whole_commits(self, gone: Tombstone, offset: int) -> None:
+    def _whole_commits(self, commits: GoneCommits, offset: int) -> None:
         """Go on behind commits that are gone."""
+        gone = commits.tombstone
         told = (gone.first_event, gone.previous_hash)
         if not self._open and told != (self.next_event, self.head):
             problem = (
@@ -340,12 +352,14 @@ class Chain:
                 f"{gone.previous_hash.hex()[:16]}…"
             )
             self.wrong("tombstone", self._path, offset, problem)
+        if gone.first_event < self.next_event:
+            return  # events that have come already
         self._settle(gone.first_event)
         self.next_event, self.head = gone.next_event, gone.hash
         self.last_seen = max(self.last_seen, gone.next_event - 1)
         self._loose = self._records  # nothing but the Tombstone says which commits were before it
         if self._on_gone is not None:
-            self._on_gone(gone)
+            self._on_gone(commits)
 
     def _note(self, pending: _Pending, record: bytes | memoryview) -> Note:
         if pending.has_note:
@@ -403,7 +417,10 @@ class Chain:
             recorded_ns=log_ns - count - has_note, closed_ns=log_ns, note=pending.note, **said
         )
         loose = sum(pending.kept[channel] for channel in lacking if channel != NOTE_CHANNEL)
-        self._place(WholeCommit(commit, pending.parts, pending.count, has_note, loose), offset)
+        whole = WholeCommit(
+            commit, pending.parts, pending.count, has_note, loose, pending.tombstone
+        )
+        self._place(whole, offset)
 
     def _place(self, whole: WholeCommit, offset: int) -> None:
         """Put a commit that is whole behind the last one, if it belongs there."""
