@@ -14,6 +14,7 @@ from semmap_log.common.texts import command_line, counted
 if TYPE_CHECKING:
     from semmap_log.signing.ed25519_sdk import SigningKey
     from semmap_log.signing.log_signing import Signed
+    from semmap_log.signing.public_keys import PublicKey
 
 
 def run(
@@ -32,6 +33,12 @@ def run(
             "--adopt", help="Sign it as it is, whatever KEY has signed before; see above."
         ),
     ] = False,
+    next_key: Annotated[
+        Path | None,
+        typer.Option(
+            "--next-key", metavar="PUB", help="Name the key that signs this log from now on."
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Sign the head of what is closed of a log: a change of its past shows from then on.
@@ -46,6 +53,8 @@ def run(
     were adopted: `verify` ends with 6 until another key has signed them, too. Of a log out of which
     something was taken without a signature (`retain`, `redact` have --sign-key), --adopt makes a
     statement that vouches for what is gone; it counts if `verify` believes KEY for semmap-log-trim.
+
+    With --next-key, KEY signs no more of this log; who believes KEY believes its successor.
 
     KEY is as `ssh-keygen -t ed25519` makes it. It must not lie in the log's folder, and nobody
     else may read it. A passphrase is asked for on a terminal, or taken from the environment
@@ -63,13 +72,24 @@ def run(
     """
     from semmap_log.signing.log_signing import sign
 
+    successor = None if next_key is None else _only_key(next_key)
     opened = _new_key(log, key) if new_key else key_to_sign(log, key)
     with progress("Verifying") as told:
-        done = sign(log, opened, adopt=adopt, progress=told)
+        done = sign(log, opened, adopt=adopt, next_key=successor, progress=told)
     if as_json:
         print_json(_to_json(done, opened))
     else:
         _tell(log, done, opened)
+
+
+def _only_key(path: Path) -> PublicKey:
+    """Return the key in a file, which has to be the only one."""
+    from semmap_log.signing.public_keys import read_public_keys
+
+    found = list(read_public_keys([path]).values())
+    if len(found) != 1:
+        raise typer.BadParameter(f"expected one key, got {len(found)}", param_hint="--next-key")
+    return found[0]
 
 
 def _new_key(log: Path, path: Path) -> SigningKey:

@@ -11,11 +11,12 @@ from semmap_log.io.made_logs import refuse_made
 from semmap_log.io.progress import Progress
 from semmap_log.replay.care import verify
 from semmap_log.signing.ed25519_sdk import SigningKey
+from semmap_log.signing.public_keys import PublicKey
 from semmap_log.signing.signature_folder import signed_in
 from semmap_log.signing.signer import Reach, Signer
 from semmap_log.signing.signer_state import SignerState
 from semmap_log.signing.ssh_signature import HEADS, TRIMMING
-from semmap_log.signing.statement import Statement
+from semmap_log.signing.statement import NONE, Statement
 from semmap_log.store.verification.findings import CommitEnd, Severity, Verification
 
 _NOWHERE = CommitEnd(b"", 0)
@@ -43,6 +44,7 @@ def sign(
     *,
     adopt: bool = False,
     trimmed: bool = False,
+    next_key: PublicKey | None = None,
     progress: Progress | None = None,
 ) -> Signed:
     """Sign what is closed of a log and not signed by this key yet; nothing else of it changes.
@@ -57,6 +59,7 @@ def sign(
         adopt: Sign also what does not go on from there, and say so in the statement; and vouch for
             what was taken out without an officer's statement.
         trimmed: Vouch for what was taken out just now.
+        next_key: Name the key that goes on in the place of this one, which signs no more of it.
         progress: Told how many bytes are read.
 
     Raises:
@@ -68,7 +71,8 @@ def sign(
     with SignerState.held(key) as state:
         found = read_for_signing(log, state, progress)
         signing = LogSigning(log, found, Signer(log, found.log_id, key, state))
-        return signing.run(adopt=adopt, trimmed=trimmed)
+        successor = NONE if next_key is None else next_key.words
+        return signing.run(adopt=adopt, trimmed=trimmed, next_key=successor)
 
 
 def check_before_trimming(log: Path, key: SigningKey, progress: Progress | None = None) -> None:
@@ -150,7 +154,7 @@ class LogSigning:
         """Events below this number were signed before."""
         self._last = base if isinstance(base, Statement) else None
 
-    def run(self, *, adopt: bool, trimmed: bool) -> Signed:
+    def run(self, *, adopt: bool, trimmed: bool, next_key: str = NONE) -> Signed:
         """Sign what is closed and new; as `sign` says."""
         found, signer = self._found, self._signer
         done = Signed(is_live=len(found.segment_ends) < found.segments)
@@ -167,14 +171,18 @@ class LogSigning:
         ends = sorted({end for end in found.segment_ends if end > self._signed})
         if ends and (start < ends[-1] or is_officer):
             ends = ends[-1:]  # one that says what was adopted, or taken out
-        if not ends and found.closed_before and (is_officer or start < found.closed_before):
+        is_due = is_officer or start < found.closed_before or next_key != NONE
+        if not ends and found.closed_before and is_due:
             ends = [found.closed_before]
         for end in ends:
             done.adopted = (start, end - 1) if start < end else None
             namespace = TRIMMING if is_officer else HEADS
             done.made.append(
-                signer.put(self._reach(end), adopted=done.adopted, namespace=namespace)
-            )
+                signer.put(
+                    self._reach(end), adopted=done.adopted, namespace=namespace,
+                    next_key=next_key if end == ends[-1] else NONE,
+                )
+            )  # fmt: skip
         done.next_event = ends[-1] if ends else self._signed
         done.unvouched_events = found.events_gone if self.unvouched else 0
         return done

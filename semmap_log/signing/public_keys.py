@@ -39,8 +39,22 @@ class PublicKey:
         blob = base64.b64encode(public_blob(self.public_bytes)).decode()
         return f"{KEY_TYPE} {blob} {self.owner}".rstrip() + "\n"
 
+    @property
+    def words(self) -> str:
+        """Return it as it stands in a statement: without its owner."""
+        return replace(self, owner="").line.strip()
+
     def __str__(self) -> str:
         return f"{self.owner} ({self.fingerprint})" if self.owner else self.fingerprint
+
+
+def key_in_words(text: str) -> bytes:
+    """Return the 32 bytes of a key that is written `ssh-ed25519 BASE64`.
+
+    Raises:
+        ValueError: It is none.
+    """
+    return _key_of(text.removeprefix(f"{KEY_TYPE} "))
 
 
 def fingerprint(public_bytes: bytes) -> str:

@@ -8,6 +8,7 @@ leaves a log that fits: that shows against statements that were kept elsewhere.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import TypeGuard
@@ -15,7 +16,7 @@ from typing import TypeGuard
 from semmap_log.common.texts import command_line, counted
 from semmap_log.io.progress import Progress
 from semmap_log.replay.care import verify
-from semmap_log.signing.public_keys import PublicKey, fingerprint
+from semmap_log.signing.public_keys import PublicKey, fingerprint, key_in_words
 from semmap_log.signing.signature_folder import (
     FOLDER,
     BadSignature,
@@ -24,7 +25,7 @@ from semmap_log.signing.signature_folder import (
     statement_files,
 )
 from semmap_log.signing.ssh_signature import TRIMMING
-from semmap_log.signing.statement import NO_DIGEST, OldStatement, Statement
+from semmap_log.signing.statement import NO_DIGEST, NONE, OldStatement, Statement
 from semmap_log.store.verification.findings import Finding, Severity, Verification
 
 _ATTEMPTS = 3
@@ -109,7 +110,9 @@ class _Check:
     ) -> None:
         self._log = log
         self._found = found
-        self._keys = keys
+        self._keys = dict(keys)
+        self._retired: dict[bytes, int] = {}
+        """Keys that have named a successor -> the number of the statement that does."""
         self._allow_unsigned_end = allow_unsigned_end
         self._findings: list[Finding] = []
         self._good: list[SignedStatement] = []
@@ -118,6 +121,7 @@ class _Check:
         """Return what follows."""
         if self._found.of(Severity.NOT_A_LOG):
             return SignedVerification(self._found, len(read), 0, 0, ())
+        self._believe_successors(read)
         believed = [one for one in read if self._is_believed(one)]
         self._find_forks(believed)
         self._find_missing(believed)
@@ -132,6 +136,27 @@ class _Check:
         findings = sorted((*own, *self._findings), key=lambda one: -one.severity)
         found = replace(self._found, findings=tuple(findings))
         return SignedVerification(found, len(read), len(self._good), signed, tuple(by.values()))
+
+    def _believe_successors(self, read: _Read) -> None:
+        """Believe also the keys that believed ones have named, each from then on in its place."""
+        naming = [
+            (one, one.statement) for one in read
+            if isinstance(one, SignedStatement) and isinstance(one.statement, Statement)
+            and one.statement.next_key != NONE and one.statement.log_id == self._found.log_id
+        ]  # fmt: skip
+        is_new = True
+        while is_new:
+            is_new = False
+            for one, said in naming:
+                key = self._keys.get(one.public_bytes)
+                if key is None or one.namespace not in key.namespaces:
+                    continue
+                self._retired[one.public_bytes] = said.number
+                with suppress(ValueError):
+                    successor = key_in_words(said.next_key)
+                    is_new |= successor not in self._keys
+                    owner = f"the successor of {key.owner or key.fingerprint}"
+                    self._keys.setdefault(successor, PublicKey(successor, owner, key.namespaces))
 
     def _is_believed(self, one: SignedStatement | BadSignature) -> TypeGuard[SignedStatement]:
         """Tell whether it is a statement about this log, by a key that is believed for that."""
@@ -153,6 +178,11 @@ class _Check:
                 "statement", one.path,
                 f"about another log: expected the log id {self._found.log_id}, got {other}",
             )  # fmt: skip
+        elif (
+            isinstance(one.statement, Statement)
+            and one.statement.number > self._retired.get(one.public_bytes, one.statement.number)
+        ):  # fmt: skip
+            self._wrong("signer", one.path, f"{key} signed it after it had named its successor")
         else:
             return True
         return False

@@ -6,6 +6,7 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
+from semmap_log.errors import SigningError
 from semmap_log.signing.ed25519_sdk import SigningKey
 from semmap_log.signing.signature_folder import (
     SignedStatement,
@@ -17,7 +18,7 @@ from semmap_log.signing.signature_folder import (
 )
 from semmap_log.signing.signer_state import LastSigned, SignerState
 from semmap_log.signing.ssh_signature import HEADS
-from semmap_log.signing.statement import NO_DIGEST, OldStatement, Statement
+from semmap_log.signing.statement import NO_DIGEST, NONE, OldStatement, Statement
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +83,7 @@ class Signer:
         adopted: tuple[int, int] | None = None,
         namespace: str = HEADS,
         keep: bool = True,
+        next_key: str = NONE,
     ) -> Path:
         """Sign the log up to there, and return the statement's file.
 
@@ -90,17 +92,21 @@ class Signer:
             adopted: First and last event of those that were only found there.
             namespace: What the signature is good for.
             keep: Whether the next statement leaves this one there.
+            next_key: The public key that goes on in the place of this one.
 
         Raises:
-            SigningError: The state cannot be written.
+            SigningError: The state cannot be written; or this key has named its successor.
             OutputError: The disk does not take them.
         """
         self.mend()
         last = self.last
+        if last is not None and last.statement.next_key != NONE:
+            successor = last.statement.next_key
+            raise SigningError(f"{self._log}: this key's successor signs it now: {successor}")
         number = 0 if last is None else last.statement.number + 1
         statement = Statement(
             self.log_id, number, reach.commits, reach.next_event, reach.head.hex(),
-            reach.taken.hex(), adopted, self._before(last),
+            reach.taken.hex(), adopted, self._before(last), next_key,
         )  # fmt: skip
         name = name_of(statement, self._key, namespace)
         self._state.put(LastSigned(statement.text, namespace, name, keep))

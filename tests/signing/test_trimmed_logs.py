@@ -276,3 +276,36 @@ def test_a_recovered_log_is_signed_on(office: Path, key: SigningKey) -> None:
     assert (6, ["unsigned"]) == checked(office, key)[:2]
     sign(office, key)
     assert is_good(office, key)
+
+
+def test_a_successor_goes_on_in_a_key_s_place(
+    office: Path, key: SigningKey, officer: SigningKey, tmp_path: Path
+) -> None:
+    """
+    Who believes the old key believes it, too; the old one signs no more.
+    """
+    sign(office, key)
+    (named,) = read_public_keys([tmp_path / "officer.pub"]).values()
+    assert 1 == len(sign(office, key, next_key=named).made)
+    state = (tmp_path / "robot.state").read_bytes()
+    with sl.append(office) as log:
+        log.observe(1, "open")
+    with pytest.raises(sl.errors.SigningError, match="this key's successor signs it now"):
+        sign(office, key)
+    sign(office, officer)
+    assert is_good(office, key)
+    assert ["the successor of key 0"] == [one.owner for one in checked(office, key)[2].by[1:]]
+    assert 4 == checked(office, officer)[0]  # what came before is another's word
+
+    (tmp_path / "robot.state").unlink()
+    stolen = {file: file.read_bytes() for file in (office / "signatures").iterdir()}
+    for file in stolen:
+        if b"next-key: ssh" in file.read_bytes():
+            file.unlink()
+    sign(office, key, adopt=True)
+    for file, data in stolen.items():
+        file.write_bytes(data)
+    code, kinds, _ = checked(office, key)
+    assert 4 == code
+    assert set(kinds) & {"signer", "fork"}
+    (tmp_path / "robot.state").write_bytes(state)
