@@ -77,7 +77,7 @@ class Tombstone:
 
     @classmethod
     def in_record(cls, record: bytes | memoryview) -> Tombstone:
-        """Return what a Message record holds.
+        """Return what a Message record holds; `check` whether that can be.
 
         Raises:
             ValueError: It is no tombstone.
@@ -88,11 +88,7 @@ class Tombstone:
         reasons = TrimReason(said.pop("reasons"))
         previous_hash, its_hash = bytes(said.pop("previous_hash")), bytes(said.pop("hash"))
         parts = tuple(map(LostPart, channels, digests, kept))
-        found = cls(
-            **said, reasons=reasons, previous_hash=previous_hash, hash=its_hash, parts=parts
-        )
-        found.check()
-        return found
+        return cls(**said, reasons=reasons, previous_hash=previous_hash, hash=its_hash, parts=parts)
 
     def check(self) -> None:
         """Return if something is gone, as far as this tells.
@@ -120,9 +116,11 @@ def read_tombstone(record: bytes | memoryview, path: PurePath) -> Tombstone:
         CorruptLogError: It is no tombstone.
     """
     try:
-        return Tombstone.in_record(record)
+        found = Tombstone.in_record(record)
+        found.check()
     except ValueError as error:
         raise CorruptLogError(path, None, f"a Tombstone that cannot be: {error}") from None
+    return found
 
 
 @dataclass(slots=True)

@@ -328,6 +328,7 @@ class Chain:
         """Take what stands for records that are gone: whole commits, or some of the next."""
         try:
             found = Tombstone.in_record(record)
+            found.check()
         except ValueError as error:
             self.wrong("tombstone", self._path, piece.stored.offset, str(error))
             return
