@@ -145,6 +145,27 @@ def test_a_head_before_all_that_was_taken_out_is_still_enough(office: Path) -> N
     assert (0, 4) == (verify(office, first.hash).exit_code, verify(office, late.hash).exit_code)
 
 
+def test_an_officer_vouches_for_no_more_than_came_before(
+    office: Path, key: SigningKey, officer: SigningKey
+) -> None:
+    """
+    What was taken out of later files is nobody's word, though all that was before is as signed.
+    """
+    trim(office, 0)
+    sign(office, officer, trimmed=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(segment_chain, "CONTINUE_BELOW_BYTES", 1)
+        for _ in range(2):
+            with sl.append(office, clock=MinuteClock()) as log:
+                log.observe(1, "open", actor="late")
+    last = LogReader(office).last_event()
+    rule = Redaction.of(LogReader(office), [Notes("late")], last + 1)
+    assert trim_log(office, rule, writing={"clock": MinuteClock()}).event is not None
+    sign(office, key)
+
+    assert (4, {"taken-out"}) == wrong(office, key, officer)
+
+
 def test_a_robot_s_key_removes_nothing(
     office: Path, key: SigningKey, tmp_path: Path, officer: SigningKey
 ) -> None:
@@ -202,6 +223,7 @@ def test_another_zone_in_the_heads_is_not_signed(office: Path, key: SigningKey) 
         segment.header = replace(segment.header, info=info)
     forgery.write(tells=False)
     assert 0 == verify(office).exit_code
+    assert (4, ["taken-out"]) == checked(office, key)[:2]
 
     with pytest.raises(sl.errors.SigningError, match="another time zone, building or robot"):
         sign(office, key)

@@ -6,7 +6,7 @@ import random
 import shutil
 import warnings
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fault_injection.fault import Outcome, Plan
@@ -14,8 +14,11 @@ from fault_injection.pool import side_by_side
 from fault_injection.signed_logs.attacks import ATTACKS, Attack, Scene
 from fault_injection.signed_logs.sample import SignedSample, make_signed
 from fault_injection.subject import keep
+from semmap_log.errors import SigningError
 from semmap_log.replay.care import verify
+from semmap_log.signing.log_signing import sign
 from semmap_log.signing.signed_log import verify_signed
+from semmap_log.store.verification.findings import EXIT_DAMAGE
 
 USUAL = 4 * len(ATTACKS)
 
@@ -66,4 +69,9 @@ def try_attack(one: Attack, scene: Scene) -> str:
         return f"expected {one.code}, {one.kinds}; got {found.exit_code}, {kinds}"
     if (plain == 0) != one.fits:
         return f"without a key: {'expected 0' if one.fits else 'expected a finding'}, got {plain}"
+    with suppress(SigningError):  # a robot that goes on and signs does not make it good
+        sign(scene.log, scene.sample.robot)
+    again = verify_signed(scene.log, trusted, elsewhere=scene.elsewhere).found.exit_code
+    if one.code == EXIT_DAMAGE and again != EXIT_DAMAGE and not one.is_no_more:
+        return f"once the robot has signed it: expected {EXIT_DAMAGE}, got {again}"
     return ""

@@ -76,18 +76,22 @@ class Attack:
     """Of the findings: one of these is there."""
     fits: bool
     """Whether `verify` without a key finds nothing wrong."""
+    is_no_more: bool
+    """Whether nothing is wrong once the robot has read and signed the log."""
     do: Callable[[Scene], None]
 
 
 ATTACKS: list[Attack] = []
 
 
-def attack(code: int, *kinds: str, fits: bool = False) -> Callable[..., Callable[[Scene], None]]:
+def attack(
+    code: int, *kinds: str, fits: bool = False, is_no_more: bool = False
+) -> Callable[..., Callable[[Scene], None]]:
     """Take a function for an attack."""
 
     def take(do: Callable[[Scene], None]) -> Callable[[Scene], None]:
         name = do.__name__.replace("_", " ")
-        ATTACKS.append(Attack(name, code, frozenset(kinds), fits, do))
+        ATTACKS.append(Attack(name, code, frozenset(kinds), fits, is_no_more, do))
         return do
 
     return take
@@ -354,7 +358,7 @@ def keyframe_at_the_horizon_forged(scene: Scene) -> None:
     horizon = LogReader(scene.log).horizon
     frames = [one for one in forgery.commits if one.records[-1].channel == KEYFRAME]
     forge_keyframe(next(one for one in frames if one.records[-1].said["event"] == horizon - 1))
-    forgery.write()
+    forgery.write(tells=False)
 
 
 @attack(4, "taken-out", fits=True)
@@ -364,7 +368,7 @@ def a_keyframe_in_a_trimmed_segment_forged(scene: Scene) -> None:
     frames = [one for segment in trimmed for one in segment.commits]
     frames = [one for one in frames if one.records[-1].channel == KEYFRAME]
     forge_keyframe(scene.pick([one for one in frames if one.records[-1].said["event"] >= 0]))
-    forgery.write()
+    forgery.write(tells=False)
 
 
 @attack(4, "taken-out", fits=True)
@@ -377,20 +381,20 @@ def the_keyframe_after_a_trimmed_segment_forged(scene: Scene) -> None:
     segment.commits = [segment.commits[0]] + [
         one for one in segment.commits[1:] if one.records[-1].channel != KEYFRAME
     ]
-    forgery.write()
+    forgery.write(tells=False)
 
 
-@attack(4, "taken-out", "trimmed", fits=True)
-def horizon_moved_on_to_hide_what_is_kept(scene: Scene) -> None:
+@attack(4, "taken-out", fits=True)
+def horizon_moved_to_hide_or_to_show_what_is_kept(scene: Scene) -> None:
     forgery = scene.forgery()
     first = forgery.segments[0]
-    frames = [one.records[-1] for one in first.commits if one.records[-1].channel == KEYFRAME]
     trimmed = first.header.trimmed
     assert trimmed is not None
-    events = [one.said["event"] + 1 for one in frames]
-    horizon = next((one for one in events if one > trimmed.horizon), trimmed.next_event)
+    frames = [one.records[-1] for one in first.commits if one.records[-1].channel == KEYFRAME]
+    others = {0, *(one.said["event"] + 1 for one in frames)} - {trimmed.horizon}
+    horizon = scene.dice.choice(sorted(others))
     first.header = replace(first.header, trimmed=replace(trimmed, horizon=horizon))
-    forgery.write()
+    forgery.write(tells=False)
 
 
 @attack(4, "taken-out", fits=True)
@@ -448,7 +452,7 @@ def added_and_trimmed_in_the_unsigned_end(scene: Scene) -> None:
     trim_log(scene.log, Redaction.of(LogReader(scene.log), [Tracks()], last + 1))
 
 
-@attack(4, "taken-out", fits=True)
+@attack(4, "taken-out", fits=True, is_no_more=True)
 def a_trimming_told_of_in_the_unsigned_end(scene: Scene) -> None:
     tell_of_trimming(scene.log)
 
