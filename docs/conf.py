@@ -46,7 +46,7 @@ nitpick_ignore_regex = [
     (r"py:.*", r"semmap_log\.\w+\..*"),
     (
         r"py:class",
-        r"(Clock|DoorId|Duration|Durability|Entropy|LogSummary|Measured|Progress|RigidTransform|Window|first_event)",
+        r"(Clock|DoorId|Duration|Durability|Entropy|FollowsWriter|LogSummary|Measured|Progress|RigidTransform|Window|first_event)",
     ),
     # The same, where a program loads them only when it needs them.
     (r"py:class", r"(CommitFinder|Diff|EarlyEvents|FollowedCommit|HistoryEntry|LikelyHours)"),

@@ -28,7 +28,14 @@ from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.recording import Promised, Read, record_topics
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros
 from semmap_log.cli.shipping import ShipTo, shipped_beside
-from semmap_log.cli.signing_keys import SignKey, signed_beside
+from semmap_log.cli.signing_keys import (
+    EVERY,
+    Adopt,
+    SignEvery,
+    SignKey,
+    signed_beside,
+    signer_of,
+)
 from semmap_log.cli.verb import HELP_MADE_LATE
 
 
@@ -83,6 +90,8 @@ def run(
     ] = 50.0,
     ship: ShipTo = None,
     sign_key: SignKey = None,
+    sign_every: SignEvery = EVERY,
+    adopt: Adopt = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="At the end one JSON document: what became of all.")
     ] = False,
@@ -119,8 +128,10 @@ def run(
     is told once and tried again, at most ten minutes apart. The end waits 30 s for what is being
     sent; what is not sent then is sent the next time, or by `ship`.
 
-    With --sign-key each segment is signed once it is closed, by a thread that recording never waits
-    for. What cannot be signed (a full disk) is told once, and signed later, or by `sign`.
+    With --sign-key the log's end is signed each minute (--sign-every) and when it is closed, by a
+    thread that recording never waits for, and only what this recorder wrote. What cannot be signed
+    (a full disk) is told once, and signed later, or by `sign`. Events found unsigned at the start,
+    as a power cut leaves them, are signed by `sign` first, or with --adopt.
 
     \b
     Durability, when a line is answered:
@@ -164,8 +175,12 @@ def run(
             raise typer.BadParameter("nothing is written with --dry-run", param_hint="--ship")
         if dry_run and sign_key is not None:
             raise typer.BadParameter("nothing is written with --dry-run", param_hint="--sign-key")
-        with shipped_beside(log, ship), signed_beside(log, sign_key):
-            record_topics(context, log, version, read, None if dry_run else policy, as_json=as_json)
+        signer = signer_of(log, sign_key, sign_every, adopt=adopt)
+        with shipped_beside(log, ship), signed_beside(log, signer):
+            record_topics(
+                context, log, version, read, None if dry_run else policy, signer=signer,
+                as_json=as_json,
+            )  # fmt: skip
         return
     of_lasers = any(each is not None for each in (scan, pose_topic, heights)) or keep_scans
     if mapping or level or dry_run or of_lasers or clicked_points or context.obj:
@@ -193,14 +208,16 @@ def run(
             sys.stdout.write(json_text(said) + "\n")
             sys.stdout.flush()
 
+    signer = signer_of(log, sign_key, sign_every, adopt=adopt)
     with (
         shipped_beside(log, ship),
-        signed_beside(log, sign_key),
+        signed_beside(log, signer),
         sl.append(
             log,
             durability=durability.value,
             batch_events=batch_events,
             batch_s=batch_ms / 1000,
+            signer=signer,
         ) as opened,
     ):
         recorder = LineRecorder(opened, answer, strict=strict)

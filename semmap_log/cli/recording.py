@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from semmap_log.live.ros_recorder import EventSink
     from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
     from semmap_log.ros_mapping.topic_rules import RosMapping
+    from semmap_log.signing.sign_beside import SignBeside
 
 NODE = "semmap_log_recorder"
 
@@ -61,6 +62,7 @@ def record_topics(
     read: Read,
     promised: Promised | None,
     *,
+    signer: SignBeside | None = None,
     as_json: bool = False,
 ) -> None:
     """Record until Ctrl-C, or SIGTERM, or until ROS ends.
@@ -71,6 +73,7 @@ def record_topics(
         version: Of ROS.
         read: Which topics, and how.
         promised: How durable the events are; None: they are shown, and nothing is written.
+        signer: Signs what is written.
         as_json: Of what was written, at the end one document.
 
     Raises:
@@ -100,7 +103,7 @@ def record_topics(
         _record(context, version, mapping, PrintedSink(_show, known), "nothing was written")
         return
     with stopped_for_good():
-        opened = sl.append(log, **promised._asdict())
+        opened = sl.append(log, signer=signer, **promised._asdict())
     with opened:
         _check_level(opened, read.level)
         with _keeping(opened, wanted=read.keep_scans) as keeper:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog
+from semmap_log.cli.signing_keys import TrimKey
 from semmap_log.cli.trimming import By, DryRun, Reason, trim
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ def run(
     ] = None,
     by: By = "",
     reason: Reason = "",
+    sign_key: TrimKey = None,
     dry_run: DryRun = False,
     as_json: AsJson = False,
 ) -> None:
@@ -53,6 +55,9 @@ def run(
     --tracks the scans of visits that are kept beside the log; what a crash or `recover` left, and
     copies beside the log, are named. Exports, backups and what was shipped to a store are not
     known.
+
+    Of a signed log give --sign-key, an officer's key: without its statement `verify --public-key`
+    ends with 4 from then on. The recorder's key does not do.
 
     \b
     Examples:
@@ -75,7 +80,8 @@ def run(
     if not parts:
         expected = "expected --notes, --actor, --tracks, or --door and --key"
         raise typer.BadParameter(expected, param_hint="what to take out")
-    trim(log, rule, Note(actor=by, reason=reason), dry_run=dry_run, as_json=as_json)
+    note = Note(actor=by, reason=reason)
+    trim(log, rule, note, sign_key, dry_run=dry_run, as_json=as_json)
 
 
 def _notes(actors: list[str] | None, *, all_of_them: bool) -> list[Part]:

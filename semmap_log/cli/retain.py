@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog
+from semmap_log.cli.signing_keys import TrimKey
 from semmap_log.cli.trimming import By, DryRun, Reason, trim
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ def run(
     ] = None,
     by: By = "",
     reason: Reason = "",
+    sign_key: TrimKey = None,
     dry_run: DryRun = False,
     as_json: AsJson = False,
 ) -> None:
@@ -47,6 +49,9 @@ def run(
     that follow each other in one hour and say the same, the first and the last stay. Every question
     about states is answered as before; probabilities move a little, for they count sightings.
 
+    Of a signed log give --sign-key, an officer's key: without its statement `verify --public-key`
+    ends with 4 from then on. The recorder's key does not do.
+
     \b
     Examples:
       semmap-log retain office --keep 2y --dry-run
@@ -65,7 +70,8 @@ def run(
     with sl.read(log) as opened:
         until_ns = _until_ns(opened, keep or thin or "")
     rule = (Thinning if keep is None else Retention)(LogReader(log), until_ns)
-    trim(log, rule, Note(actor=by, reason=reason), dry_run=dry_run, as_json=as_json)
+    note = Note(actor=by, reason=reason)
+    trim(log, rule, note, sign_key, dry_run=dry_run, as_json=as_json)
 
 
 def _until_ns(log: DoorLog, told: str) -> int:

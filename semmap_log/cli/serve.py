@@ -34,7 +34,14 @@ from semmap_log.cli.planners import TICK_S, Planners
 from semmap_log.cli.record import SyncChoice
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 from semmap_log.cli.shipping import ShipTo, shipped_beside
-from semmap_log.cli.signing_keys import SignKey, signed_beside
+from semmap_log.cli.signing_keys import (
+    EVERY,
+    Adopt,
+    SignEvery,
+    SignKey,
+    signed_beside,
+    signer_of,
+)
 from semmap_log.common.texts import counted
 
 if TYPE_CHECKING:
@@ -152,6 +159,8 @@ def run(
     ] = 50.0,
     ship: ShipTo = None,
     sign_key: SignKey = None,
+    sign_every: SignEvery = EVERY,
+    adopt: Adopt = False,
 ) -> None:
     """Serve a log's doors in ROS, as the thesis's server did, and to planners, until Ctrl-C.
 
@@ -205,8 +214,10 @@ def run(
     once and tried again, at most ten minutes apart. The end waits 30 s for what is being sent; what
     is not sent then is sent the next time, or by `ship`.
 
-    With --sign-key each segment is signed once it is closed, by a thread that no goal waits for.
-    What cannot be signed (a full disk) is told once, and signed later, or by `sign`.
+    With --sign-key the log's end is signed each minute (--sign-every) and when it is closed, by a
+    thread that no goal waits for, and only what this server wrote. What cannot be signed (a full
+    disk) is told once, and signed later, or by `sign`. Events found unsigned at the start, as a
+    power cut leaves them, are signed by `sign` first, or with --adopt.
 
     Exit code 2: the server would never start like this (no log, a wrong option or file).
 
@@ -295,7 +306,8 @@ def run(
     if read_only and sign_key is not None:
         raise typer.BadParameter("signs what it writes, so not with --read-only",
                                  param_hint="--sign-key")  # fmt: skip
-    signing = signed_beside(log, sign_key)
+    signer = signer_of(log, sign_key, sign_every, adopt=adopt)
+    signing = signed_beside(log, signer)
     doors: DoorServer | DoorFollower
     if read_only:
         if not (yaml is save_root is None):
@@ -318,6 +330,7 @@ def run(
                     durability=durability.value,
                     batch_events=batch_events,
                     batch_s=batch_ms / 1000,
+                    signer=signer,
                 ),
                 saver,
                 level=level,

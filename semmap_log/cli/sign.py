@@ -9,11 +9,12 @@ import typer
 
 from semmap_log.cli.common import AsJson, WritableLog, print_json, progress, say
 from semmap_log.cli.signing_keys import key_to_sign
-from semmap_log.common.texts import counted
+from semmap_log.common.texts import command_line, counted
 
 if TYPE_CHECKING:
     from semmap_log.signing.ed25519_sdk import SigningKey
     from semmap_log.signing.log_signing import Signed
+    from semmap_log.signing.public_keys import PublicKey
 
 
 def run(
@@ -26,14 +27,34 @@ def run(
     new_key: Annotated[
         bool, typer.Option("--new-key", help="Make KEY and KEY.pub first; nothing is replaced.")
     ] = False,
+    adopt: Annotated[
+        bool,
+        typer.Option(
+            "--adopt", help="Sign it as it is, whatever KEY has signed before; see above."
+        ),
+    ] = False,
+    next_key: Annotated[
+        Path | None,
+        typer.Option(
+            "--next-key", metavar="PUB", help="Name the key that signs this log from now on."
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Sign the head of what is closed of a log: a change of its past shows from then on.
 
-    Read and checked first is what KEY has not signed yet. In LOG/signatures then lies, for each
-    stretch, a statement of a few lines (which log, up to which event, which hash) and its
-    signature. Each stands for all events before it. A live segment is signed once it is closed.
-    `verify LOG --public-key KEY.pub` checks them, and so does ssh-keygen, without this program.
+    All of it is read and checked first. In LOG/signatures then lies, for each closed segment, a
+    statement of a few lines (which log, up to which event, which hash, what was taken out) and its
+    signature. Each stands for all before it. A live segment is signed once it is closed. `verify
+    LOG --public-key KEY.pub` checks them, and so does ssh-keygen, without this program.
+
+    What was signed last is kept in KEY.state. A log that does not go on from there was rolled back
+    or rewritten, and is refused; --adopt signs it all the same, and the statement says which events
+    were adopted: `verify` ends with 6 until another key has signed them, too. Of a log out of which
+    something was taken without a signature (`retain`, `redact` have --sign-key), --adopt makes a
+    statement that vouches for what is gone; it counts if `verify` believes KEY for semmap-log-trim.
+
+    With --next-key, KEY signs no more of this log; who believes KEY believes its successor.
 
     KEY is as `ssh-keygen -t ed25519` makes it. It must not lie in the log's folder, and nobody
     else may read it. A passphrase is asked for on a terminal, or taken from the environment
@@ -51,13 +72,24 @@ def run(
     """
     from semmap_log.signing.log_signing import sign
 
+    successor = None if next_key is None else _only_key(next_key)
     opened = _new_key(log, key) if new_key else key_to_sign(log, key)
     with progress("Verifying") as told:
-        done = sign(log, opened, progress=told)
+        done = sign(log, opened, adopt=adopt, next_key=successor, progress=told)
     if as_json:
         print_json(_to_json(done, opened))
     else:
         _tell(log, done, opened)
+
+
+def _only_key(path: Path) -> PublicKey:
+    """Return the key in a file, which has to be the only one."""
+    from semmap_log.signing.public_keys import read_public_keys
+
+    found = list(read_public_keys([path]).values())
+    if len(found) != 1:
+        raise typer.BadParameter(f"expected one key, got {len(found)}", param_hint="--next-key")
+    return found[0]
 
 
 def _new_key(log: Path, path: Path) -> SigningKey:
@@ -78,6 +110,13 @@ def _tell(log: Path, done: Signed, key: SigningKey) -> None:
     typer.echo(f"{log}: {made}; signed {reach} by {fingerprint(key.public_bytes)}")
     if done.is_live:
         typer.echo("The live segment is signed once it is closed.")
+    if done.adopted is not None:
+        first, last = done.adopted
+        typer.echo(f"Events {first}..{last} were adopted: signed as they were found.")
+    if done.unvouched_events:
+        line = command_line("sign", log, "--key", "OFFICER_KEY", "--adopt")
+        what = counted(done.unvouched_events, "event")
+        typer.echo(f"{what} were taken out without an officer's signature; to vouch for it: {line}")
 
 
 def _to_json(done: Signed, key: SigningKey) -> dict[str, Any]:

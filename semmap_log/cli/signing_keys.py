@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from semmap_log.signing.ed25519_sdk import SigningKey
     from semmap_log.signing.sign_beside import SignBeside
 
+EVERY, LEAST_S = "1m", 0.1
+"""How often a recorder signs; and how often it can at most."""
 PASSPHRASE = "SEMMAP_LOG_KEY_PASSPHRASE"  # noqa: S105 - the name of a variable
 
 SignKey = Annotated[
@@ -26,7 +28,22 @@ SignKey = Annotated[
     typer.Option(
         "--sign-key",
         metavar="KEY",
-        help="Sign each segment with it once it is closed, as `sign` does.",
+        help="Sign the log's end with it, from time to time and when it is closed.",
+    ),
+]
+SignEvery = Annotated[
+    str, typer.Option("--sign-every", metavar="TIME", help="--sign-key: how often.")
+]
+Adopt = Annotated[
+    bool,
+    typer.Option(
+        "--adopt", help="--sign-key: sign also events found there that were not written with it."
+    ),
+]
+TrimKey = Annotated[
+    Path | None,
+    typer.Option(
+        "--sign-key", metavar="KEY", help="Vouch for what is taken out, with an officer's key."
     ),
 ]
 
@@ -53,29 +70,47 @@ def _passphrase(path: Path) -> str | None:
     return getpass(f"Passphrase of {path}: ")  # from the terminal: stdin may be events
 
 
-def signed_beside(log: Path, path: Path | None) -> AbstractContextManager[None]:
-    """Return what signs a log while it is written, and once more when its writer has ended.
+def signer_of(log: Path, path: Path | None, every: str, *, adopt: bool) -> SignBeside | None:
+    """Return what signs a log while it is written; None: nothing is signed.
 
     Args:
         log: Its folder.
         path: Of the private key; None: nothing is signed.
+        every: How often.
+        adopt: Whether it signs also what it finds there.
 
     Raises:
         SigningError: It cannot be used, or lies in the log's folder.
         MissingExtraError: A package is not installed.
+        typer.BadParameter: `every` is no length of time, or there is no key.
     """
+    from semmap_log.domain.moments import SECOND_NS, parse_duration
+    from semmap_log.errors import MomentError
+
     if path is None:
-        return nullcontext()
+        if adopt:
+            raise typer.BadParameter("only with --sign-key", param_hint="--adopt")
+        return None
+    try:
+        every_s = parse_duration(every) / SECOND_NS
+    except MomentError as error:
+        raise typer.BadParameter(str(error), param_hint="--sign-every") from None
     with stopped_for_good():
         key = key_to_sign(log, path)
     from semmap_log.signing.sign_beside import SignBeside
 
-    beside = SignBeside(log, key, tell=tell)
-    return told_at_end(beside, lambda: _say_how_far(log, beside))
+    return SignBeside(log, key, adopt=adopt, tell=tell, every_s=max(every_s, LEAST_S))
+
+
+def signed_beside(log: Path, signer: SignBeside | None) -> AbstractContextManager[None]:
+    """Run what signs a log while it is written, and say at the end how far it has come."""
+    if signer is None:
+        return nullcontext()
+    return told_at_end(signer, lambda: _say_how_far(log, signer))
 
 
 def _say_how_far(log: Path, beside: SignBeside) -> None:
     if not beside.is_all_signed:
         tell(f"not all is signed. To sign it: {command_line('sign', log, '--key', 'KEY')}")
-    elif beside.signed is not None and beside.signed.next_event:
-        say(f"{log}: signed up to event {beside.signed.next_event - 1}.")
+    elif beside.signed_before:
+        say(f"{log}: signed up to event {beside.signed_before - 1}.")

@@ -14,6 +14,7 @@ from semmap_log.common.texts import counted
 if TYPE_CHECKING:
     from semmap_log.copies.copies_of_log import Copy
     from semmap_log.domain.commits import Note
+    from semmap_log.signing.ed25519_sdk import SigningKey
     from semmap_log.trimming.trim_log import TrimmedLog, TrimRule
 
 DryRun = Annotated[
@@ -26,19 +27,33 @@ By = Annotated[
 Reason = Annotated[str, typer.Option("--reason", metavar="WHY", help="Why: for the log's history.")]
 
 
-def trim(log: Path, rule: TrimRule, note: Note, *, dry_run: bool, as_json: bool) -> None:
-    """Take out what a rule says, or count it, of the log and its copies; tell what became of it."""
+def trim(
+    log: Path, rule: TrimRule, note: Note, sign_key: Path | None, *, dry_run: bool, as_json: bool
+) -> None:
+    """Take out what a rule says, or count it, of the log and its copies; tell what became of it.
+
+    Args:
+        log: Its folder.
+        rule: What goes.
+        note: Who does it, and why.
+        sign_key: Private key of who vouches for it; None: nobody does.
+        dry_run: Whether it is only counted.
+        as_json: Whether it is told as JSON.
+    """
     from semmap_log.copies.copies_of_log import plan_copies, take_out_of_copies
     from semmap_log.copies.going import Going
     from semmap_log.store.reading.reader import LogReader
     from semmap_log.trimming.trim_log import plan_trimming, trim_log
 
+    key = None if sign_key is None or dry_run else _checked_key(log, sign_key)
     going = Going.of(rule, LogReader(log))
     with progress("Reading" if dry_run else "Taking out") as told:
         if dry_run:
             found = plan_trimming(log, rule, told)
         else:
             found = trim_log(log, rule, note=note, progress=told)
+    if key is not None and found.event is not None:
+        _sign(log, key)
     look = plan_copies if dry_run else take_out_of_copies
     copies = look(log, going, is_trimmed=bool(found.done.segments))
     if as_json:
@@ -49,6 +64,24 @@ def trim(log: Path, rule: TrimRule, note: Note, *, dry_run: bool, as_json: bool)
         typer.echo(_told_of(copy, dry_run=dry_run), err=True)
     if found.done.segments:
         typer.echo(f"{log}: {_UNKNOWN}", err=True)
+
+
+def _checked_key(log: Path, path: Path) -> SigningKey:
+    """Return the key that vouches for what goes, once the log is known to be what it has signed."""
+    from semmap_log.cli.signing_keys import key_to_sign
+    from semmap_log.signing.log_signing import check_before_trimming
+
+    key = key_to_sign(log, path)
+    with progress("Verifying") as told:
+        check_before_trimming(log, key, told)
+    return key
+
+
+def _sign(log: Path, key: SigningKey) -> None:
+    from semmap_log.signing.log_signing import sign
+
+    with progress("Verifying") as told:
+        sign(log, key, trimmed=True, progress=told)
 
 
 _UNKNOWN = (

@@ -32,6 +32,12 @@ Signatures = Annotated[
         "--signatures", metavar="PATH", help="Also these, kept elsewhere: a folder or a .head."
     ),
 ]
+AllowUnsignedEnd = Annotated[
+    bool,
+    typer.Option(
+        "--allow-unsigned-end", help="With --public-key: events after the last signed are no fault."
+    ),
+]
 
 
 def run(
@@ -40,6 +46,7 @@ def run(
     head: Head = "",
     public_key: PublicKeys = None,
     signatures: Signatures = None,
+    allow_unsigned_end: AllowUnsignedEnd = False,
     as_json: AsJson = False,
 ) -> None:
     """Read every byte of a log and say what is not as it was written. Never writes.
@@ -50,13 +57,14 @@ def run(
     each of its logs is verified; the exit code is the greatest.
 
     With --public-key also what `sign` has signed: whether the log was rolled back, rewritten or
-    forked since, whether each closed segment is signed, and by a key in FILE. --signatures are
-    copies of LOG/signatures: they show when events were removed together with their signatures.
-    Both may be given more than once. Needs semmap-log[sign].
+    forked since, whether something was taken out of it without an officer's signature, and whether
+    all of it is signed, by a key in FILE. --signatures are copies of LOG/signatures: they show when
+    events were removed together with their signatures. Both may be given more than once. Needs
+    semmap-log[sign].
 
     Exit code: 0 good, 1 it could not be read, 2 usage, 3 a torn tail and nothing else (as a crash
     leaves it; a commit that a writer is just writing looks the same), 4 damage, or not as signed,
-    5 not a log.
+    5 not a log, 6 as signed, and events at its end are not signed, or were signed as found there.
 
     \b
     Examples:
@@ -72,7 +80,10 @@ def run(
 
     wanted = _hash(head) if head else None
     if public_key or signatures:
-        _verify_signed(log, public_key or [], signatures or [], wanted, as_json=as_json)
+        _verify_signed(
+            log, public_key or [], signatures or [], wanted,
+            allow_unsigned_end=allow_unsigned_end, as_json=as_json,
+        )  # fmt: skip
     if is_called_as_made(log) and log.is_file():
         _verify_joined(log, wanted, as_json=as_json)
         return
@@ -86,7 +97,13 @@ def run(
 
 
 def _verify_signed(
-    log: Path, keys: list[Path], elsewhere: list[Path], head: bytes | None, *, as_json: bool
+    log: Path,
+    keys: list[Path],
+    elsewhere: list[Path],
+    head: bytes | None,
+    *,
+    allow_unsigned_end: bool,
+    as_json: bool,
 ) -> None:
     """Verify a log and its signatures, and leave with the exit code."""
     from semmap_log.io.made_logs import is_called_as_made
@@ -101,7 +118,10 @@ def _verify_signed(
 
     believed = read_public_keys(keys)
     with progress("Verifying") as told:
-        done = verify_signed(log, believed, elsewhere=elsewhere, head=head, progress=told)
+        done = verify_signed(
+            log, believed, elsewhere=elsewhere, head=head, allow_unsigned_end=allow_unsigned_end,
+            progress=told,
+        )  # fmt: skip
     if as_json:
         print_json(_signed_to_json(done))
     else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypedDict
+from typing import TYPE_CHECKING, Final, Protocol, TypedDict
 
 from semmap_log.domain.commits import Durability, check_text
 from semmap_log.domain.keywords import knows_keywords, share_keywords
@@ -17,13 +17,20 @@ from semmap_log.replay.written_state import WrittenState
 from semmap_log.store.commit_records import Entropy
 from semmap_log.store.header import LogInfo
 from semmap_log.store.writing.durability import DurabilityPolicy
-from semmap_log.store.writing.writer import Environment
-from semmap_log.store.writing.writer_opening import create_log, open_for_append
+from semmap_log.store.writing.writer import Environment, LogWriter
+from semmap_log.store.writing.writer_opening import OpenedLog, create_log, open_for_append
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 _LOCALTIME = Path("/etc/localtime")
+
+
+class FollowsWriter(Protocol):
+    """Signs what a writer appends: `semmap_log.signing.sign_beside.SignBeside`."""
+
+    def follow(self, writer: LogWriter) -> None:
+        """Take the writer, before anything is appended."""
 
 
 class WritingOptions(TypedDict, total=False):
@@ -35,6 +42,7 @@ class WritingOptions(TypedDict, total=False):
     compact: bool
     clock: Clock | None
     entropy: Entropy
+    signer: FollowsWriter | None
 
 
 _USUAL: Final[WritingOptions] = {
@@ -44,6 +52,7 @@ _USUAL: Final[WritingOptions] = {
     "compact": True,
     "clock": None,
     "entropy": os.urandom,
+    "signer": None,
 }
 share_keywords(WritingOptions, _USUAL)
 
@@ -77,7 +86,7 @@ def create(
     check_text("building", building)
     check_text("robot", robot)
     info = LogInfo(environment.entropy(16).hex(), timezone, building, robot)
-    return DoorLogWriter(create_log(local_path(path), info, WrittenState, environment))
+    return _followed(create_log(local_path(path), info, WrittenState, environment), writing)
 
 
 @knows_keywords
@@ -93,6 +102,7 @@ def append(path: str | Path, **writing: Unpack[WritingOptions]) -> DoorLogWriter
         compact: Put full segments into large compressed chunks, in a background thread.
         clock: Where times come from; default: the machine.
         entropy: Where ids come from; seed it to get the same bytes again.
+        signer: Signs the log's end from time to time: a `SignBeside`; default: nobody does.
 
     Raises:
         NotALogError: There is none at that path.
@@ -100,7 +110,15 @@ def append(path: str | Path, **writing: Unpack[WritingOptions]) -> DoorLogWriter
         LogAccessError: It is on a read-only place.
         InvalidEventError: No such durability.
     """
-    return DoorLogWriter(open_for_append(local_path(path), WrittenState, _environment(writing)))
+    opened = open_for_append(local_path(path), WrittenState, _environment(writing))
+    return _followed(opened, writing)
+
+
+def _followed(opened: OpenedLog[WrittenState], writing: WritingOptions) -> DoorLogWriter:
+    signer = writing.get("signer")
+    if signer is not None:
+        signer.follow(opened.writer)
+    return DoorLogWriter(opened)
 
 
 def _environment(writing: WritingOptions) -> Environment:

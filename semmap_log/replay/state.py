@@ -104,12 +104,19 @@ class _Search:
             if behind is not None and event >= behind:
                 continue  # it rests on the same retracted event
             state = keyframe_at(self.reader.segments[place], chunk, unused)
-            if state is None:
+            if state is None or self._knows_of_later(state):
                 continue
             behind = state.first_among(self.retractions.after(event).ranges)
             if behind is None:
                 return state, ChunkPlace(place, chunk + 1)
         return DoorMapState(), BEGINNING
+
+    def _knows_of_later(self, state: DoorMapState) -> bool:
+        """Tell whether a state counts events from after the moment, which were taken out since.
+
+        What is left of a chunk then happened before the moment.
+        """
+        return self.at_ns is not None and state.latest_happened_ns > self.at_ns
 
     def _candidates(self) -> Iterator[tuple[int, int, int]]:
         """Yield segment, chunk and event number of the keyframes of events that all count.

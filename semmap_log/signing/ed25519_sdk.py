@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from semmap_log.errors import MissingExtraError, PassphraseError, SigningError
@@ -20,8 +21,10 @@ except ImportError:
 class SigningKey:
     """A private key of Ed25519. It shows nothing of itself."""
 
-    def __init__(self, key: Ed25519PrivateKey) -> None:
+    def __init__(self, key: Ed25519PrivateKey, path: Path | None = None) -> None:
         self._key = key
+        self.path = path
+        """The file of the private key; None: it has none."""
 
     @classmethod
     def drawn(cls) -> SigningKey:

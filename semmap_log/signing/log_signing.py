@@ -1,29 +1,25 @@
-"""A log signed: each closed stretch that a key has not vouched for yet, read and checked before."""
+"""A log signed: read and checked, byte for byte, and compared with what the key signed last."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from semmap_log.common.texts import command_line
-from semmap_log.errors import LogError, NotALogError, SigningError
+from semmap_log.common.texts import command_line, counted
+from semmap_log.errors import NotALogError, SigningError
 from semmap_log.io.made_logs import refuse_made
 from semmap_log.io.progress import Progress
 from semmap_log.replay.care import verify
 from semmap_log.signing.ed25519_sdk import SigningKey
-from semmap_log.signing.head_statement import HeadStatement
-from semmap_log.signing.signature_folder import last_signed, write_signed
-from semmap_log.store.form import NO_HASH
-from semmap_log.store.verification.file_bytes import Vanished
-from semmap_log.store.verification.file_heads import SegmentFile
-from semmap_log.store.verification.file_place import DiskPlace
-from semmap_log.store.verification.findings import CommitEnd, Finding, Severity, Verification
-from semmap_log.store.verification.folder_files import FolderFiles, arrange, mark_findings
+from semmap_log.signing.public_keys import PublicKey
+from semmap_log.signing.signature_folder import signed_in
+from semmap_log.signing.signer import Reach, Signer
+from semmap_log.signing.signer_state import SignerState
+from semmap_log.signing.ssh_signature import HEADS, TRIMMING
+from semmap_log.signing.statement import NONE, Statement
+from semmap_log.store.verification.findings import CommitEnd, Severity, Verification
 
-_ATTEMPTS = 5
-"""How often to begin anew when a compaction replaces files meanwhile."""
+_NOWHERE = CommitEnd(b"", 0)
 
 
 @dataclass(slots=True)
@@ -36,19 +32,35 @@ class Signed:
     """Events below this number are signed by this key."""
     is_live: bool = False
     """Whether a segment is live: it is signed once it is closed."""
+    adopted: tuple[int, int] | None = None
+    """First and last event of those that were signed as they were found."""
+    unvouched_events: int = 0
+    """How many events were taken out that no officer's statement vouches for."""
 
 
-def sign(log: Path, key: SigningKey, *, progress: Progress | None = None) -> Signed:
+def sign(
+    log: Path,
+    key: SigningKey,
+    *,
+    adopt: bool = False,
+    trimmed: bool = False,
+    next_key: PublicKey | None = None,
+    progress: Progress | None = None,
+) -> Signed:
     """Sign what is closed of a log and not signed by this key yet; nothing else of it changes.
 
-    What is signed is read first, byte for byte, as `verify` reads it, from where the key's last
-    statement ends. Stopped at any moment it leaves whole signatures or none. Somebody may be
+    All of the log is read first, as `verify` reads it. It must go on from what the key's state
+    says was signed last. Stopped at any moment it leaves whole signatures or none. Somebody may be
     writing, compacting or signing meanwhile.
 
     Args:
         log: The log's folder.
         key: Who signs.
-        progress: Told how many bytes of a segment are read.
+        adopt: Sign also what does not go on from there, and say so in the statement; and vouch for
+            what was taken out without an officer's statement.
+        trimmed: Vouch for what was taken out just now.
+        next_key: Name the key that goes on in the place of this one, which signs no more of it.
+        progress: Told how many bytes are read.
 
     Raises:
         SigningError: It is damaged, or not what the key has signed before.
@@ -56,115 +68,212 @@ def sign(log: Path, key: SigningKey, *, progress: Progress | None = None) -> Sig
         LogError: It cannot be read, or is no log.
     """
     refuse_made(log)
-    done = Signed()
-    for _ in range(_ATTEMPTS):
-        with suppress(Vanished):
-            _Signing(log, key, progress, done).run()
-            return done
-    raise LogError(f"{log}: its files change faster than they can be read; try again.")
+    with SignerState.held(key) as state:
+        found = read_for_signing(log, state, progress)
+        signing = LogSigning(log, found, Signer(log, found.log_id, key, state))
+        successor = NONE if next_key is None else next_key.words
+        return signing.run(adopt=adopt, trimmed=trimmed, next_key=successor)
 
 
-class _Signing:
-    """One try: from what is signed to the end of what is closed."""
+def check_before_trimming(log: Path, key: SigningKey, progress: Progress | None = None) -> None:
+    """Return if a key can vouch for what is taken out of a log next, and for all before that.
 
-    def __init__(self, log: Path, key: SigningKey, progress: Progress | None, done: Signed) -> None:
+    Raises:
+        SigningError: The log is not what it has signed; or something was taken out already, and
+            nobody vouches for it.
+        LogError: It cannot be read, or is no log.
+    """
+    refuse_made(log)
+    with SignerState.held(key) as state:
+        found = read_for_signing(log, state, progress)
+        signing = LogSigning(log, found, Signer(log, found.log_id, key, state))
+        signing.check()
+        if signing.unvouched:
+            raise signing.refused(
+                f"{counted(found.events_gone, 'event')} were taken out before, and no officer's "
+                "statement vouches for that",
+                adopt=True,
+            )
+
+
+def read_for_signing(
+    log: Path, state: SignerState, progress: Progress | None = None, *, at: int | None = None
+) -> Verification:
+    """Read all of a log, and return what it holds at each place that was signed.
+
+    Args:
+        log: Its folder.
+        state: Of the key.
+        progress: Told how many bytes are read.
+        at: Also before this event.
+
+    Raises:
+        SigningError: It is damaged.
+        LogError: It cannot be read, or is no log.
+    """
+    ends = state.ends | {one.statement.next_event for one in signed_in(log)}
+    found = verify(log, None, progress, ends=ends if at is None else ends | {at})
+    for one in found.findings:
+        if one.severity is Severity.NOT_A_LOG:
+            raise NotALogError(f"{one.path}: {one.text}.")
+        if one.severity is Severity.DAMAGE:
+            raise _refused(log, f"{one.path.name}: {one.text}")
+    return found
+
+
+def reach_at(found: Verification, next_event: int, base: Statement | None) -> Reach:
+    """Return what a log holds up to an event.
+
+    Args:
+        found: What was read of it.
+        next_event: Up to which: one of its ends.
+        base: What was signed last of it.
+
+    Raises:
+        ValueError: Its beginning lies elsewhere, and is not known from what was signed.
+    """
+    end = found.ends[next_event]
+    if not found.first_event:
+        return Reach(next_event, end.head, end.commits, end.taken)
+    start = None if base is None else found.ends.get(base.next_event)
+    if base is None or start is None or found.taken_before:
+        raise ValueError
+    commits = base.commits + end.commits - start.commits
+    return Reach(next_event, end.head, commits, bytes.fromhex(base.taken))
+
+
+class LogSigning:
+    """One log that was read, and who signs it."""
+
+    def __init__(self, log: Path, found: Verification, signer: Signer) -> None:
         self._log = log
-        self._key = key
-        self._progress = progress
-        self._done = done
-        before = last_signed(log, key)
-        self._log_id = "" if before is None else before.statement.log_id
-        self._signed = 0 if before is None else before.statement.next_event
+        self._found = found
+        self._signer = signer
+        base = signer.base
+        self._signed = 0 if base is None else base.next_event
         """Events below this number were signed before."""
-        self._head = NO_HASH if before is None else bytes.fromhex(before.statement.head)
-        """Hash of the commit before `next_event`."""
-        self._next_event = self._signed
+        self._last = base if isinstance(base, Statement) else None
 
-    def run(self) -> None:
-        """Read and sign segment after segment."""
-        found = self._arranged()
-        self._done.next_event = self._signed
-        self._done.is_live = not found.segments[-1].is_closed
-        for file in _not_skipped(found.segments, self._signed):
-            checked = self._checked(file)
-            if file is found.segments[-1]:
-                self._refuse_any(mark_findings(found, checked.next_event, None))
-            if checked.next_event > self._signed:
-                self._sign(checked)
+    def run(self, *, adopt: bool, trimmed: bool, next_key: str = NONE) -> Signed:
+        """Sign what is closed and new; as `sign` says."""
+        found, signer = self._found, self._signer
+        done = Signed(is_live=len(found.segment_ends) < found.segments)
+        start = found.next_event
+        try:
+            self.check()
+        except SigningError:
+            if not adopt:
+                raise
+            start = self._adopted_from()
+        signer.take_up()
+        done.made += signer.mend()
+        is_officer = trimmed or (adopt and self.unvouched)
+        ends = sorted({end for end in found.segment_ends if end > self._signed})
+        if ends and (start < ends[-1] or is_officer):
+            ends = ends[-1:]  # one that says what was adopted, or taken out
+        is_due = is_officer or start < found.closed_before or next_key != NONE
+        if not ends and found.closed_before and is_due:
+            ends = [found.closed_before]
+        for end in ends:
+            done.adopted = (start, end - 1) if start < end else None
+            namespace = TRIMMING if is_officer else HEADS
+            done.made.append(
+                signer.put(
+                    self._reach(end), adopted=done.adopted, namespace=namespace,
+                    next_key=next_key if end == ends[-1] else NONE,
+                )
+            )  # fmt: skip
+        done.next_event = ends[-1] if ends else self._signed
+        done.unvouched_events = found.events_gone if self.unvouched else 0
+        return done
 
-    def _sign(self, checked: Verification) -> None:
-        first, last = checked.first_event, checked.next_event
-        statement = HeadStatement.between(
-            checked.log_id, first, last, start=checked.ends[first], end=checked.ends[last]
-        )
-        self._done.made.append(write_signed(self._log, statement, self._key))
-        self._done.next_event = last
-
-    def _arranged(self) -> FolderFiles:
-        found = arrange(DiskPlace(self._log))
-        self._refuse_any(found.findings)
-        first = found.segments[0].header
-        if first is not None and self._log_id not in ("", first.info.log_id):
-            raise self._refused(f"this key has signed another log here, {self._log_id}")
-        return found
-
-    def _checked(self, file: SegmentFile) -> Verification:
-        """Read a closed segment that follows what was read, or signed, before.
+    def check(self) -> None:
+        """Return if the log goes on from what this key has signed last.
 
         Raises:
-            SigningError: It is not as it was written, or not what was signed.
-            Vanished: A compaction has replaced it.
+            SigningError: It does not.
         """
-        assert file.header is not None
-        first = file.header.first_event
-        if first > self._next_event:
-            raise self._refused(f"events {self._next_event}..{first - 1} are missing, or elsewhere")
-        found = _verified(file, self._progress, self._next_event)
-        if found.events and found.closed_before != found.next_event:
-            raise Vanished(file.path)  # a writer continues it: a power cut may still shorten it
-        self._refuse_any(found.findings)
-        if found.next_event < self._next_event:
-            raise self._refused(
-                f"this key has signed events up to {self._next_event - 1}, and the log ends with "
-                f"event {found.next_event - 1}: it was rolled back, or cut"
+        found, signed = self._found, self._signed
+        base, end = self._signer.base, found.ends.get(signed, _NOWHERE)
+        if signed < found.first_event:
+            missing = f"events {signed}..{found.first_event - 1} are missing, or elsewhere"
+            raise self.refused(missing)
+        if self._signer.is_lost:
+            problem = "there are statements of this key, and what it signed last is not known"
+            raise self.refused(f"{problem} (KEY.state)", adopt=True)
+        if base is None:
+            return
+        if signed > found.next_event:
+            raise self.refused(
+                f"this key has signed events up to {signed - 1}, and the log ends with "
+                f"event {found.next_event - 1}: it was rolled back, or cut",
+                adopt=True,
             )
-        if found.ends.get(self._next_event, _NOWHERE).head != self._head:
-            raise self._refused(
-                f"its commit before event {self._next_event} is not the one that this key has "
-                "signed: it was rewritten, or is another branch of that log"
+        if signed not in found.ends_gone and end.head.hex() != base.head:
+            raise self.refused(
+                f"its commit before event {signed} is not the one that this key has "
+                "signed: it was rewritten, or is another branch of that log",
+                adopt=True,
             )
-        self._next_event, self._head = found.next_event, found.head
-        return found
+        is_whole = not (found.taken_before or found.first_event)
+        if is_whole and self._last is not None and end.taken.hex() != self._last.taken:
+            raise self.refused(
+                "its heads say another time zone, building or robot than this key has signed, or "
+                "what was taken out is there again",
+                adopt=True,
+            )
 
-    def _refuse_any(self, findings: Sequence[Finding]) -> None:
-        for one in findings:
-            if one.severity is Severity.NOT_A_LOG:
-                raise NotALogError(f"{one.path}: {one.text}.")
-            if one.severity >= Severity.TORN:
-                raise self._refused(f"{one.path.name}: {one.text}")
+    @property
+    def unvouched(self) -> bool:
+        """Whether something was taken out, and no statement for that purpose vouches for it."""
+        found = self._found
+        if not found.taken_before or found.first_event:
+            return False
+        return not any(
+            one.namespace == TRIMMING
+            and isinstance(one.statement, Statement)
+            and one.statement.next_event >= found.taken_before
+            and (end := found.ends.get(one.statement.next_event)) is not None
+            and end.taken.hex() == one.statement.taken
+            for one in signed_in(self._log, found.log_id)
+        )
 
-    def _refused(self, why: str) -> SigningError:
-        line = command_line("verify", self._log)
-        return SigningError(f"{self._log}: not signed: {why}. All that is wrong: {line}")
+    def refused(self, why: str, *, adopt: bool = False) -> SigningError:
+        """Return the error that says why, and what to do."""
+        return _refused(self._log, why, adopt=adopt)
+
+    def _adopted_from(self) -> int:
+        """Return the first event of what is signed as it was found."""
+        found, signed, base = self._found, self._signed, self._signer.base
+        end = found.ends.get(signed, _NOWHERE)
+        is_there = signed in found.ends_gone or (base is not None and end.head.hex() == base.head)
+        if is_there and (self._last is None or end.taken.hex() == self._last.taken):
+            return signed
+        return found.first_event
+
+    def _reach(self, next_event: int) -> Reach:
+        try:
+            return reach_at(self._found, next_event, self._last)
+        except ValueError:
+            raise self.refused(
+                "its beginning lies elsewhere, and what was taken out there is not known; fetch "
+                "the whole log, and sign that"
+            ) from None
 
 
-_NOWHERE = CommitEnd(b"", 0)
+def _refused(log: Path, why: str, *, adopt: bool = False) -> SigningError:
+    line = command_line("verify", log)
+    as_it_is = f" To sign it as it is: {command_line('sign', log, '--key', 'KEY', '--adopt')}"
+    return SigningError(
+        f"{log}: not signed: {why}. All that is wrong: {line}{as_it_is if adopt else ''}"
+    )
 
 
-def _not_skipped(segments: Sequence[SegmentFile], signed: int) -> Iterator[SegmentFile]:
-    """Yield the closed segments that hold more than what was signed, and the last in any case."""
-    for file, following in zip(segments, (*segments[1:], None), strict=True):
-        behind = None if following is None else following.header
-        if file.is_closed and (behind is None or behind.first_event > signed):
-            yield file
-
-
-def _verified(file: SegmentFile, progress: Progress | None, before: int) -> Verification:
-    """Read one segment by itself."""
-    path = Path(file.path)
-    try:
-        return verify(path, None, progress, ends=(before,))
-    except LogError:
-        if not path.exists():
-            raise Vanished(path) from None
-        raise
+def unwritten(log: Path, first: int, last: int) -> SigningError:
+    """Return the error that a recorder with the key has not written some events of its log."""
+    line = command_line("sign", log, "--key", "KEY")
+    return SigningError(
+        f"{log}: events {first}..{last} are not signed, and no recorder with this key wrote them. "
+        f"Look who did. Then end this recorder and sign them ({line}), or let it adopt them "
+        "(--adopt)."
+    )

@@ -39,11 +39,13 @@ def read_key(path: Path, *, log: Path, passphrase: Passphrase = lambda: None) ->
     data = _private_bytes(path)
     try:
         try:
-            return SigningKey.of_openssh(data)
+            key = SigningKey.of_openssh(data)
         except PassphraseError:
-            return SigningKey.of_openssh(data, passphrase=passphrase())
+            key = SigningKey.of_openssh(data, passphrase=passphrase())
     except SigningError as error:
         raise type(error)(f"{path}: {error}.") from None
+    key.path = path.absolute()
+    return key
 
 
 def make_key(path: Path, *, log: Path, comment: str = "") -> SigningKey:
@@ -70,6 +72,7 @@ def make_key(path: Path, *, log: Path, comment: str = "") -> SigningKey:
         with suppress(OSError):
             path.unlink()
         raise
+    key.path = path.absolute()
     return key
 
 

@@ -6,13 +6,13 @@ import base64
 import hashlib
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 
 from semmap_log.errors import SigningError
 from semmap_log.signing.ssh_format import KEY_TYPE, public_blob, public_bytes_in
-from semmap_log.signing.ssh_signature import NAMESPACE
+from semmap_log.signing.ssh_signature import HEADS, NAMESPACES, TRIMMING
 
 _MOST_BYTES = 2**20
 _NAMESPACES = re.compile(r'namespaces="([^"]*)"')
@@ -25,6 +25,8 @@ class PublicKey:
     public_bytes: bytes
     owner: str = ""
     """The comment of a `.pub`, or the principals of an allowed_signers file."""
+    namespaces: frozenset[str] = frozenset({HEADS})
+    """What it is believed for. What was taken out, only if a line says so by name."""
 
     @property
     def fingerprint(self) -> str:
@@ -37,8 +39,22 @@ class PublicKey:
         blob = base64.b64encode(public_blob(self.public_bytes)).decode()
         return f"{KEY_TYPE} {blob} {self.owner}".rstrip() + "\n"
 
+    @property
+    def words(self) -> str:
+        """Return it as it stands in a statement: without its owner."""
+        return replace(self, owner="").line.strip()
+
     def __str__(self) -> str:
         return f"{self.owner} ({self.fingerprint})" if self.owner else self.fingerprint
+
+
+def key_in_words(text: str) -> bytes:
+    """Return the 32 bytes of a key that is written `ssh-ed25519 BASE64`.
+
+    Raises:
+        ValueError: It is none.
+    """
+    return _key_of(text.removeprefix(f"{KEY_TYPE} "))
 
 
 def fingerprint(public_bytes: bytes) -> str:
@@ -64,7 +80,9 @@ def read_public_keys(paths: Iterable[Path]) -> Mapping[bytes, PublicKey]:
         if not found:
             raise SigningError(f"{path}: expected a public key ({KEY_TYPE} …), got none.")
         for key in found:
-            keys.setdefault(key.public_bytes, key)
+            known = keys.setdefault(key.public_bytes, key)
+            both = known.namespaces | key.namespaces
+            keys[key.public_bytes] = replace(known, namespaces=both)
     return keys
 
 
@@ -93,8 +111,7 @@ def _key_in(path: Path, number: int, line: str) -> PublicKey:
             f"{where}: expected `{KEY_TYPE} BASE64`, as in a .pub file or allowed_signers: {error}."
         ) from None
     principals, _, options = before.partition(" ")
-    _check_options(where, options.strip())
-    return PublicKey(key, principals or comment.strip())
+    return PublicKey(key, principals or comment.strip(), _namespaces(where, options.strip()))
 
 
 def _parted(line: str) -> tuple[str, str]:
@@ -120,14 +137,20 @@ def _key_of(text: str) -> bytes:
     return key
 
 
-def _check_options(where: str, options: str) -> None:
-    """Check the options of an allowed_signers line: what is not understood is not believed."""
+def _namespaces(where: str, options: str) -> frozenset[str]:
+    """Return what an allowed_signers line believes a key for.
+
+    Raises:
+        SigningError: It has other options, which are not understood here; or none of ours.
+    """
     found = _NAMESPACES.fullmatch(options)
     if options and found is None:
         raise SigningError(
             f'{where}: of the options only namespaces="…" is understood here, got {options!r}; '
             "check with ssh-keygen -Y verify, or give the key without them."
         )
-    patterns = found[1].split(",") if found else ["*"]
-    if not any(fnmatchcase(NAMESPACE, pattern) for pattern in patterns):
-        raise SigningError(f"{where}: its namespaces do not allow {NAMESPACE}.")
+    patterns = found[1].split(",") if found else [HEADS]
+    ours = [one for one in NAMESPACES if any(fnmatchcase(one, pattern) for pattern in patterns)]
+    if not ours:
+        raise SigningError(f"{where}: its namespaces allow neither {HEADS} nor {TRIMMING}.")
+    return frozenset(ours)

@@ -1,6 +1,7 @@
-"""Signing beside a writer: a reader of the log's folder that signs when a segment was closed.
+"""Signing beside a writer: the log's end, from time to time, as far as that writer wrote it.
 
-What goes wrong in it is told once, and tried again when the next segment is closed.
+What is signed comes from the writer's memory, not from the disk: what somebody else puts there is
+not signed. What goes wrong is told once, and tried again the next time.
 """
 
 from __future__ import annotations
@@ -13,16 +14,24 @@ from typing import TYPE_CHECKING
 
 from semmap_log.common.texts import command_line
 from semmap_log.common.work_beside import AbandonedWork, WorkBeside
+from semmap_log.domain.commits import Durability
+from semmap_log.errors import SigningError
 from semmap_log.signing.ed25519_sdk import SigningKey
-from semmap_log.signing.log_signing import Signed, sign
+from semmap_log.signing.log_signing import LogSigning, reach_at, read_for_signing, unwritten
+from semmap_log.signing.signer import Reach, Signer
+from semmap_log.signing.signer_state import SignerState
+from semmap_log.signing.statement import Statement
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import mark_names
+from semmap_log.store.reading.reader import LogReader
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-LOOK_S = 1.0
-"""Between two looks at the folder."""
+    from semmap_log.store.writing.writer import LogWriter, Written
+
+EVERY_S = 60.0
+"""Between two signatures of the log's end."""
 END_S = 30.0
 """So long `close` waits for what is being signed."""
 PAUSE_S = 0.0005
@@ -30,12 +39,14 @@ PAUSE_S = 0.0005
 
 
 class SignBeside:
-    """Signs a log's closed segments while somebody writes it; one more time at its end.
+    """Signs the end of a log while somebody writes it; one more time when it is closed.
 
-    with SignBeside("office", key), sl.append("office") as log:
+    with SignBeside("office", key) as signer, sl.append("office", signer=signer) as log:
         log.observe(door, "open")
 
-    The order matters: the writer closes its last segment first, and that is signed then.
+    The order matters: the writer closes its last segment first, and that is signed then. The
+    statement of each time takes the place of the one before, but for those that come first after a
+    segment was closed: these stay.
     """
 
     def __init__(
@@ -43,32 +54,37 @@ class SignBeside:
         log: str | Path,
         key: SigningKey,
         *,
+        adopt: bool = False,
         tell: Callable[[str], None] = lambda _: None,
-        look_s: float = LOOK_S,
+        every_s: float = EVERY_S,
         end_s: float = END_S,
     ) -> None:
-        """Take the log and the key; no thread is started yet.
+        """Take the log and the key; the thread is started with the writer.
 
         Args:
             log: The log's folder.
             key: Who signs.
+            adopt: Sign also what is found there, unsigned and not written with this key; each
+                statement about it says so.
             tell: Told once when it cannot be signed, and once when it can again.
-            look_s: So long it waits between two looks at the folder.
+            every_s: So long it waits between two signatures.
             end_s: So long the end waits for what is being signed.
         """
         self._folder = LogFolder(Path(log))
         self._key = key
+        self._adopt = adopt
         self._tell = tell
-        self._thread = WorkBeside("semmap_log signing", self._look, pause_s=look_s, end_s=end_s)
-        self._done: str | None = None
-        """Which mark of a closing was the last when all was last signed, or tried."""
-        self.signed: Signed | None = None
-        """What the last signing that went well has done; None: none has yet."""
+        self._thread = WorkBeside("semmap_log signing", self._look, pause_s=every_s, end_s=end_s)
+        self._sessions: list[_Session] = []
+        """Of each writer that it was given; the last one goes on."""
+        self._marks: str | None = None
+        """Which mark of a closing was the last when a statement was last kept."""
+        self.signed_before = 0
+        """Events below this number are signed."""
         self.problem = ""
         """What keeps it from signing; empty: nothing does."""
 
     def __enter__(self) -> Self:
-        self._thread.start()
         return self
 
     def __exit__(
@@ -79,26 +95,23 @@ class SignBeside:
     ) -> None:
         self._thread.close()
 
+    def follow(self, writer: LogWriter) -> None:
+        """Sign what this writer appends from now on; before it appends anything."""
+        session = _Session(writer)
+        if self._sessions:
+            session.goes_on_from(self._sessions[-1])
+        self._sessions.append(session)
+        if len(self._sessions) == 1:
+            self._thread.start()
+
     @property
     def is_all_signed(self) -> bool:
-        """Whether the end has come, and found every closed segment signed."""
-        return self._thread.is_ended and not self.problem
+        """Whether the end has come, and found all signed that was written."""
+        return not self._sessions or (self._thread.is_ended and not self.problem)
 
     def _look(self, *, is_last: bool) -> None:
-        closed = self._closed()
-        if closed is not None and (closed != self._done or (is_last and self.problem)):
-            self._done = closed
-            self._try()
-
-    def _closed(self) -> str | None:
-        """Return what changes when a segment is closed; None: none is closed."""
-        with suppress(OSError):
-            return next(reversed(mark_names(self._folder.names())), None)
-        return None
-
-    def _try(self) -> None:
         try:
-            self.signed = sign(self._folder.absolute, self._key, progress=self._pause)
+            self._sign(self._sessions[-1], is_last=is_last)
         except AbandonedWork:
             self.problem = self.problem or "there was no time"
         except Exception as error:  # noqa: BLE001 - whatever it is, the writer goes on
@@ -108,14 +121,118 @@ class SignBeside:
                 self._tell(f"{self._folder.path}: signing works again.")
             self.problem = ""
 
+    def _sign(self, session: _Session, *, is_last: bool) -> None:
+        end = session.durable_end()
+        log = self._folder.absolute
+        with SignerState.held(self._key) as state:
+            if session.base is None and not self._begin(session, end, state):
+                return
+            signer = Signer(log, session.log_id, self._key, state)
+            if signer.last is None or end is None:
+                return
+            signed = signer.last.statement.next_event
+            if signed > end.next_event:
+                raise SigningError(f"{log}: this key has signed more than is written, to {signed}.")
+            marks = self._last_mark()
+            keep = is_last or marks != self._marks
+            if signed < end.next_event or (keep and not signer.last.is_kept):
+                signer.put(session.reach(end), keep=keep)
+                self._marks = marks if keep else self._marks
+            self.signed_before = end.next_event
+
+    def _begin(self, session: _Session, end: Written | None, state: SignerState) -> bool:
+        """Find what the log holds where its writer came; sign that, if it may be.
+
+        Returns:
+            False: nothing can be signed before more is written.
+
+        Raises:
+            SigningError: Somebody else has written to it since it was signed last.
+        """
+        log, start = self._folder.absolute, session.start
+        session.log_id = LogReader(log).info.log_id
+        signer = Signer(log, session.log_id, self._key, state)
+        last = None if signer.last is None else signer.last.statement
+        here = start.next_event, start.head.hex()
+        if not session.begins_segment and last is not None and here == (last.next_event, last.head):
+            taken = bytes.fromhex(last.taken)
+            session.base = Reach(start.next_event, start.head, last.commits, taken)
+            return True
+        if session.begins_segment:  # with a keyframe, which is signed once it is there
+            if end is None or not end.commits:
+                return False
+            start = end
+        base = signer.base
+        signed = 0 if base is None else base.next_event
+        is_known = signed >= session.start.next_event or (base is None and not signer.is_lost)
+        is_known = is_known or not isinstance(base, Statement | None)
+        if not (is_known or self._adopt):
+            raise unwritten(log, signed, session.start.next_event - 1)
+        found = read_for_signing(log, state, self._pause, at=start.next_event)
+        if not self._adopt:
+            LogSigning(log, found, signer).check()
+        there = found.ends.get(start.next_event)
+        if there is None or there.head != start.head:
+            raise SigningError(f"{log}: what lies there is not what was written.")
+        try:
+            session.base = reach_at(found, start.next_event, last)
+        except ValueError:
+            raise SigningError(f"{log}: its beginning lies elsewhere, and is not known.") from None
+        signer.take_up()
+        adopted = None if is_known else (signed, session.start.next_event - 1)
+        session.base_commits = start.commits
+        if signed < start.next_event:
+            signer.put(session.base, adopted=adopted)
+        return True
+
+    def _last_mark(self) -> str | None:
+        """Return what changes when a segment is closed; None: none is closed."""
+        with suppress(OSError):
+            return next(reversed(mark_names(self._folder.names())), None)
+        return None
+
     def _failed(self, problem: str) -> None:
         if not self.problem:
             line = command_line("sign", self._folder.path, "--key", "KEY")
             self._tell(
-                f"not signed: {problem} Recording goes on, and this is tried again with the next "
-                f"segment; later, by: {line}"
+                f"not signed: {problem} Recording goes on, and this is tried again later; or, once "
+                f"the log is closed, by: {line}"
             )
         self.problem = problem
 
     def _pause(self, _done: int, _total: int) -> None:
         self._thread.go_on(PAUSE_S)
+
+
+class _Session:
+    """What one writer wrote, and from where on."""
+
+    def __init__(self, writer: LogWriter) -> None:
+        self._writer = writer
+        self.start: Written = writer.written
+        self.begins_segment = writer.begins_segment
+        self.log_id = ""
+        self.base: Reach | None = None
+        """What the log held at some point of the session; None: not known yet."""
+        self.base_commits = 0
+        """How many commits the writer had appended then."""
+
+    def goes_on_from(self, before: _Session) -> None:
+        """Take over what is known, if this writer begins where that one has ended."""
+        ended, start = before._writer.written, self.start
+        is_next = (ended.next_event, ended.head) == (start.next_event, start.head)
+        if before.base is not None and is_next and not self.begins_segment:
+            self.log_id, self.base = before.log_id, before.reach(ended)
+
+    def durable_end(self) -> Written | None:
+        """Return how far the writer has come, once that survives a power cut; None: not known."""
+        writer, end = self._writer, self._writer.written
+        if writer.policy.level is not Durability.NONE:
+            writer.make_durable(end.next_event)
+        return end if end.next_event <= writer.durable_before else None
+
+    def reach(self, end: Written) -> Reach:
+        """Return what the log holds up to an end of this session."""
+        assert self.base is not None, "it was found before"
+        commits = self.base.commits + end.commits - self.base_commits
+        return Reach(end.next_event, end.head, commits, self.base.taken)

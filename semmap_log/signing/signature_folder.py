@@ -1,7 +1,8 @@
 """Where signatures lie: statements and their signatures, beside a log's segments.
 
-    signatures/000000000216_9f86d081884c7d65.head      a statement: up to event 216, by that key
-    signatures/000000000216_9f86d081884c7d65.head.sig  its signature
+    signatures/000000000216_9f86d081884c7d65_3.head      a statement: up to event 216, by that key
+    signatures/000000000216_9f86d081884c7d65_3.head.sig  its signature
+    signatures/000000000218_1f02c0aa91b37e5d_0.trim      one that vouches for what was taken out
 
 The signature is written first: a statement that is there has one. Names only keep files apart;
 what counts is in them.
@@ -9,7 +10,7 @@ what counts is in them.
 
 from __future__ import annotations
 
-import re
+import hashlib
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,13 +19,20 @@ from pathlib import Path
 from semmap_log.errors import SigningError
 from semmap_log.io.disk import left_by_killed, output_errors, read_own, replace_file, sync_folder
 from semmap_log.signing.ed25519_sdk import SigningKey
-from semmap_log.signing.head_statement import HeadStatement, read_statement
 from semmap_log.signing.public_keys import short_id
-from semmap_log.signing.ssh_signature import SshSignature, read_signature, signature_of
+from semmap_log.signing.ssh_signature import (
+    HEADS,
+    TRIMMING,
+    SshSignature,
+    read_signature,
+    signature_of,
+)
+from semmap_log.signing.statement import OldStatement, Statement, read_statement
 
 FOLDER = "signatures"
-STATEMENT, SIGNATURE = ".head", ".sig"
-_NAME = re.compile(r"(\d{12,19})_([0-9a-f]{16})\.head", re.ASCII)
+SUFFIXES = {HEADS: ".head", TRIMMING: ".trim"}
+"""Namespace of a signature -> how the name of its statement ends."""
+SIGNATURE = ".sig"
 _MOST_BYTES = 2**14
 
 
@@ -33,9 +41,12 @@ class SignedStatement:
     """A statement, and the signature that fits it."""
 
     path: Path
-    statement: HeadStatement
+    statement: Statement | OldStatement
+    digest: str
+    """SHA-256 of its text, hexadecimal."""
     public_bytes: bytes
     """Of the key that signed it; whether that is believed is another question."""
+    namespace: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,50 +97,65 @@ def read_signed(file: Path) -> SignedStatement | BadSignature:
     if not signature.fits(text):
         problem = "the signature is not one of this text: one of the two was altered"
         return BadSignature(file, "signature", problem)
-    return SignedStatement(file, statement, signature.public_bytes)
+    digest = hashlib.sha256(text).hexdigest()
+    return SignedStatement(file, statement, digest, signature.public_bytes, signature.namespace)
 
 
-def last_signed(log: Path, key: SigningKey) -> SignedStatement | None:
-    """Return the statement of a key that reaches farthest; None: it has signed nothing here.
+def signed_in(log: Path, log_id: str = "") -> list[SignedStatement]:
+    """Return the good statements in a log's folder; of one log only, if its id is given.
 
     Raises:
-        SigningError: It cannot be read, was altered, or is another key's.
+        SigningError: The folder cannot be read.
     """
-    folder = _folder_of(log)
-    if not folder.is_dir():
-        return None
-    ours = short_id(key.public_bytes)
-    named = ((_NAME.fullmatch(file.name), file) for file in statement_files(folder))
-    reach = [(int(name[1]), file) for name, file in named if name and name[2] == ours]
-    if not reach:
-        return None
-    found = read_signed(max(reach)[1])
-    if isinstance(found, BadSignature):
-        raise SigningError(f"{found.path}: {found.problem}. Nothing is signed on top of it.")
-    if found.public_bytes != key.public_bytes:
-        raise SigningError(f"{found.path}: is signed by another key than its name says.")
-    return found
+    folder = folder_of(log)
+    found = read_all(statement_files(folder)) if folder.is_dir() else ()
+    good = [one for one in found if isinstance(one, SignedStatement)]
+    return [one for one in good if log_id in ("", one.statement.log_id)]
 
 
-def write_signed(log: Path, statement: HeadStatement, key: SigningKey) -> Path:
+def name_of(statement: Statement, key: SigningKey, namespace: str) -> str:
+    """Return what the file of a statement is called."""
+    last, whose = max(statement.next_event - 1, 0), short_id(key.public_bytes)
+    return f"{last:012d}_{whose}_{statement.number}{SUFFIXES[namespace]}"
+
+
+def write_signed(log: Path, name: str, text: str, key: SigningKey, namespace: str) -> Path:
     """Write a statement and its signature, each whole or not at all; return the statement's file.
 
     Raises:
-        SigningError: This key has said otherwise of this event.
+        SigningError: Another statement has that name.
         OutputError: The disk does not take them.
     """
-    folder = _folder_of(log)
-    name = f"{statement.next_event - 1:012d}_{short_id(key.public_bytes)}{STATEMENT}"
-    path, text = folder / name, statement.text.encode()
+    folder = folder_of(log)
+    path, data = folder / name, text.encode()
     with output_errors(path):
         if not folder.is_dir():
             folder.mkdir(exist_ok=True)
             sync_folder(log)
-        if path.exists() and read_own(path) != text:
-            raise SigningError(f"{path}: this key has signed something else of this event.")
-        _write(path.with_name(name + SIGNATURE), signature_of(text, key).encode())
-        _write(path, text)
+        if path.exists() and read_own(path) != data:
+            raise SigningError(f"{path}: expected this key's statement, got another text.")
+        _write(path.with_name(name + SIGNATURE), signature_of(data, key, namespace).encode())
+        _write(path, data)
     return path
+
+
+def remove_signed(log: Path, name: str) -> None:
+    """Remove a statement that another stands for, and its signature."""
+    for each in (name, name + SIGNATURE):
+        with suppress(OSError):
+            (folder_of(log) / each).unlink()
+
+
+def folder_of(log: Path) -> Path:
+    """Return the folder of a log's signatures.
+
+    Raises:
+        SigningError: It is a link.
+    """
+    folder = log / FOLDER
+    if folder.is_symlink():
+        raise SigningError(f"{folder}: expected a folder of this log, got a link; remove it.")
+    return folder
 
 
 def _write(file: Path, data: bytes) -> None:
@@ -139,15 +165,8 @@ def _write(file: Path, data: bytes) -> None:
     replace_file(file, data)
 
 
-def _folder_of(log: Path) -> Path:
-    folder = log / FOLDER
-    if folder.is_symlink():
-        raise SigningError(f"{folder}: expected a folder of this log, got a link; remove it.")
-    return folder
-
-
 def _is_statement(file: Path) -> bool:
-    return file.name.endswith(STATEMENT) and not file.name.startswith(".")
+    return file.suffix in SUFFIXES.values() and not file.name.startswith(".")
 
 
 def _signature_in(file: Path) -> SshSignature:

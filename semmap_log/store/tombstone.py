@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import field
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
 from semmap_log.common.late_dataclass import dataclass
+from semmap_log.errors import CorruptLogError
 from semmap_log.messages import read_message, type_name, write_message
 from semmap_log.store import records as mcap
 from semmap_log.store.form import HASH_BYTES, NO_HASH, TOMBSTONE_CHANNEL
@@ -75,7 +77,7 @@ class Tombstone:
 
     @classmethod
     def in_record(cls, record: bytes | memoryview) -> Tombstone:
-        """Return what a Message record holds.
+        """Return what a Message record holds; `check` whether that can be.
 
         Raises:
             ValueError: It is no tombstone.
@@ -86,9 +88,39 @@ class Tombstone:
         reasons = TrimReason(said.pop("reasons"))
         previous_hash, its_hash = bytes(said.pop("previous_hash")), bytes(said.pop("hash"))
         parts = tuple(map(LostPart, channels, digests, kept))
-        if said["events_gone"] > said["count"]:
-            raise ValueError("a Tombstone of more events than there were")
         return cls(**said, reasons=reasons, previous_hash=previous_hash, hash=its_hash, parts=parts)
+
+    def check(self) -> None:
+        """Return if something is gone, as far as this tells.
+
+        Raises:
+            ValueError: Nothing is, or more than there was: no trimming leaves such a Tombstone.
+        """
+        if self.events_gone > self.count:
+            raise ValueError("a Tombstone of more events than there were")
+        if not self.reasons:
+            raise ValueError("a Tombstone without a reason")
+        if self.commits:
+            if self.events_gone != self.count or not self.count:
+                raise ValueError("a Tombstone of whole commits, some of whose events are not gone")
+        elif not (self.events_gone or self.notes_gone):
+            raise ValueError("a Tombstone with nothing gone")
+        elif self.parts and all(part.digest == part.kept_digest for part in self.parts):
+            raise ValueError("a Tombstone of channels that lack nothing")
+
+
+def read_tombstone(record: bytes | memoryview, path: PurePath) -> Tombstone:
+    """Return what a Message record of a segment holds.
+
+    Raises:
+        CorruptLogError: It is no tombstone.
+    """
+    try:
+        found = Tombstone.in_record(record)
+        found.check()
+    except ValueError as error:
+        raise CorruptLogError(path, None, f"a Tombstone that cannot be: {error}") from None
+    return found
 
 
 @dataclass(slots=True)

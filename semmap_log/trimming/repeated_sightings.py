@@ -164,7 +164,9 @@ def repeats_in(reader: LogReader, segment: Segment) -> Iterator[NDArray[np.void]
     """Yield the sightings of a segment that repeat others, some hours at a time, as `STATE_ROW`.
 
     All that the log tells of the doors' states in the same span of time is looked at, in whatever
-    segment it is. Those of some hours come by door and time.
+    segment it is. Those of some hours come by door and time. What happened before the log's horizon
+    stays: a pinned moment of that time may lie between two sightings that others, which are gone,
+    had lain between.
     """
     least, greatest = segment.span
     span = Window(
@@ -179,6 +181,7 @@ def repeats_in(reader: LogReader, segment: Segment) -> Iterator[NDArray[np.void]
         repeats = _repeats_among(state_rows(reader.batches(hours)))
         mine = repeats["number"] >= segment.header.first_event
         mine &= repeats["number"] < end_of(segment)
+        mine &= repeats["folds_ns"] > reader.horizon_ns
         yield repeats[mine & ~np.isin(repeats["door_id"], touched)]
 
 

@@ -20,13 +20,14 @@ if TYPE_CHECKING:
     from semmap_log.signing.signed_log import SignedVerification
     from semmap_log.store.salvage import Loss, Recovered, RecoveryPlan
 
-VERDICTS = {0: "good", 3: "torn tail", 4: "damaged", 5: "not a log"}
+VERDICTS = {0: "good", 3: "torn tail", 4: "damaged", 5: "not a log", 6: "unsigned end"}
 """Exit code of `verify` -> what it says."""
 
 SEVERITY_STYLES = {
     "NOTE": "dim",
     "WARNING": "yellow",
     "TORN": "yellow",
+    "UNSIGNED": "yellow",
     "NOT_AS_SIGNED": "red",
     "DAMAGE": "red",
     "NOT_A_LOG": "red",
@@ -136,6 +137,8 @@ def _what_to_do(found: Verification) -> str:
             "To do: where only signatures are missing, `sign` makes them. Else find out who had\n"
             "access to the log, and compare it with a copy from elsewhere."
         )
+    if found.exit_code == 6:
+        return "To do: find out who has written these events; then sign them."
     if found.exit_code == 4 and isinstance(found.path, UrlPath):
         return (
             "To do: remove the objects named above and manifest.json there, and ship the log\n"

@@ -84,7 +84,7 @@ def test_json(log: Path, capsys) -> None:
 def test_what_is_not_as_signed_is_told_with_exit_code_4(log: Path, capsys) -> None:
     semmap(capsys, "sign", "log", "--key", "k", "--new-key")
     last = max(log.glob("signatures/*.head"))
-    last.write_text(last.read_text().replace("first-event: 10", "first-event: 9"))
+    last.write_text(last.read_text().replace("commits: 11", "commits: 9"))
 
     code, out, _ = semmap(capsys, "verify", "log", "--public-key", "k.pub")
 
@@ -94,7 +94,7 @@ def test_what_is_not_as_signed_is_told_with_exit_code_4(log: Path, capsys) -> No
     assert "To do: where only signatures are missing" in out
     said = json.loads(semmap(capsys, "verify", "log", "--public-key", "k.pub", "--json")[1])
     assert ["signature", "unsigned"] == [one["kind"] for one in said["findings"]]
-    assert {"not_as_signed"} == {one["severity"] for one in said["findings"]}
+    assert ["not_as_signed", "unsigned"] == [one["severity"] for one in said["findings"]]
     assert 0 == semmap(capsys, "verify", "log")[0]
 
 
@@ -185,7 +185,7 @@ def test_record_goes_on_where_it_cannot_sign(log: Path, capsys) -> None:
     It says so once, and how to sign later.
     """
     semmap(capsys, "sign", "log", "--key", "k", "--new-key")
-    shutil.rmtree(log / "signatures")
+    (log / "signatures").rename("kept")
     (log / "signatures").write_text("in the way")
 
     done = _run(["record", "log", "--sign-key", "k"], LINE * 3)
@@ -195,6 +195,7 @@ def test_record_goes_on_where_it_cannot_sign(log: Path, capsys) -> None:
     assert 1 == done.stderr.count("not signed:")
     assert "To sign it: semmap-log sign log --key KEY" in done.stderr
     (log / "signatures").unlink()
+    Path("kept").rename(log / "signatures")
     assert 0 == semmap(capsys, "sign", "log", "--key", "k")[0]
     assert 0 == semmap(capsys, "verify", "log", "--public-key", "k.pub")[0]
 
@@ -237,3 +238,59 @@ def _run(words: list[str], lines: str) -> subprocess.CompletedProcess[str]:
         [sys.executable, "-m", "semmap_log", *words],
         input=lines, capture_output=True, text=True, env=environment, check=False,
     )  # fmt: skip
+
+
+def test_an_unsigned_end_is_exit_code_6_and_who_may_adopt_it(log: Path, capsys) -> None:
+    """
+    A recorder refuses what it has not written, adopts it if it is told to, and signs often.
+    """
+    semmap(capsys, "sign", "log", "--key", "k", "--new-key")
+    assert 0 == semmap(capsys, "observe", "log", "front", "open")[0]
+    code, out, _ = semmap(capsys, "verify", "log", "--public-key", "k.pub")
+    assert code == 6
+    assert out.startswith("log: unsigned end; ")
+    assert "1 event at the end that nobody has signed" in " ".join(out.split())
+    allowed = ("verify", "log", "--public-key", "k.pub", "--allow-unsigned-end")
+    assert 0 == semmap(capsys, *allowed)[0]
+    said = json.loads(semmap(capsys, "verify", "log", "--public-key", "k.pub", "--json")[1])
+    assert (6, "unsigned end") == (said["exit_code"], said["verdict"])
+    assert ["unsigned"] == [one["severity"] for one in said["findings"]]
+
+    refused = _run(["record", "log", "--sign-key", "k"], LINE)
+    assert "events 13..13 are not signed, and no recorder with this key wrote" in refused.stderr
+    assert 6 == semmap(capsys, "verify", "log", "--public-key", "k.pub")[0]
+    adopting = _run(["record", "log", "--sign-key", "k", "--adopt", "--sign-every", "1s"], LINE)
+    assert "log: signed up to event 15." in adopting.stderr
+    code, out, _ = semmap(capsys, "verify", "log", "--public-key", "k.pub")
+    assert (6, True) == (code, "adopted  " in out or "events 13..14" in out)
+    assert 0 == semmap(capsys, "verify", "log")[0]
+    assert 2 == _run(["record", "log", "--adopt"], "").returncode
+    assert 2 == _run(["record", "log", "--sign-key", "k", "--sign-every", "often"], "").returncode
+
+
+def test_an_officer_s_key_vouches_for_what_is_taken_out(log: Path, capsys) -> None:
+    """
+    `redact --sign-key`; a file of allowed signers says who may.
+    """
+    semmap(capsys, "sign", "log", "--key", "robot", "--new-key")
+    semmap(capsys, "init", "elsewhere", "--tz", "UTC")
+    semmap(capsys, "sign", "elsewhere", "--key", "officer", "--new-key")
+    lines = [
+        f'{who} namespaces="{what}" {Path(who + ".pub").read_text()}'
+        for who, what in (("robot", "semmap-log"), ("officer", "semmap-log-trim"))
+    ]
+    Path("allowed").write_text("".join(lines))
+    line = ("redact", "log", "--notes", "--by", "me", "--sign-key", "officer")
+    assert 0 == semmap(capsys, *line, "--dry-run")[0]
+    assert [] == list(log.glob("signatures/*.trim"))
+    assert 0 == semmap(capsys, *line)[0]
+
+    assert 1 == len(list(log.glob("signatures/*.trim")))
+    assert 0 == semmap(capsys, "verify", "log", "--public-key", "allowed")[0]
+    code, out, _ = semmap(capsys, "verify", "log", "--public-key", "robot.pub")
+    assert (4, True) == (code, "not vouched for: " in out)
+    semmap(capsys, "retain", "log", "--thin", "0d")
+    code, out, err = semmap(capsys, "retain", "log", "--keep", "0d", "--sign-key", "officer")
+    assert (1, True) == (code, "no officer's statement vouches for that" in err) or code == 0
+    assert 0 == semmap(capsys, "sign", "log", "--key", "officer", "--adopt")[0]
+    assert 0 == semmap(capsys, "verify", "log", "--public-key", "allowed")[0]

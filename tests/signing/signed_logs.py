@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import shutil
+import struct
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -36,7 +40,7 @@ def checked(
 ) -> tuple[int, list[str], SignedVerification]:
     """Verify a log; return the exit code, the kinds of what is not as signed, and all."""
     done = verify_signed(log, believed(*keys), elsewhere=elsewhere)
-    kinds = [one.kind for one in done.found.of(Severity.NOT_AS_SIGNED)]
+    kinds = [one.kind for one in done.found.of(Severity.NOT_AS_SIGNED, Severity.UNSIGNED)]
     return done.found.exit_code, kinds, done
 
 
@@ -48,6 +52,32 @@ def is_good(log: Path, key: SigningKey) -> bool:
 def statements(log: Path) -> list[Path]:
     """Return a log's statements, the first first."""
     return sorted((log / "signatures").glob("*.head"))
+
+
+@contextmanager
+def state_of(key: SigningKey) -> Iterator[SigningKey]:
+    """Hand out the key; afterwards it knows again what it knew before: a clone of it did that."""
+    assert key.path is not None
+    file = key.path.with_name(key.path.name + ".state")
+    before = file.read_bytes()
+    try:
+        yield key
+    finally:
+        file.write_bytes(before)
+
+
+def forget(key: SigningKey, log: Path) -> None:
+    """Remove a log's signatures, and what the key knows of them."""
+    assert key.path is not None
+    key.path.with_name(key.path.name + ".state").unlink(missing_ok=True)
+    shutil.rmtree(log / "signatures", ignore_errors=True)
+
+
+def nothing_taken_out(timezone: str, building: str, robot: str) -> str:
+    """Return `taken` of a log that is whole, as docs/log_format.md says."""
+    said = json.dumps([timezone, building, robot], separators=(",", ":")).encode()
+    item = b"i" + struct.pack("<Q", len(said)) + said
+    return hashlib.sha256(b"semmap-log taken 1\n" + item).hexdigest()
 
 
 def ssh_verifies(key: SigningKey, statement: Path, *, folder: Path) -> bool:
@@ -63,6 +93,6 @@ def ssh_verifies(key: SigningKey, statement: Path, *, folder: Path) -> bool:
 
 
 __all__ = [
-    "a_key", "believed", "checked", "is_good", "needs_ssh_keygen", "sign", "ssh_verifies",
-    "statements",
+    "a_key", "believed", "checked", "forget", "is_good", "needs_ssh_keygen", "nothing_taken_out",
+    "sign", "ssh_verifies", "state_of", "statements",
 ]  # fmt: skip

@@ -15,7 +15,7 @@ import semmap_log as sl
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.cli import main
 from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import DoorObserved, DoorPassed, HistoryTrimmed, Retracted
+from semmap_log.domain.events import DoorObserved, DoorPassed, HistoryTrimmed, Retracted, RobotPose
 from semmap_log.errors import CommandError, HorizonError
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
@@ -220,3 +220,50 @@ def _keep(log: Path, draw: random.Random) -> int:
     trim_log(log, Retention(LogReader(log), minute(draw.randrange(301, 400))))
     assert LogReader(log).horizon
     return LogReader(log).horizon_ns
+
+
+@pytest.mark.usefixtures("short_segments")
+def test_no_answer_knows_of_sightings_that_came_later_and_are_gone(tmp_path: Path) -> None:
+    """
+    Nor does a keyframe serve that does, of a segment from which nothing goes.
+    """
+    clock = MinuteClock()
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock, compact=False) as log:
+        log.add_door(x=0.0, y=0.0, theta=0.0, width=0.9)
+        for at in (5, 10):
+            clock.now_ns = minute(at)
+            log.observe(1, "open", at=f"@{minute(at)}")
+        clock.now_ns = minute(12)
+        log.append([RobotPose(level=0, x=0.0, y=0.0, theta=0.0)])
+        for text in "abcd":
+            log.annotate(1, "note", text)
+        log.observe(1, "open", at=f"@{minute(11)}")
+    trimmed = thinned(log.path)
+
+    assert minute(5) == sl.read(trimmed).replay(at=minute(10) - 1).doors[1].last_seen_ns
+
+
+def test_a_pinned_moment_before_the_horizon_stays_as_it_is_when_the_log_is_thinned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    Sightings of that time which came late are no repeats: what lay between them may be gone.
+    """
+    with monkeypatch.context() as short:
+        short.setattr(segment_chain, "ROLL_COMMITS", 4)
+        log = watched(tmp_path / "log", [(5, "open"), (10, "closed")])
+        clock = MinuteClock()
+        clock.now_ns = minute(301)
+        with sl.append(log, clock=clock, compact=False) as writer:
+            writer.pin("then", at=f"@{minute(12)}")
+    with sl.append(log, clock=clock, compact=False) as writer:
+        for at in (9, 11, 13):
+            writer.observe(1, "open", at=f"@{minute(at)}")
+    trim_log(log, Retention(LogReader(log), minute(302)))
+    asked = [{"at": "pin:then"}]
+    before = answers(log, asked)
+    assert LogReader(log).horizon
+
+    trim_log(log, Thinning(LogReader(log), minute(400)))
+
+    assert answers(log, asked) == before

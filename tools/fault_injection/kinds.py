@@ -16,6 +16,7 @@ from fault_injection.rivals import rivals
 from fault_injection.sectors import sectors
 from fault_injection.segments import segments
 from fault_injection.signals import signals
+from fault_injection.signed import signed
 from fault_injection.simulated_disk import simulated_disk
 from fault_injection.syscall_errors import syscall_errors
 from fault_injection.syscall_kills import syscall_kills
@@ -45,5 +46,6 @@ KINDS: dict[str, Kind] = {
     "closed": closed,
     "costs": costs,
     "trimmed": trimmed,
+    "signed": signed,
 }
 """Name on the command line -> the function that tries its faults, in the order of the table."""

@@ -13,15 +13,14 @@ from semmap_log.store.kind_bits import TOMBSTONE_BIT
 from semmap_log.store.reading.segment_reading import page_at
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import numbers_of
-from semmap_log.store.tombstone import Tombstone
+from semmap_log.store.tombstone import Tombstone, read_tombstone
 
 
 def tombstones(segment: Segment, first_chunk: int = 0) -> Iterator[tuple[Tombstone, bytes]]:
     """Yield the Tombstones of a segment from a chunk on, and their Message records.
 
     Raises:
-        CorruptLogError: A chunk is not what was written.
-        ValueError: One cannot be read.
+        CorruptLogError: A chunk, or one of them, is not what was written.
     """
     if segment.header.trimmed is None:
         return
@@ -30,7 +29,7 @@ def tombstones(segment: Segment, first_chunk: int = 0) -> Iterator[tuple[Tombsto
         page = page_at(segment, chunk)
         for i in np.flatnonzero(page.heads["channel_id"] == TOMBSTONE_CHANNEL):
             record = bytes(page.record(int(i)))
-            yield Tombstone.in_record(record), record
+            yield read_tombstone(record, segment.path), record
 
 
 def gone_commands(segment: Segment) -> Iterator[GoneCommand]:

@@ -29,7 +29,7 @@ from semmap_log.store.form import (
 from semmap_log.store.header import TrimReason
 from semmap_log.store.reading.segment_reading import commit_of, page_at
 from semmap_log.store.reading.segment_scan import Segment
-from semmap_log.store.tombstone import Tombstone
+from semmap_log.store.tombstone import Tombstone, read_tombstone
 from semmap_log.store.trimming.records_left import SEQUENCE_RANGE, KeptRecords
 
 
@@ -82,7 +82,7 @@ class SplitSegment:
         if channel == KEYFRAME_CHANNEL:
             self._keyframe(record)
         elif channel == TOMBSTONE_CHANNEL:
-            found = Tombstone.in_record(record)
+            found = read_tombstone(record, self._segment.path)
             if found.commits:
                 self._gone(found, _time_of(record))
             else:

@@ -34,7 +34,7 @@ from semmap_log.store.header import TrimReason
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.segment_set import check_adjoins
-from semmap_log.store.tombstone import LostPart, Tombstone
+from semmap_log.store.tombstone import LostPart, Tombstone, read_tombstone
 
 
 class Selection(Protocol):
@@ -255,7 +255,7 @@ class RecordsLeft:
 
     def _tombstone(self, record: bytes | memoryview, page: Page, i: int) -> None:
         """Take in what was taken out before."""
-        before = Tombstone.in_record(record)
+        before = read_tombstone(record, page.path)
         if before.commits:
             self._extend_run(before, int(page.heads["log_time"][i]))
         else:

@@ -9,7 +9,7 @@ from pathlib import PurePath
 
 from semmap_log.store.form import NO_HASH
 
-EXIT_GOOD, EXIT_TORN, EXIT_DAMAGE, EXIT_NOT_A_LOG = 0, 3, 4, 5
+EXIT_GOOD, EXIT_TORN, EXIT_DAMAGE, EXIT_NOT_A_LOG, EXIT_UNSIGNED = 0, 3, 4, 5, 6
 
 
 class Severity(IntEnum):
@@ -21,16 +21,19 @@ class Severity(IntEnum):
     """A cache is not as it should be; the log itself is."""
     TORN = 2
     """An unfinished end, as a crash leaves it; the next writer puts it in order."""
-    NOT_AS_SIGNED = 3
+    UNSIGNED = 3
+    """Events after all that is signed, or that the signer found there; nothing speaks against."""
+    NOT_AS_SIGNED = 4
     """No signature vouches for it, or one says otherwise; each byte may fit the others."""
-    DAMAGE = 4
+    DAMAGE = 5
     """Bytes are not what was written, or are missing."""
-    NOT_A_LOG = 5
+    NOT_A_LOG = 6
     """There is nothing of ours at that path."""
 
 
 _EXIT_CODES = {
     Severity.TORN: EXIT_TORN,
+    Severity.UNSIGNED: EXIT_UNSIGNED,
     Severity.NOT_AS_SIGNED: EXIT_DAMAGE,
     Severity.DAMAGE: EXIT_DAMAGE,
     Severity.NOT_A_LOG: EXIT_NOT_A_LOG,
@@ -63,7 +66,11 @@ class CommitEnd:
     commits: int
     """Up to here, of those that were read, with those that were taken out on purpose."""
     recorded_ns: int | None = None
-    """When it was recorded; None: no commit before it was read."""
+    """When it was recorded; None: no commit before it was read, or it was taken out."""
+    taken: bytes = b""
+    """Digest of what no hash binds, up to here: `store.unbound`."""
+    unvouched: int = 0
+    """How many records up to here this head does not bind, since records were taken out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +103,21 @@ class Verification:
     """The number behind the last event."""
     closed_before: int = 0
     """Events below this number lie in closed segments."""
+    segment_ends: tuple[int, ...] = ()
+    """The number after the last event of each closed segment; `ends` has them, too."""
+    ends_gone: frozenset[int] = frozenset()
+    """Of the ends that were asked about: those within whole commits that were taken out."""
+    taken_before: int = 0
+    """Number of the first event after all that was taken out; 0: nothing was."""
+    trimming_before: int = 0
+    """The number after the last event that tells of a trimming; 0: none does."""
+    events_gone: int = 0
+    """That were taken out on purpose."""
+    notes_gone: int = 0
 
     @property
     def exit_code(self) -> int:
-        """Return 0 good, 3 torn tail and nothing else, 4 damage or not as signed, 5 not a log."""
+        """Return 0 good, 3 torn tail, 4 damage or not as signed, 5 not a log, 6 unsigned end."""
         worst = max((finding.severity for finding in self.findings), default=Severity.NOTE)
         return _EXIT_CODES.get(worst, EXIT_GOOD)
 

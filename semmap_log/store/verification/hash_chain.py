@@ -8,6 +8,7 @@ What is wrong stays open until the next whole commit (or segment) tells how many
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
@@ -29,6 +30,7 @@ from semmap_log.store.form import (
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.records import MESSAGE
 from semmap_log.store.tombstone import TakenOut, Tombstone
+from semmap_log.store.unbound import Unbound
 from semmap_log.store.verification.findings import Finding, Severity
 from semmap_log.store.verification.pieces import Message, Piece
 
@@ -58,6 +60,9 @@ class WholeCommit:
     """Its events and its note; empty where nobody asked for them."""
     left: int
     """How many of its events are there."""
+    has_note: bool = False
+    loose: int = 0
+    """How many of them only its Tombstone vouches for."""
     lacks: Tombstone | None = None
     """What stands for the others; None: none was taken out."""
 
@@ -91,6 +96,8 @@ class _Pending:
     parts: list[CommitPart] = field(default_factory=list)
     tombstone: Tombstone | None = None
     """What it lacks."""
+    kept: Counter[int] = field(default_factory=Counter)
+    """Channel -> records of it that are left, in a trimmed segment."""
 
     @property
     def next_event(self) -> int:
@@ -154,6 +161,11 @@ class Chain:
         self.breaks = 0
         """How often something was wrong with it."""
         self.taken_out = TakenOut()
+        self.unbound = Unbound()
+        self._records = 0
+        """Events and notes that are left, so far."""
+        self._loose = 0
+        """Of them, those that the hash of the last commit does not bind."""
         self._is_trimmed = False
         self._report = report
         self._on_commit = on_commit
@@ -174,6 +186,7 @@ class Chain:
         self._is_trimmed = header is None or header.trimmed is not None
         if header is None:
             return
+        self.unbound.begin_segment(header)
         if self._pending is not None:
             self.wrong("commit", path, None, "the segment before ends in the middle of a commit")
         if header.first_event > self.next_event:
@@ -233,13 +246,18 @@ class Chain:
             self._report(replace(finding, events=lost))
         self._open = []
 
+    @property
+    def unvouched(self) -> int:
+        """How many records so far the hash of the last commit does not bind."""
+        return self._loose + self.unbound.keyframes
+
     def forget_unfinished(self) -> int:
         """Leave out the commit that was begun; return how many events of it have come."""
         count = 0 if self._pending is None else self._pending.count
         self._pending = None
         return count
 
-    def _number(self, sequence: int) -> int:
+    def number_of(self, sequence: int) -> int:
         """Return the event number with these low 32 bits that is nearest to the next one."""
         half = SEQUENCE_RANGE // 2
         ahead = (sequence - self.next_event + half) % SEQUENCE_RANGE - half
@@ -258,6 +276,7 @@ class Chain:
         self.last_ns = max(self.last_ns, *(message[2] for message in piece.messages))
 
     def _keyframe(self, piece: Piece, message: Message) -> None:
+        self.unbound.add_keyframe(piece.records[message[4] : message[5]])
         pending = self._pending
         behind = self.next_event if pending is None else pending.next_event
         is_here = (message[1] - behind + 1) % SEQUENCE_RANGE == 0
@@ -275,6 +294,8 @@ class Chain:
         gap = self._gap(pending, channel, sequence)
         pending.skipped += gap
         pending.add(channel, record, log_ns, gap)
+        if self._is_trimmed:
+            pending.kept[channel] += 1
         expected = pending.next_event
         if channel == NOTE_CHANNEL:
             pending.note = self._note(pending, record)
@@ -292,7 +313,7 @@ class Chain:
 
     def _begun(self, sequence: int) -> _Pending:
         """Return the commit that begins with the event of that sequence."""
-        number = self._number(sequence)
+        number = self.number_of(sequence)
         is_behind_a_gap = self._is_trimmed and not self._open and number > self.next_event
         return _Pending(self.next_event if is_behind_a_gap else number)
 
@@ -301,16 +322,18 @@ class Chain:
         if not self._is_trimmed:
             return 0
         expected = pending.next_event - (channel in (NOTE_CHANNEL, COMMIT_CHANNEL))
-        return max(0, self._number(sequence) - expected)
+        return max(0, self.number_of(sequence) - expected)
 
     def _tombstone(self, piece: Piece, record: bytes | memoryview, time_ns: int) -> None:
         """Take what stands for records that are gone: whole commits, or some of the next."""
         try:
             found = Tombstone.in_record(record)
+            found.check()
         except ValueError as error:
             self.wrong("tombstone", self._path, piece.stored.offset, str(error))
             return
         self.taken_out.add(found, record)
+        self.unbound.add_tombstone(record, found.next_event)
         if not found.commits:
             self._pending = self._pending or _Pending(found.first_event)
             self._pending.tombstone = found
@@ -335,6 +358,7 @@ class Chain:
         self._settle(gone.first_event)
         self.next_event, self.head = gone.next_event, gone.hash
         self.last_seen = max(self.last_seen, gone.next_event - 1)
+        self._loose = self._records  # nothing but the Tombstone says which commits were before it
         if self._on_gone is not None:
             self._on_gone(commits)
 
@@ -368,6 +392,10 @@ class Chain:
             told = (pending.tombstone.first_event, pending.tombstone.count)
             if told != (first, count):
                 pending.wrong("its tombstone is of other events")
+        lacking = {part.channel for part in pending.tombstone.parts} if pending.tombstone else set()
+        is_blank = not pending.note and pending.note.salt == bytes(16)
+        if NOTE_CHANNEL in lacking and not is_blank:
+            pending.wrong("its note was taken out, and words are there")
         if (first, count) != (pending.first_event, pending.count + gone) or pending.skipped != gone:
             got = f"{pending.count} from {pending.first_event} on"
             has = counted(count, "event")
@@ -389,7 +417,10 @@ class Chain:
         commit = Commit(
             recorded_ns=log_ns - count - has_note, closed_ns=log_ns, note=pending.note, **said
         )
-        whole = WholeCommit(commit, pending.parts, pending.count, pending.tombstone)
+        loose = sum(pending.kept[channel] for channel in lacking if channel != NOTE_CHANNEL)
+        whole = WholeCommit(
+            commit, pending.parts, pending.count, has_note, loose, pending.tombstone
+        )
         self._place(whole, offset)
 
     def _place(self, whole: WholeCommit, offset: int) -> None:
@@ -414,6 +445,9 @@ class Chain:
         self.next_event, self.head = commit.last_event + 1, commit.hash
         self.commits += 1
         self.events += whole.left
+        self._records += whole.left + whole.has_note
+        self._loose += whole.loose
+        self.unbound.settle()
         if self._on_commit is not None:
             self._on_commit(whole)
 

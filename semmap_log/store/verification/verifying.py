@@ -44,7 +44,13 @@ from semmap_log.store.verification.folder_files import (
     leftover_finding,
     mark_findings,
 )
-from semmap_log.store.verification.hash_chain import Chain, OnCommit, OnGone, WholeCommit
+from semmap_log.store.verification.hash_chain import (
+    Chain,
+    GoneCommits,
+    OnCommit,
+    OnGone,
+    WholeCommit,
+)
 from semmap_log.store.verification.keyframe_place import KeyframePlace, NewKeyframeCheck
 from semmap_log.store.verification.object_place import ObjectPlace
 from semmap_log.store.verification.pieces import Piece
@@ -144,12 +150,14 @@ class Verifier:
         """
         self._place = DiskPlace(path) if isinstance(path, Path) else path
         self.path = self._place.path
-        self.chain = Chain(self._report, self._commit, on_gone=on_gone, keep_parts=keep_parts)
+        self.chain = Chain(
+            self._report, self._commit, on_gone=self._run_gone, keep_parts=keep_parts
+        )
         self.arrangement = FolderFiles(self._place)
         self.findings: list[Finding] = []
         self._head = head
         self._progress = progress
-        self._on_commit = on_commit
+        self._on_commit, self._on_gone = on_commit, on_gone
         self._clock = ClockCheck()
         self._keyframes = new_check(self._report, self._reread)
         self._bytes = self._todo = 0
@@ -168,12 +176,17 @@ class Verifier:
         """Whether some of them may have changed more than themselves."""
         self.trimming: HistoryTrimmed | None = None
         """The last event that tells of records that were taken out."""
+        self._trimming_before = 0
         self._wanted_ends = frozenset(ends)
         self._ends: dict[int, CommitEnd] = {}
         self._first_event = self._closed_before = 0
         """With which it begins; below which events lie in closed segments."""
         self._recorded_ns: int | None = None
-        """When the last commit was recorded."""
+        """When the last commit was recorded; None: it was taken out, or there is none."""
+        self._segment_ends: list[int] = []
+        self._ends_gone: set[int] = set()
+        self._head_unvouched = 0
+        """How many records the head that is asked about does not bind."""
         self._marked: bytes | None = None
         """Hash of the commit that ends where its mark says that the log ended once."""
 
@@ -206,7 +219,9 @@ class Verifier:
         if self.chain.next_event == 0:
             self._keyframes.begin()
         self._first_event = self._closed_before = self.chain.next_event
-        self._ends[self._first_event] = CommitEnd(self.chain.head, 0)
+        self._ends[self._first_event] = CommitEnd(
+            self.chain.head, 0, None, self.chain.unbound.digest
+        )
 
     def _segment(self, i: int) -> None:
         file = self.arrangement.segments[i]
@@ -229,6 +244,8 @@ class Verifier:
                 self._damage("unreadable", start, f"the disk does not give bytes {start}..{end}")
         if not is_live:
             self._closed_before = self.chain.next_event
+            self._segment_ends.append(self._closed_before)
+            self._ends[self._closed_before] = self._end
         if self.chain.breaks != self._breaks:
             self._breaks = self.chain.breaks
             self._keyframes.forget()
@@ -306,7 +323,7 @@ class Verifier:
         """Remember the last event that tells of records that were taken out."""
         if HistoryTrimmed.kind not in piece.counts:
             return
-        for channel, *_, start, end in piece.messages:
+        for channel, sequence, *_, start, end in piece.messages:
             if channel == HistoryTrimmed.kind:
                 with suppress(ValueError):  # which the check of keyframes tells
                     found = decode(channel, piece.records[start + MESSAGE.size : end], None)
@@ -314,6 +331,7 @@ class Verifier:
                     header = self.arrangement.segments[self._at].header
                     if header is not None and _log_of(found) == header.info.log_id:
                         self.trimming = found
+                        self._trimming_before = self.chain.number_of(sequence) + 1
 
     def _note_newer(self, piece: Piece, walk: SegmentWalk) -> None:
         """Count events of kinds unknown here; no keyframe can be folded behind some of them."""
@@ -407,11 +425,10 @@ class Verifier:
         if mark is not None and mark.next_event == commit.last_event + 1:
             self._marked = commit.hash
         if commit.hash == self._head:
-            self._head_event = commit.last_event
+            self._head_event, self._head_unvouched = commit.last_event, self.chain.unvouched
         behind, self._recorded_ns = commit.last_event + 1, commit.recorded_ns
         if behind in self._wanted_ends:
-            commits = self.chain.commits + self.chain.taken_out.commits
-            self._ends[behind] = CommitEnd(commit.hash, commits, commit.recorded_ns)
+            self._ends[behind] = self._end
         path, wanted = self._merged.pop(commit.last_event, (self._current, commit.hash))
         if wanted != commit.hash:
             text = "its number is that of a merged segment, but its commits are others"
@@ -425,6 +442,26 @@ class Verifier:
             self.findings.append(finding)
         if self._on_commit is not None:
             self._on_commit(whole)
+
+    @property
+    def _end(self) -> CommitEnd:
+        """Where the last commit so far ends."""
+        chain = self.chain
+        commits = chain.commits + chain.taken_out.commits
+        return CommitEnd(
+            chain.head, commits, self._recorded_ns, chain.unbound.digest, chain.unvouched
+        )
+
+    def _run_gone(self, commits: GoneCommits) -> None:
+        """Note which of the ends that are asked about lie within whole commits that are gone."""
+        gone = commits.tombstone
+        self._recorded_ns = None
+        if self._on_gone is not None:
+            self._on_gone(commits)
+        if gone.next_event in self._wanted_ends:
+            self._ends[gone.next_event] = self._end
+        within = (n for n in self._wanted_ends if gone.first_event < n < gone.next_event)
+        self._ends_gone.update(within)
 
     def _folder(self, found: FolderFiles) -> None:
         """Compare what its mark and metadata.yaml know; a leftover's hash must have come."""
@@ -449,7 +486,11 @@ class Verifier:
             self.findings.append(Finding("duplicated", Severity.DAMAGE, path, None, None, text))
 
     def _check_head(self) -> None:
-        if self._head is None or self._head_event is not None:
+        if self._head is None:
+            return
+        if self._head_event is not None:
+            if self._head_unvouched:
+                self.findings.append(self._unvouched())
             return
         gone = self.chain.taken_out.commits
         or_gone = f", or it is of one of the {counted(gone, 'commit')} that were taken out"
@@ -459,6 +500,14 @@ class Verifier:
             f"cut, or the log was rewritten{or_gone if gone else ''}"
         )
         self.findings.append(Finding("head", Severity.DAMAGE, self.path, None, None, text))
+
+    def _unvouched(self) -> Finding:
+        text = (
+            f"not vouched for: {counted(self._head_unvouched, 'record')} of commits that lack some "
+            "of theirs, before commits that are gone, or of keyframes there: this head does not "
+            "bind them; an officer's signature does (`verify --public-key`)"
+        )
+        return Finding("taken-out", Severity.NOT_AS_SIGNED, self.path, None, None, text)
 
     def _check_trimming(self) -> None:
         """Compare what was taken out with what the log's last event about it tells."""
@@ -496,9 +545,7 @@ class Verifier:
         chain = self.chain
         header = next((f.header for f in found.segments if f.header is not None), None)
         since = None if self._head_event is None else chain.next_event - 1 - self._head_event
-        self._ends[chain.next_event] = CommitEnd(
-            chain.head, chain.commits + chain.taken_out.commits, self._recorded_ns
-        )
+        self._ends[chain.next_event] = self._end
         return Verification(
             path=self.path,
             findings=tuple(sorted(self.findings, key=_weight)),
@@ -514,6 +561,12 @@ class Verifier:
             first_event=self._first_event,
             next_event=chain.next_event,
             closed_before=self._closed_before,
+            segment_ends=tuple(self._segment_ends),
+            ends_gone=frozenset(self._ends_gone),
+            taken_before=chain.unbound.before,
+            trimming_before=self._trimming_before,
+            events_gone=chain.taken_out.events,
+            notes_gone=chain.taken_out.notes,
         )
 
     def _reread(self, place: KeyframePlace) -> Iterator[Piece]:

@@ -115,6 +115,10 @@ class SegmentChain:
         """Whether there is one segment, and never was another."""
         return self._header.number == 0
 
+    def begins_segment(self, next_event: int) -> bool:
+        """Tell whether an event is the first of the last segment, or follows a trimmed one."""
+        return self._header.trimmed is not None or self._header.first_event == next_event
+
     def begin_anew(self, keyframe: BuiltChunk) -> None:
         """Put a new segment in the place of the only one, which holds no events."""
         first, small = self.live, self._small

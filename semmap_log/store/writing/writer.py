@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.domain.commits import NO_CONTENT, Commit, Durability, Note
@@ -47,6 +48,16 @@ class Environment:
     """Called there behind each of them."""
 
 
+class Written(NamedTuple):
+    """How far a writer has come."""
+
+    next_event: int
+    head: bytes
+    """Hash of the last commit."""
+    commits: int
+    """That this writer has appended."""
+
+
 class LogWriter:
     """Appends commits: one thread at a time; `make_durable` may be called by any, meanwhile."""
 
@@ -63,6 +74,8 @@ class LogWriter:
         self.next_event = 0
         self.last_ns = 0
         self._last_hash = NO_HASH
+        self.written = Written(0, NO_HASH, 0)
+        """How far it has come; one value, for other threads."""
         self._lock = lock
         self._commands = CommandMemory(folder, lambda: self._chain.live, self.flush)
         self._chain = SegmentChain(
@@ -97,6 +110,7 @@ class LogWriter:
         self.last_ns = reader.last_log_time_ns()
         if commit:
             self.next_event, self._last_hash = commit.last_event + 1, commit.hash
+            self.written = Written(self.next_event, commit.hash, 0)
         self._syncs.durable_before = self.next_event  # closed, or about to be copied and synced
         self._chain.take_up(reader, self._end)
 
@@ -152,6 +166,11 @@ class LogWriter:
     @property
     def _end(self) -> LogEnd:
         return LogEnd(self.next_event, self._last_hash)
+
+    @property
+    def begins_segment(self) -> bool:
+        """Whether the next commit is the first after a keyframe that may be in no segment yet."""
+        return self._chain.begins_segment(self.next_event)
 
     @property
     def durable_before(self) -> int:
@@ -240,6 +259,7 @@ class LogWriter:
             commit = builder.commit
         self.next_event, self.last_ns = commit.last_event + 1, commit.closed_ns
         self._last_hash = commit.hash
+        self.written = Written(self.next_event, commit.hash, self.written.commits + 1)
         self._commands.add(commit)
         self._in_commit = False
         return commit

@@ -1,0 +1,1 @@
+"""Signed logs, and what somebody without their keys does to them."""
