@@ -232,11 +232,17 @@ class _DoorPlanner:
         return found
 
     def called_so(self, door: TableDoor) -> Door | None:
-        """Return what the log has under the id of a file's door, else under its level and name."""
+        """Return what the log has under the id of a file's door, else its level and name.
+
+        A door without both is the one without a name that lies just there.
+        """
         doors = self.present.door_map.doors
         if door.door_id is not None:
             return doors.get(door.door_id)
         level, name = self.level_of.get(door.level, door.level), door.annotations.get("name")
+        if name is None:
+            there = (each for each in doors.values() if each.level == level and not each.name)
+            return next((each for each in there if _is_at(door, each)), None)
         found = [other for other in doors.values() if (other.level, other.name) == (level, name)]
         if len(found) > 1:
             line = command_line(
@@ -357,6 +363,11 @@ def differences(door: TableDoor, there: Door) -> Iterator[tuple[str, object, obj
     for key, value in door.annotations.items():
         if there.annotations.get(key) != value:
             yield key, repr(there.annotations.get(key, "")), repr(value)
+
+
+def _is_at(door: TableDoor, there: Door) -> bool:
+    """Tell whether a file's door lies just where one of the log does."""
+    return all(getattr(door, name) == getattr(there, name) for name in ("x", "y", "theta", "width"))
 
 
 def _listed(clashes: list[str], remedy: str) -> str:
