@@ -174,6 +174,7 @@ class _LinePlanner:
         return is_copy and self.times.can_be_kept(self.now_ns)
 
     def warnings(self) -> Iterator[str]:
+        yield from self.reader.order.warnings()
         note = self.options.note
         if (note.actor or note.reason) and self.count and not self.uses_note:
             yield (

@@ -13,6 +13,7 @@ from semmap_log.domain.meaning import Changed
 from semmap_log.errors import FormatError, UnknownDoorError
 from semmap_log.folds.levels import NUMBER_PREFIX, level_called, levels_of
 from semmap_log.formats.json.event_json_reader import DoorLookup, ParsedLine, parse_event_line
+from semmap_log.formats.parsing.file_order import FileOrder
 from semmap_log.formats.parsing.foreign_file import numbered_lines
 from semmap_log.formats.parsing.problems import Problems, shown
 from semmap_log.formats.parsing.strict_json import MOST_LINE_BYTES
@@ -27,7 +28,7 @@ class LineReader:
 
     def __init__(self, path: Path, present: Present, tz: str) -> None:
         self.path = path
-        self.tz = tz
+        self.order = FileOrder(tz)
         self.problems = Problems(path)
         self.lookup = DoorLookup(self._resolve, self._next_id, self._level_of, self._level)
         self.door_map = present.door_map
@@ -54,7 +55,7 @@ class LineReader:
     def _read(self, number: int, text: str) -> ParsedLine | None:
         try:
             parsed = parse_event_line(
-                text, tz=self.tz, lookup=self.lookup, path=self.path, line=number
+                text, lookup=self.lookup, order=self.order, path=self.path, line=number
             )
         except FormatError as error:
             self.problems.add(number, error.first)
@@ -77,6 +78,7 @@ class LineReader:
     # What the reader of a line asks
 
     def _resolve(self, text: str) -> DoorId:
+        text = text.strip()
         found = {*self.doors_called[text]}
         slash = text.find("/")
         while 0 <= slash <= max(self.longest_level, MOST_LEVEL_DIGITS):

@@ -1,5 +1,7 @@
 """A CSV file in blocks of whole lines: plain ones as columns of texts, others row by row.
 
+Blanks around a cell do not count.
+
 A plain block has no quotes and as many commas in each line: where its cells lie is found at once.
 Any other goes through Python's own reader, which knows all of CSV and says what is wrong.
 """
@@ -117,7 +119,7 @@ class CsvBlocks:
         self._count(len(starts))
         self._in_block = len(starts)
         found = [
-            None if at is None else TextColumn(plain, edges[:, at] + 1, lengths[:, at].copy())
+            None if at is None else TextColumn(plain, edges[:, at] + 1, lengths[:, at]).stripped()
             for at in self._places
         ]
         return Columns(len(starts), found)
@@ -132,7 +134,7 @@ class CsvBlocks:
             FormatError: It is not CSV, or not text.
         """
         found = [
-            Row(line, [cells[at] if at is not None else "" for at in self._places])
+            Row(line, [cells[at].strip() if at is not None else "" for at in self._places])
             for line, cells in takewhile(lambda _: not self._problems.is_full, self._cells(block))
             if has_length(line, cells, self._width, self._problems)
         ]
@@ -154,7 +156,7 @@ class CsvBlocks:
     def _cells(self, block: bytes) -> Iterator[Row]:
         """Yield every row that is not blank, all its cells, by Python's reader."""
         self._lines, self._at = block, 0
-        reader = csv.reader(self._texts(), strict=True)
+        reader = csv.reader(self._texts(), strict=True, skipinitialspace=True)
         while self._pass_blank_lines():
             try:
                 cells = next(reader, None)

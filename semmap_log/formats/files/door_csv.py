@@ -1,8 +1,9 @@
 """Door logs as CSV: `timestamp,door,state[,accuracy]`, a row a change or a sighting.
 
 A row with an accuracy is a sighting, one without an update. Times without an offset are a zone's
-wall clock. A second file may say in which windows of time a door's state is known at all. How
-names are written that a spreadsheet or a terminal would obey is told in `csv_text`.
+wall clock; in the hour that comes twice the order of the rows tells which is meant. A second file
+may say in which windows of time a door's state is known at all. How names are written that a
+spreadsheet or a terminal would obey, `csv_text` says.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from semmap_log.formats.files.csv_sightings import Sighting, SightingColumns, Si
 from semmap_log.formats.files.csv_times import instants_in, instants_of
 from semmap_log.formats.files.csv_windows import KnownTimes, KnownWindow, read_windows
 from semmap_log.formats.parsing.csv_text import harmless, is_written_otherwise, meant
+from semmap_log.formats.parsing.file_order import FileOrder
 from semmap_log.formats.parsing.problems import Problems, shown
 from semmap_log.formats.parsing.text_column import TextCodes, TextColumn, decimals_in
 
@@ -93,6 +95,7 @@ class _Reader:
         self.problems = problems
         self.windows = windows
         self.tz = tz
+        self.order = FileOrder(tz)
         self.names = TextCodes()
         self.states = TextCodes()
         self.known: list[KnownTimes | None] = []
@@ -119,14 +122,17 @@ class _Reader:
         assert states is not None
         if not columns.lines:
             return True
-        ns, _, wrong = instants_in(times, tz=self.tz)
+        ns, second_ns, wrong = instants_in(times, tz=self.tz)
         state = self.state_numbers(states)
         accuracy = None if accuracies is None else decimals_in(accuracies)
         if wrong or state is None or not _are_shares(accuracy, accuracies):
             return False
+        if (ns != second_ns).any():  # the order of the rows decides
+            return False
         door = self.door_numbers(names)
         if door is None or not self.runs_forward(door, ns):
             return False
+        self.order.pass_clear(ns)
         self.rows += len(ns)
         self.kept.add(door, ns, state, accuracy)
         return True
@@ -163,7 +169,7 @@ class _Reader:
 
     def read(self, rows: list[Row]) -> None:
         """Read rows one by one."""
-        first, second, wrong = instants_of([row.texts[0].strip() for row in rows], tz=self.tz)
+        first, second, wrong = instants_of([row.texts[0] for row in rows], tz=self.tz)
         stamps = zip(rows, first.tolist(), second.tolist(), strict=True)
         for index, ((line, (_, name, state_text, accuracy_text)), ns, later_ns) in enumerate(
             stamps
@@ -179,8 +185,8 @@ class _Reader:
             if index in wrong:
                 self.problems.add(line, wrong[index])
             elif state is not None and door is not None:
-                last_ns = int(self.last_ns[door])
-                self.add(door, ns if ns >= last_ns else later_ns, state, accuracy, line)
+                happened_ns = self.order.chosen(ns, later_ns, own_last_ns=int(self.last_ns[door]))
+                self.add(door, happened_ns, state, accuracy, line)
         self.keep_waiting()
 
     def add(self, door: int, ns: int, state: DoorState, accuracy: float, line: int) -> None:
@@ -273,6 +279,7 @@ class _Reader:
         )
 
     def warnings(self) -> Iterator[str]:
+        yield from self.order.warnings()
         for name, known in zip(self.doors, self.known, strict=True):
             if known is not None and known.rows_outside:
                 yield (
@@ -285,7 +292,7 @@ class _Reader:
 
 def _is_plain_name(text: bytes) -> bool:
     name = text.decode()
-    return bool(name.strip()) and not is_written_otherwise(name)
+    return bool(name) and name == name.strip() and not is_written_otherwise(name)
 
 
 def _is_state(text: bytes) -> bool:
