@@ -57,7 +57,8 @@ def plan_bag(
         count=count,
         summary=passage.summary(count),
         left_out=passage.left_out,
-        warnings=(*passage.complaints.lines(), *passage.notes()),
+        warnings=(*passage.complaints.lines(), *passage.no_poses, *passage.notes()),
+        nothing="" if count else passage.nothing,
     )
 
 
@@ -118,6 +119,8 @@ class _Passage:
     actors: int = 0
     made: dict[str, int] = field(default_factory=dict)
     """Kind of event -> how many there are."""
+    no_poses: tuple[str, ...] = ()
+    """Why topics of transforms never gave a pose."""
 
     def events(self) -> Iterator[Event]:
         translator = Translator(self.mapping, self.known, self.complaints)
@@ -137,6 +140,14 @@ class _Passage:
                     kind = type(event).__name__
                     self.made[kind] = self.made.get(kind, 0) + 1
                     yield event
+        self.no_poses = translator.why_no_poses()
+
+    @property
+    def nothing(self) -> str:
+        """Why no message is an event; empty: they say what the log holds already."""
+        if not self.messages:
+            return "the topics that are read have no messages"
+        return "; ".join((*self.complaints.lines(), *self.no_poses))
 
     def summary(self, count: int) -> tuple[str, ...]:
         made = ", ".join(f"{name} {n:,}" for name, n in sorted(self.made.items()))

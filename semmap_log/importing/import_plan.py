@@ -93,6 +93,8 @@ class ImportPlan:
     warnings: tuple[str, ...] = ()
     there: tuple[DoorId, ...] = ()
     """Doors of the file that the log has already."""
+    nothing: str = ""
+    """Why nothing of the file can be imported; empty: something can, or the log holds it."""
 
 
 def plan_doors(
@@ -171,6 +173,7 @@ class _DoorPlanner:
             left_out=self.table.left_out,
             warnings=self.table.warnings,
             there=tuple(self.there_already),
+            nothing="" if self.table.doors or self.table.levels else "expected doors, got none",
         )
 
     def levels(self) -> Iterator[Event]:

@@ -156,6 +156,7 @@ def import_file(
         taken = LineOptions(zone, command_id, note, log.info.timezone, options.at_ns)
         return _import_lines(log, path, taken, progress)
     plan = plan_of(log, path, options)
+    refuse_nothing(path, plan)
     if options.since_ns is not None:
         plan = _with_backdated(log, plan, options.since_ns)
     if plan.count == 0:
@@ -186,6 +187,16 @@ def backdate(
         return Imported(plan, None)
     appended = log.append(plan.events, note=note, command_id=command_id)
     return Imported(plan, appended.commit.last_event - plan.count + 1)
+
+
+def refuse_nothing(path: Path, plan: ImportPlan) -> None:
+    """Return if a file has something that can be imported, or that the log holds.
+
+    Raises:
+        FormatError: It has not.
+    """
+    if plan.nothing:
+        raise FormatError(path, f"nothing of it can be imported: {plan.nothing}")
 
 
 def _with_backdated(log: DoorLogWriter, plan: ImportPlan, since_ns: int) -> ImportPlan:
@@ -390,8 +401,10 @@ def _import_lines(
 ) -> Imported:
     lines = plan_event_lines(path, _present(log), options, StoredCommits(log), now_ns=log.now_ns())
     plan = ImportPlan(
-        (), lines.count, lines.summary, left_out=lines.left_out, warnings=lines.warnings
-    )
+        (), lines.count, lines.summary, left_out=lines.left_out, warnings=lines.warnings,
+        nothing=lines.nothing,
+    )  # fmt: skip
+    refuse_nothing(path, plan)
     return Imported(plan, append_lines(log, lines, progress))
 
 

@@ -68,6 +68,8 @@ class LinesPlan:
     warnings: tuple[str, ...]
     groups: int
     """Of how many commits the file is."""
+    nothing: str
+    """Why nothing of it can be imported; empty: something can, or the log holds it."""
     options: LineOptions
     _present: Present = field(repr=False)
     _kept: list[tuple[int, ParsedLine]] | None = field(repr=False)
@@ -162,6 +164,7 @@ class _LinePlanner:
             left_out=tuple(self.left_out),
             warnings=tuple(self.warnings()),
             groups=self.groups,
+            nothing=self.nothing,
             options=self.options,
             _present=self.present,
             _kept=self.kept,
@@ -172,6 +175,13 @@ class _LinePlanner:
         """Only a log that holds nothing but the file's events has learnt them when it says."""
         is_copy = self.stored_count == self.present.next_event
         return is_copy and self.times.can_be_kept(self.now_ns)
+
+    @property
+    def nothing(self) -> str:
+        """Why nothing of the file can be imported; empty: something can, or the log holds it."""
+        if self.count or self.stored_count:
+            return ""
+        return "; ".join(self.left_out) or "expected a JSON object a line, got none"
 
     def warnings(self) -> Iterator[str]:
         yield from self.reader.order.warnings()

@@ -79,6 +79,7 @@ def plan_sightings(
             ),
         ),
         warnings=sightings.warnings,
+        nothing="" if len(sightings) else "expected rows after the header, got none",
     )
 
 
