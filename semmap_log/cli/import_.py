@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -36,8 +37,9 @@ from semmap_log.cli.proposing import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from semmap_log.domain.commits import Note
     from semmap_log.door_log.door_log import DoorLog
-    from semmap_log.door_log.door_log_writer import DoorLogWriter
+    from semmap_log.importing.importing import ImportOptions
 
 
 def run(
@@ -104,7 +106,20 @@ def run(
         MapServer | None,
         typer.Option("--map-rules", help="As which map_server to read a map; nav2."),
     ] = None,
+    new_doors: Annotated[
+        bool,
+        typer.Option(
+            "--new-doors", help="CSV: add doors that the log does not have, though it has others."
+        ),
+    ] = False,
     dry_run: DryRun = False,
+    source: Annotated[
+        str,
+        typer.Option(
+            "--source",
+            help="Which sensor it is of: only what the log has of that one is the same sighting.",
+        ),
+    ] = "",
     actor: Annotated[str, typer.Option("--actor", help="Who did it.")] = "",
     reason: Annotated[str, typer.Option("--reason", help="Why.")] = "",
     as_json: AsJson = False,
@@ -182,22 +197,24 @@ def run(
         options = ImportOptions(level=level, mapping=mapping, scan=scans)
         propose(log, files[0], options, asked, actor=actor, reason=reason, as_json=as_json)
         return
+
+    def options_for(opened: DoorLog) -> ImportOptions:
+        return ImportOptions(
+            level=level, windows=windows, tz=tz, update=update, renumber=renumber,
+            at_ns=_time_ns(opened, at, "--at"),
+            since_ns=_since_ns(opened, since, since_ever=since_ever), mapping=mapping, scan=scans,
+            map_rules=None if map_rules is None else map_rules.value, new_doors=new_doors,
+        )  # fmt: skip
+
+    note = sl.Note(actor=actor, source=source, reason=reason)
     if dry_run:
         reader = sl.read(log)
-        since_ns = _time_ns(reader, since, "--since")
-        options = ImportOptions(level=level, mapping=mapping, scan=scans, since_ns=since_ns)
-        _show(reader, files, options, actor)
+        _show(reader, files, options_for(reader), note)
         return
     results = []
     with sl.append(log) as opened:
-        at_ns = _time_ns(opened, at, "--at")
-        since_ns = _since_ns(opened, since, since_ever=since_ever)
-        options = ImportOptions(
-            level=level, windows=windows, tz=tz, update=update, renumber=renumber, at_ns=at_ns,
-            since_ns=since_ns, mapping=mapping, scan=scans,
-            map_rules=None if map_rules is None else map_rules.value,
-        )  # fmt: skip
-        note = sl.Note(actor=actor, reason=reason)
+        options = options_for(opened)
+        since_ns = options.since_ns
         if not files:
             moved = backdate(opened, since_ns or 0, note=note)
             results.append(_to_json(log, moved))
@@ -239,8 +256,8 @@ def _check_together(
         raise typer.BadParameter("give at least one file", param_hint="FILE")
     if by_scans and since_ever:
         raise typer.BadParameter("of scans, say when: --since TIME", param_hint="--since-ever")
-    if dry_run and is_dated and not by_scans:
-        raise typer.BadParameter("shows what a bag would bring", param_hint="--dry-run")
+    if dry_run and not files:
+        raise typer.BadParameter("shows what a file would bring", param_hint="--dry-run")
 
 
 @contextmanager
@@ -253,14 +270,16 @@ def _told_of_ctrl_c(file: Path) -> Iterator[None]:
         raise
 
 
-def _since_ns(log: DoorLogWriter, since: str | None, *, since_ever: bool) -> int | None:
+def _since_ns(log: DoorLog, since: str | None, *, since_ever: bool) -> int | None:
     """Return from when on doors are there, as asked for; None: it was not asked.
 
     Raises:
         MomentError: It is no time, or is to come.
     """
     from semmap_log.errors import MomentError
+    from semmap_log.importing.present_log import now_ns
 
+    log_now_ns = now_ns(log)
     if since_ever:
         ever_ns = log.since_ever_ns()
         if ever_ns is None:
@@ -268,10 +287,10 @@ def _since_ns(log: DoorLogWriter, since: str | None, *, since_ever: bool) -> int
                 "--since-ever: the log tells of nothing yet, so the doors are there from "
                 "now on; give a time with --since, or this again once older events are in."
             )
-            return log.now_ns()
+            return log_now_ns
         return ever_ns
-    since_ns = _time_ns(log, since, "--since", now_ns=log.now_ns())
-    if since_ns is not None and since_ns > log.now_ns():
+    since_ns = _time_ns(log, since, "--since", now_ns=log_now_ns)
+    if since_ns is not None and since_ns > log_now_ns:
         raise MomentError(f"--since: expected a time up to now, got {since!r}.")
     return since_ns
 
@@ -292,30 +311,38 @@ def _time_ns(
     return moment.ns
 
 
-def _show(opened: DoorLog, files: list[Path], options: Any, actor: str) -> None:
-    """Print the events that bags would bring to the log as it is, one a line.
+def _show(opened: DoorLog, files: list[Path], options: ImportOptions, note: Note) -> None:
+    """Print the events that files would bring to the log as it is, one a line.
 
     Raises:
-        FormatError: A file is no bag, or cannot be read.
+        FormatError: A file cannot be read, or nothing of it can be imported.
     """
-    from semmap_log.errors import FormatError
     from semmap_log.formats.bags.bag_reading import is_bag
-    from semmap_log.importing.importing import command_id_of, plan_bag_import, plan_scan_import
+    from semmap_log.importing.importing import command_id_of, plan_file, plan_scan_import
+    from semmap_log.importing.line_numbers import NumberMap
 
+    options = replace(options, source=note.source)
     for file in files:
-        if not is_bag(file):
-            raise FormatError(file, "--dry-run shows what a bag would bring; this is none")
-        with progress(f"Reading {file.name}", unit="messages") as told:
-            found = plan_scan_import(opened, file, options, told, actor=actor)
-        if found is not None:
-            tell_scan_import(file, found)
-            continue
+        if is_bag(file):
+            with progress(f"Reading {file.name}", unit="messages") as told:
+                found = plan_scan_import(opened, file, options, told, actor=note.actor)
+            if found is not None:
+                tell_scan_import(file, found)
+                continue
         known = command_id_of(file, options)
         if any(commit.command_id == known for commit in opened.commits()):
             say(f"{file}: imported before; nothing would be made.")
             continue
-        with progress(f"Reading {file.name}", unit="messages") as told:
-            plan = plan_bag_import(opened, file, options, told)
+        with progress(f"Reading {file.name}", unit="entries") as told:
+            plan, lines = plan_file(opened, file, options, note=note, progress=told)
+        if lines is not None:
+            numbers = NumberMap()
+            events = (
+                each.event
+                for commit in lines.commits()
+                for each in commit.events(numbers, options.at_ns)
+            )
+            plan = replace(plan, events=events)
         tell_plan(file, plan)
 
 

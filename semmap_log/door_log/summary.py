@@ -16,6 +16,7 @@ from semmap_log.domain.commits import Durability
 from semmap_log.domain.doors import DoorMap
 from semmap_log.domain.events import KINDS
 from semmap_log.domain.moments import format_local
+from semmap_log.domain.suspect_units import suspect_units
 from semmap_log.door_log.backdating import early_events, remedy
 from semmap_log.door_log.door_labels import labels_of
 from semmap_log.door_log.personal_data import PersonalData
@@ -160,6 +161,11 @@ def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
         f"{door.prob_open + door.prob_closed:.3g}, above 1"
         for door in door_map.doors.values()
         if door.prob_open + door.prob_closed > 1 + 1e-9
+    ]
+    warnings += [
+        f"{labels.get(door.door_id, door.label)}: {what}"
+        for door in door_map.doors.values()
+        for what in suspect_units(theta=door.theta, width=door.width)
     ]
     return warnings
 

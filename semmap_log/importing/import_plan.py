@@ -34,6 +34,7 @@ from semmap_log.domain.events import (
     Retracted,
 )
 from semmap_log.domain.meaning import PLACING, changed
+from semmap_log.domain.suspect_units import suspect_units
 from semmap_log.door_log.backdating import added_since
 from semmap_log.door_log.door_index import DoorIndex
 from semmap_log.door_log.known_past import KnownPast
@@ -171,10 +172,16 @@ class _DoorPlanner:
             count=len(events),
             summary=(f"doors: {doors}", *self.said),
             left_out=self.table.left_out,
-            warnings=self.table.warnings,
+            warnings=(*self.table.warnings, *self.suspect()),
             there=tuple(self.there_already),
             nothing="" if self.table.doors or self.table.levels else "expected doors, got none",
         )
+
+    def suspect(self) -> Iterator[str]:
+        """Yield what looks like another unit."""
+        for door in self.table.doors:
+            for what in suspect_units(theta=door.theta, width=door.width):
+                yield f"{self.where(door)}: {what}"
 
     def levels(self) -> Iterator[Event]:
         known = {

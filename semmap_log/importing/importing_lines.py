@@ -22,11 +22,14 @@ from semmap_log.domain.events import (
     Retracted,
     RobotPose,
 )
+from semmap_log.domain.suspect_units import suspect_cells, suspect_units
 from semmap_log.door_log.door_index import DoorIndex
+from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandError
 from semmap_log.formats.json.event_json import means_same
 from semmap_log.formats.json.event_json_reader import ParsedLine
+from semmap_log.importing.held_lines import HeldLines
 from semmap_log.importing.import_plan import Present, weight_of
 from semmap_log.importing.line_commits import LineOptions, PlannedCommit, grouped, taken
 from semmap_log.importing.line_numbers import NumberMap, OpenRetractions
@@ -68,6 +71,8 @@ class LinesPlan:
     warnings: tuple[str, ...]
     groups: int
     """Of how many commits the file is."""
+    held_lines: frozenset[int]
+    """Lines whose sightings the log holds by another file."""
     nothing: str
     """Why nothing of it can be imported; empty: something can, or the log holds it."""
     options: LineOptions
@@ -77,17 +82,19 @@ class LinesPlan:
     @property
     def summary(self) -> tuple[str, ...]:
         """What the events do, in words."""
+        held = len(self.held_lines)
+        known = (f"in the log already, by another file: {held:,}",) if held else ()
         if not self.count:
-            return ()
+            return known
         said = f"events: {self.count:,}, in {counted(self.commit_count, 'commit')}"
         if not self.has_recorded:
-            return (said,)
+            return (said, *known)
         kept = (
             "as in the file, so that `known_at` gives the same answers"
             if self.keeps_recorded
             else "now; a new log, without events of its own, keeps those of the file"
         )
-        return said, f"recorded: {kept}"
+        return said, *known, f"recorded: {kept}"
 
     def commits(self) -> Iterator[PlannedCommit]:
         """Yield the commits of the file, those that the log holds, too.
@@ -97,13 +104,15 @@ class LinesPlan:
         """
         reader = LineReader(self.path, self._present, self.options.tz)
         lines = iter(self._kept) if self._kept is not None else reader.lines()
-        yield from grouped(lines, self.options, self.groups)
+        left = (line for line in lines if line[0] not in self.held_lines)
+        yield from grouped(left, self.options, self.groups)
         reader.problems.raise_any()
 
 
 def plan_event_lines(
-    path: Path, present: Present, options: LineOptions, stored: Stored, *, now_ns: int
-) -> LinesPlan:
+    path: Path, present: Present, options: LineOptions, stored: Stored, *, now_ns: int,
+    log: DoorLog | None = None,
+) -> LinesPlan:  # fmt: skip
     """Return the commits of a file of JSON lines, gzipped or not; all of it is checked.
 
     A line may name a door of the log, or one that an earlier line added and named.
@@ -114,23 +123,27 @@ def plan_event_lines(
         options: How the lines are taken.
         stored: The commits that the log holds.
         now_ns: The log's clock: nothing was recorded later.
+        log: Lines that no log wrote are left out if it holds what they say by another file, from
+            the same source where they tell one; None: nothing is looked for.
 
     Raises:
         FormatError: The file cannot be read, or a line is wrong; names the lines.
     """
-    return _LinePlanner(path, present, options, stored, now_ns).plan()
+    return _LinePlanner(path, present, options, stored, now_ns=now_ns, log=log).plan()
 
 
 class _LinePlanner:
     """Checks every commit of a file: against the log as it will be then, or as the one it holds."""
 
     def __init__(
-        self, path: Path, present: Present, options: LineOptions, stored: Stored, now_ns: int
-    ) -> None:
+        self, path: Path, present: Present, options: LineOptions, stored: Stored, *, now_ns: int,
+        log: DoorLog | None,
+    ) -> None:  # fmt: skip
         self.present, self.options, self.stored, self.now_ns = present, options, stored, now_ns
         self.reader = LineReader(path, present, options.tz)
         self.problems = self.reader.problems
         self.checks = _Checks(present, stored)
+        self.held = None if log is None else HeldLines(log, stored, options)
         self.numbers = NumberMap()
         self.times = _RecordedTimes()
         self.uncovered = OpenRetractions()
@@ -140,6 +153,7 @@ class _LinePlanner:
         self.zones: dict[str, None] = {}
         """Of the logs that wrote the lines."""
         self.left_out: list[str] = []
+        self.suspects: list[str] = []
         self.kept: list[tuple[int, ParsedLine]] | None = []
         self.kept_weight = 0
 
@@ -165,6 +179,7 @@ class _LinePlanner:
             warnings=tuple(self.warnings()),
             groups=self.groups,
             nothing=self.nothing,
+            held_lines=frozenset() if self.held is None else frozenset(self.held.lines),
             options=self.options,
             _present=self.present,
             _kept=self.kept,
@@ -179,12 +194,13 @@ class _LinePlanner:
     @property
     def nothing(self) -> str:
         """Why nothing of the file can be imported; empty: something can, or the log holds it."""
-        if self.count or self.stored_count:
+        if self.count or self.stored_count or (self.held is not None and self.held.lines):
             return ""
         return "; ".join(self.left_out) or "expected a JSON object a line, got none"
 
     def warnings(self) -> Iterator[str]:
         yield from self.reader.order.warnings()
+        yield from self.suspects
         note = self.options.note
         if (note.actor or note.reason) and self.count and not self.uses_note:
             yield (
@@ -207,7 +223,8 @@ class _LinePlanner:
             )
 
     def lines(self) -> Iterator[tuple[int, ParsedLine]]:
-        for number, parsed in self.reader.lines():
+        lines = self.reader.lines()
+        for number, parsed in lines if self.held is None else self.held.left(lines):
             if self.kept is not None:
                 self.kept.append((number, parsed))
                 self.kept_weight += weight_of(parsed.event)
@@ -263,9 +280,20 @@ class _LinePlanner:
             if parsed.number is not None:
                 self.numbers.add(parsed.number, self.present.next_event + self.count)
             self.times.add(parsed)
+            self.suspect_units(line, event)
             self.count += 1
         self.commit_count += self.count > before
         self.uses_note |= commit.note is self.options.note
+
+    def suspect_units(self, line: int, event: Event) -> None:
+        """Take note of values that look like degrees or millimetres."""
+        if isinstance(event, DoorAdded | DoorUpdated):
+            found = suspect_units(theta=event.theta, width=event.width)
+        elif isinstance(event, FloorMap):
+            found = suspect_cells(resolution=event.resolution, theta=event.origin_theta)
+        else:
+            return
+        self.suspects += [f"line {line}: {what}" for what in found]
 
     def compare(self, commit: PlannedCommit, stored: StoredCommand) -> None:
         """Note a line that is another than the one that the log holds of the same command."""
