@@ -144,7 +144,7 @@ def test_an_import_says_it(log: sl.DoorLogWriter, tmp_path: Path) -> None:
     ))  # fmt: skip
 
     with pytest.warns(EarlyEventsWarning, match=r"^5 events of 1 door \(front\)"):
-        import_file(log, rows)
+        import_file(log, rows, ImportOptions(new_doors=True))
 
 
 def test_info_flags_it_until_it_is_put_right(log: sl.DoorLogWriter) -> None:
@@ -401,7 +401,7 @@ def test_from_the_warning_to_the_right_answer(run: Run) -> None:
         (["history.csv", "--at", "event:0"], 1, "--at: expected a time, got an event number"),
         (["-"], 2, "standard input is what `record` reads"),
         (["history.csv", "--since", "2026-01-01"], 1, "its events say when they were"),
-        (["house.building.yaml", "--since-ever", "--dry-run"], 2, "shows what a bag would bring"),
+        (["--since-ever", "--dry-run"], 2, "shows what a file would bring"),
     ],
 )
 def test_what_makes_no_sense_is_refused(

@@ -13,6 +13,7 @@ from rosbags.rosbag2 import Writer
 
 import semmap_log as sl
 from semmap_log.cli import main
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import reduced
 from semmap_log.domain.events import LevelAdded, RobotPose
 from semmap_log.errors import CommandError, FormatError
@@ -327,18 +328,34 @@ def test_a_dry_run_of_a_bag_that_was_imported_shows_nothing(
     assert "imported before; nothing would be made" in captured.err
 
 
-def test_a_dry_run_is_of_bags(
-    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.parametrize(
+    ("name", "text", "kinds"),
+    [
+        ("doors.csv", "timestamp,door,state\n@1,front,open\n",
+         ["DoorAdded", "DoorAnnotated", "DoorUpdated"]),
+        ("doors.yaml", "1: {position: {x: 0, y: 0, theta: 0}, width: 1}", ["DoorAdded"]),
+        ("doors.jsonl", '{"kind": "DoorAdded", "level": 0}\n', ["DoorAdded"]),
+    ],
+)  # fmt: skip
+def test_a_dry_run_is_of_any_file(
+    office: Path, tmp_path: Path, *, capsys: pytest.CaptureFixture[str], name: str, text: str,
+    kinds: list[str],
+) -> None:  # fmt: skip
     """
-    Of another file it is refused, and does not import it after all.
+    Its events are shown, and nothing is written; the log may be somebody's who writes.
     """
-    (tmp_path / "doors.csv").write_text("timestamp,door,state\n@1,front,open\n")
+    (tmp_path / name).write_text(text)
 
-    assert 1 == _run("import", office, tmp_path / "doors.csv", "--dry-run")
+    with sl.append(office):
+        assert 0 == _run("import", office, tmp_path / name, "--dry-run")
 
-    assert "--dry-run shows what a bag would bring" in capsys.readouterr().err
+    out, err = capsys.readouterr()
+    assert kinds == [json.loads(line)["kind"] for line in out.splitlines()]
+    assert f"{name}: {counted(len(kinds), 'event')}; nothing was written." in err
     assert [] == list(sl.read(office).commits())
+    assert 0 == _run("import", office, tmp_path / name)
+    assert 0 == _run("import", office, tmp_path / name, "--dry-run")
+    assert "imported before; nothing would be made" in capsys.readouterr().err
 
 
 def test_progress_is_told_in_messages(tmp_path: Path, office: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from dataclasses import replace
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,6 +32,7 @@ from semmap_log.cli.proposing import (
     Proposing,
     Yes,
     check_proposing,
+    numbers_of,
     propose,
 )
 
@@ -40,6 +42,23 @@ if TYPE_CHECKING:
     from semmap_log.domain.commits import Note
     from semmap_log.door_log.door_log import DoorLog
     from semmap_log.importing.importing import ImportOptions
+
+
+class Preset(str, Enum):
+    """`semmap_log.formats.files.table_forms.PRESETS`, as typer wants its choices."""
+
+    home_assistant = "home-assistant"
+    zigbee2mqtt = "zigbee2mqtt"
+    casas = "casas"
+
+
+class Unit(str, Enum):
+    """`TimeUnit`, as typer wants its choices."""
+
+    s = "s"
+    ms = "ms"
+    us = "us"
+    ns = "ns"
 
 
 def run(
@@ -54,6 +73,28 @@ def run(
             help="By number or name. Building: only this level. Others: where their doors are, "
             "which level a map shows, where a bag's robot drove; needed if there are several."
         ),
+    ] = None,
+    preset: Annotated[
+        Preset | None,
+        typer.Option("--preset", help="A door log as another system writes it; see above."),
+    ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            "--columns",
+            metavar="time=A,door=B,state=C",
+            help="CSV: what the columns are called; accuracy=D, too.",
+        ),
+    ] = None,
+    states: Annotated[
+        str | None,
+        typer.Option(
+            "--states", metavar="WORD=STATE,…", help="CSV: what its words mean: on=open,off=closed."
+        ),
+    ] = None,
+    time_unit: Annotated[
+        Unit | None,
+        typer.Option("--time-unit", help="CSV: of times that are numbers since 1970."),
     ] = None,
     windows: Annotated[
         Path | None,
@@ -92,6 +133,10 @@ def run(
     since_ever: Annotated[
         bool,
         typer.Option("--since-ever", help="The same, before anything that the log tells."),
+    ] = False,
+    as_recorded: Annotated[
+        bool,
+        typer.Option("--as-recorded", help="The file's times are when it was known; see above."),
     ] = False,
     mapping: MappingFile = None,
     scan: Scan = None,
@@ -179,6 +224,7 @@ def run(
       semmap-log import office patrol.bag --scan --propose-doors --yes --only 4
     """
     import semmap_log as sl
+    from semmap_log.formats.files.table_forms import form_of
     from semmap_log.formats.kept_scans.kept_visit import folder_beside
     from semmap_log.importing.importing import ImportOptions, backdate, import_file
     from semmap_log.importing.scan_topics import ScanOptions
@@ -191,7 +237,13 @@ def run(
     scans = None if topics is None else ScanOptions(topics, pose_topic or "", band)
     is_by_scans = scans is not None
     _check_together(files, since, since_ever=since_ever, dry_run=dry_run, by_scans=is_by_scans)
-    asked = Proposing(propose_doors, yes, only, plot)
+    numbers = numbers_of(only) if propose_doors else None
+    form = form_of(
+        preset=None if preset is None else preset.value, columns=columns, states=states,
+        only=() if propose_doors else only or (),
+        unit=None if time_unit is None else time_unit.value,
+    )  # fmt: skip
+    asked = Proposing(propose_doors, yes, numbers, plot)
     check_proposing(asked, has_scan=scan is not None, files=files, dry_run=dry_run)
     if propose_doors:
         options = ImportOptions(level=level, mapping=mapping, scan=scans)
@@ -204,6 +256,7 @@ def run(
             at_ns=_time_ns(opened, at, "--at"),
             since_ns=_since_ns(opened, since, since_ever=since_ever), mapping=mapping, scan=scans,
             map_rules=None if map_rules is None else map_rules.value, new_doors=new_doors,
+            form=form, as_recorded=as_recorded,
         )  # fmt: skip
 
     note = sl.Note(actor=actor, source=source, reason=reason)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,11 +26,13 @@ from semmap_log.formats.files.building import read_building
 from semmap_log.formats.files.door_csv import read_door_csv
 from semmap_log.formats.files.door_table import DoorTable, TableDoor
 from semmap_log.formats.files.map_server import DEFAULT_RULES, is_map, picture_of, read_map
+from semmap_log.formats.files.table_forms import TableForm
 from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
 from semmap_log.formats.files.yaml_kinds import YamlKind, is_yaml, kind_of_yaml
 from semmap_log.formats.kept_scans.reading import kept_already
 from semmap_log.formats.kept_scans.writing import keeping_scans
 from semmap_log.formats.parsing.foreign_file import open_regular
+from semmap_log.importing.as_recorded import append_as_recorded
 from semmap_log.importing.bag_importing import plan_bag
 from semmap_log.importing.held_sightings import HeldSightings
 from semmap_log.importing.import_plan import ImportPlan, Present, plan_doors
@@ -86,6 +89,11 @@ class ImportOptions:
     """Bags: which lasers are looked through, beside those that the mapping names."""
     map_rules: RulesName | None = None
     """Maps: the server whose cells the picture's pixels become; None: nav2."""
+    as_recorded: bool = False
+    """The times of the file are when it was known: it is recorded then, where the log's order
+    allows that."""
+    form: TableForm | None = None
+    """How another system writes its door log, whatever the file is called; None: as our CSV."""
     new_doors: bool = False
     """CSV: names of no door are those of new ones, also in a log that has doors."""
     source: str = ""
@@ -139,14 +147,21 @@ def import_file(
             "topic is told by its whole name: --scan /scan."
         )
     found = _plan_scans(log, path, options, progress, keep_scans=keep_scans, actor=note.actor)
+    if found is not None and options.as_recorded:
+        raise CommandError(
+            f"{path}: --as-recorded: what lasers saw is made of the scans now; import the bag's "
+            "other topics, without --scan."
+        )
     if found is not None:
         said = note if note.source else replace(note, source=utf8_name(path))
         count, first = append_with_scans(log, found, said)
         plan = ImportPlan((), count, found.summary, found.left_out, found.warnings)
         return Imported(plan, first)
+    _refuse_since(path, options)
     options = replace(options, source=note.source)
     command_id = None
-    if tells_event_lines(path) or not (options.update or options.renumber):
+    is_lines = options.form is None and tells_event_lines(path)
+    if is_lines or not (options.update or options.renumber):
         command_id = command_id_of(path, options)
         if log.find_command(command_id) is not None:
             return Imported(ImportPlan((), 0), None, known_before=True)
@@ -157,6 +172,11 @@ def import_file(
         return Imported(plan, append_lines(log, lines, progress))
     if plan.count == 0:
         return Imported(plan, None)
+    if options.as_recorded:
+        first = append_as_recorded(
+            log, path, plan, note=note, file_id=command_id or os.urandom(16), progress=progress
+        )
+        return Imported(plan, first)
     appended = log.append(
         _told(plan.events, plan.count, progress),
         note=note,
@@ -178,8 +198,8 @@ def plan_file(
         FormatError: It cannot be read, is of no known format, or nothing of it can be imported.
         CommandError: The map forbids it, or an option is for other files.
     """
-    if tells_event_lines(path):
-        _refuse_since(path, options)
+    _refuse_since(path, options)
+    if options.form is None and tells_event_lines(path):
         lines = _plan_lines(log, path, options, note, command_id_of(path, options))
         plan = ImportPlan(
             (), lines.count, lines.summary, left_out=lines.left_out, warnings=lines.warnings,
@@ -187,9 +207,7 @@ def plan_file(
         )  # fmt: skip
         refuse_nothing(path, plan)
         return plan, lines
-    plan_of = _planner(path, progress)
-    if plan_of not in (_plan_building, plan_thesis_yaml, _plan_map):
-        _refuse_since(path, options)
+    plan_of = _planner(path, progress, has_form=options.form is not None)
     plan = plan_of(log, path, options)
     refuse_nothing(path, plan)
     if options.since_ns is not None and plan_of is not _plan_map:
@@ -203,7 +221,7 @@ def _refuse_since(path: Path, options: ImportOptions) -> None:
     Raises:
         CommandError: It is said.
     """
-    if options.since_ns is not None:
+    if options.since_ns is not None and not is_yaml(path):
         raise CommandError(
             f"{path}: its events say when they were; --since and --since-ever are about the doors "
             "of a building or a door database, and maps. For doors that are there, give no file."
@@ -285,6 +303,7 @@ def mapping_of(path: Path, options: ImportOptions) -> RosMapping:
     mine = ImportOptions(
         level=options.level, tz=options.tz, mapping=options.mapping, scan=options.scan,
         since_ns=since_ns, source=options.source, new_doors=options.new_doors,
+        as_recorded=options.as_recorded,
     )  # fmt: skip
     if options != mine:
         raise CommandError(
@@ -363,15 +382,16 @@ def tells_event_lines(path: Path) -> bool:
     return path.name.lower().removesuffix(".gz").endswith((".jsonl", ".ndjson"))
 
 
-def _planner(path: Path, progress: Progress | None) -> Planner:
-    if is_bag(path):
+def _planner(path: Path, progress: Progress | None, *, has_form: bool) -> Planner:
+    """Return what plans the import of a file."""
+    if not has_form and is_bag(path):
         return lambda log, path, options: plan_bag_import(log, path, options, progress)
-    if is_yaml(path):
+    if not has_form and is_yaml(path):
         by_kind: dict[YamlKind, Planner] = {
             "building": _plan_building, "map": _plan_map, "doors": plan_thesis_yaml,
         }  # fmt: skip
         return by_kind[kind_of_yaml(path)]
-    if path.name.lower().removesuffix(".gz").endswith(".csv"):
+    if has_form or path.name.lower().removesuffix(".gz").endswith((".csv", ".tsv")):
         return _plan_csv
     raise FormatError(path, f"its name tells no format that can be imported; known are {READABLE}.")
 
@@ -436,7 +456,7 @@ def _plan_table(present: Present, table: DoorTable, options: ImportOptions) -> I
 
 def _plan_csv(log: DoorLog, path: Path, options: ImportOptions) -> ImportPlan:
     zone = log.info.timezone if options.tz is None else options.tz
-    sightings = read_door_csv(path, windows=options.windows, tz=zone)
+    sightings = read_door_csv(path, windows=options.windows, tz=zone, form=options.form)
     there = present(log)
     level = None if options.level is None else resolve_level(options.level, there.door_map)
     # A name that a removed door bore is that of a new one with `renumber`: then nothing is held.
@@ -452,7 +472,13 @@ def _plan_lines(
 ) -> LinesPlan:
     zone = log.info.timezone if options.tz is None else options.tz
     taken = LineOptions(
-        zone, command_id, note, log.info.timezone, source=options.source, at_ns=options.at_ns
+        zone,
+        command_id,
+        note,
+        log.info.timezone,
+        source=options.source,
+        at_ns=options.at_ns,
+        as_recorded=options.as_recorded,
     )
     return plan_event_lines(
         path, present(log), taken, stored_commits(log), now_ns=now_ns(log),
@@ -464,7 +490,8 @@ def command_id_of(path: Path, options: ImportOptions) -> bytes:
     """Return the id of an import's commit: the same for the same bytes taken in the same way."""
     since = "" if options.since_ns is None else f" since {options.since_ns}"
     source = f" source {options.source}" if options.source else ""
-    how = f"import {options.level} {options.tz} {options.at_ns}{since}{source}"
+    form = f" form {_told_form(options.form)}" if options.form is not None else ""
+    how = f"import {options.level} {options.tz} {options.at_ns}{since}{source}{form}"
     whole = hashlib.sha256(how.encode())
     if options.map_rules is not None:
         whole.update(options.map_rules.encode())
@@ -475,6 +502,13 @@ def command_id_of(path: Path, options: ImportOptions) -> bytes:
         for part in [] if file is None else files_of(file):
             whole.update(_digest(part))
     return whole.digest()[:16]
+
+
+def _told_form(form: TableForm) -> str:
+    """Return a form as a text that is the same for the same form."""
+    line = "" if form.line is None else form.line.pattern
+    states = sorted((word, state.name) for word, state in form.states.items())
+    return repr((sorted(form.columns.items()), states, form.only, form.unit, line))
 
 
 def _digest(path: Path) -> bytes:

@@ -26,7 +26,7 @@ from semmap_log.domain.suspect_units import suspect_cells, suspect_units
 from semmap_log.door_log.door_index import DoorIndex
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.validator import Validator
-from semmap_log.errors import CommandError
+from semmap_log.errors import CommandError, FormatError
 from semmap_log.formats.json.event_json import means_same
 from semmap_log.formats.json.event_json_reader import ParsedLine
 from semmap_log.importing.held_lines import HeldLines
@@ -34,6 +34,7 @@ from semmap_log.importing.import_plan import Present, weight_of
 from semmap_log.importing.line_commits import LineOptions, PlannedCommit, grouped, taken
 from semmap_log.importing.line_numbers import NumberMap, OpenRetractions
 from semmap_log.importing.line_reading import LineReader
+from semmap_log.importing.recorded_times import RecordedTimes, last_recorded_ns
 from semmap_log.store.gone_commands import CommandSeal, StoredCommand
 
 MOST_KEPT = 100_000
@@ -63,8 +64,8 @@ class LinesPlan:
     """How many events the log does not hold yet."""
     commit_count: int
     """In how many commits."""
-    keeps_recorded: bool
-    """Whether the times at which another log recorded them can be this log's."""
+    why_recorded_now: str
+    """Why the times at which it was known cannot be this log's; empty: they are."""
     has_recorded: bool
     """Whether there are such times."""
     left_out: tuple[str, ...]
@@ -89,12 +90,18 @@ class LinesPlan:
         said = f"events: {self.count:,}, in {counted(self.commit_count, 'commit')}"
         if not self.has_recorded:
             return (said, *known)
+        why = self.why_recorded_now
         kept = (
-            "as in the file, so that `known_at` gives the same answers"
-            if self.keeps_recorded
-            else "now; a new log, without events of its own, keeps those of the file"
+            f"now, since {why}"
+            if why
+            else "as in the file, so that `known_at` gives the same answers"
         )
         return said, *known, f"recorded: {kept}"
+
+    @property
+    def keeps_recorded(self) -> bool:
+        """Whether the times at which it was known are this log's."""
+        return self.has_recorded and not self.why_recorded_now
 
     def commits(self) -> Iterator[PlannedCommit]:
         """Yield the commits of the file, those that the log holds, too.
@@ -102,7 +109,9 @@ class LinesPlan:
         Raises:
             FormatError: The file changed since it was planned.
         """
-        reader = LineReader(self.path, self._present, self.options.tz)
+        reader = LineReader(
+            self.path, self._present, self.options.tz, as_recorded=self.options.as_recorded
+        )
         lines = iter(self._kept) if self._kept is not None else reader.lines()
         left = (line for line in lines if line[0] not in self.held_lines)
         yield from grouped(left, self.options, self.groups)
@@ -140,12 +149,13 @@ class _LinePlanner:
         log: DoorLog | None,
     ) -> None:  # fmt: skip
         self.present, self.options, self.stored, self.now_ns = present, options, stored, now_ns
-        self.reader = LineReader(path, present, options.tz)
+        self.reader = LineReader(path, present, options.tz, as_recorded=options.as_recorded)
         self.problems = self.reader.problems
         self.checks = _Checks(present, stored)
         self.held = None if log is None else HeldLines(log, stored, options)
         self.numbers = NumberMap()
-        self.times = _RecordedTimes()
+        self.times = RecordedTimes(options.log_tz, now_ns)
+        self.ended_ns = None if log is None else last_recorded_ns(log)
         self.uncovered = OpenRetractions()
         self.last_source = -1
         self.count = self.commit_count = self.groups = self.stored_count = 0
@@ -169,12 +179,15 @@ class _LinePlanner:
             last_id = commit.command_id
         self.tell_uncovered()
         self.problems.raise_any()
+        why = self.why_recorded_now
+        if self.options.as_recorded and self.count and why:
+            raise FormatError(self.reader.path, f"--as-recorded: {why}")
         return LinesPlan(
             path=self.reader.path,
             count=self.count,
             commit_count=self.commit_count,
-            keeps_recorded=self.keeps_recorded,
-            has_recorded=self.times.last_ns > 0,
+            why_recorded_now=self.why_recorded_now,
+            has_recorded=self.times.has_any,
             left_out=tuple(self.left_out),
             warnings=tuple(self.warnings()),
             groups=self.groups,
@@ -186,10 +199,21 @@ class _LinePlanner:
         )
 
     @property
-    def keeps_recorded(self) -> bool:
-        """Only a log that holds nothing but the file's events has learnt them when it says."""
-        is_copy = self.stored_count == self.present.next_event
-        return is_copy and self.times.can_be_kept(self.now_ns)
+    def is_copy(self) -> bool:
+        """Whether the log holds nothing but the file's events."""
+        return self.stored_count == self.present.next_event
+
+    @property
+    def why_recorded_now(self) -> str:
+        """Why the times at which it was known cannot be this log's; empty: they can."""
+        if self.times.why or self.is_copy:
+            return self.times.why
+        if self.options.as_recorded:
+            return self.times.why_not_after(self.ended_ns)
+        return (
+            "the log has events of its own (--as-recorded keeps the file's times where all are "
+            "later than those)"
+        )
 
     @property
     def nothing(self) -> str:
@@ -216,7 +240,7 @@ class _LinePlanner:
                 f"log: init --tz {others[0]}"
             )
         early = self.times.happened_later
-        if early and not self.keeps_recorded:
+        if early and self.why_recorded_now:
             yield (
                 f"events that happened, as they say, after they were recorded: {early:,}; recorded "
                 "later now, they count from when they say"
@@ -261,8 +285,8 @@ class _LinePlanner:
     def check(self, commit: PlannedCommit, *, is_repeated: bool) -> None:
         """Ask of each line what the log would ask of it, so that the line can be named."""
         before = self.count
-        is_copy = self.stored_count == self.present.next_event
-        recorded_ns = commit.recorded_ns if is_copy else None
+        is_kept = self.is_copy or self.options.as_recorded
+        recorded_ns = commit.recorded_ns if is_kept else None
         now_ns = self.now_ns if recorded_ns is None else recorded_ns
         self.checks.begin(now_ns, are_facts=commit.is_exported)
         for line, parsed in commit.lines:
@@ -279,7 +303,7 @@ class _LinePlanner:
                 continue
             if parsed.number is not None:
                 self.numbers.add(parsed.number, self.present.next_event + self.count)
-            self.times.add(parsed)
+            self.times.add(line, parsed)
             self.suspect_units(line, event)
             self.count += 1
         self.commit_count += self.count > before
@@ -419,29 +443,6 @@ class _Checks:
         for number, event in self.changes:
             index.apply(event, number)
         return index
-
-
-class _RecordedTimes:
-    """Whether the times at which another log recorded the events can be those of this log."""
-
-    def __init__(self) -> None:
-        self.last_ns = 0
-        self.ascend = True
-        self.happened_later = 0
-        """So many events say that they happened after they were recorded."""
-
-    def add(self, parsed: ParsedLine) -> None:
-        """Take note of the next event."""
-        recorded_ns, happened_ns = parsed.recorded_ns, parsed.event.happened_ns
-        if recorded_ns is None or recorded_ns <= max(self.last_ns, 1):
-            self.ascend = False
-        else:
-            self.last_ns = recorded_ns
-            self.happened_later += happened_ns is not None and happened_ns > recorded_ns
-
-    def can_be_kept(self, now_ns: int) -> bool:
-        """Tell whether each is known and later than the one before, and none is to come."""
-        return self.ascend and self.last_ns <= now_ns
 
 
 def _differs(found: Commit) -> str:

@@ -91,8 +91,14 @@ def plan_sightings(
             + (f"; in the log already, by another file: {known_rows:,}" if known_rows else ""),
         ),
         warnings=sightings.warnings,
-        nothing="" if len(sightings) else "expected rows after the header, got none",
+        left_out=sightings.left_out,
+        nothing="" if len(sightings) else _why_nothing(sightings),
     )
+
+
+def _why_nothing(sightings: Sightings) -> str:
+    told = "; ".join(sightings.left_out)
+    return f"no row is read; {told}" if told else "expected rows after the header, got none"
 
 
 def _level_of_new(sightings: Sightings, new: list[bool], door_map: DoorMap) -> int:

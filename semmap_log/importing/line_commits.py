@@ -33,6 +33,8 @@ class LineOptions:
     """IANA zone of the log."""
     source: str = ""
     """Which sensor the file is of, where it was said."""
+    as_recorded: bool = False
+    """The times of the lines are when it was known; refused where they cannot be kept."""
     at_ns: int | None = None
     """When events happened whose line does not say; None: when they are recorded."""
 

@@ -55,8 +55,16 @@ class CsvBlocks:
         *,
         required: tuple[str, ...],
         optional: tuple[str, ...] = (),
+        hint: str = "",
     ) -> None:
         """Read the header.
+
+        Args:
+            path: The file.
+            problems: Where wrong rows are noted.
+            required: Columns that it has to have.
+            optional: Others that it may have.
+            hint: What to say where its header is another.
 
         Raises:
             FormatError: The file cannot be read or is not CSV; its header has not those columns.
@@ -76,7 +84,7 @@ class CsvBlocks:
         try:
             header = self._header(required)
             self._width = len(header.texts)
-            self._places = places_of(header, path, required, optional)
+            self._places = places_of(header, path, required, optional, hint=hint)
         except BaseException:
             self._file.close()
             raise

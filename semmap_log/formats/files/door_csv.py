@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +20,15 @@ from semmap_log.domain.doors import NAN, DoorState
 from semmap_log.domain.events import Event
 from semmap_log.domain.moments import format_wall, zone
 from semmap_log.formats.files.csv_blocks import Columns, CsvBlocks
-from semmap_log.formats.files.csv_rows import Row
+from semmap_log.formats.files.csv_rows import MOST_LINE_BYTES, Row
 from semmap_log.formats.files.csv_sightings import Sighting, SightingColumns, Sightings
 from semmap_log.formats.files.csv_times import instants_in, instants_of
 from semmap_log.formats.files.csv_windows import KnownTimes, KnownWindow, read_windows
+from semmap_log.formats.files.foreign_rows import ForeignRows
+from semmap_log.formats.files.table_forms import TableForm
 from semmap_log.formats.parsing.csv_text import harmless, is_written_otherwise, meant
 from semmap_log.formats.parsing.file_order import FileOrder
+from semmap_log.formats.parsing.foreign_file import numbered_lines
 from semmap_log.formats.parsing.problems import Problems, shown
 from semmap_log.formats.parsing.text_column import TextCodes, TextColumn, decimals_in
 
@@ -32,11 +36,14 @@ COLUMNS = ("timestamp", "door", "state", "accuracy")
 MOST_NAME = 1_000
 
 
-def read_door_csv(path: Path, *, windows: Path | None = None, tz: str) -> Sightings:
+def read_door_csv(
+    path: Path, *, windows: Path | None = None, tz: str, form: TableForm | None = None
+) -> Sightings:
     """Return the file's rows. It may be gzipped; it is never held in memory as text.
 
     Args:
         path: CSV with the columns timestamp, door, state and, if wanted, accuracy.
+        form: How it is written, if otherwise; None: as above, with commas or semicolons.
         windows: CSV with the columns door, start, end; None: all doors are known at all times.
         tz: IANA zone of times without an offset.
 
@@ -47,17 +54,38 @@ def read_door_csv(path: Path, *, windows: Path | None = None, tz: str) -> Sighti
     zone(tz)
     known = None if windows is None else read_windows(windows, tz=tz)
     reader = _Reader(Problems(path), known, tz)
-    table = CsvBlocks(path, reader.problems, required=COLUMNS[:3], optional=COLUMNS[3:])
+    left_out: tuple[str, ...] = ()
+    if form is None and not _has_semicolons(path):
+        _read_ours(path, reader)
+    else:
+        foreign = ForeignRows(path, form or TableForm(), reader.problems)
+        for rows in foreign.blocks():
+            reader.read(rows)
+        left_out = foreign.left_out()
+    reader.finish()
+    if windows is not None and known is not None:
+        _refuse_strangers(windows, known, reader.doors)
+    return replace(reader.sightings(path), left_out=left_out)
+
+
+def _read_ours(path: Path, reader: _Reader) -> None:
+    """Read a file of our own form, whole blocks at once where they are plain."""
+    table = CsvBlocks(
+        path, reader.problems, required=COLUMNS[:3], optional=COLUMNS[3:],
+        hint="; of another system's: --columns, or --preset",
+    )  # fmt: skip
     for block in table.blocks():
-        columns = table.columns(block) if known is None else None
+        columns = table.columns(block) if reader.windows is None else None
         if columns is None or not reader.take(columns):
             reader.read(table.rows(block))
         if reader.problems.is_full:
             break
-    reader.finish()
-    if windows is not None and known is not None:
-        _refuse_strangers(windows, known, reader.doors)
-    return reader.sightings(path)
+
+
+def _has_semicolons(path: Path) -> bool:
+    """Tell whether the header's names are parted by semicolons, as some spreadsheets write them."""
+    _, header = next(numbered_lines(path, most_bytes=MOST_LINE_BYTES), (1, ""))
+    return ";" in header and "," not in header
 
 
 def dump_door_csv(rows: Iterable[Sighting], *, tz: str) -> Iterator[str]:
@@ -226,7 +254,7 @@ class _Reader:
         try:
             return DoorState.parse(text)
         except ValueError as error:
-            self.problems.add(line, f"state: {error}")
+            self.problems.add(line, f"state: {error}; --states says what another word means")
             return None
 
     def parsed_accuracy(self, text: str, line: int) -> float:
