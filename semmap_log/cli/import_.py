@@ -171,25 +171,39 @@ def run(
 ) -> None:
     """Import doors, states or events; each file is one commit, whole or not at all.
 
-    The same file again, with the same options, changes nothing.
+    The same file again, with the same options, changes nothing. A sighting that another file
+    brought (same door, time, state and accuracy) counts once; for two sensors give each its
+    --source. A file of which nothing can be imported is an error.
 
     JSON lines that `export` wrote become the commits that they were: numbers in retractions are
     those of this log, a command that is stored already is left alone, so that a log that grew
     brings only what is new. Recorded times are kept where the log holds nothing else; else they
-    are now. All of the file is checked first; an import that was interrupted goes on where it
-    stopped when it is called again. Of lines without a command_id those that follow each other
-    and say the same of who and why are one commit.
+    are now, and a line says why. All of the file is checked first; an import that was interrupted
+    goes on where it stopped when it is called again. Of lines without a command_id those that
+    follow each other and say the same of who and why are one commit.
+
+    With --as-recorded the times of a file are also when it was known: a commit for each time. So
+    --known-at can be asked about history that another program wrote. All of the file has to be
+    later than the log's last commit: import old files first. Of a map or a building, --since says
+    the time.
 
     \b
+    Known by their keys:
+      *.yaml             Open-RMF building (levels): doors, levels, walls as floor
+                         plan; map_server map (image, resolution, origin), whose
+                         picture lies beside it, as floor plan; else the thesis's
+                         door database
     Known by their names:
-      *.building.yaml    Open-RMF building: doors, levels, walls as floor plan
-      *.yaml             the thesis's door database; a map_server map (image,
-                         resolution, origin), whose picture lies beside it, as
-                         floor plan
-      *.csv, *.csv.gz    timestamp,door,state[,accuracy]
+      *.csv, *.csv.gz    timestamp,door,state[,accuracy], with , or ;
       *.jsonl, .jsonl.gz events as `export` writes and `record` takes them
       *.bag              bag of ROS 1
       *.mcap, *.db3      bag of ROS 2 (or ROS 1 in MCAP), or a folder of rosbag2
+
+    A CSV that names a door which the log, having others, does not have is refused: correct the
+    name, or add such doors with --new-doors. Door logs of other systems, whatever the files are
+    called: --preset home-assistant (a downloaded history), zigbee2mqtt (its log, or mosquitto_sub
+    -F '%I %t %p'), casas (date, time, sensor, value). Or say it yourself: --columns, --states,
+    --time-unit, and by --only which doors.
 
     With --scan the laser of a robot sees the doors of the log, as they were then: each visit to a
     door that decides is a commit of its own, DoorObserved with an accuracy, or DoorPassed; the
@@ -212,6 +226,9 @@ def run(
       semmap-log import office office.building.yaml
       semmap-log import office map.yaml --level L1
       semmap-log import lab doors.csv.gz --windows windows.csv --tz Europe/Oslo
+      semmap-log import lab history.csv --preset home-assistant --only '*door*'
+      semmap-log import lab hub.csv --columns time=t,door=id,state=v --time-unit ms
+      semmap-log import lab 2025.csv --as-recorded
       semmap-log import office doors.yaml --update --reason "survey of May"
       semmap-log import office office.building.yaml --since 2026-01-01
       semmap-log import office --since-ever
@@ -226,7 +243,8 @@ def run(
     import semmap_log as sl
     from semmap_log.formats.files.table_forms import form_of
     from semmap_log.formats.kept_scans.kept_visit import folder_beside
-    from semmap_log.importing.importing import ImportOptions, backdate, import_file
+    from semmap_log.importing.backdating import backdate
+    from semmap_log.importing.importing import ImportOptions, import_file
     from semmap_log.importing.scan_topics import ScanOptions
 
     files = files or []

@@ -98,6 +98,17 @@ class ImportPlan:
     """Why nothing of the file can be imported; empty: something can, or the log holds it."""
 
 
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """What became of a file."""
+
+    plan: ImportPlan
+    first_event: int | None
+    """None: nothing was written, since the log holds all of it."""
+    known_before: bool = False
+    """This very file was imported before."""
+
+
 def plan_doors(
     table: DoorTable,
     present: Present,

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.costmap_2d.map_rules import RulesName
 from semmap_log.domain.commits import NO_CONTENT, Note
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded, Event
+from semmap_log.domain.events import Event
 from semmap_log.domain.keywords import knows_its_keywords, knows_keywords
-from semmap_log.domain.moments import Moment, format_local
+from semmap_log.domain.moments import Moment
 from semmap_log.domain.suspect_units import suspect_cells
 from semmap_log.door_log.command_content import are_same
 from semmap_log.door_log.door_log import DoorLog
@@ -33,9 +32,10 @@ from semmap_log.formats.kept_scans.reading import kept_already
 from semmap_log.formats.kept_scans.writing import keeping_scans
 from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.importing.as_recorded import append_as_recorded
+from semmap_log.importing.backdating import backdating, with_backdated
 from semmap_log.importing.bag_importing import plan_bag
 from semmap_log.importing.held_sightings import HeldSightings
-from semmap_log.importing.import_plan import ImportPlan, Present, plan_doors
+from semmap_log.importing.import_plan import Imported, ImportPlan, Present, plan_doors
 from semmap_log.importing.importing_lines import LinesPlan, plan_event_lines
 from semmap_log.importing.importing_sightings import plan_sightings
 from semmap_log.importing.line_commits import LineOptions
@@ -99,17 +99,6 @@ class ImportOptions:
     source: str = ""
     """Which sensor the file is of: its sightings are compared with that one's only; empty: a
     sighting that the log holds by any other file is the same."""
-
-
-@dataclass(frozen=True, slots=True)
-class Imported:
-    """What became of a file."""
-
-    plan: ImportPlan
-    first_event: int | None
-    """None: nothing was written, since the log holds all of it."""
-    known_before: bool = False
-    """This very file was imported before."""
 
 
 @knows_keywords
@@ -211,7 +200,7 @@ def plan_file(
     plan = plan_of(log, path, options)
     refuse_nothing(path, plan)
     if options.since_ns is not None and plan_of is not _plan_map:
-        plan = _with_backdated(log, plan, options.since_ns)
+        plan = with_backdated(log, plan, options.since_ns)
     return plan, None
 
 
@@ -228,25 +217,6 @@ def _refuse_since(path: Path, options: ImportOptions) -> None:
         )
 
 
-@knows_keywords
-def backdate(
-    log: DoorLogWriter, since_ns: int, *, note: Note = Note(), command_id: bytes | None = None
-) -> Imported:
-    """Say that doors of which something is told before they were added were there by then.
-
-    Args:
-        log: The log.
-        since_ns: From when on they are there.
-        note: Who and why.
-        command_id: 16 bytes: the same command, sent again, is stored once.
-    """
-    plan = _backdating(log, log.early_events().counts, since_ns)
-    if plan.count == 0:
-        return Imported(plan, None)
-    appended = log.append(plan.events, note=note, command_id=command_id)
-    return Imported(plan, appended.commit.last_event - plan.count + 1)
-
-
 def refuse_nothing(path: Path, plan: ImportPlan) -> None:
     """Return if a file has something that can be imported, or that the log holds.
 
@@ -255,25 +225,6 @@ def refuse_nothing(path: Path, plan: ImportPlan) -> None:
     """
     if plan.nothing:
         raise FormatError(path, f"nothing of it can be imported: {plan.nothing}")
-
-
-def _with_backdated(log: DoorLog, plan: ImportPlan, since_ns: int) -> ImportPlan:
-    """Return a plan, and before it that the doors which are there were there by an earlier time."""
-    earlier = _backdating(log, plan.there, since_ns)
-    return replace(
-        plan,
-        events=[*earlier.events, *plan.events],
-        count=earlier.count + plan.count,
-        summary=(*plan.summary, *earlier.summary) if earlier.count else plan.summary,
-    )
-
-
-def _backdating(log: DoorLog, doors: Collection[DoorId], since_ns: int) -> ImportPlan:
-    events = log.backdated(doors, since_ns)
-    moved = sum(isinstance(event, DoorAdded) for event in events)
-    since = format_local(since_ns, log.info.timezone)
-    said = (f"doors: {moved} that the log has, there since {since}",) if moved else ()
-    return ImportPlan(events, len(events), summary=said)
 
 
 Planner = Callable[[DoorLog, Path, ImportOptions], ImportPlan]
@@ -367,7 +318,7 @@ def plan_scan_import(
         return None
     earlier, since_ns = ImportPlan((), 0), options.since_ns
     if since_ns is not None:
-        earlier = _backdating(log, list(log.replay().doors), since_ns)
+        earlier = backdating(log, list(log.replay().doors), since_ns)
     bag_id = command_id_of(path, ImportOptions())
     topics_id = command_id_of(path, replace(options, scan=None, since_ns=None))
     since_id = hashlib.sha256(bag_id + f"since {since_ns}".encode()).digest()[:16]

@@ -13,7 +13,8 @@ import semmap_log as sl
 from semmap_log.domain.moments import Moment
 from semmap_log.errors import FormatError
 from semmap_log.importing import as_recorded
-from semmap_log.importing.importing import Imported, ImportOptions, import_file
+from semmap_log.importing.import_plan import Imported
+from semmap_log.importing.importing import ImportOptions, import_file
 from tests.formats.bags.bags_of_others import Said, write_mcap
 from tests.ros_mapping.robots import START, Robot, S
 

@@ -13,7 +13,8 @@ from semmap_log.domain.commits import Note
 from semmap_log.domain.events import DoorObserved, DoorUpdated
 from semmap_log.formats.files import csv_blocks
 from semmap_log.importing import held_sightings
-from semmap_log.importing.importing import Imported, ImportOptions, import_file
+from semmap_log.importing.import_plan import Imported
+from semmap_log.importing.importing import ImportOptions, import_file
 from tests.formats.bags.bags_of_others import Said, write_mcap
 from tests.ros_mapping.robots import START, Robot, S
 

@@ -24,8 +24,8 @@ sensor.temperature,21.5,2026-03-01T11:00:00.200Z
 cover.garage,opening,2026-03-01T11:30:00.000Z
 binary_sensor.front_door,unavailable,2026-03-01T12:00:00.000Z
 """
-ZIGBEE2MQTT = """[2026-03-01 10:00:00] info: \tz2m:mqtt: MQTT publish: topic 'zigbee2mqtt/back gate', \
-payload '{"battery":100,"contact":false,"linkquality":212,"voltage":3000}'
+ZIGBEE2MQTT = """[2026-03-01 10:00:00] info: \tz2m:mqtt: MQTT publish: topic \
+'zigbee2mqtt/back gate', payload '{"battery":100,"contact":false,"linkquality":212,"voltage":3000}'
 [2026-03-01 10:30:00] info: \tz2m: Connected to MQTT server
 Nov 26 09:55:20 hub npm[4051]: Zigbee2MQTT:info  2026-03-01 11:00:00: MQTT publish: topic \
 'zigbee2mqtt/back gate', payload '{"contact":true,"update":{"state":"idle"}}'
