@@ -457,7 +457,7 @@ def command_id_of(path: Path, options: ImportOptions) -> bytes:
 
 def _told_form(form: TableForm) -> str:
     """Return a form as a text that is the same for the same form."""
-    line = "" if form.line is None else form.line.pattern
+    line = "" if form.line is None else form.line.__name__
     states = sorted((word, state.name) for word, state in form.states.items())
     return repr((sorted(form.columns.items()), states, form.only, form.unit, line))
 

@@ -70,12 +70,12 @@ class ForeignRows:
     def _lines(self) -> Iterator[Row]:
         assert self.form.line is not None
         for number, text in numbered_lines(self.path, most_bytes=MOST_LINE_BYTES):
-            found = self.form.line.search(text)
+            found = self.form.line(text)
             if found is None:
                 self.other_lines += 1
                 continue
-            at = " ".join(found["time"].replace("T", " ").split())
-            yield Row(number, [at, found["door"].strip(), found["state"], ""])
+            at, door, state = found
+            yield Row(number, [" ".join(at.replace("T", " ").split()), door, state, ""])
 
     def _table(self) -> Iterator[Row]:
         lines = numbered_lines(self.path, most_bytes=MOST_LINE_BYTES)

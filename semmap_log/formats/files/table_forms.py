@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from types import MappingProxyType
@@ -35,8 +35,8 @@ class TableForm:
     """Patterns of the doors that are read, as `binary_sensor.*door*`; none: all."""
     unit: TimeUnit | None = None
     """Of times that are numbers since 1970; None: there are none but `@n`."""
-    line: re.Pattern[str] | None = None
-    """The form of a line with the groups time, door, state; None: a table with a header."""
+    line: Callable[[str], tuple[str, str, str] | None] | None = None
+    """Takes time, door and state out of a line; None: a table with a header."""
 
     def takes(self, door: str) -> bool:
         """Tell whether a door is one of those that are read."""
@@ -55,6 +55,30 @@ COMMON: Mapping[str, DoorState] = MappingProxyType({
 })  # fmt: skip
 """Words that mean the same in every form, unless it says otherwise."""
 _DAY_AND_TIME = r"\d{4}-\d\d-\d\d[T \t]+\d\d:\d\d:\d\d(?:[.,]\d{1,9})?"
+_TIME = re.compile(rf"{_DAY_AND_TIME}(?:Z|[+-]\d\d:?\d\d)?")
+_CONTACT = re.compile(r'"(?:garage_door_)?contact"\s*:\s*(true|false)\b')
+_CASAS = re.compile(rf"\s*({_DAY_AND_TIME})\s+(\S+)\s+(\S+)")
+
+
+def zigbee2mqtt_line(text: str) -> tuple[str, str, str] | None:
+    """Return time, door and state of a message that a line tells of; None: it is of none.
+
+    Lines of its log file, as `… MQTT publish: topic 'zigbee2mqtt/gate', payload '{…}'`, and of
+    `mosquitto_sub -F '%I %t %p'`: `… zigbee2mqtt/gate {…}`.
+    """
+    head, _, payload = text.partition("{")
+    at, contact = _TIME.search(head), _CONTACT.search(payload)
+    _, topic, name = head.rpartition("zigbee2mqtt/")
+    if at is None or contact is None or not topic:
+        return None
+    return at[0], name.partition("', payload")[0].strip(), contact[1]
+
+
+def casas_line(text: str) -> tuple[str, str, str] | None:
+    """Return time, sensor and value of a line; None: it has not these."""
+    found = _CASAS.match(text)
+    return None if found is None else (found[1], found[2], found[3])
+
 
 PRESETS: Mapping[str, TableForm] = MappingProxyType({
     # "Download data" of the history panel: entity_id,state,last_changed; UTC with a Z.
@@ -63,20 +87,15 @@ PRESETS: Mapping[str, TableForm] = MappingProxyType({
         states={"on": DoorState.OPEN, "off": DoorState.CLOSED},
         only=("binary_sensor.*", "cover.*"),
     ),
-    # Its log file, or `mosquitto_sub -F '%I %t %p'`: the messages of contact sensors.
+    # The messages of contact sensors: a contact that is made is a door that is shut.
     "zigbee2mqtt": TableForm(
-        states={"true": DoorState.CLOSED, "false": DoorState.OPEN},
-        line=re.compile(
-            rf"^[^{{]*?(?P<time>{_DAY_AND_TIME}(?:Z|[+-]\d\d:?\d\d)?)[^{{]*?\bzigbee2mqtt/"
-            r"(?P<door>[^{}'\"]+?)(?:'?, payload '|\s+)\{.*?"
-            r'"(?:contact|garage_door_contact)"\s*:\s*(?P<state>true|false)\b'
-        ),
+        states={"true": DoorState.CLOSED, "false": DoorState.OPEN}, line=zigbee2mqtt_line
     ),
     # Washington State University's smart homes: date, time, sensor, value, perhaps an activity.
     "casas": TableForm(
         states={"open": DoorState.OPEN, "close": DoorState.CLOSED, "closed": DoorState.CLOSED},
         only=("D[0-9]*", "*Door*"),
-        line=re.compile(rf"^\s*(?P<time>{_DAY_AND_TIME})\s+(?P<door>\S+)\s+(?P<state>\S+)"),
+        line=casas_line,
     ),
 })  # fmt: skip
 """Published forms of other systems."""

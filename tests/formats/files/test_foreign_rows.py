@@ -88,6 +88,19 @@ def test_a_log_of_zigbee2mqtt(tmp_path: Path) -> None:
     ] == rows  # fmt: skip
 
 
+@pytest.mark.parametrize("preset", ["zigbee2mqtt", "casas"])
+def test_lines_that_nobody_would_write_cost_little(tmp_path: Path, preset: str) -> None:
+    """
+    Times, topics and words again and again, and no message behind them.
+    """
+    line = "2026-03-01 10:00:00 zigbee2mqtt/a '" * 1800
+    (tmp_path / "a").write_text(f'{line}\n{line} {{\n{line}{{"contact": \n' * 100)
+
+    found = read_door_csv(tmp_path / "a", tz="UTC", form=form_of(preset=preset))
+
+    assert 0 == len(found)
+
+
 def test_a_data_set_of_casas(tmp_path: Path) -> None:
     """
     Tabs or blanks, with activities or without: its doors.
