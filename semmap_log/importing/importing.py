@@ -144,7 +144,10 @@ def import_file(
     if found is not None:
         said = note if note.source else replace(note, source=utf8_name(path))
         count, first = append_with_scans(log, found, said)
-        plan = ImportPlan((), count, found.summary, found.left_out, found.warnings)
+        plan = ImportPlan(
+            (), count, found.summary, found.left_out, found.warnings, nothing=found.nothing
+        )
+        refuse_nothing(path, plan)
         return Imported(plan, first)
     _refuse_since(path, options)
     options = replace(options, source=note.source)
