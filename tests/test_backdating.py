@@ -17,7 +17,7 @@ from semmap_log.domain.events import DoorAdded, DoorObserved, Retracted
 from semmap_log.domain.moments import parse_instant
 from semmap_log.door_log.summary import open_any, summarize
 from semmap_log.errors import DoorExistsError, DoorRemovedError, EarlyEventsWarning
-from semmap_log.importing.backdating import backdate
+from semmap_log.importing.earlier_doors import backdate
 from semmap_log.importing.importing import ImportOptions, import_file
 from semmap_log.replay.state import state_at
 from tests.conftest import SteadyClock

@@ -226,8 +226,8 @@ def run(
       semmap-log import office office.building.yaml
       semmap-log import office map.yaml --level L1
       semmap-log import lab doors.csv.gz --windows windows.csv --tz Europe/Oslo
-      semmap-log import lab history.csv --preset home-assistant --only '*door*'
-      semmap-log import lab hub.csv --columns time=t,door=id,state=v --time-unit ms
+      semmap-log import lab ha.csv --preset home-assistant --only '*door*'
+      semmap-log import lab hub.csv --columns time=t,door=id,state=v
       semmap-log import lab 2025.csv --as-recorded
       semmap-log import office doors.yaml --update --reason "survey of May"
       semmap-log import office office.building.yaml --since 2026-01-01
@@ -243,7 +243,7 @@ def run(
     import semmap_log as sl
     from semmap_log.formats.files.table_forms import form_of
     from semmap_log.formats.kept_scans.kept_visit import folder_beside
-    from semmap_log.importing.backdating import backdate
+    from semmap_log.importing.earlier_doors import backdate
     from semmap_log.importing.importing import ImportOptions, import_file
     from semmap_log.importing.scan_topics import ScanOptions
 
@@ -428,6 +428,8 @@ def _tell(file: Path, imported: Any) -> None:
         return
     if imported.first_event is None and file.is_dir() and not imported.plan.summary:
         typer.echo(f"{file}: of no door is anything told before it was added; nothing to do.")
+    elif imported.first_event is None and plan.nothing:
+        typer.echo(f"{file}: nothing was imported: {plan.nothing}.")
     elif imported.first_event is None:
         typer.echo(f"{file}: the log holds all of it already; nothing to do.")
     else:

@@ -32,8 +32,8 @@ from semmap_log.formats.kept_scans.reading import kept_already
 from semmap_log.formats.kept_scans.writing import keeping_scans
 from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.importing.as_recorded import append_as_recorded
-from semmap_log.importing.backdating import backdating, with_backdated
 from semmap_log.importing.bag_importing import plan_bag
+from semmap_log.importing.earlier_doors import backdating, with_backdated
 from semmap_log.importing.held_sightings import HeldSightings
 from semmap_log.importing.import_plan import Imported, ImportPlan, Present, plan_doors
 from semmap_log.importing.importing_lines import LinesPlan, plan_event_lines
@@ -147,7 +147,6 @@ def import_file(
         plan = ImportPlan(
             (), count, found.summary, found.left_out, found.warnings, nothing=found.nothing
         )
-        refuse_nothing(path, plan)
         return Imported(plan, first)
     _refuse_since(path, options)
     options = replace(options, source=note.source)

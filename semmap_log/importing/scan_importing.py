@@ -97,7 +97,7 @@ class ScanImport:
             return ""
         if self.scans.visits:
             return ""
-        return "; ".join(("no visit to a door decided", *self.scans.summary))
+        return "no visit to a door decided anything"
 
     @property
     def warnings(self) -> tuple[str, ...]:

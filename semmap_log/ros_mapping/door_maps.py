@@ -23,7 +23,7 @@ from semmap_log.domain.doors import Door, DoorId, DoorState, reduced, thesis_sta
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorRemoved, DoorUpdated, Event
 from semmap_log.domain.meaning import NOTHING, PLACING, Changed
 from semmap_log.domain.suspect_units import suspect_units
-from semmap_log.errors import InvalidEventError, UnknownLevelError
+from semmap_log.errors import InvalidEventError
 from semmap_log.formats.parsing.problems import shown
 from semmap_log.ros_mapping.topic_reader import Context, TopicMessage
 from semmap_log.ros_mapping.topic_rules import ReadDoorMap
@@ -53,10 +53,7 @@ class DoorMaps:
         self._topic = topic
         self._rule = rule
         self._context = context
-        self._level = context.mapping.level if rule.level is None else rule.level
-        """Of new doors; None: the log's only one."""
-        if self._level is not None or rule.removes == "all":
-            context.level(self._level)  # or there is none
+        self._level = context.level(rule.level)
         self._key = f"id in {topic}"
         """Of the annotation that holds the server's number of a door."""
         self._door_of: dict[int, DoorId] | None = None
@@ -111,11 +108,11 @@ class DoorMaps:
         }
         if self._rule.removes != "all":
             return own
-        taken, level = set(own.values()), self._context.level(self._level)
+        taken = set(own.values())
         others = {
             int(door.door_id): door.door_id
             for door in doors
-            if door.is_placed and door.level == level and door.door_id not in taken
+            if door.is_placed and door.level == self._level and door.door_id not in taken
         }
         return others | own
 
@@ -159,16 +156,10 @@ class DoorMaps:
     def _added(
         self, number: int, entry: _Entry, happened_ns: int | None, others: set[int]
     ) -> Iterator[Event]:
-        try:
-            level = self._context.level(self._level)
-        except UnknownLevelError as error:
-            self._complain("a new door, and no level for it; passed over",
-                           f"door {number}: {error}")  # fmt: skip
-            return
         is_free = number not in self._context.known.used_ids
         door = DoorId(number) if is_free else self._context.known.next_id_but(others)
         yield DoorAdded(
-            door_id=door, level=level, x=entry.x, y=entry.y, theta=entry.theta,
+            door_id=door, level=self._level, x=entry.x, y=entry.y, theta=entry.theta,
             width=entry.width, state=entry.state, prob_open=entry.prob_open,
             prob_closed=entry.prob_closed, happened_ns=happened_ns,
         )  # fmt: skip

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.doors import DoorState
 from semmap_log.domain.events import (
     Changed,
     ClassDefined,
@@ -22,7 +22,6 @@ from semmap_log.domain.events import (
     DoorUpdated,
     LevelAdded,
 )
-from semmap_log.errors import CommandError
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.topic_rules import ReadDoorMap, ReadSensor
 from tests.ros_mapping.robots import ENTRY, START, Listener, Robot, S
@@ -55,32 +54,6 @@ def test_new_doors_are_added_with_the_servers_ids() -> None:
     assert (DoorState.OPEN, 0.25, at_ns) == (added.state, added.prob_open, added.happened_ns)
     assert math.isnan(added.prob_closed)
     assert DoorAnnotated(door_id=added.door_id, key=KEY, value="7", happened_ns=at_ns) == noted
-
-
-def test_of_several_levels_only_new_doors_need_one() -> None:
-    """
-    Those that the log has stay on theirs; a new one without a level is passed over aloud.
-    """
-    known = Known()
-    for level in (1, 2):
-        known.apply(LevelAdded(level=level, name=f"L{level}", happened_ns=START))
-    known.apply(DoorAdded(door_id=DoorId(3), level=2, x=1.0, y=2.0, theta=0.5, width=0.9,
-                          happened_ns=START))  # fmt: skip
-    message = ROBOT.door_map([_door(3, door_state="CLOSED"), _door(4)])
-    listener = _listener(known)
-
-    (updated,) = listener.hear(TOPIC, message)
-
-    assert isinstance(updated, DoorUpdated)
-    assert (3, 2, DoorState.CLOSED) == (updated.door_id, updated.level, updated.state)
-    assert (
-        "a new door, and no level for it; passed over: door 4: the log has several"
-        in (listener.told[0])
-    )
-    (again, *_) = _listener(known, level="L1").hear(TOPIC, message)
-    assert (4, 1) == (again.door_id, again.level)
-    with pytest.raises(CommandError, match="several levels"):
-        _listener(known, removes="all")
 
 
 @pytest.mark.parametrize(
