@@ -13,7 +13,7 @@ from semmap_log.formats.parsing.strict_yaml import MOST_BYTES, Mapping, parse_ya
 YamlKind = Literal["building", "map", "doors"]
 MAP_KEYS = frozenset({"image", "resolution", "origin", "occupied_thresh", "free_thresh"})
 """Of map_server's header: any of them makes a map, so that what it lacks is said of a map."""
-_TOP_KEY = re.compile(r"""^["']?([^\s"'#:][^"'#:\n]*?)["']?\s*:(?:\s|$)""", re.MULTILINE)
+_TOP_KEY = re.compile(r"""^["']?([A-Za-z_]\w{0,30})["']?[ \t]{0,20}:(?=\s|$)""", re.MULTILINE)
 
 
 def is_yaml(path: Path) -> bool:

@@ -49,6 +49,16 @@ def test_the_uppermost_keys_tell(tmp_path: Path, text: str, kind: str) -> None:
         assert kind == kind_of_yaml(tmp_path / name)
 
 
+@pytest.mark.parametrize("text", ["a" + " " * 4_000_000, "a:\n" * 1_000_000, " : " * 1_000_000])
+def test_what_nobody_would_write_costs_little(tmp_path: Path, text: str) -> None:
+    """
+    Each line is looked at once.
+    """
+    (tmp_path / "a.yaml").write_text(text)
+
+    assert "doors" == kind_of_yaml(tmp_path / "a.yaml")
+
+
 @pytest.mark.parametrize(("text", "doors"), [(BUILDING, 1), (DOORS, 1)])
 def test_a_file_is_imported_whatever_it_is_called(tmp_path: Path, text: str, doors: int) -> None:
     """
