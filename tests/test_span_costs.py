@@ -48,6 +48,7 @@ VERBS = (
     ("info", LOG, "--all-doors"), ("export", LOG, f"{OUT}/bag.mcap"),
     ("costmap", LOG, f"{OUT}/costs.mcap", "--by", "belief"),
 )  # fmt: skip
+AS_ROS = VERBS[-2:]
 OTHERS = (
     ("view", LOG, "--save", f"{OUT}/view.rrd"), ("history", LOG, "--plot", f"{OUT}/lanes.svg"),
     ("probabilities", LOG, "--plot", f"{OUT}/weeks.svg"), ("evaluate", LOG, "--step", "600"),
@@ -63,7 +64,8 @@ def test_memory_goes_by_events(verb: tuple[str, ...], log: str, tmp_path: Path) 
     """
     Whatever the clock said before, or says after.
     """
-    assert 0 == ended(verb, LOGS[log](tmp_path / "log"), tmp_path)
+    is_told = verb in AS_ROS and log != "at 1970 first"  # in ROS time ends in 2038
+    assert int(is_told) == ended(verb, LOGS[log](tmp_path / "log"), tmp_path)
 
 
 @pytest.mark.slow
@@ -73,12 +75,11 @@ def test_memory_of_what_loads_more_goes_by_events(
     verb: tuple[str, ...], log: str, tmp_path: Path
 ) -> None:
     """
-    With room for what a verb imports.
+    With room for what a verb imports. Of three days there may be nothing to evaluate.
     """
-    code = ended(verb, log_of(tmp_path / "usual", IN_2026), tmp_path, 10 * MORE_BYTES)
+    code = ended(verb, LOGS[log](tmp_path / "log"), tmp_path, 10 * MORE_BYTES)
 
-    assert code in {0, 1}
-    assert code == ended(verb, LOGS[log](tmp_path / "log"), tmp_path, 10 * MORE_BYTES)
+    assert code == 0 or (verb[0] == "evaluate" and code == 1)
 
 
 def ended(verb: tuple[str, ...], log: Path, out: Path, more_bytes: int = MORE_BYTES) -> int:

@@ -263,16 +263,16 @@ CORE = {"numpy", "mcap", "zstandard"}
 
 STARTS = [
     ("import semmap_log", set(), 9),
-    ("import semmap_log as sl; sl.read(sys.argv[1]).replay()", CORE, 99),
-    *((f"_verb({verb}, '--json')", CORE | {"typer"}, 135) for verb in (
+    ("import semmap_log as sl; sl.read(sys.argv[1]).replay()", CORE, 100),
+    *((f"_verb({verb}, '--json')", CORE | {"typer"}, 136) for verb in (
         "'replay', sys.argv[1]", "'history', sys.argv[1], '-n', '3'", "'show', sys.argv[1], '58'",
         "'diff', sys.argv[1], '10:00', '11:00'", "'timeline', sys.argv[1], '1'",
     )),
-    ("_verb('replay', sys.argv[1])", CORE | {"typer", "rich"}, 135),
-    ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 140),
-    ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 136),
-    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 185),
-    ("_verb('why', sys.argv[1], '1', '--json')", CORE | {"typer"}, 192),
+    ("_verb('replay', sys.argv[1])", CORE | {"typer", "rich"}, 136),
+    ("_verb('history', sys.argv[1], '-n', '3')", CORE | {"typer", "rich"}, 141),
+    ("_verb('info', sys.argv[1], '--json')", CORE | {"typer"}, 137),
+    ("_verb('probabilities', sys.argv[1], '--json')", CORE | {"typer"}, 186),
+    ("_verb('why', sys.argv[1], '1', '--json')", CORE | {"typer"}, 193),
     ("_verb('--help')", {"typer"}, 21),
     ("_verb('--version')", {"typer"}, 23),
 ]  # fmt: skip

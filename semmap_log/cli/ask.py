@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -65,7 +65,7 @@ def run(
     where, token = chosen_address(address, "ADDRESS"), chosen_token(token_file)
     if not questions and sys.stdin.isatty():
         say("Reading questions, one a line; HELP names them. Ctrl-D ends.")
-    lines = questions or (line.rstrip("\r\n") for line in sys.stdin)
+    lines = questions or _lines_of_stdin()
     failed = 0
     with AskClient(where, token=token, timeout_s=timeout) as client:
         for answer, problem in _answers(client, lines, as_json=as_json):
@@ -78,6 +78,16 @@ def run(
         say(f"{said}. On a command line each question stands in quotes.")
     if failed:
         raise typer.Exit(1)
+
+
+def _lines_of_stdin() -> Iterator[str]:
+    """Yield its lines; of one that is too long only the beginning, which the server refuses."""
+    from semmap_log.planners.question_lines import MOST_LINE_BYTES
+
+    while line := sys.stdin.readline(MOST_LINE_BYTES):
+        yield line.rstrip("\r\n")
+        while line and not line.endswith("\n"):
+            line = sys.stdin.readline(MOST_LINE_BYTES)
 
 
 def _answers(

@@ -125,12 +125,17 @@ def _query(query: str | None, file: Path | None) -> str | None:
     """
     if query is not None and file is not None:
         raise typer.BadParameter("expected a query or a file of one, got both", param_hint="--file")
-    if query == "-":
-        return sys.stdin.read()
-    if file is None:
+    if query != "-" and file is None:
         return query
+    from semmap_log.errors import FormatError
     from semmap_log.formats.parsing.foreign_file import MIB, decode_utf8, read_capped
 
+    if file is None:
+        text = sys.stdin.read(MIB + 1)
+        if len(text) > MIB:
+            problem = f"expected a query of at most {MIB:,} characters, got a longer one"
+            raise FormatError("standard input", problem)
+        return text
     return decode_utf8(read_capped(file, most_bytes=MIB), file)
 
 

@@ -57,8 +57,8 @@ class InflationLayer:
             if not (math.isfinite(value) and value >= 0):
                 raise CostmapError(f"inflation's {name}: expected 0 or more, got {value!r}")
         cells = math.ceil(radius / geometry.resolution)
-        self.reach = min(cells, sum(geometry.shape))
-        """Cells: a change concerns those so far away from it, at most the whole map."""
+        self.reach = min(cells, math.ceil(math.hypot(*geometry.shape)))
+        """Cells: a change concerns those so far away from it, at most its diagonal."""
         if self.reach > MOST_REACH:
             raise CostmapError(
                 f"inflation's radius: expected at most {MOST_REACH:,} cells "

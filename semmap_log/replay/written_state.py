@@ -94,7 +94,7 @@ class WrittenState:
             return
         page = Page(
             b"".join(self._unfolded),
-            self._first_event,
+            max(0, self._first_event - 1),  # the number of a Commit is that of the event before it
             self._folder.path,
             scanned=_joined(self._unfolded, self._offsets),
         )
@@ -103,6 +103,8 @@ class WrittenState:
         self._needs_reading = True  # if it is interrupted: half a fold must not become a keyframe
         self._unfolded, self._offsets, self._unfolded_size = [], [], 0
         self._state.apply(batch)
+        last = page.numbers(np.array([len(page.offsets) - 1]))
+        self._state.event = max(self._state.event, int(last[0]))  # some may have been taken out
         self._first_event = self._state.event + 1
         self._needs_reading = needs_reading
 

@@ -206,20 +206,17 @@ def middle_of(door: Door) -> Point:
 def grown(cells: Mask, by: float) -> Mask:
     """Return the cells whose centres are at most so many cells from a true one's."""
     made: Mask = cells.copy()
-    reach = math.floor(by)
-    for up in range(-reach, reach + 1):
-        wide = _widened(cells, math.floor(math.sqrt(max(by * by - up * up, 0.0))))
-        target = made[max(up, 0) : len(made) + min(up, 0)]
-        target |= wide[max(-up, 0) : len(made) + min(-up, 0)]
-    return made
-
-
-def _widened(cells: Mask, by: int) -> Mask:
-    """Return the cells that have a true one in their row, at most so many cells away."""
-    made: Mask = cells.copy()
-    for shift in range(1, min(by, cells.shape[1] - 1) + 1):
-        made[:, shift:] |= cells[:, :-shift]
-        made[:, :-shift] |= cells[:, shift:]
+    wide, width = cells.copy(), 0
+    rows, columns = cells.shape
+    by = min(by, math.hypot(rows, columns))  # which reaches every cell
+    for up in reversed(range(min(math.floor(by), rows - 1) + 1)):
+        across = min(math.floor(math.sqrt(by * by - up * up)), columns - 1)
+        for shift in range(width + 1, across + 1):
+            wide[:, shift:] |= cells[:, :-shift]
+            wide[:, :-shift] |= cells[:, shift:]
+        width = across
+        made[up:] |= wide[: rows - up]
+        made[: rows - up] |= wide[up:]
     return made
 
 

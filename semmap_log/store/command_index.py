@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from semmap_log.messages import layout
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import BuiltChunk
-from semmap_log.store.form import COMMAND_ATTACHMENT, COMMIT_CHANNEL
+from semmap_log.store.form import COMMAND_ATTACHMENT, COMMIT_CHANNEL, TOMBSTONE_CHANNEL
 
 COMMAND_ID_BYTES = 16
 MEDIA_TYPE = "application/octet-stream"
@@ -103,8 +103,20 @@ class WrittenCommits:
         if at >= 0:
             self._add(chunk.records, at)
         elif COMMIT_CHANNEL in chunk.facts.counts:
-            for at in _commits_in(chunk):
+            for at in _places_in(chunk, COMMIT_CHANNEL):
                 self._add(chunk.records, at)
+        if TOMBSTONE_CHANNEL in chunk.facts.counts:
+            self._take_gone(chunk)
+
+    def _take_gone(self, chunk: BuiltChunk) -> None:
+        """Take in the hash of commits that are gone, where no other follows them in a chunk."""
+        from semmap_log.store.tombstone import Tombstone
+
+        at = max(_places_in(chunk, TOMBSTONE_CHANNEL))
+        end = at + mcap.FRAME.size + mcap.FRAME.unpack_from(chunk.records, at)[1]
+        last = Tombstone.in_record(chunk.records[at:end])
+        if last.commits and at > max(_places_in(chunk, COMMIT_CHANNEL), default=-1):
+            self._last, self._last_at = last.hash, -self._hash
 
     def _add(self, records: bytes, at: int) -> None:
         self._kept += records[at + self._first : at + self._end]
@@ -140,13 +152,13 @@ class WrittenCommits:
         return command_rows(kept["command_id"].tobytes(), kept["first_event"], segment_first)
 
 
-def _commits_in(chunk: BuiltChunk) -> Iterator[int]:
-    """Yield where the Commits of a chunk begin in its records, as its MessageIndexes say."""
+def _places_in(chunk: BuiltChunk, wanted: int) -> Iterator[int]:
+    """Yield where the messages of a channel begin in its records, as its MessageIndexes say."""
     counts, data = chunk.facts.counts, chunk.data
     end = len(data)
     for channel in reversed(counts):  # they end it, ids ascending
         size = counts[channel] * mcap.MESSAGE_INDEX_ENTRY_BYTES
-        if channel == COMMIT_CHANNEL:
+        if channel == wanted:
             yield from (at for (at,) in _OFFSET.iter_unpack(data[end - size : end]))
         end -= mcap.MESSAGE_INDEX_HEAD_BYTES + size
 

@@ -279,6 +279,19 @@ def stem_of(name: str) -> str:
     return _NUMBER.sub("", name).removesuffix(".mcap")
 
 
+def is_named_as_part(name: str, merged: str, first: int, last: int) -> bool:
+    """Tell whether a file has the name of a segment that was merged into another.
+
+    Args:
+        name: The file's.
+        merged: That of the merged segment's file.
+        first: Number of the first of the segments that are in it.
+        last: Number of the last.
+    """
+    number = number_in(name)
+    return number is not None and first < number <= last and stem_of(name) == stem_of(merged)
+
+
 _NUMBER = late_pattern(r"_(\d{6,})\.mcap$")
 
 

@@ -26,6 +26,7 @@ from semmap_log.store.trimming.trimming import (
     Trimming,
     count_selected,
     of_log,
+    takes_anything,
     told_of,
     trim_segments,
 )
@@ -87,7 +88,7 @@ def trim_log(
     progress: Progress | None = None,
     writing: WritingOptions | None = None,
 ) -> TrimmedLog:
-    """Take records out of a log for ever, and say so in it; where nothing can go, do nothing.
+    """Take records out of a log for ever, and say so in it; where nothing goes, write nothing.
 
     Stopped anywhere, the log is whole, and answers as before or as it will; do it again. Each
     trimmed segment is read and verified before it takes the place of the old one.
@@ -109,7 +110,7 @@ def trim_log(
     refuse_zip(log)
     reader = LogReader(log)
     _refuse_elsewhere(reader, rule)
-    if not any(rule.select(segment) for segment in reader.segments) and not _is_begun(reader):
+    if not takes_anything(reader, rule.select) and not _is_begun(reader):
         return TrimmedLog(Trimming(), None)
     with append(log, **(writing or {})) as opened:
         reader = LogReader(log)

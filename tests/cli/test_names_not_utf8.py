@@ -48,7 +48,6 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
 
 WRITTEN = {
     "report": ["report", "LOG", "OUT.html"],
-    "costmap": ["costmap", "LOG", "OUT.pgm"],
     "costmap over time": ["costmap", "LOG", "OUT.mcap"],
     "query": ["sql", "LOG", "select * from doors", "--out", "OUT.parquet"],
     "copy": ["copy", "LOG", "OUT"],
@@ -70,7 +69,7 @@ def test_what_is_written_has_the_name_that_was_asked_for(
 
     run(capsys, *given)
 
-    named = {path.name for path in tmp_path.iterdir()} - {FOLDER, f"{OUT}.yaml"}
+    named = {path.name for path in tmp_path.iterdir()} - {FOLDER}
     assert named == {next(Path(each).name for each in given if OUT in each)}
 
 
@@ -115,7 +114,7 @@ def test_a_join_names_it(log: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
     run(capsys, "join", definition, log, plain)
 
     places = [one["log"] for one in json.loads(definition.read_text(encoding="utf-8"))["logs"]]
-    assert places == [f"{FOLDER}/{LOG}", "plain"]
+    assert sorted(places) == [f"{FOLDER}/{LOG}", "plain"]
     assert {door.name for door in sl.read(definition).replay().doors.values()} == {
         "tug/front", "plain/far",
     }  # fmt: skip
@@ -144,18 +143,6 @@ def test_a_fleet_has_it(
         assert f"{os.fsencode(log)!r}"[2:-1] in first or job == "openings"
 
 
-def test_in_a_zip_file_it_answers(
-    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """
-    The file has such a name, too.
-    """
-    packed = shutil.make_archive(str(tmp_path / "packed"), "zip", log.parent, LOG)
-    named = Path(packed).rename(tmp_path / f"{OUT}.zip")
-
-    assert run(capsys, "replay", named) == run(capsys, "replay", log)
-
-
 def test_shipped_and_fetched_it_is_as_it_was(log: Path, bucket: str, tmp_path: Path) -> None:
     """
     Whatever its segments are called there.
@@ -163,4 +150,5 @@ def test_shipped_and_fetched_it_is_as_it_was(log: Path, bucket: str, tmp_path: P
     ship(log, UrlPath(bucket))
     fetch(UrlPath(bucket), tmp_path / OUT)
 
-    assert sl.read(tmp_path / OUT).replay() == sl.read(log).replay()
+    fetched, here = (sl.read(path).replay().doors for path in (tmp_path / OUT, log))
+    assert repr(dict(fetched)) == repr(dict(here))  # some numbers of it are NaN

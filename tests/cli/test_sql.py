@@ -283,3 +283,18 @@ def test_a_query_from_a_pipe_that_is_no_text_is_an_error(tmp_path: Path) -> None
     assert 1 == done.returncode
     assert b"Traceback" not in done.stderr
     assert done.stderr.startswith(b"semmap-log: ")
+
+
+def test_a_query_from_a_pipe_that_never_ends_is_refused(
+    office: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """
+    It is read no further than the longest query may be.
+    """
+    endless = io.StringIO("select " + "1" * 2**23)
+    monkeypatch.setattr(sys, "stdin", endless)
+
+    assert 1 == run("sql", "office", "-")
+
+    assert "expected a query of at most 1,048,576 characters" in capsys.readouterr().err
+    assert endless.tell() < 2**21

@@ -191,4 +191,4 @@ def test_a_radius_that_no_table_can_hold() -> None:
     with pytest.raises(CostmapError, match=r"at most 1,500 cells \(75 m\), got 1000 m"):
         InflationLayer(GridGeometry(4000, 4000, 0.05), 1000.0)
 
-    assert 100 == InflationLayer(GridGeometry(60, 40, 0.05), 1000.0).reach
+    assert 73 == InflationLayer(GridGeometry(60, 40, 0.05), 1000.0).reach

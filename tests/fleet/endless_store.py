@@ -11,7 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 HUGE, GIGABYTE = 100 * 10**9, 10**9
 _BLANKS = b" " * 2**18
-_BYTES_PER_S = 5e8
+_BYTES_PER_S = 2.5e8
 
 
 @dataclass(slots=True)
@@ -43,7 +43,7 @@ class Answering(BaseHTTPRequestHandler):
         self.sent.bytes += len(data)
 
     def send_without_end(self, *, in_chunks: bool = False) -> None:
-        """Send until the client leaves; not faster than a fast network, however busy this machine."""
+        """Send until the client leaves, no faster than a fast network does."""
         if self.command != "HEAD":
             block = b"%x\r\n%b\r\n" % (len(_BLANKS), _BLANKS) if in_chunks else _BLANKS
             while True:

@@ -39,7 +39,7 @@ from tests.fleet.test_shipping import a_log
 
 ON_ITS_WAY_BYTES = 2**24
 """At most so much waits in the system's buffers when a client leaves."""
-MOST_RESIDENT_BYTES = 2**30
+MOST_RESIDENT_BYTES = 2**31
 
 
 @pytest.mark.parametrize(

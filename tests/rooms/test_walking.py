@@ -91,6 +91,23 @@ def test_doors_open_the_way_is_that_of_dijkstra_on_the_open_floor(building: Buil
     assert (found <= expected * 1.05 + 0.6 * len(points)).all()
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (12, 5), (5, 12)])
+@pytest.mark.parametrize("by", [0.0, 1.0, 2.5, 7.0, 1e300, math.inf])
+def test_walls_grow_as_far_as_a_circle_reaches(shape: tuple[int, int], by: float) -> None:
+    """
+    Also one that is larger than the floor: then no work is done outside.
+    """
+    walls = np.random.default_rng(len(shape) + int(min(by, 99))).random(shape) < 0.1
+    rows, columns = np.nonzero(walls)
+
+    found = grown(walls, by)
+
+    at = np.indices(shape)
+    away = np.hypot(at[0][..., None] - rows, at[1][..., None] - columns)
+    assert np.array_equal((away <= by).any(axis=-1), found)
+    assert not grown(np.zeros(shape, bool), by).any()
+
+
 @given(buildings())
 def test_with_all_doors_shut_a_robot_stays_in_its_room(building: Building) -> None:
     """

@@ -13,13 +13,19 @@ import pytest
 import semmap_log as sl
 from semmap_log.beliefs.door_beliefs import probabilities
 from semmap_log.cli import main
-from semmap_log.domain.events import HistoryTrimmed, LogExported, Retracted, SightingsThinned
+from semmap_log.domain.events import (
+    HistoryTrimmed,
+    LogExported,
+    Retracted,
+    RobotPose,
+    SightingsThinned,
+)
 from semmap_log.errors import LogError
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.shipping import ship, shipped_before
 from semmap_log.io.object_store import ObjectStore
 from semmap_log.io.url_path import UrlPath
-from semmap_log.replay.care import recover, verify
+from semmap_log.replay.care import copy, recover, verify
 from semmap_log.replay.read_model.indexing import index
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.trimming.redaction import Annotation, Notes, Redaction, Tracks
@@ -414,3 +420,21 @@ def another_log(path: Path) -> Path:
     with sl.create(path, tz="UTC", compact=False) as log:
         log.add_door(x=9.0, y=9.0, theta=0.0, width=0.9, name="other", state="closed")
     return path
+
+
+def test_a_copy_whose_last_event_was_taken_out_is_refused(tmp_path: Path) -> None:
+    """
+    It cannot be told from one that went on by itself; the message says so, and what to do.
+    """
+    path = tmp_path / "log"
+    with sl.create(path, tz="UTC", compact=False) as log:
+        log.add_door(name="front")
+        for x in range(9):
+            log.append([RobotPose(level=0, x=float(x), y=0.0, theta=0.0)])
+    copy(path, tmp_path / "copy")
+    with sl.append(path) as log:
+        log.observe(1, "open")
+    assert trim_log(path, Thinning(LogReader(path), LogReader(path).last_log_time_ns())).done.events
+
+    with pytest.raises(LogError, match=r"ends with event 10, which was taken out of .* since"):
+        copy(path, tmp_path / "copy")

@@ -9,6 +9,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.batches.event_batch import EventBatch
+from semmap_log.cli import main
 from semmap_log.domain.events import HistoryTrimmed, MomentPinned, Retracted, RobotPose
 from semmap_log.errors import CommandError, HorizonError
 from semmap_log.replay.care import verify
@@ -399,3 +400,49 @@ def test_kept_for_so_long_again_nothing_is_written(log: Path) -> None:
     assert trim_log(log, Retention(LogReader(log), until_ns)).event is None
 
     assert {path.name: path.read_bytes() for path in log.iterdir()} == files
+
+
+@pytest.mark.parametrize("kind", ["thin", "keep", "redact"])
+def test_where_nothing_goes_nothing_is_written(log: Path, seed: int, kind: str) -> None:
+    """
+    The second time, in a log that has records of the kinds that could go.
+    """
+    last_ns = LogReader(log).last_log_time_ns()
+    rules: dict[str, TrimRule] = {
+        "thin": Thinning(LogReader(log), last_ns),
+        "keep": Retention(LogReader(log), last_ns),
+        "redact": Redaction([Tracks()], sl.read(log).last_event() + 1),
+    }
+    assert trim_log(log, rules[kind]).event is not None
+    with sl.append(log, compact=False) as opened:
+        opened.observe(1, "moving")
+    before = {path.name: path.read_bytes() for path in log.iterdir()}
+    again: dict[str, TrimRule] = {
+        "thin": Thinning(LogReader(log), LogReader(log).last_log_time_ns()),
+        "keep": Retention(LogReader(log), last_ns),
+        "redact": Redaction([Tracks()], sl.read(log).last_event() + 1),
+    }
+
+    found = trim_log(log, again[kind])
+
+    assert (found.event, found.done.segments) == (None, 0)
+    assert {path.name: path.read_bytes() for path in log.iterdir()} == before
+
+
+def test_that_nothing_goes_is_one_line(
+    log: Path, seed: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    On stdout, and the exit code is 0.
+    """
+    trim_log(log, Thinning(LogReader(log), LogReader(log).last_log_time_ns()))
+    last = sl.read(log).last_event()
+    capsys.readouterr()
+
+    with pytest.raises(SystemExit, match="0"):
+        main(["retain", str(log), "--thin", "1s"])
+
+    shown = capsys.readouterr()
+    assert shown.out.count("\n") == 1
+    assert "there is nothing of that to take out" in shown.out
+    assert sl.read(log).last_event() == last

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from fault_injection.bombs import bombs
 from fault_injection.clocks import clocks
 from fault_injection.closed import closed
+from fault_injection.costs import costs
 from fault_injection.cuts import cuts
 from fault_injection.fault import Kind
 from fault_injection.flips import flips
@@ -20,6 +20,7 @@ from fault_injection.simulated_disk import simulated_disk
 from fault_injection.syscall_errors import syscall_errors
 from fault_injection.syscall_kills import syscall_kills
 from fault_injection.threads import threads
+from fault_injection.trimmed import trimmed
 from fault_injection.unreadable import shrinking_files, unreadable_sectors
 
 KINDS: dict[str, Kind] = {
@@ -41,7 +42,8 @@ KINDS: dict[str, Kind] = {
     "signals": signals,
     "threads": threads,
     "folders": folders,
-    "bombs": bombs,
     "closed": closed,
+    "costs": costs,
+    "trimmed": trimmed,
 }
 """Name on the command line -> the function that tries its faults, in the order of the table."""

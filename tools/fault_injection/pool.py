@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import queue
+import tempfile
 import traceback
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
@@ -82,6 +83,7 @@ def side_by_side(
 
 
 def _work(work: Work, plan: Plan, share: int, shares: int, outcomes: Queue[Any]) -> None:
+    _keep_apart(plan.folder / f"apart-{share}")
     try:
         for outcome in work(plan, share, shares):
             outcomes.put(("outcome", outcome))
@@ -90,6 +92,13 @@ def _work(work: Work, plan: Plan, share: int, shares: int, outcomes: Queue[Any])
         outcomes.put((_CANNOT, str(error)))
     except Exception:  # noqa: BLE001 - told to who waits for it
         outcomes.put((_FAILED, traceback.format_exc()))
+
+
+def _keep_apart(folder: Path) -> None:
+    """Have temporary files and caches of this process in a folder: it finds none of others."""
+    folder.mkdir()
+    os.environ["XDG_CACHE_HOME"] = str(folder)
+    os.environ["TMPDIR"] = tempfile.tempdir = str(folder)
 
 
 @contextmanager

@@ -70,9 +70,7 @@ def ask_verb(arguments: Arguments, log: Path, out: Path, *, fresh: bool = True) 
     if arguments[0] == "info" and code == 0:
         said = _of_events(said)
     error = stderr.text()[-2000:]
-    if (
-        code and said.startswith("{") and '"error"' in said[:20]
-    ):  # with --json errors are documents, on stdout
+    if code and re.match(r'\{\s*"error": \{', said):  # with --json errors are documents, on stdout
         said, error = "", error + json.loads(said)["error"]["message"]
     return Answer(code, said + _digests(out), error)
 

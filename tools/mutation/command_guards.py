@@ -14,7 +14,7 @@ COMMAND_INDEXES = (
           "test_closing"),
     guard("head of a segment of one commit and more", "WrittenCommits._add",
           "self._last, self._last_at = records, at", "", "test_closing"),
-    guard("all commits of a compacted chunk in the index", "_commits_in",
+    guard("all commits of a compacted chunk in the index", "_places_in",
           "end - size", "end - 16", "test_closing"),
     guard("order of the index", "command_index.command_rows", "rows.sort()", "", "test_closing"),
     guard("a head that is another's", "closing._index",

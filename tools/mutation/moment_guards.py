@@ -22,7 +22,7 @@ MOMENTS = (
     guard("a writer that goes on knows the state so far", "WrittenState.__init__",
           "DoorMapState() if reader is None else state_at(reader)", "DoorMapState()",
           "test_replay"),
-    guard("a recovered log's keyframes know what was saved", "NewLog.add",
+    guard("a recovered log's keyframes know what was saved", "NewLog._write",
           "self._keyframes.add(chunk)", "", "test_salvage"),
     guard("keyframes are compared with the replay", "ReplayKeyframeCheck._keyframe",
           "keyframes.encode(self._state) != data", "False", "test_verification"),

@@ -9,8 +9,10 @@ from typing import Any
 
 from semmap_log.formats.parsing.problems import shown
 
-MOST_LINE_BYTES = 64 * 2**20
-"""Enough for a large floor plan."""
+MOST_LINE_BYTES = 16 * 2**20
+"""Enough for a large floor plan: its cells are packed."""
+MOST_COMMAS = 2**18
+"""So many values take some 60 MB once they are read; no event has a hundred."""
 MOST_DIGITS = 400
 
 
@@ -26,6 +28,9 @@ def load_object(text: str | bytes) -> dict[str, Any]:
     """
     if len(text) > MOST_LINE_BYTES:
         raise StrictJsonError(f"expected a line of at most {MOST_LINE_BYTES // 2**20} MiB")
+    commas = text.count(b",") if isinstance(text, bytes) else text.count(",")
+    if commas > MOST_COMMAS:
+        raise StrictJsonError(f"expected at most {MOST_COMMAS:,} commas in a line, got {commas:,}")
     try:
         decoded = text.decode("utf-8-sig") if isinstance(text, bytes) else text
         value = json.loads(

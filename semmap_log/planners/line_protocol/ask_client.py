@@ -14,6 +14,9 @@ from semmap_log.planners.question_lines import is_answer, problem_of
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+MOST_ANSWER_BYTES = 2**24
+"""Whoever sends a longer line is no server of ours."""
+
 
 class AskClient:
     """A connection that asks one question after the other."""
@@ -59,7 +62,7 @@ class AskClient:
         answer = b""
         try:
             self._socket.sendall(line)
-            answer = self._lines.readline()
+            answer = self._lines.readline(MOST_ANSWER_BYTES)
         except TimeoutError:
             raise AddressError(
                 f"{self._address}: no answer within {self._timeout_s:g} s."
@@ -69,6 +72,8 @@ class AskClient:
         finally:
             if not answer.endswith(b"\n"):
                 self.close()
+        if len(answer) == MOST_ANSWER_BYTES:
+            raise self._gone(f"an answer of more than {MOST_ANSWER_BYTES // 2**20} MiB")
         if not answer.endswith(b"\n"):
             raise self._gone("the connection ended")
         said = answer[:-1].decode(errors="replace")

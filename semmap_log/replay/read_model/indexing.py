@@ -92,7 +92,6 @@ def index(
 
     reader = LogReader(log)
     folder = _folder_of(reader)
-    _check_is_text(folder)
     try:
         if folder.is_symlink():
             raise LogAccessError(f"{folder}: expected a folder of this log, got a link; remove it.")
@@ -167,21 +166,6 @@ def remove_stale_tables_alone(log: Path) -> None:
     """
     with _alone(log / FOLDER):
         remove_stale_tables(log)
-
-
-def _check_is_text(folder: Path) -> None:
-    """Refuse a path that pyarrow cannot open.
-
-    Raises:
-        LogAccessError: It is no UTF-8.
-    """
-    try:
-        str(folder).encode()
-    except UnicodeEncodeError:
-        shown = str(folder).encode(errors="surrogateescape").decode(errors="replace")
-        raise LogAccessError(
-            f"{shown}: expected a path in UTF-8 for an index, got other bytes; rename the folder."
-        ) from None
 
 
 def index_state(reader: LogReader) -> IndexState | None:

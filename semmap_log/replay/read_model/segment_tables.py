@@ -160,7 +160,7 @@ class SegmentTables:
         """
         with self._opened(COMMITS) as file:
             if file.rows > len(self.numbers):  # each has at least one event
-                raise ValueError(f"{file.rows} commits of {len(self.numbers)} events")
+                raise ValueError(f"{counted(file.rows, 'commit')} of {len(self.numbers)} events")
             return _commits_of(file.all(), self.numbers)
 
     def check(self) -> None:

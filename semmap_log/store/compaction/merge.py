@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
+from stat import S_ISDIR
 
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.store.compaction.rechunk import needs_compaction, rechunked
@@ -131,6 +132,7 @@ class MergedFiles:
             return self
         folder.sync()  # the merged file's name may not be on the disk yet; they are
         for name in self.parts:
-            folder.remove(name)
+            if not S_ISDIR(folder.status(name).st_mode):
+                folder.remove(name)
         folder.sync()
         return MergedFiles()

@@ -99,6 +99,12 @@ def check_is_earlier(source: LogReader, copy: LogReader) -> None:
             f"one that ends with event {end - 1}: somebody has written to it, or {log} is the "
             f"older of the two. Nothing was written. {_what_to_do(log)}"
         )
+    if end and source.find_commit(end - 1) is None:
+        raise LogError(
+            f"{where}: expected an earlier copy of {log}, got one that ends with event {end - 1}, "
+            f"which was taken out of {log} since. Nothing was written. Remove the copy, or copy "
+            f"into a new folder: {command_line('copy', log, 'NEW')}"
+        )
     ours, theirs = head_before(source.segments, end), copy.segments[-1].head
     if ours != theirs:
         expected = "no end of a commit" if ours is None else f"{ours.hex()[:16]}…"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import PurePath
@@ -11,7 +11,7 @@ from pathlib import PurePath
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import BAG_METADATA_NAME
+from semmap_log.store.form import BAG_METADATA_NAME, is_named_as_part
 from semmap_log.store.reading.local_segments import list_segments
 from semmap_log.store.reading.mapped_file import map_file
 from semmap_log.store.reading.segment_scan import Segment, read_head, segment_in
@@ -92,8 +92,9 @@ class SegmentFolder:
     def _take_in(self, listing: Listing) -> SegmentSet:
         if listing == self._listing and (same := self._grown()) is not None:
             return same
-        known = self._open(listing)
-        self._found = arrange(self.store.path, list(known.values()))
+        known, damaged = self._open(listing)
+        found = arrange(self.store.path, list(known.values()))
+        self._found = replace(found, leftovers=sorted([*found.leftovers, *damaged]))
         self._known, self._listing = known, listing
         return self._found
 
@@ -109,21 +110,23 @@ class SegmentFolder:
             self._found = replace(self._found, segments=[*older, grown])
         return self._found
 
-    def _open(self, listing: Listing) -> dict[tuple[str, Hashable], Segment]:
+    def _open(self, listing: Listing) -> tuple[dict[tuple[str, Hashable], Segment], list[PurePath]]:
+        """Return the segments that are listed, and damaged files that the log does not need."""
         found: dict[tuple[str, Hashable], Segment] = {}
-        foreign: list[tuple[PurePath, NotALogError]] = []
+        failed: list[tuple[PurePath, NotALogError | CorruptLogError]] = []
         for listed in listing:
             path = self.store.path / listed[0]
             try:
                 found[listed] = self._read_on(path, self._known.get(listed))
-            except NotALogError as error:
-                foreign.append((path, error))
-        for path, reason in foreign:
-            if not found:
+            except (NotALogError, CorruptLogError) as error:
+                failed.append((path, error))
+        needed = [one for one in failed if not _is_in_another(one[0], found.values())]
+        for path, reason in needed:
+            if isinstance(reason, CorruptLogError) or not found:
                 raise reason
             problem = "no segment of a semmap log, though it lies among them: its head is damaged"
             raise CorruptLogError(path, 0, f"{problem}, or it does not belong here ({reason})")
-        return found
+        return found, [path for path, _ in failed]
 
     def _read_on(self, path: PurePath, known: Segment | None) -> Segment:
         try:
@@ -141,6 +144,14 @@ class SegmentFolder:
         except OSError as error:
             gone = GoneError if isinstance(error, FileNotFoundError) else LogAccessError
             raise gone(f"{path}: cannot be read: {error.strerror}.") from error
+
+
+def _is_in_another(path: PurePath, segments: Iterable[Segment]) -> bool:
+    """Tell whether a file, which cannot be read, was merged into another: by its name."""
+    heads = ((one.path.name, one.header) for one in segments)
+    return any(
+        is_named_as_part(path.name, name, head.number, head.last_number) for name, head in heads
+    )
 
 
 def check_is_log(folder: LogFolder) -> None:

@@ -265,8 +265,14 @@ def _is_part(segment: Segment, whole: Segment) -> bool:
 
 
 def _ends_alike(segment: Segment, whole: Segment) -> bool:
-    """Tell whether a segment's last commit is in a larger one, too."""
-    last = last_commit(segment)
+    """Tell whether a segment's last commit is in a larger one, too.
+
+    The log does not need what lies in another file, so it need not be whole.
+    """
+    try:
+        last = last_commit(segment)
+    except CorruptLogError:
+        return True
     if last is None:
         return True
     found = commit_of(whole, last.last_event)

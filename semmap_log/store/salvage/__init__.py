@@ -3,6 +3,7 @@
 recovery_plan   what would be saved and what is lost
 renumbering     event numbers of the old log -> of the new
 rewriting       a commit in its new place
+trimmed_parts   where something was taken out of what survives
 recovered_log   the new log
 swap            the new log in the place of the old, which is kept
 recovering      all of it

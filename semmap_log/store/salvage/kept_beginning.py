@@ -15,19 +15,21 @@ from semmap_log.domain.events import HistoryTrimmed
 from semmap_log.errors import LogError
 from semmap_log.store.chunks import build_chunk
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import segment_name
+from semmap_log.store.form import KEYFRAME_CHANNEL, segment_name
 from semmap_log.store.header import LogInfo, Trimmed
 from semmap_log.store.kind_bits import KEYFRAME_BIT
 from semmap_log.store.pages import Page
-from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of, page_at
 from semmap_log.store.reading.segment_scan import Segment, open_segment
+from semmap_log.store.records import MESSAGE
 from semmap_log.store.salvage.split_commit import SplitSegment
 from semmap_log.store.segment import SegmentWriter
-from semmap_log.store.trimming.records_left import KeptRecords
-from semmap_log.store.trimming.trimming import told_of
+from semmap_log.store.trimming.records_left import SEQUENCE_RANGE, KeptRecords
 from semmap_log.store.verification import Severity, Verification
+from semmap_log.store.verification.file_heads import bytes_of
 from semmap_log.store.verification.folder_files import FolderFiles
+from semmap_log.store.verification.pieces import Piece
+from semmap_log.store.verification.walk import SegmentWalk
 from semmap_log.store.writing.keyframe_source import KeyframeMessage, keyframe_chunk
 
 
@@ -84,11 +86,6 @@ class KeptBeginning:
         for i, next_event in enumerate(self.segment.next_events.tolist()):
             yield KeptRecords(bytes(page_at(self.segment, i).records), next_event)
 
-    def told(self, folder: LogFolder) -> HistoryTrimmed:
-        """Return what says in the new log that just these records were taken out of it."""
-        rule = "before the log was recovered"
-        return told_of(LogReader(folder), before=self.trimmed.next_event, rule=rule)
-
 
 def kept_below(found: FolderFiles) -> int:
     """Return below which number a log's events are taken over as they are; 0: none is."""
@@ -134,14 +131,21 @@ def kept_beginning(
 def _state_behind(found: FolderFiles, segment: Segment, trimmed: Trimmed) -> bytes | None:
     """Return the keyframe at the head of the second segment, if the state at the horizon is there.
 
+    Of that segment no more need be whole than the chunk with it.
+
     Raises:
-        CorruptLogError: It is damaged.
-        IndexError: It is not there.
+        IndexError: It is damaged, or is not there.
     """
     is_keyframe = segment.chunks.rows["kinds"] == KEYFRAME_BIT
     if (is_keyframe & (segment.next_events == trimmed.horizon)).any():
         return None
-    behind = open_segment(Path(found.segments[1].path))
-    if behind.header.first_event != trimmed.horizon:
+    behind = found.segments[1]
+    with bytes_of(found.place, behind) as data:
+        walk = SegmentWalk(data, behind.header_end, behind.header)
+        first = next((item for item in walk if isinstance(item, Piece)), None)
+    if first is None or first.messages[0][0] != KEYFRAME_CHANNEL:
         raise IndexError
-    return page_at(behind, 0).keyframes()[0]
+    _, sequence, _, _, start, end = first.messages[0]
+    if sequence != (trimmed.horizon - 1) % SEQUENCE_RANGE:
+        raise IndexError
+    return bytes(first.records[start + MESSAGE.size : end])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from semmap_log.domain.commits import Note
 from semmap_log.domain.events import Event, LogExported
@@ -13,12 +14,14 @@ from semmap_log.store.closed_mark import ClosedMark, write_mark
 from semmap_log.store.commit_records import CommitBuilder, Stamp
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import FLOOR_MAP_CHANNEL, ROLL_BYTES, ROLL_COMMITS, segment_name
-from semmap_log.store.header import SegmentHeader
+from semmap_log.store.header import SegmentHeader, Trimmed
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.salvage.kept_beginning import KeptBeginning
 from semmap_log.store.salvage.rewriting import Rewriter, chunks_of
+from semmap_log.store.salvage.trimmed_parts import TrimmedPart
 from semmap_log.store.segment import SegmentWriter
-from semmap_log.store.verification import WholeCommit
+from semmap_log.store.trimming.trimming import told_of
+from semmap_log.store.verification import GoneCommits, WholeCommit
 from semmap_log.store.writing.keyframe_source import (
     KeyframeSource,
     NewKeyframeSource,
@@ -38,6 +41,7 @@ class NewLog:
         name: str,
         header: SegmentHeader,
         new_source: NewKeyframeSource[KeyframeSource],
+        trimmed: Sequence[TrimmedPart] = (),
     ) -> None:
         """Begin a log.
 
@@ -46,6 +50,7 @@ class NewLog:
             name: The name that its folder will have: segments are named after it.
             header: Of its first segment.
             new_source: Makes what knows the state that each of its segments begins with.
+            trimmed: Where something was taken out of what survives: each a segment of its own.
         """
         self.rewriter = Rewriter()
         self.folder = folder
@@ -56,10 +61,13 @@ class NewLog:
         self._keyframes = new_source(folder, holds_nothing_back)
         self._beginning: KeptBeginning | None = None
         self._closed: list[ClosedSegment] = []
+        self._trimmed = {part.first_event: part for part in trimmed}
+        self._trimmed_end = max((part.next_event for part in trimmed), default=0)
 
     def begin_with(self, beginning: KeptBeginning) -> None:
         """Take over the beginning of a log that has a horizon; to be called first."""
         self._beginning = beginning
+        self._trimmed_end = max(self._trimmed_end, beginning.next_event)
         writer = beginning.copy_to(self.folder, self._name, self._next.info)
         self._closed.append(writer.closed_segment())
         head, last_ns = writer.written.head, writer.statistics().message_end_time
@@ -73,9 +81,18 @@ class NewLog:
             return
         before = self.rewriter.last_ns
         segment = self._segment_for(whole.commit.recorded_ns, before)
-        records = self.rewriter.rewrite(whole)
-        for chunk in chunks_of(records) if records else ():
-            segment.add(chunk, levels=_levels(chunk.facts.counts))
+        self._write(segment, self.rewriter.rewrite(whole))
+
+    def add_gone(self, gone: GoneCommits) -> None:
+        """Append what stands for commits that were taken out, if it is not there yet."""
+        if self._beginning is not None and gone.tombstone.first_event < self._beginning.next_event:
+            return
+        segment = self._segment_for(gone.time_ns, self.rewriter.last_ns)
+        self._write(segment, [self.rewriter.go_on_behind(gone)])
+
+    def _write(self, segment: SegmentWriter, records: list[bytes]) -> None:
+        for chunk, next_event in chunks_of(records, segment.header.first_event):
+            segment.add(chunk, levels=_levels(chunk.facts.counts), next_event=next_event)
             self._keyframes.add(chunk)
 
     def finish(
@@ -100,8 +117,9 @@ class NewLog:
         event = LogExported(format=FORMAT, file_name=source, at_ns=max(last_ns, 0))
         last = CommitBuilder(stamp, note, entropy)
         events: list[Event] = [event]
-        if self._beginning is not None:
-            events.append(self._beginning.told(self.folder))
+        if self._trimmed_end:
+            rule = "before the log was recovered"
+            events.append(told_of(LogReader(self.folder), before=self._trimmed_end, rule=rule))
         for chunk in last.chunks(events):
             segment.add(chunk)
         self._close()
@@ -116,21 +134,20 @@ class NewLog:
             self._segment.abandon()
 
     def _segment_for(self, recorded_ns: int, last_ns: int) -> SegmentWriter:
-        """Return the segment for a commit; a new one where the last is full.
-
-        Its keyframe wants a nanosecond of its own between the commits.
-        """
-        segment = self._segment
+        """Return the segment for a commit; a new one where the last is full, or is trimmed."""
+        first, segment = self.rewriter.numbers.next_event, self._segment
+        part = self._trimmed.get(first)
         if segment is not None:
-            is_full = segment.size >= ROLL_BYTES or segment.commits >= ROLL_COMMITS
-            if not is_full or recorded_ns <= last_ns + 1:
+            if not _is_full(segment, first) and (part is None or segment.header.trimmed):
                 return segment
             self._close()
         header = self._next
+        if part is not None:
+            header = replace(header, trimmed=Trimmed(part.reasons, part.next_event))
         name = segment_name(self._name, header.number)
         segment = self._segment = SegmentWriter(self.folder, name, header)
-        time_ns = last_ns + 1 if last_ns >= 0 else max(0, recorded_ns - 1)
-        segment.add(keyframe_chunk(self._keyframes.keyframe(), time_ns))
+        time_ns = min(last_ns + 1, recorded_ns - 1) if last_ns >= 0 else max(0, recorded_ns - 1)
+        segment.add(keyframe_chunk(self._keyframes.keyframe(), time_ns), next_event=first)
         return segment
 
     def _close(self) -> None:
@@ -145,6 +162,14 @@ class NewLog:
 
 def holds_nothing_back() -> None:
     """Do nothing: what a recovery writes is at once with the kernel."""
+
+
+def _is_full(segment: SegmentWriter, next_event: int) -> bool:
+    """Tell whether another segment must begin before an event."""
+    trimmed = segment.header.trimmed
+    if trimmed is not None:
+        return next_event >= trimmed.next_event
+    return segment.size >= ROLL_BYTES or segment.commits >= ROLL_COMMITS
 
 
 def _levels(counts: dict[int, int]) -> set[int]:

@@ -96,7 +96,7 @@ def recover(
             made = LogFolder.held(folder)
             new_lock = WriterLock(made)
             try:
-                new = NewLog(made, log.name, header, parts.new_source)
+                new = NewLog(made, log.name, header, parts.new_source, found.trimmed)
                 _write(found, new, parts.new_check, clock or SystemClock(), entropy)
                 take_place(log, old)
                 kept = put_away(log)
@@ -145,7 +145,7 @@ def recover_into(
         with new_folder_beside(target) as folder:
             header = _header(found, entropy, is_new=True)
             made = LogFolder.held(folder)
-            new = NewLog(made, target.name, header, parts.new_source)
+            new = NewLog(made, target.name, header, parts.new_source, found.trimmed)
             _write(found, new, parts.new_check, clock or SystemClock(), entropy)
             (folder / RECOVERING_NAME).unlink()
             folder.rename(target)
@@ -206,14 +206,17 @@ def _write(
     try:
         if found.beginning is not None:
             new.begin_with(found.beginning)
-        Verifier(found.path, new_check, on_commit=new.add, keep_parts=True).run()
+        verifier = Verifier(
+            found.path, new_check, on_commit=new.add, on_gone=new.add_gone, keep_parts=True
+        )
+        verifier.run()
         source = f"{found.path.name} ({found.verification.log_id})"
         new.finish(source, loss_in_words(found), clock, entropy)
     except BaseException:
         new.abandon()
         raise
     made = verify(new.folder.path, new_check)
-    own = 1 if found.beginning is None else 2
+    own = 2 if found.trimmed or found.beginning is not None else 1
     if made.exit_code != 0 or made.events != found.events + own:
         first = made.findings[0].text if made.findings else counted(made.events, "event")
         raise CorruptLogError(

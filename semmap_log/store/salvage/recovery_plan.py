@@ -12,14 +12,21 @@ from semmap_log.errors import ElsewhereError, LogError, NewerLogError
 from semmap_log.messages import OBJECT_KINDS, decode, fixed_layout
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import kind_of_channel
-from semmap_log.store.header import LogInfo, SegmentHeader, with_all_of
+from semmap_log.store.header import LogInfo, SegmentHeader, TrimReason, with_all_of
 from semmap_log.store.records import MESSAGE
 from semmap_log.store.removed_part import read_removed_part
 from semmap_log.store.salvage.kept_beginning import KeptBeginning, kept_beginning, kept_below
 from semmap_log.store.salvage.rewriting import Rewriter
-from semmap_log.store.verification import Progress, Severity, Verification, Verifier, WholeCommit
+from semmap_log.store.salvage.trimmed_parts import TrimmedPart, TrimmedParts
+from semmap_log.store.verification import (
+    GoneCommits,
+    Progress,
+    Severity,
+    Verification,
+    Verifier,
+    WholeCommit,
+)
 from semmap_log.store.verification.file_bytes import Vanished
-from semmap_log.store.verification.findings import Finding
 from semmap_log.store.verification.keyframe_place import NewKeyframeCheck
 from semmap_log.store.zip_files import refuse_zip
 
@@ -58,10 +65,12 @@ class RecoveryPlan:
     header: SegmentHeader | None
     """Of the log's first segment, with what later versions have put at any head; None: none of them
     can be read."""
-    is_trimmed: bool
-    """Something was taken out of it on purpose: what is left gets other numbers …"""
+    keeps_numbers: bool
+    """Every event that survives keeps its number, and every commit its hash."""
+    trimmed: tuple[TrimmedPart, ...] = ()
+    """Where something was taken out of what survives, on purpose …"""
     beginning: KeptBeginning | None = None
-    """… but for this: the log has a horizon."""
+    """… and what is taken over as it is: the log has a horizon."""
 
     @property
     def info(self) -> LogInfo | None:
@@ -82,12 +91,6 @@ class RecoveryPlan:
         ]
         known = [count for count in counts if count is not None]
         return sum(known) if len(known) == len(counts) else None
-
-    @property
-    def keeps_numbers(self) -> bool:
-        """Tell whether every event that survives keeps its number, and every commit its hash."""
-        is_cut = all(loss.before_ns is None for loss in self.losses)
-        return is_cut and not self.dropped and not self.is_trimmed
 
 
 def plan_recovery(
@@ -113,7 +116,8 @@ def plan_recovery(
         path,
         new_check,
         progress=progress,
-        on_commit=lambda whole: taken.add(whole, kept_below(verifier.arrangement)),
+        on_commit=lambda whole: taken.add(whole, verifier),
+        on_gone=lambda gone: taken.add_gone(gone, verifier),
         keep_parts=True,
     )
     try:
@@ -145,7 +149,8 @@ def plan_recovery(
         events=taken.events,
         span_ns=taken.span_ns,
         header=with_all_of(headers) if headers else None,
-        is_trimmed=any(header.trimmed is not None for header in headers),
+        keeps_numbers=not (taken.rewriter.has_changed or (beginning and beginning.is_split)),
+        trimmed=taken.trimmed.found(),
         beginning=beginning,
     )
 
@@ -165,26 +170,46 @@ class _Taken:
         self.span_ns: tuple[int, int] | None = None
         self._next = self._events_below = 0
         self._gaps: list[tuple[int, int | None, int | None, int | None]] = []
+        self.trimmed = TrimmedParts()
 
-    def add(self, whole: WholeCommit, kept_below: int) -> None:
-        """Take the next commit that is whole; one below a number is taken over as it is."""
-        commit = whole.commit
-        last_ns = self.span_ns[1] if self.span_ns else None
-        if commit.first_event > self._next:
-            self._gaps.append((self._next, commit.first_event - 1, last_ns, commit.recorded_ns))
-        self._next = commit.last_event + 1
+    def add(self, whole: WholeCommit, verifier: Verifier) -> None:
+        """Take the next commit that is whole; one of the beginning is taken over as it is."""
+        commit, below = whole.commit, kept_below(verifier.arrangement)
+        self._go_on(commit.first_event, commit.last_event + 1, commit.recorded_ns)
         self.span_ns = (self.span_ns or (commit.recorded_ns, 0))[0], commit.closed_ns
-        if commit.last_event < kept_below:
+        self._note_doors(whole)
+        if commit.last_event < below:
             self.commits, self.events = self.commits + 1, self.events + whole.left
             self._events_below += whole.left
-        else:
-            numbers = self.rewriter.numbers
-            if numbers.next_event < kept_below:
-                self.rewriter.begin_behind(kept_below, commit.previous_hash, commit.recorded_ns - 1)
-            before = numbers.next_event
-            self.commits += bool(self.rewriter.rewrite(whole))
-            self.events += numbers.next_event - before
-        self._note_doors(whole)
+            return
+        numbers, dropped = self.rewriter.numbers, len(self.rewriter.dropped)
+        if numbers.next_event < below:
+            self.rewriter.begin_behind(below, commit.previous_hash, commit.recorded_ns - 1)
+        before = numbers.next_event
+        self.commits += bool(self.rewriter.rewrite(whole))
+        self.events += whole.left - (len(self.rewriter.dropped) - dropped)
+        reasons = TrimReason(0) if whole.lacks is None else whole.lacks.reasons
+        self.trimmed.add(verifier.place, before, numbers.next_event, reasons)
+
+    def add_gone(self, gone: GoneCommits, verifier: Verifier) -> None:
+        """Take in what stands for commits that were taken out."""
+        one, below = gone.tombstone, kept_below(verifier.arrangement)
+        self._go_on(one.first_event, one.next_event, gone.time_ns)
+        if one.first_event < below:
+            return
+        numbers = self.rewriter.numbers
+        if numbers.next_event < below:
+            self.rewriter.begin_behind(below, one.previous_hash, gone.time_ns)
+        before = numbers.next_event
+        self.rewriter.go_on_behind(gone)
+        self.trimmed.add(verifier.place, before, numbers.next_event, one.reasons)
+
+    def _go_on(self, first_event: int, next_event: int, time_ns: int) -> None:
+        """Note which events are lost before what comes next."""
+        last_ns = self.span_ns[1] if self.span_ns else None
+        if first_event > self._next:
+            self._gaps.append((self._next, first_event - 1, last_ns, time_ns))
+        self._next = next_event
 
     def take_split(self, beginning: KeptBeginning) -> None:
         """Count the commit of the beginning that becomes two, which is not whole as it is."""
@@ -205,20 +230,10 @@ class _Taken:
         losses = []
         for first, last, after_ns, before_ns in self._gaps:
             mine = [f for f in wrong if f.events and f.events[0] == first]
-            if self._is_gone(first, last, wrong):
-                continue
             files = tuple(dict.fromkeys(f.path.name for f in mine))
             why = tuple(dict.fromkeys(f.text for f in mine))
             losses.append(Loss(first, last, after_ns, before_ns, files, why))
         return losses
-
-    @staticmethod
-    def _is_gone(first: int, last: int | None, wrong: list[Finding]) -> bool:
-        """Tell whether events were taken out on purpose: nothing is wrong where they were."""
-        spans = [f.events for f in wrong if f.events is not None]
-        return last is not None and not any(
-            begin <= last and (end is None or first <= end) for begin, end in spans
-        )
 
     def _note_doors(self, whole: WholeCommit) -> None:
         """Remember which doors its events are about, and which it adds."""

@@ -6,7 +6,7 @@ from bisect import bisect_right
 
 
 class Renumbering:
-    """Runs of events that survive; numbers are given without gaps, in the same order."""
+    """Runs of events that survive; what was lost between them leaves no gap in the new numbers."""
 
     def __init__(self) -> None:
         self._old: list[int] = []
@@ -22,16 +22,21 @@ class Renumbering:
         self._old, self._new, self._counts = [0], [0], [old]
         self.next_event = old
 
-    def keep(self, old: int) -> int:
-        """Return the new number of an event that survives; to be called in ascending order."""
+    def keep(self, old: int, count: int = 1) -> int:
+        """Return the new number of an event that survives; to be called in ascending order.
+
+        Args:
+            old: Its number.
+            count: So many from it on survive, or were taken out on purpose and leave a gap.
+        """
         new = self.next_event
         if self._old and old == self._old[-1] + self._counts[-1]:
-            self._counts[-1] += 1
-        else:
+            self._counts[-1] += count
+        elif count:
             self._old.append(old)
             self._new.append(new)
-            self._counts.append(1)
-        self.next_event = new + 1
+            self._counts.append(count)
+        self.next_event = new + count
         return new
 
     def below(self, old: int) -> int:

@@ -1,10 +1,14 @@
-"""A commit that survives, in its new place: other numbers and another hash, all else as it was."""
+"""A commit that survives, in its new place: other numbers and another hash, all else as it was.
+
+What was taken out on purpose stays so: its Tombstones come along, and with them what answers its
+commands when they are sent again.
+"""
 
 from __future__ import annotations
 
 import hashlib
-import struct
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,10 +23,12 @@ from semmap_log.store.form import (
     NO_HASH,
     NOTE_CHANNEL,
     TOMBSTONE_CHANNEL,
+    kind_of_channel,
 )
 from semmap_log.store.records import MESSAGE, message
 from semmap_log.store.salvage.renumbering import Renumbering
-from semmap_log.store.verification import WholeCommit
+from semmap_log.store.tombstone import Tombstone
+from semmap_log.store.verification import GoneCommits, WholeCommit
 from semmap_log.store.verification.hash_chain import SEQUENCE_RANGE
 
 
@@ -43,6 +49,8 @@ class Rewriter:
         """Old numbers of the retractions that were dropped."""
         self.has_moved = False
         """Whether an event has got another number."""
+        self.has_changed = False
+        """Whether a commit has got another hash, or was dropped."""
 
     def begin_behind(self, next_event: int, head: bytes, last_ns: int) -> None:
         """Go on behind commits that are taken over as they are.
@@ -59,8 +67,12 @@ class Rewriter:
         """Return the records of a commit in its new place; none if no event of it is left."""
         commit, first = whole.commit, self.numbers.next_event
         durable_before = min(self.numbers.below(commit.durable_before), first)
-        time, records = commit.recorded_ns, list[bytes]()
+        time, records, expected = commit.recorded_ns, list[bytes](), commit.first_event
         for channel, old, record in _records_of(whole):
+            next_old = old if channel != NOTE_CHANNEL else old + 1
+            self.numbers.keep(expected, next_old - expected)
+            time += next_old - expected
+            expected = old + 1
             body = self._body(channel, old, record)
             if body is None:
                 self.dropped.append(old)
@@ -71,8 +83,12 @@ class Rewriter:
             publish_ns = MESSAGE.unpack_from(record)[5] if is_event else time
             records.append(message(channel, number, time, publish_ns, body))
             time += 1
+        at_end = commit.last_event + 1 - expected
+        self.numbers.keep(expected, at_end)
+        time += at_end
         count = self.numbers.next_event - first
         if not count:
+            self.has_changed = True
             return []
         data = layout("Commit").pack(
             first,
@@ -88,9 +104,29 @@ class Rewriter:
             NO_HASH,
         )
         record = message(COMMIT_CHANNEL, first + count - 1, time, time, data)
-        self.head = commit_hash(record, _digests(records))
+        digests = _digests(records)
+        if whole.lacks is not None:
+            lacks = _of_what_is_left(replace(whole.lacks, first_event=first, count=count), digests)
+            digests |= {part.channel: part.digest for part in lacks.parts}
+            has_note = bool(records) and _channel_of(records[-1]) == NOTE_CHANNEL
+            records.insert(len(records) - has_note, lacks.record(time - 1 - has_note))
+        self.head = commit_hash(record, digests)
+        self.has_changed |= self.head != commit.hash
         self.last_ns = time
         return [*records, record[:-HASH_BYTES] + self.head]
+
+    def go_on_behind(self, gone: GoneCommits) -> bytes:
+        """Return the Tombstone of whole commits that were taken out, in its new place."""
+        old, first, before = gone.tombstone, self.numbers.next_event, self.head
+        self.numbers.keep(old.first_event, old.count)
+        self.has_moved |= first != old.first_event
+        self.head = old.hash
+        if (first, before) != (old.first_event, old.previous_hash):
+            self.has_changed = True
+            self.head = hashlib.sha256(before + old.hash).digest()
+        self.last_ns = max(self.last_ns, gone.time_ns)
+        new = replace(old, first_event=first, previous_hash=before, hash=self.head)
+        return new.record(self.last_ns)
 
     def _body(self, channel: int, old: int, record: bytes | memoryview) -> bytes | None:
         """Return a record's payload; of a retraction with the new numbers, None: all are lost."""
@@ -107,22 +143,38 @@ class Rewriter:
         return None if hidden is None else fixed_layout(Retracted.kind).pack(*hidden)
 
 
-def chunks_of(records: list[bytes]) -> Iterator[BuiltChunk]:
-    """Yield the chunks of a commit's records, each of about a MiB."""
+def _of_what_is_left(lacks: Tombstone, kept: dict[int, bytes]) -> Tombstone:
+    """Return a Tombstone that tells the digests of the records that are left now."""
+    parts = (replace(part, kept_digest=kept.get(part.channel, NO_HASH)) for part in lacks.parts)
+    return replace(lacks, parts=tuple(parts))
+
+
+def chunks_of(records: list[bytes], segment_first: int) -> Iterator[tuple[BuiltChunk, int]]:
+    """Yield the chunks of a commit's records, each of about a MiB, and the next event's number.
+
+    What is no event stands in one with the Commit: a Tombstone's place is found by it.
+
+    Args:
+        records: Its records; none if it was dropped.
+        segment_first: Number of the first event of its segment.
+    """
     part: list[bytes] = []
     size = 0
     for record in records:
-        if size >= CHUNK_BYTES:
-            yield _chunk(part)
+        if size >= CHUNK_BYTES and kind_of_channel(_channel_of(record)) is not None:
+            yield _chunk(part, segment_first)
             part, size = [], 0
         part.append(record)
         size += len(record)
-    yield _chunk(part)
+    if part:
+        yield _chunk(part, segment_first)
 
 
-def _chunk(records: list[bytes]) -> BuiltChunk:
+def _chunk(records: list[bytes], segment_first: int) -> tuple[BuiltChunk, int]:
     sizes = np.array([0, *(len(record) for record in records[:-1])], np.int64)
-    return build_chunk(b"".join(records), np.cumsum(sizes))
+    behind = MESSAGE.unpack_from(records[-1])[3] + 1
+    next_event = segment_first + (behind - segment_first) % SEQUENCE_RANGE
+    return build_chunk(b"".join(records), np.cumsum(sizes)), next_event
 
 
 def _records_of(whole: WholeCommit) -> Iterator[tuple[int, int, bytes | memoryview]]:
@@ -135,10 +187,14 @@ def _records_of(whole: WholeCommit) -> Iterator[tuple[int, int, bytes | memoryvi
                 yield channel, number, part.piece.records[start:end]
 
 
+def _channel_of(record: bytes) -> int:
+    return int.from_bytes(record[9:11], "little")
+
+
 def _digests(records: list[bytes]) -> dict[int, bytes]:
     """Return, for each channel, the sha256 of its records in order."""
     digests: dict[int, hashlib._Hash] = {}
     for record in records:
-        (channel,) = struct.unpack_from("<H", record, 9)
+        channel = _channel_of(record)
         digests.setdefault(channel, hashlib.sha256()).update(record)
     return {channel: digest.digest() for channel, digest in digests.items()}

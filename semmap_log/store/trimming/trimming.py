@@ -165,6 +165,24 @@ def count_selected(reader: LogReader, select: Select, progress: Progress | None 
     return found
 
 
+def takes_anything(reader: LogReader, select: Select) -> bool:
+    """Tell whether `trim_segments` would take anything out; it is read up to the first record.
+
+    Args:
+        reader: Of the log.
+        select: Says what would go.
+
+    Raises:
+        CorruptLogError: A segment is damaged.
+    """
+    for sources, selection in _steps([s for s in reader.segments if s.told is None], select):
+        if selection is not None:
+            left = RecordsLeft(sources, selection)
+            if any(left.is_changed for _ in left.parts()) or left.is_changed:
+                return True
+    return False
+
+
 def told_of(
     reader: LogReader, *, before: int, rule: str, reason: TrimReason = TrimReason(0)
 ) -> HistoryTrimmed:

@@ -14,11 +14,12 @@ verifying        all of it
 """
 
 from semmap_log.store.verification.findings import Finding, Severity, Verification
-from semmap_log.store.verification.hash_chain import WholeCommit
+from semmap_log.store.verification.hash_chain import GoneCommits, WholeCommit
 from semmap_log.store.verification.verifying import Progress, Verifier, verify
 
 __all__ = [
     "Finding",
+    "GoneCommits",
     "Progress",
     "Severity",
     "Verification",

@@ -97,6 +97,7 @@ class Contents:
             self.first_events.append(commit["first_event"])
             self.head_hash = commit["hash"]
         if self.header is not None and self.header.trimmed is not None:
+            self.head_hash = _hash_at_end(piece) or self.head_hash
             before = self.next_events[-1] if self.next_events else self.header.first_event
             self.next_events.append(_next_event(piece, before))
 
@@ -290,6 +291,14 @@ def _next_event(piece: Piece, before: int) -> int:
         if channel not in (KEYFRAME_CHANNEL, NOTE_CHANNEL):
             before += (sequence + 1 - before) % SEQUENCE_RANGE
     return before
+
+
+def _hash_at_end(piece: Piece) -> bytes:
+    """Return the hash of the last commit of a chunk that ends with commits that are gone."""
+    channel, *_, start, end = piece.messages[-1]
+    if channel == TOMBSTONE_CHANNEL and _stands_for_commits(piece, start, end):
+        return Tombstone.in_record(piece.records[start:end]).hash
+    return b""
 
 
 def _stands_for_commits(piece: Piece, start: int, end: int) -> bool:

@@ -16,6 +16,7 @@ from semmap_log.store.form import (
     RECOVERING_NAME,
     REMOVED_NAME,
     TORN_SUFFIX,
+    is_named_as_part,
     number_in,
 )
 from semmap_log.store.removed_part import RemovedPart
@@ -84,15 +85,14 @@ def arrange(place: FilePlace) -> FolderFiles:
     except OSError as error:
         raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
     found.findings += [_damage("manifest", name, text) for name, text in place.flaws()]
-    ours: list[SegmentFile] = []
-    for name in names:
-        if name.suffix == ".mcap":
-            one = look_at(place, name)
-            if one is not None:
-                ours.append(one)
-            else:
-                text = "a foreign file: no segment of a semmap log; move it elsewhere"
-                found.findings.append(_damage("foreign", name, text))
+    looked = {name: look_at(place, name) for name in names if name.suffix == ".mcap"}
+    ours = [one for one in looked.values() if one is not None]
+    for name in (name for name, one in looked.items() if one is None):
+        if any(_has_name_of_part(name, one) for one in ours):
+            found.findings.append(leftover_finding(name, is_whole=False))
+        else:
+            text = "a foreign file: no segment of a semmap log; move it elsewhere"
+            found.findings.append(_damage("foreign", name, text))
     if not ours:
         found.findings = [_alien(path, "no segment of a semmap log is in this folder")]
         return found
@@ -242,11 +242,29 @@ def _sort_out(found: FolderFiles, ours: list[SegmentFile]) -> None:
 def _add_second(found: FolderFiles, file: SegmentFile, last: SegmentFile) -> None:
     """Take in a file whose number another one has, or stands for."""
     is_inside = (file.number, file.last_number) != (last.number, last.last_number)
-    if file.header is not None and is_inside and file.last_number <= last.last_number:
+    if file.header is None:
+        is_inside = _has_name_of_part(file.path, last)
+    if is_inside and file.last_number <= last.last_number:
         found.leftovers.append(file)
         return
     text = f"segment {file.number} is there twice: {last.path.name} has it, too"
     found.findings.append(_damage("duplicated", file.path, text))
+
+
+def _has_name_of_part(path: PurePath, whole: SegmentFile) -> bool:
+    """Tell whether a file has the name of a segment that was merged into that one."""
+    if whole.header is None:
+        return False
+    return is_named_as_part(path.name, whole.path.name, whole.number, whole.last_number)
+
+
+def leftover_finding(path: PurePath, *, is_whole: bool) -> Finding:
+    """Return what there is to say of a segment that was merged into another."""
+    text = "was merged into another segment; the next writer removes it"
+    if is_whole:
+        return Finding("leftover", Severity.NOTE, path, None, None, text)
+    text = f"{text}; its own bytes are damaged, which costs nothing"
+    return Finding("leftover", Severity.WARNING, path, None, None, text)
 
 
 def _notes(names: list[PurePath]) -> list[Finding]:

@@ -58,9 +58,21 @@ class WholeCommit:
     """Its events and its note; empty where nobody asked for them."""
     left: int
     """How many of its events are there."""
+    lacks: Tombstone | None = None
+    """What stands for the others; None: none was taken out."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoneCommits:
+    """Whole commits that were taken out on purpose."""
+
+    tombstone: Tombstone
+    time_ns: int
+    """Log time of the tombstone."""
 
 
 OnCommit = Callable[[WholeCommit], None]
+OnGone = Callable[[GoneCommits], None]
 
 
 @dataclass(slots=True)
@@ -117,13 +129,19 @@ class Chain:
     """Takes chunk after chunk of a log, in order, and reports what does not follow."""
 
     def __init__(
-        self, report: Report, on_commit: OnCommit | None = None, *, keep_parts: bool = False
+        self,
+        report: Report,
+        on_commit: OnCommit | None = None,
+        *,
+        on_gone: OnGone | None = None,
+        keep_parts: bool = False,
     ) -> None:
         """Begin before the first segment.
 
         Args:
             report: Takes each finding.
             on_commit: Takes each commit that is whole and in its place.
+            on_gone: Takes what stands for whole commits that were taken out, in its place.
             keep_parts: Whether to tell it where the commit's records are.
         """
         self.next_event = 0
@@ -139,6 +157,7 @@ class Chain:
         self._is_trimmed = False
         self._report = report
         self._on_commit = on_commit
+        self._on_gone = on_gone
         self._keep_parts = keep_parts
         self._pending: _Pending | None = None
         self._open: list[Finding] = []
@@ -150,9 +169,9 @@ class Chain:
         self.last_seen = header.first_event - 1
 
     def begin_segment(self, path: PurePath, header: SegmentHeader | None) -> None:
-        """Go on in the next segment; None: its header cannot be read, so it is not asked."""
+        """Go on in the next segment; None: its header cannot be read, so it may be trimmed."""
         self._path = path
-        self._is_trimmed = header is not None and header.trimmed is not None
+        self._is_trimmed = header is None or header.trimmed is not None
         if header is None:
             return
         if self._pending is not None:
@@ -199,7 +218,7 @@ class Chain:
             if channel == KEYFRAME_CHANNEL:
                 self._keyframe(piece, message)
             elif channel == TOMBSTONE_CHANNEL and self._is_trimmed:
-                self._tombstone(piece, records[start:end])
+                self._tombstone(piece, records[start:end], message[2])
             elif channel == COMMIT_CHANNEL:
                 self._commit(piece, i, records[start:end])
             else:
@@ -284,7 +303,7 @@ class Chain:
         expected = pending.next_event - (channel in (NOTE_CHANNEL, COMMIT_CHANNEL))
         return max(0, self._number(sequence) - expected)
 
-    def _tombstone(self, piece: Piece, record: bytes | memoryview) -> None:
+    def _tombstone(self, piece: Piece, record: bytes | memoryview, time_ns: int) -> None:
         """Take what stands for records that are gone: whole commits, or some of the next."""
         try:
             found = Tombstone.in_record(record)
@@ -298,10 +317,11 @@ class Chain:
         elif self._pending is not None:
             self.wrong("tombstone", self._path, piece.stored.offset, "it is within a commit")
         else:
-            self._whole_commits(found, piece.stored.offset)
+            self._whole_commits(GoneCommits(found, time_ns), piece.stored.offset)
 
-    def _whole_commits(self, gone: Tombstone, offset: int) -> None:
+    def _whole_commits(self, commits: GoneCommits, offset: int) -> None:
         """Go on behind commits that are gone."""
+        gone = commits.tombstone
         told = (gone.first_event, gone.previous_hash)
         if not self._open and told != (self.next_event, self.head):
             problem = (
@@ -310,9 +330,13 @@ class Chain:
                 f"{gone.previous_hash.hex()[:16]}…"
             )
             self.wrong("tombstone", self._path, offset, problem)
+        if gone.first_event < self.next_event:
+            return  # events that have come already
         self._settle(gone.first_event)
         self.next_event, self.head = gone.next_event, gone.hash
         self.last_seen = max(self.last_seen, gone.next_event - 1)
+        if self._on_gone is not None:
+            self._on_gone(commits)
 
     def _note(self, pending: _Pending, record: bytes | memoryview) -> Note:
         if pending.has_note:
@@ -365,7 +389,8 @@ class Chain:
         commit = Commit(
             recorded_ns=log_ns - count - has_note, closed_ns=log_ns, note=pending.note, **said
         )
-        self._place(WholeCommit(commit, pending.parts, pending.count), offset)
+        whole = WholeCommit(commit, pending.parts, pending.count, pending.tombstone)
+        self._place(whole, offset)
 
     def _place(self, whole: WholeCommit, offset: int) -> None:
         """Put a commit that is whole behind the last one, if it belongs there."""

@@ -33,7 +33,7 @@ from semmap_log.store.verification.closing import (
     summary_flaws,
 )
 from semmap_log.store.verification.disk_and_store import DiskAndStorePlace
-from semmap_log.store.verification.file_bytes import Vanished
+from semmap_log.store.verification.file_bytes import FileBytes, Vanished
 from semmap_log.store.verification.file_heads import SegmentFile, bytes_of, first_bytes, name_of
 from semmap_log.store.verification.file_place import DiskPlace, FilePlace
 from semmap_log.store.verification.findings import CommitEnd, Finding, Severity, Verification
@@ -41,9 +41,10 @@ from semmap_log.store.verification.folder_files import (
     FolderFiles,
     arrange,
     bag_metadata_findings,
+    leftover_finding,
     mark_findings,
 )
-from semmap_log.store.verification.hash_chain import Chain, OnCommit, WholeCommit
+from semmap_log.store.verification.hash_chain import Chain, OnCommit, OnGone, WholeCommit
 from semmap_log.store.verification.keyframe_place import KeyframePlace, NewKeyframeCheck
 from semmap_log.store.verification.object_place import ObjectPlace
 from semmap_log.store.verification.pieces import Piece
@@ -125,6 +126,7 @@ class Verifier:
         progress: Progress | None = None,
         on_commit: OnCommit | None = None,
         *,
+        on_gone: OnGone | None = None,
         keep_parts: bool = False,
         ends: Collection[int] = (),
     ) -> None:
@@ -136,12 +138,13 @@ class Verifier:
             head: As for `verify`.
             progress: As for `verify`.
             on_commit: Takes each commit that is whole and in its place.
+            on_gone: Takes what stands for whole commits that were taken out, in its place.
             keep_parts: Whether it wants the commit's records: a long commit is in memory then.
             ends: As for `verify`.
         """
         self._place = DiskPlace(path) if isinstance(path, Path) else path
         self.path = self._place.path
-        self.chain = Chain(self._report, self._commit, keep_parts=keep_parts)
+        self.chain = Chain(self._report, self._commit, on_gone=on_gone, keep_parts=keep_parts)
         self.arrangement = FolderFiles(self._place)
         self.findings: list[Finding] = []
         self._head = head
@@ -247,7 +250,7 @@ class Verifier:
             self._damage("header", at, file.problem)
             contents.is_flawless = False
         self.chain.begin_segment(file.path, file.header)
-        if file.header is not None and file.header.trimmed is not None:
+        if self._is_trimmed:
             self._keyframes.forget()
 
     def _chunks(self, i: int, walk: SegmentWalk, contents: Contents, *, is_live: bool) -> bool:
@@ -289,10 +292,15 @@ class Verifier:
         self._note_trimming(piece)
 
     @property
+    def place(self) -> int:
+        """Which of the segments of `arrangement` is being read."""
+        return self._at
+
+    @property
     def _is_trimmed(self) -> bool:
-        """Whether records were taken out of the segment under way."""
-        file = self.arrangement.segments[self._at]
-        return file.header is not None and file.header.trimmed is not None
+        """Whether records were taken out of the segment under way, as far as it can be known."""
+        header = self.arrangement.segments[self._at].header
+        return header is None or header.trimmed is not None
 
     def _note_trimming(self, piece: Piece) -> None:
         """Remember the last event that tells of records that were taken out."""
@@ -384,16 +392,14 @@ class Verifier:
         for file in files:
             found: list[Finding] = []
             chain = Chain(found.append)
-            assert file.header is not None
-            chain.start_at(file.header)
+            if file.header is not None:
+                chain.start_at(file.header)
             with bytes_of(self._place, file) as data:
                 self._bytes += len(data)
-                for item in SegmentWalk(data, file.header_end, file.header):
-                    if isinstance(item, Piece):
-                        chain.add(item)
+                flaws = _flaws_of_leftover(file, data, chain)
             if chain.commits:
                 self._merged[chain.next_event - 1] = (file.path, chain.head)
-            self.findings.append(_leftover(file.path, is_whole=not found))
+            self.findings.append(leftover_finding(file.path, is_whole=not (found or flaws)))
 
     def _commit(self, whole: WholeCommit) -> None:
         commit = whole.commit
@@ -549,12 +555,21 @@ def _log_of(told: HistoryTrimmed) -> str:
     return told.tombstones.partition(":")[0]
 
 
-def _leftover(path: PurePath, *, is_whole: bool) -> Finding:
-    text = "was merged into another segment; the next writer removes it"
-    if is_whole:
-        return Finding("leftover", Severity.NOTE, path, None, None, text)
-    text = f"{text}; its own bytes are damaged, which costs nothing"
-    return Finding("leftover", Severity.WARNING, path, None, None, text)
+def _flaws_of_leftover(file: SegmentFile, data: FileBytes, chain: Chain) -> list[Flaw | Gap]:
+    """Take the chunks of a segment that was merged into another; return what is not as written."""
+    if file.header is None:
+        return [Flaw("header", 0, file.problem)]
+    contents = Contents(file.header_end, file.header)
+    flaws: list[Flaw | Gap] = [Flaw("header", 0, file.problem)] if file.problem else []
+    walk = SegmentWalk(data, file.header_end, file.header)
+    for item in walk:
+        if isinstance(item, Piece):
+            chain.add(item)
+            contents.add(item)
+        else:
+            flaws.append(item)
+    contents.header = walk.header
+    return flaws or list(closing_flaws(data, walk.pieces_end, contents))
 
 
 def _unusual(path: PurePath, offset: int) -> Finding:

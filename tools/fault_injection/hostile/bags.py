@@ -58,7 +58,7 @@ def mcap_of_many(path: Path, dice: random.Random) -> str:
 
 def mcap_liar(path: Path, dice: random.Random) -> str:
     """Write a good MCAP file with some numbers made huge."""
-    data = bytearray(_good_mcap())
+    data = bytearray(good_mcap())
     changes = []
     for _ in range(dice.randint(1, 3)):
         at, size = dice.choice(_numbers_of(bytes(data)))
@@ -84,10 +84,7 @@ def bag_bomb(path: Path, dice: random.Random) -> str:
 
 def bag_liar(path: Path, dice: random.Random) -> str:
     """Write a bag of ROS 1 with some numbers made huge, or cut."""
-    chunk = _bag_record(
-        {b"op": b"\x05", b"compression": b"none", b"size": struct.pack("<I", 0)}, b""
-    )
-    data = bytearray(_bag(chunk))
+    data = bytearray(good_bag())
     start = data.index(b"\n") + 1
     changes = []
     for _ in range(dice.randint(1, 3)):
@@ -99,6 +96,12 @@ def bag_liar(path: Path, dice: random.Random) -> str:
         changes.append(f"{value} at byte {at}")
     path.write_bytes(data[: dice.choice((len(data), len(data), dice.randrange(len(data))))])
     return f"a bag with {', '.join(changes)}"
+
+
+def good_bag() -> bytes:
+    """Return a bag of ROS 1 with a chunk that is empty."""
+    header = {b"op": b"\x05", b"compression": b"none", b"size": struct.pack("<I", 0)}
+    return _bag(_bag_record(header, b""))
 
 
 def _text(data: bytes) -> bytes:
@@ -133,7 +136,7 @@ def _mcap(records: list[bytes], *, has_summary: bool, size: int) -> bytes:
 
 
 @cache
-def _good_mcap() -> bytes:
+def good_mcap() -> bytes:
     """Return a file with three sightings, as the mcap library writes it."""
     import io
 

@@ -30,7 +30,13 @@ def hostile_log(path: Path, dice: random.Random) -> str:
     return dice.choice(ways)(path, dice)
 
 
-def _log(path: Path, *, closed: bool = True) -> Path:
+def good_log(path: Path, *, closed: bool = True) -> Path:
+    """Write a small log; return its segment.
+
+    Args:
+        path: Its folder.
+        closed: Whether the segment is; else nothing else is in the folder.
+    """
     log = sl.create(path, tz="UTC", compact=False)
     door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, name="front")
     for i in range(6):
@@ -49,7 +55,7 @@ def _log(path: Path, *, closed: bool = True) -> Path:
 def _chunk_of_zeros(path: Path, dice: random.Random) -> str:
     """A live segment that ends with a chunk of very many bytes, by its checksum all there."""
     mib = dice.choice((256, 1023))
-    segment = _log(path, closed=False)
+    segment = good_log(path, closed=False)
     packed = zstd_zeros(mib, says_size=True)
     data = bytearray(segment.read_bytes())
     body = struct.pack("<QQQI", 2**61, 2**61, mib * 2**20, crc_of_zeros(mib))
@@ -66,7 +72,7 @@ def _chunk_of_zeros(path: Path, dice: random.Random) -> str:
 def _chunk_of_messages(path: Path, dice: random.Random) -> str:
     """A live segment that ends with chunks of very many messages which are all alike."""
     channel, chunks = dice.choice((4, 50, 90, 91, 92)), dice.choice((1, 6))
-    segment = _log(path, closed=False)
+    segment = good_log(path, closed=False)
     message = mcap.message(channel, 8, 2**61, 2**61, b"")
     records = message * (2**27 // len(message))
     packed = zstandard.compress(records, 1)
@@ -82,7 +88,7 @@ def _index_of_zeros(path: Path, dice: random.Random) -> str:
     mib = dice.choice((256, 1024))
     packed = base64.b64encode(zlib_zeros(mib)).decode()
     with _index_entries(packed, dice.choice((("events",), ("events", "greatest_happened_ns")))):
-        _log(path)
+        good_log(path)
     return f"a closed log whose index unpacks to {mib} MiB"
 
 
@@ -107,7 +113,7 @@ def _index_entries(packed: str, names: tuple[str, ...]) -> Iterator[None]:
 
 def _huge_numbers(path: Path, dice: random.Random) -> str:
     """A segment with some lengths made huge."""
-    segment = _log(path, closed=dice.random() < 0.5)
+    segment = good_log(path, closed=dice.random() < 0.5)
     data = bytearray(segment.read_bytes())
     changes = []
     for _ in range(dice.randint(1, 3)):
@@ -122,7 +128,7 @@ def _huge_numbers(path: Path, dice: random.Random) -> str:
 
 def _zeros_behind(path: Path, dice: random.Random) -> str:
     """A live segment with a long hole behind it, or full of bytes that look like chunks."""
-    segment = _log(path, closed=False)
+    segment = good_log(path, closed=False)
     size = dice.choice((2**28, 2**32))
     if dice.random() < 0.5:
         with segment.open("r+b") as file:
@@ -136,7 +142,7 @@ def _zeros_behind(path: Path, dice: random.Random) -> str:
 
 def _huge_metadata(path: Path, dice: random.Random) -> str:
     """A log whose other files are huge or deep."""
-    _log(path)
+    good_log(path)
     others = sorted(p for p in path.iterdir() if p.suffix != ".mcap" and p.name != ".lock")
     name = dice.choice(others).name
     what, data = dice.choice((

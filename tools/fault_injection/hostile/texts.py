@@ -61,6 +61,29 @@ def gzip_bomb(path: Path, dice: random.Random) -> str:
     return f"{mib} MiB of {what}, packed"
 
 
+def _keys(count: int) -> str:
+    names = [*range(count), count - 1]
+    return ",".join(f'"k{name}":0' for name in names)
+
+
+def ask_line(dice: random.Random) -> tuple[bytes, str]:
+    """Return a line for a server of questions, and what it is."""
+    lines = {
+        "NEXT_DOOR with 9,000 doors": "NEXT_DOOR " + "DOOR_1 " * 9000,
+        "8,180 keys, the last one twice": "{" + _keys(8_180) + "}",
+        "3,000 questions in each other": "BELIEVED " * 3000 + "DOORS" + " AT now" * 3000,
+        "60,000 opening brackets": "[" * 60_000,
+        "a JSON line of deep objects": '{"a":' * 12_000,
+        "a number of 60,000 digits": "BEST_TIME " + "9" * 60_000,
+        "a line of 100 MB": "x" * 100_000_000,
+        "60,000 quotes": "NEXT_DOOR " + '"' * 60_000,
+        "a moment far away": "STATE 1 AT 2261-01-01",
+        "a moment long ago": "STATE 1 AT @1",
+    }
+    what = dice.choice(list(lines))
+    return f"{lines[what]}\n".encode(), what
+
+
 def csv_bomb(path: Path, dice: random.Random) -> str:
     """Write a CSV with a huge field, very many columns, or odd numbers."""
     fields = {

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
-
-from folder import Log
+from typing import Any, Protocol
 
 Stamp = tuple[int, int]
 """(happened, number): the greater wins."""
@@ -18,6 +17,26 @@ FIELDS = {
 }  # fmt: skip
 STATES = ("UNKNOWN", "OPEN", "CLOSED", "MOVING", "OFFLINE")
 OPEN = 1
+
+
+class Commit(Protocol):
+    """Events that became known together."""
+
+    @property
+    def recorded_ns(self) -> int:
+        """When."""
+
+    @property
+    def events(self) -> Iterable[dict[str, Any]]:
+        """The events, by the names of their fields."""
+
+
+class Log(Protocol):
+    """What was ever recorded."""
+
+    @property
+    def commits(self) -> Iterable[Commit]:
+        """In order."""
 
 
 @dataclass

@@ -1,0 +1,270 @@
+"""What a verb takes for a small hostile log, file, question or store, against a harmless twin."""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import shutil
+import signal
+import socket
+import warnings
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing, suppress
+from pathlib import Path
+
+from fault_injection.fault import Outcome, Plan
+from fault_injection.hostile.bags import bag_bomb, bag_liar, mcap_bomb, mcap_liar, mcap_of_many
+from fault_injection.hostile.costly import costly_log
+from fault_injection.hostile.harmless import harmless_file
+from fault_injection.hostile.logs import hostile_log
+from fault_injection.hostile.stores import harmless_store, hostile_store
+from fault_injection.hostile.texts import (
+    ask_line,
+    csv_bomb,
+    gzip_bomb,
+    json_bomb,
+    picture_bomb,
+    yaml_bomb,
+)
+from fault_injection.measured import Measured, load_what_it_loads, measured, wait_for
+from fault_injection.pool import side_by_side
+from fault_injection.subject import keep
+
+USUAL = 500
+MORE_MIB = 100
+"""So much more memory than for its harmless twin may a verb take for a small input."""
+MORE_S, LOG_MORE_S = 2.0, 3.0
+"""So many more seconds of a processor; the second for what is asked about a log of ours."""
+MORE_MIB_FOR: dict[Callable[[Path, random.Random], str], int] = {
+    mcap_of_many: 600,
+    mcap_bomb: 200,
+    json_bomb: 300,
+}
+"""The same for files that are not small: up to 60 MB long, or with a chunk of 128 MiB."""
+OFFICE = Path(__file__).parents[2] / "recordings" / "office"
+"""The harmless twin of a log: events of a day."""
+
+Ask = tuple[str, ...]
+LOG, FILE = "{log}", "{file}"
+MOMENTS = ("@0", "@1", "1970-01-02", "2026-03-02T12:00", "2027-01-01", "2200-01-01", "2261-01-01")
+
+VERBS: tuple[Ask, ...] = (
+    ("info", LOG), ("info", LOG, "--all-doors"), ("verify", LOG), ("replay", LOG), ("tail", LOG),
+    ("replay", LOG, "--json"), ("history", LOG), ("history", LOG, "--json"), ("show", LOG, "20"),
+    ("history", LOG, "1"), ("history", LOG, "--plot", "{out}/made.png"), ("timeline", LOG, "1"),
+    ("timeline", LOG, "1", "--json"), ("diff", LOG, "event:20", "event:200"), ("rooms", LOG),
+    ("why", LOG, "1"), ("why", LOG, "1", "--at", "2026-03-02T12:00"),
+    ("rooms", LOG, "--plot", "{out}/made.png"), ("rooms", LOG, "--out", "{out}/made.geojson"),
+    ("probabilities", LOG), ("probabilities", LOG, "--by", "week"), ("best-time", LOG, "1"),
+    ("probabilities", LOG, "1", "--plot", "{out}/made.png"),
+    *(("probabilities", LOG, "--estimator", name) for name in ("schedule", "count", "fremen5")),
+    ("probabilities", LOG, "--as-happened"), ("best-time", LOG, "1", "--as-happened"),
+    ("patrol-plan", LOG), ("patrol-plan", LOG, "--plot", "{out}/made.png"),
+    ("go", LOG, "hall", "hardware room"), ("evaluate", LOG, "--step", "600"),
+    ("evaluate", LOG, "--prequential", "--step", "600"),
+    ("costmap", LOG, "{out}/made.png"), ("costmap", LOG, "{out}/made.npy"),
+    ("costmap", LOG, "{out}/made.npy", "--layer", "door", "--resolution", "0.1"),
+    ("costmap", LOG, "{out}/made.mcap"), ("report", LOG, "{out}/made.html"),
+    *(("export", LOG, f"{{out}}/made.{name}")
+      for name in ("geojson", "csv", "jsonl", "parquet", "mcap", "bag", "pgm", "html", "rrd")),
+    ("export", LOG, "{out}/made.yaml", "--default-prob", "0.5"),
+    ("export", LOG, "{out}/made.jsonl", "--pseudonymous"), ("compact", LOG), ("index", LOG),
+    ("sql", LOG, "select * from intervals"), ("sql", LOG, "select * from beliefs('@1772438400')"),
+    ("sql", LOG, "select count(*), min(happened) from events"), ("recover", LOG),
+    ("copy", LOG, "{out}/copy"), ("retain", LOG, "--thin", "2026-03-02", "--dry-run"),
+    ("retain", LOG, "--keep", "2026-03-02", "--dry-run"), ("redact", LOG, "--notes", "--dry-run"),
+)  # fmt: skip
+"""Every verb that answers something about a log."""
+
+QUESTIONS: dict[str, tuple[Ask, ...]] = {
+    "--at": tuple((one,) for one in MOMENTS), "--known-at": tuple((one,) for one in MOMENTS),
+    "--since": tuple((one,) for one in MOMENTS), "--until": tuple((one,) for one in MOMENTS),
+    "--day": tuple((one,) for one in MOMENTS), "--start": tuple((one,) for one in MOMENTS),
+    "--depart": tuple((one,) for one in MOMENTS), "--near": (("100000d",), ("1s",)),
+    "--horizon": (("100000d",), ("1s",)), "-n": (("168",), ("1000000000",)),
+    "--step": (("1e-6",), ("0.001",), ("1e9",)), "--patrol": (("1s",), ("100000d",)),
+    "--resolution": (("1e-6",), ("1e-300",), ("1e9",)), "--inflate": (("1e9",), ("1e3",)),
+    "--door-inflate": (("1e9",),), "--scaling": (("1e-300",), ("1e300",)),
+    "--every": (("1e-9",), ("1e9",)), "--budget": (("100000d",), ("1s",)),
+    "--speed": (("1e-300",), ("1e300",)), "--patience": (("100000d",),),
+    "--wait": (("100000d",),), "--tz": (("Africa/Monrovia",), ("Pacific/Apia",)),
+}  # fmt: skip
+"""Option -> what may be asked with it; verbs that lack it say so, at once."""
+
+FOREIGN: tuple[tuple[str, Callable[[Path, random.Random], str], tuple[Ask, ...]], ...] = (
+    ("made.mcap", mcap_bomb, (("import", LOG, FILE), ("info", FILE), ("verify", FILE))),
+    ("made.mcap", mcap_of_many, (("import", LOG, FILE), ("info", FILE))),
+    ("made.mcap", mcap_liar, (("import", LOG, FILE), ("info", FILE), ("verify", FILE))),
+    ("made.bag", bag_bomb, (("import", LOG, FILE), ("info", FILE))),
+    ("made.bag", bag_liar, (("import", LOG, FILE), ("info", FILE))),
+    ("made.yaml", yaml_bomb, (("import", LOG, FILE), ("import", LOG, "{bag}", "--mapping", FILE),
+                              ("costmap", LOG, "{out}/made.png", "--map", FILE))),
+    ("made.building.yaml", yaml_bomb, (("import", LOG, FILE),)),
+    ("made.jsonl", json_bomb, (("import", LOG, FILE), ("record", LOG))),
+    ("made.jsonl.gz", gzip_bomb, (("import", LOG, FILE),)),
+    ("made.csv.gz", gzip_bomb, (("import", LOG, FILE), ("calibrate", LOG, "--truth", FILE))),
+    ("made.csv", csv_bomb, (("import", LOG, FILE), ("import", LOG, FILE, "--windows", FILE),
+                            ("calibrate", LOG, "--truth", FILE))),
+    ("made.map.yaml", picture_bomb, (("costmap", LOG, "{out}/made.png", "--map", FILE),)),
+    ("stranger", hostile_log, (
+        ("verify", FILE), ("info", FILE), ("replay", FILE, "--json"), ("history", FILE, "--json"),
+        ("tail", FILE), ("replay", FILE, "--known-at", "now"), ("recover", FILE),
+        ("observe", FILE, "1", "open"), ("compact", FILE))),
+)  # fmt: skip
+"""Name of a file, what makes it, and the verbs that are given it."""
+
+
+def costs(plan: Plan) -> Generator[Outcome, None, None]:
+    """Give small hostile inputs to every verb that answers, on all cores."""
+    yield from side_by_side(_share, plan)
+
+
+def _share(plan: Plan, share: int, shares: int) -> Iterator[Outcome]:
+    warnings.simplefilter("ignore")
+    bench = Bench(plan, plan.folder / f"costs-{share}")
+    for turn in plan.turns(USUAL, share, shares):
+        yield bench.try_one(turn)
+
+
+class Bench:
+    """Where one process measures."""
+
+    def __init__(self, plan: Plan, folder: Path) -> None:
+        folder.mkdir()
+        self._plan = plan
+        self._room = folder / "room"
+        self._twins: dict[Ask, Measured] = {}
+        """Command line, and name of a file -> what it takes for what is harmless."""
+
+    def try_one(self, turn: int) -> Outcome:
+        """Do what the seed and the turn alone decide."""
+        dice = random.Random(f"{self._plan.seed} {turn}")
+        ways = (self._costly, self._question, self._file, self._lines, self._store)
+        what, problem = dice.choices(ways, (10, 4, 7, 2, 2))[0](dice)
+        kept = keep(self._room, self._plan.keep, f"{turn}: {what[:80]}") if problem else None
+        return Outcome(f"{turn}: {what}", 1, problem=problem, kept=kept)
+
+    def _fresh(self) -> Path:
+        """Return a copy of an ordinary log, in an empty room."""
+        shutil.rmtree(self._room, ignore_errors=True)
+        shutil.copytree(OFFICE, self._room / "log")
+        return self._room / "log"
+
+    def _placed(self, ask: Ask, file: Path = OFFICE) -> Ask:
+        log = f"{self._room}/log"
+        names = {LOG: log, FILE: str(file), "{bag}": log, "{out}": f"{self._room}/out"}
+        return tuple(re.sub(r"\{\w+\}", lambda found: names[found[0]], part) for part in ask)
+
+    def _twin(self, ask: Ask, name: str = "") -> Measured:
+        """Return what a verb takes for an ordinary log, and a harmless file of that name."""
+        key = (*ask, name)
+        if key not in self._twins:
+            for look in (load_what_it_loads, measured):
+                self._fresh()
+                file = self._room / name
+                if name:
+                    harmless_file(file)
+                found = look(self._placed(ask, file), self._room, stdin=_stdin(ask, file))
+            assert found is not None
+            self._twins[key] = found
+        return self._twins[key]
+
+    def _costly(self, dice: random.Random) -> tuple[str, str]:
+        """Ask a verb about a log that tempts into work."""
+        ask = dice.choice(VERBS)
+        twin = self._twin(ask)
+        made = costly_log(self._fresh(), dice)
+        found = measured(self._placed(ask), self._room)
+        return f"{' '.join(ask)}: {made}", too_much(found, twin, LOG_MORE_S)
+
+    def _question(self, dice: random.Random) -> tuple[str, str]:
+        """Ask a verb about an ordinary log, or a costly one, with a bound that is far away."""
+        ask = dice.choice(VERBS)
+        twin = self._twin(ask)
+        log = self._fresh()
+        made = costly_log(log, dice) if dice.random() < 0.3 else "an ordinary log"
+        options = dice.sample(list(QUESTIONS), dice.choice((1, 1, 2)))
+        ask = (*ask, *(part for name in options for part in (name, *dice.choice(QUESTIONS[name]))))
+        found = measured(self._placed(ask), self._room)
+        return f"{' '.join(ask)}: {made}", too_much(found, twin, LOG_MORE_S)
+
+    def _file(self, dice: random.Random) -> tuple[str, str]:
+        """Give a verb a stranger's file."""
+        name, make, asks = dice.choice(FOREIGN)
+        ask = dice.choice(asks)
+        twin = self._twin(ask, name)
+        log, file = self._fresh(), self._room / name
+        what = f"{' '.join(ask)}: {make(file, dice)}"
+        found = measured(self._placed(ask, file), self._room, stdin=_stdin(ask, file))
+        names = ("line ",) if ask[0] == "record" else (str(file), file.name, str(log))
+        more_mib = MORE_MIB_FOR.get(make, MORE_MIB)
+        return what, too_much(found, twin, MORE_S, more_mib) or _unfit(found, names)
+
+    def _lines(self, dice: random.Random) -> tuple[str, str]:
+        """Ask a server a line, as programs that plan do."""
+        line, what = ask_line(dice)
+        twin = self._twins.get(("serve",)) or self._asked(b"DOORS\n")
+        self._twins[("serve",)] = twin
+        return f"serve --ask: {what}", too_much(self._asked(line), twin, MORE_S)
+
+    def _asked(self, line: bytes) -> Measured:
+        log, place = self._fresh(), self._room / "socket"
+
+        def ask(pid: int) -> None:
+            with suppress(OSError), closing(socket.socket(socket.AF_UNIX)) as client:
+                client.settimeout(30)
+                if wait_for(place, pid):
+                    client.connect(str(place))
+                    client.sendall(line)
+                    client.recv(2**16)
+            os.kill(pid, signal.SIGINT)
+
+        return measured(("serve", str(log), "--ask", f"unix:{place}"), self._room, meanwhile=ask)
+
+    def _store(self, dice: random.Random) -> tuple[str, str]:
+        """Ask about a log in a store that lies."""
+        ask = dice.choice(("info", "verify", "replay", "fetch", "history"))
+        more = (f"{self._room}/fetched",) if ask == "fetch" else ()
+        self._fresh()
+        if ("store", ask) not in self._twins:
+            with harmless_store() as url:
+                load_what_it_loads((ask, url, *more), self._room)
+                self._twins["store", ask] = measured((ask, url, *more), self._room)
+        with hostile_store(dice) as (url, what):
+            found = measured((ask, url, *more), self._room)
+        problem = too_much(found, self._twins["store", ask], MORE_S) or _unfit(found, (url,))
+        return f"{ask}: a store {what}", problem
+
+
+def _stdin(ask: Ask, file: Path) -> Path | None:
+    return file if ask[0] == "record" else None
+
+
+def too_much(found: Measured, twin: Measured, more_s: float, more_mib: int = MORE_MIB) -> str:
+    """Say what a verb took too much of; empty: nothing, and it ended as a verb may."""
+    ended = f"exit {found.answer.code} {found.answer.error.strip()[-100:]!r}"
+    if found.mib - twin.mib > more_mib:
+        return f"{found.mib} MiB more than at its start, its twin {twin.mib} MiB; {ended}"
+    if found.cpu_s - twin.cpu_s > more_s:
+        return f"{found.cpu_s:.1f} s of a processor, its twin {twin.cpu_s:.1f} s; {ended}"
+    if found.answer.code < 0 or _NOT_WORDS.search(found.answer.error):
+        return f"exit {found.answer.code}: {found.answer.error.strip()[-700:]}"
+    return ""
+
+
+_NOT_WORDS = re.compile("Traceback|AssertionError|MemoryError|RecursionError|struct.error")
+
+
+def _unfit(found: Measured, names: tuple[str, ...]) -> str:
+    """Say what is wrong with the words by which a file was refused; empty: nothing."""
+    code, error = found.answer.code, found.answer.error.strip()
+    if code == 0:
+        return ""
+    said = error + found.answer.said  # `verify` and `recover` name files on stdout
+    if not any(name in said for name in names):
+        return f"exit {code}, and nothing is named: {error[-400:]!r}"
+    lines = [line for line in error.splitlines() if line.startswith("semmap-log:")]
+    if code == 1 and (len(lines) > 4 or len(error) > 4000):
+        return f"exit {code}, in {len(lines)} lines, {len(error)} letters: {error[:300]!r}"
+    return ""

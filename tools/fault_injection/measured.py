@@ -1,0 +1,137 @@
+"""What a verb costs: seconds of a processor and memory of a child process of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import NoReturn
+
+from fault_injection.verbs import TRACEBACK, Answer, ask_verb
+
+ROOM_MIB = 1024
+"""Address space beyond what there is: more is refused by the kernel."""
+LONGEST_S = 12
+"""Of work, in seconds of a processor; what takes longer is ended."""
+DEADLINE_S = 120
+"""So long may pass until then, on a machine that has other work, too: what hangs is ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What a child process did, and took for it."""
+
+    answer: Answer
+    cpu_s: float
+    mib: int
+    """So much more memory it had at once than when it began."""
+
+
+def measured(arguments: tuple[str, ...], room: Path, *, stdin: Path | None = None,
+             meanwhile: Callable[[int], None] = lambda _: None) -> Measured:  # fmt: skip
+    """Run a verb in a child process, with little room and time.
+
+    Args:
+        arguments: Of the command line.
+        room: A folder for what it writes.
+        stdin: Is its standard input.
+        meanwhile: Called with the child's process id.
+    """
+    told, begun = room / "told.json", room / "begun"
+    told.unlink(missing_ok=True)
+    pid = os.fork()
+    if pid == 0:
+        _run(arguments, room, stdin, told)
+    meanwhile(pid)
+    _, status, used = os.wait4(pid, 0)
+    code = os.waitstatus_to_exitcode(status)
+    answer = Answer(TRACEBACK, "", f"ended by {_end(code)}")
+    if told.exists():
+        answer = Answer(*json.loads(told.read_text()))
+    at_first = int(begun.read_text())
+    return Measured(answer, used.ru_utime + used.ru_stime, used.ru_maxrss // 1024 - at_first)
+
+
+def _end(code: int) -> str:
+    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+
+
+def _run(arguments: tuple[str, ...], room: Path, stdin: Path | None, told: Path) -> NoReturn:
+    """For the child: it never returns."""
+    code = 3
+    try:
+        (room / "begun").write_text(str(_mib(1)))
+        _limit()
+        _read_from(stdin)
+        answer = ask_verb(arguments, room, room / "out")
+        partial = told.with_suffix(".part")
+        partial.write_text(json.dumps([answer.code, answer.said[-10_000:], answer.error]))
+        partial.rename(told)
+        code = 0
+    finally:
+        os._exit(code)
+
+
+def _read_from(stdin: Path | None) -> None:
+    if stdin is not None:
+        os.dup2(os.open(stdin, os.O_RDONLY), 0)
+        sys.stdin = os.fdopen(0, encoding="utf-8", errors="surrogateescape")
+
+
+def _mib(place: int) -> int:
+    """Return how much memory this process has: 0: addresses, 1: what is there."""
+    pages = int(Path("/proc/self/statm").read_text().split()[place])
+    return pages * os.sysconf("SC_PAGE_SIZE") // 2**20
+
+
+def _limit() -> None:
+    most = (_mib(0) + ROOM_MIB) * 2**20
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_S, LONGEST_S + 2))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.alarm(DEADLINE_S)
+
+
+def load_what_it_loads(
+    arguments: tuple[str, ...], room: Path, *, stdin: Path | None = None
+) -> None:
+    """Run a verb in a child process, and import here what it imported: it costs others nothing.
+
+    Args:
+        arguments: Of the command line.
+        room: A folder for what it writes.
+        stdin: Is its standard input.
+    """
+    names = room / "names"
+    pid = os.fork()
+    if pid == 0:
+        with suppress(BaseException):
+            before = set(sys.modules)
+            _read_from(stdin)
+            ask_verb(arguments, room, room / "out")
+            names.write_text("\n".join(name for name in sys.modules if name not in before))
+        os._exit(0)
+    os.waitpid(pid, 0)
+    for name in names.read_text().splitlines() if names.exists() else ():
+        with suppress(Exception):
+            import_module(name)
+    names.unlink(missing_ok=True)
+
+
+def wait_for(path: Path, pid: int, longest_s: float = 30.0) -> bool:
+    """Wait until a process has made a file; False: it ended, or took too long."""
+    end = time.monotonic() + longest_s
+    while not path.exists():
+        if time.monotonic() > end or not Path(f"/proc/{pid}/fd").exists():
+            return False
+        time.sleep(0.005)
+    return True

@@ -1,0 +1,1 @@
+"""Logs from which history was taken out on purpose, against a list from which nothing was."""
