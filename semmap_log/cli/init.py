@@ -114,16 +114,15 @@ def _since_ns(text: str, tz: str | None) -> int:
     Raises:
         MomentError: It is none, or is to come.
     """
-    from semmap_log.domain.moments import parse_moment
+    from semmap_log.domain.moments import parse_instant
     from semmap_log.door_log.opening import machine_zone
     from semmap_log.errors import MomentError
     from semmap_log.io.clock import SystemClock, believable_ns
 
-    now_ns = believable_ns(SystemClock())
-    moment = parse_moment(text, tz=machine_zone() if tz is None else tz, end_ns=now_ns)
-    if moment.ns is None or moment.ns > now_ns:
+    since_ns = parse_instant(text, tz=machine_zone() if tz is None else tz)
+    if since_ns > believable_ns(SystemClock()):
         raise MomentError(f"--since: expected a time up to now, got {text!r}.")
-    return moment.ns
+    return since_ns
 
 
 def _to_json(log: Path, made: DoorLog, floor: FloorMap | None) -> dict[str, Any]:
