@@ -60,7 +60,7 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.cli.states import a_state_typed
-    from semmap_log.domain.suspect_units import suspect_units
+    from semmap_log.domain.doors import suspect_units
 
     refuse_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
     line = line_of(Line(x, y, theta, width), start, end)

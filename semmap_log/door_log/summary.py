@@ -13,10 +13,9 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Durability
-from semmap_log.domain.doors import DoorMap
+from semmap_log.domain.doors import DoorMap, suspect_units
 from semmap_log.domain.events import KINDS
 from semmap_log.domain.moments import format_local
-from semmap_log.domain.suspect_units import suspect_units
 from semmap_log.door_log.backdating import early_events, remedy
 from semmap_log.door_log.door_labels import labels_of
 from semmap_log.door_log.personal_data import PersonalData

@@ -23,6 +23,7 @@ from semmap_log.domain.doors import (
     RemovedDoor,
     next_door_id,
     reduced,
+    suspect_units,
 )
 from semmap_log.domain.events import (
     DoorAdded,
@@ -34,7 +35,6 @@ from semmap_log.domain.events import (
     Retracted,
 )
 from semmap_log.domain.meaning import PLACING, changed
-from semmap_log.domain.suspect_units import suspect_units
 from semmap_log.door_log.backdating import added_since
 from semmap_log.door_log.door_index import DoorIndex
 from semmap_log.door_log.known_past import KnownPast

@@ -11,10 +11,10 @@ from pathlib import Path
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.costmap_2d.map_rules import RulesName
 from semmap_log.domain.commits import NO_CONTENT, Note
+from semmap_log.domain.doors import suspect_cells
 from semmap_log.domain.events import Event
 from semmap_log.domain.keywords import knows_its_keywords, knows_keywords
 from semmap_log.domain.moments import Moment
-from semmap_log.domain.suspect_units import suspect_cells
 from semmap_log.door_log.command_content import are_same
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter

@@ -12,6 +12,7 @@ import numpy as np
 from semmap_log.batches.retraction import in_ranges
 from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit
+from semmap_log.domain.doors import suspect_cells, suspect_units
 from semmap_log.domain.events import (
     DoorAdded,
     DoorRemoved,
@@ -22,7 +23,6 @@ from semmap_log.domain.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.domain.suspect_units import suspect_cells, suspect_units
 from semmap_log.door_log.door_index import DoorIndex
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.validator import Validator

@@ -19,10 +19,9 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import Any
 
-from semmap_log.domain.doors import Door, DoorId, DoorState, reduced, thesis_state
+from semmap_log.domain.doors import Door, DoorId, DoorState, reduced, suspect_units, thesis_state
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorRemoved, DoorUpdated, Event
 from semmap_log.domain.meaning import NOTHING, PLACING, Changed
-from semmap_log.domain.suspect_units import suspect_units
 from semmap_log.errors import InvalidEventError
 from semmap_log.formats.parsing.problems import shown
 from semmap_log.ros_mapping.topic_reader import Context, TopicMessage

@@ -9,7 +9,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.domain.suspect_units import suspect_cells, suspect_units
+from semmap_log.domain.doors import suspect_cells, suspect_units
 from semmap_log.importing.importing import import_file
 from semmap_log.ros_mapping.topic_rules import ReadDoorMap
 from tests.ros_mapping.robots import Listener, Robot
