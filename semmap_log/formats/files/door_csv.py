@@ -211,7 +211,9 @@ class _Reader:
             if door is None:
                 door = self.new_door(named, line)
             if index in wrong:
-                self.problems.add(line, wrong[index])
+                is_number = rows[index].texts[0].replace(".", "", 1).isdecimal()
+                hint = " --time-unit says what a number counts." if is_number else ""
+                self.problems.add(line, f"{wrong[index]}{hint}")
             elif state is not None and door is not None:
                 happened_ns = self.order.chosen(ns, later_ns, own_last_ns=int(self.last_ns[door]))
                 self.add(door, happened_ns, state, accuracy, line)

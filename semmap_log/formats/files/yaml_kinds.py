@@ -13,7 +13,7 @@ from semmap_log.formats.parsing.strict_yaml import MOST_BYTES, Mapping, parse_ya
 YamlKind = Literal["building", "map", "doors"]
 MAP_KEYS = frozenset({"image", "resolution", "origin", "occupied_thresh", "free_thresh"})
 """Of map_server's header: any of them makes a map, so that what it lacks is said of a map."""
-_TOP_KEY = re.compile(r"""^["']?([A-Za-z_]\w{0,30})["']?[ \t]{0,20}:(?=\s|$)""", re.MULTILINE)
+_TOP_KEY = re.compile(r"""^["']?(\w{1,31})["']?[ \t]{0,20}:(?=\s|$)""", re.MULTILINE)
 
 
 def is_yaml(path: Path) -> bool:
@@ -30,6 +30,8 @@ def kind_of_yaml(path: Path) -> YamlKind:
         FormatError: It cannot be read; or it is a nav graph, which has keys of a building.
     """
     keys = _top_keys(path)
+    if any(key.isdecimal() for key in keys):  # the ids of doors
+        return "doors"
     if {"levels", "doors", "building_name"} <= keys:
         raise FormatError(
             path, "this is a nav graph, which Open-RMF made of a building; import the building, "

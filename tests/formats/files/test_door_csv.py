@@ -85,6 +85,7 @@ def test_gzip_is_known_by_its_content(tmp_path):
         ("2026-03-41,a,OPEN", "doors.csv:2: '2026-03-41' is not a time: day is out of range"),
         ("soon,a,OPEN", "doors.csv:2: Expected a time such as .* got 'soon'"),
         ("now,a,OPEN", "Expected a time"),
+        ("1772434800,a,OPEN", "or @1772373720; got '1772434800'. --time-unit says what a number"),
         ("2026-03-01,a", "doors.csv:2: expected 3 cells as in the header, got 2"),
         ("2026-03-01,,OPEN", "expected a door's name, .* got ''"),
         ("2026-03-01, ,OPEN", "expected a door's name"),

@@ -34,6 +34,7 @@ DOORS = "1:\n  position: {x: 0, y: 0, theta: 0}\n  width: 1\n"
         (DOORS, "doors"),
         ("{1: {position: {x: 0}}}", "doors"),
         ("1:\n  image: front.png\n  levels: 3\n", "doors"),
+        ("1:\n  position: {}\nimage: front.png\nlevels: 3\n", "doors"),
         ("# image: no\n1: {}", "doors"),
         ("", "doors"),
         ("- a", "doors"),
