@@ -7,7 +7,7 @@ the Unix epoch, UTC. A probability is in [0, 1]; NaN means that it was not given
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Mapping
 from dataclasses import field
 from itertools import count
 from types import MappingProxyType
@@ -230,21 +230,21 @@ WIDEST_DOOR_M = 25.0
 WIDEST_CELL_M = 1.0
 
 
-def suspect_units(*, theta: float, width: float) -> Iterator[str]:
-    """Yield what looks like another unit about a door's values, in words; NaN: not given."""
-    yield from suspect_angle("theta", theta)
-    if width > WIDEST_DOOR_M:
-        yield f"width {width:g} m is more than a gate's: millimetres, or centimetres?"
+def suspect_units(*, theta: float, width: float) -> list[str]:
+    """Return what looks like another unit about a door's values, in words; NaN: not given."""
+    return suspect_angle("theta", theta) + [
+        f"width {width:g} m is more than a gate's: millimetres, or centimetres?"
+    ] * (width > WIDEST_DOOR_M)
 
 
-def suspect_cells(*, resolution: float, theta: float) -> Iterator[str]:
-    """Yield the same about a floor plan: the size of its cells and the yaw of its origin."""
-    yield from suspect_angle("its origin's yaw", theta)
-    if resolution > WIDEST_CELL_M:
-        yield f"cells of {resolution:g} m are larger than doors: millimetres, or centimetres?"
+def suspect_cells(*, resolution: float, theta: float) -> list[str]:
+    """Return the same about a floor plan: the size of its cells and the yaw of its origin."""
+    return suspect_angle("its origin's yaw", theta) + [
+        f"cells of {resolution:g} m are larger than doors: millimetres, or centimetres?"
+    ] * (resolution > WIDEST_CELL_M)
 
 
-def suspect_angle(what: str, angle: float) -> Iterator[str]:
-    """Yield that an angle is more than a turn, if it is."""
-    if abs(angle) > math.tau + 1e-6:
-        yield f"{what} {angle:g} rad is more than a turn: degrees?"
+def suspect_angle(what: str, angle: float) -> list[str]:
+    """Return that an angle is more than a turn, if it is."""
+    is_more = abs(angle) > math.tau + 1e-6
+    return [f"{what} {angle:g} rad is more than a turn: degrees?"] * is_more
