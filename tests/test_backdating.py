@@ -17,7 +17,8 @@ from semmap_log.domain.events import DoorAdded, DoorObserved, Retracted
 from semmap_log.domain.moments import parse_instant
 from semmap_log.door_log.summary import open_any, summarize
 from semmap_log.errors import DoorExistsError, DoorRemovedError, EarlyEventsWarning
-from semmap_log.importing.importing import ImportOptions, backdate, import_file
+from semmap_log.importing.earlier_doors import backdate
+from semmap_log.importing.importing import ImportOptions, import_file
 from semmap_log.replay.state import state_at
 from tests.conftest import SteadyClock
 
@@ -144,7 +145,7 @@ def test_an_import_says_it(log: sl.DoorLogWriter, tmp_path: Path) -> None:
     ))  # fmt: skip
 
     with pytest.warns(EarlyEventsWarning, match=r"^5 events of 1 door \(front\)"):
-        import_file(log, rows)
+        import_file(log, rows, ImportOptions(new_doors=True))
 
 
 def test_info_flags_it_until_it_is_put_right(log: sl.DoorLogWriter) -> None:
@@ -401,7 +402,7 @@ def test_from_the_warning_to_the_right_answer(run: Run) -> None:
         (["history.csv", "--at", "event:0"], 1, "--at: expected a time, got an event number"),
         (["-"], 2, "standard input is what `record` reads"),
         (["history.csv", "--since", "2026-01-01"], 1, "its events say when they were"),
-        (["house.building.yaml", "--since-ever", "--dry-run"], 2, "shows what a bag would bring"),
+        (["--since-ever", "--dry-run"], 2, "shows what a file would bring"),
     ],
 )
 def test_what_makes_no_sense_is_refused(

@@ -9,17 +9,26 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rosbags.rosbag2 import Writer
 
 import semmap_log as sl
 from semmap_log.cli import main
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import reduced
 from semmap_log.domain.events import LevelAdded, RobotPose
 from semmap_log.errors import CommandError, FormatError
+from semmap_log.formats.ros.ros_types import RMF_DOOR_STATE, ros_types
 from semmap_log.importing import bag_importing
 from semmap_log.importing.importing import ImportOptions, import_file
 from semmap_log.ros_mapping.topic_rules import WELL_KNOWN
 from tests.exporting.lively import END, lively_log
-from tests.formats.bags.bags_of_others import Said, write_mcap, write_ros1, write_with_rosbag
+from tests.formats.bags.bags_of_others import (
+    Said,
+    write_mcap,
+    write_ros1,
+    write_ros2,
+    write_with_rosbag,
+)
 from tests.ros_mapping.robots import START, Robot, S
 from tests.views.rerun.some_logs import START as LIVELY_START
 
@@ -42,6 +51,58 @@ def _run(*words: object) -> Any:
     with pytest.raises(SystemExit) as left:
         main([str(word) for word in words])
     return left.value.code
+
+
+def test_states_of_doors_on_several_levels_need_no_level(office: Path, tmp_path: Path) -> None:
+    """
+    Where each name is there once. One that would be new needs one, and is passed over aloud.
+    """
+    with sl.append(office) as log:
+        log.append([LevelAdded(level=n, name=name) for n, name in ((1, "ground"), (2, "upper"))])
+        for level, name in ((1, "lab"), (2, "attic")):
+            log.add_door(name=name, level=level, at=START - S)
+    names = ("lab", " attic ", "shed")
+    said = [Said("door_states", *ROBOT.door_state(name, 2), START) for name in names]
+    write_mcap(tmp_path / "day.mcap", said)
+
+    plan = _import(office, tmp_path / "day.mcap").plan
+
+    doors = sl.read(office).replay().doors.values()
+    assert [("lab", "OPEN"), ("attic", "OPEN")] == [(door.name, door.state.name) for door in doors]
+    (warning,) = plan.warnings
+    assert "a new door, and no level for it; passed over: 'shed'" in warning
+    _import(office, tmp_path / "day.mcap", level="upper")
+    assert ["lab", "attic", "shed"] == [d.name for d in sl.read(office).replay().doors.values()]
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        (None, "the topics that are read have no messages"),
+        (ROBOT.transforms(("world", "cart", 1.0, 2.0, 0.0)), "no transform from map to base_link"),
+        (ROBOT.door_state("", 2), "a door without a name; passed over"),
+    ],
+)
+def test_a_bag_of_which_nothing_is_taken_is_told(
+    office: Path, tmp_path: Path, said: tuple[str, bytes] | None, why: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """
+    Why, and exit code 1; not that the log holds it already.
+    """
+    read_as = "tf" if said and said[0].startswith("tf2") else "rmf_door_state"
+    (tmp_path / "robot.yaml").write_text(f"topics: {{/s: {read_as}}}")
+    if said is None:
+        with Writer(tmp_path / "day", version=9) as writer:
+            writer.add_connection("/s", RMF_DOOR_STATE, typestore=ros_types(2))
+    else:
+        write_ros2(tmp_path / "day", [Said("/s", *said, START)])
+
+    assert 1 == _run("import", office, tmp_path / "day", "--mapping", tmp_path / "robot.yaml")
+    err = capsys.readouterr().err
+    assert "day: nothing of it can be imported: " in err
+    assert why in err
+    assert -1 == sl.read(office).last_event()
 
 
 def _seen(log: sl.DoorLog, at_ns: int) -> list[Any]:
@@ -267,18 +328,34 @@ def test_a_dry_run_of_a_bag_that_was_imported_shows_nothing(
     assert "imported before; nothing would be made" in captured.err
 
 
-def test_a_dry_run_is_of_bags(
-    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.parametrize(
+    ("name", "text", "kinds"),
+    [
+        ("doors.csv", "timestamp,door,state\n@1,front,open\n",
+         ["DoorAdded", "DoorAnnotated", "DoorUpdated"]),
+        ("doors.yaml", "1: {position: {x: 0, y: 0, theta: 0}, width: 1}", ["DoorAdded"]),
+        ("doors.jsonl", '{"kind": "DoorAdded", "level": 0}\n', ["DoorAdded"]),
+    ],
+)  # fmt: skip
+def test_a_dry_run_is_of_any_file(
+    office: Path, tmp_path: Path, *, capsys: pytest.CaptureFixture[str], name: str, text: str,
+    kinds: list[str],
+) -> None:  # fmt: skip
     """
-    Of another file it is refused, and does not import it after all.
+    Its events are shown, and nothing is written; the log may be somebody's who writes.
     """
-    (tmp_path / "doors.csv").write_text("timestamp,door,state\n@1,front,open\n")
+    (tmp_path / name).write_text(text)
 
-    assert 1 == _run("import", office, tmp_path / "doors.csv", "--dry-run")
+    with sl.append(office):
+        assert 0 == _run("import", office, tmp_path / name, "--dry-run")
 
-    assert "--dry-run shows what a bag would bring" in capsys.readouterr().err
+    out, err = capsys.readouterr()
+    assert kinds == [json.loads(line)["kind"] for line in out.splitlines()]
+    assert f"{name}: {counted(len(kinds), 'event')}; nothing was written." in err
     assert [] == list(sl.read(office).commits())
+    assert 0 == _run("import", office, tmp_path / name)
+    assert 0 == _run("import", office, tmp_path / name, "--dry-run")
+    assert "imported before; nothing would be made" in capsys.readouterr().err
 
 
 def test_progress_is_told_in_messages(tmp_path: Path, office: Path) -> None:

@@ -126,6 +126,11 @@ def test_a_range_has_two_moments():
         ("9000 weeks ago", "expected a time from 1970 to 2262"),
         ("@1e9", "Expected @ and the seconds or nanoseconds since 1970, got '1e9'"),
         ("@", "Expected @ and the seconds"),
+        ("@17724348000", "at most 10 digits, or the nanoseconds, of 18 or 19; got 11 digits."),
+        ("@1772434800123", r"got 13 digits \(milliseconds\?\)"),
+        ("@17724348001234", r"got 14 digits \(milliseconds\?\)"),
+        ("@1772434800123456", r"got 16 digits \(microseconds\?\)"),
+        ("@17724348001234567", r"got 17 digits \(microseconds\?\)"),
         ("2025-03-30T02:30", "the clocks of Europe/Vienna skip this hour"),
         ("event:9999999999999999999", "expected an event number up to"),
         ("\u0662\u0660\u0662\u0666-03-01", "Expected a moment"),
@@ -139,7 +144,10 @@ def test_what_is_no_moment_is_said(text, message):
         parse_moment(text, tz=VIENNA, end_ns=lambda: END_NS)
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), 10**400, True, None, -1, 1e300])
+@pytest.mark.parametrize(
+    "value",
+    [float("nan"), float("inf"), 10**400, True, None, -1, 1e300, 1772434800123, 1.8e15, 10**16],
+)
 def test_what_is_no_instant_is_said(value):
     """
     Numbers out of JSON can be anything.

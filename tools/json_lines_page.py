@@ -27,8 +27,8 @@ the two.
 `kind` is needed. Every kind may have {", ".join(f"`{name}`" for name in OF_EVERY_KIND)}:
 when it happened, who did it, by which sensor or file, why, what it belongs to, and 32
 hexadecimal digits by which a line that is sent again is stored once. A time is ISO-8601 text
-(without an offset: in the log's zone) or a number: seconds since 1970, from 10^14 on nanoseconds.
-`null` stands for a number that is not known. A key that a kind does not have is an error.
+(without an offset: in the log's zone) or a number: seconds since 1970, nanoseconds from 18 digits
+on. `null` stands for a number that is not known. A key that a kind does not have is an error.
 
 An export has more keys, by which `import` makes the same log again: `event` and `recorded` (its
 number and when it was recorded), `commit` (first and last number, where a commit has several

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, WritableLog, print_json, refuse_nan, takes_about
+from semmap_log.cli.common import AsJson, WritableLog, print_json, refuse_nan, say, takes_about
 from semmap_log.cli.geometry import End, Line, Start, Theta, Width, X, Y, corners_of, line_of
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.cli.states import a_state_typed
+    from semmap_log.domain.doors import suspect_units
 
     refuse_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
     line = line_of(Line(x, y, theta, width), start, end)
@@ -84,6 +85,8 @@ def run(
             outline=corners_of(outline, "--outline"),
             **about,
         )
+    for what in suspect_units(theta=given[2], width=given[3]):
+        say(f"warning: {what}")
     if as_json:
         print_json({"door_id": added})
     else:

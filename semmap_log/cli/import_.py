@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from dataclasses import replace
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,14 +32,33 @@ from semmap_log.cli.proposing import (
     Proposing,
     Yes,
     check_proposing,
+    numbers_of,
     propose,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from semmap_log.domain.commits import Note
     from semmap_log.door_log.door_log import DoorLog
-    from semmap_log.door_log.door_log_writer import DoorLogWriter
+    from semmap_log.importing.importing import ImportOptions
+
+
+class Preset(str, Enum):
+    """`semmap_log.formats.files.table_forms.PRESETS`, as typer wants its choices."""
+
+    home_assistant = "home-assistant"
+    zigbee2mqtt = "zigbee2mqtt"
+    casas = "casas"
+
+
+class Unit(str, Enum):
+    """`TimeUnit`, as typer wants its choices."""
+
+    s = "s"
+    ms = "ms"
+    us = "us"
+    ns = "ns"
 
 
 def run(
@@ -52,6 +73,28 @@ def run(
             help="By number or name. Building: only this level. Others: where their doors are, "
             "which level a map shows, where a bag's robot drove; needed if there are several."
         ),
+    ] = None,
+    preset: Annotated[
+        Preset | None,
+        typer.Option("--preset", help="A door log as another system writes it; see above."),
+    ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            "--columns",
+            metavar="time=A,door=B,state=C",
+            help="CSV: what the columns are called; accuracy=D, too.",
+        ),
+    ] = None,
+    states: Annotated[
+        str | None,
+        typer.Option(
+            "--states", metavar="WORD=STATE,…", help="CSV: what its words mean: on=open,off=closed."
+        ),
+    ] = None,
+    time_unit: Annotated[
+        Unit | None,
+        typer.Option("--time-unit", help="CSV: of times that are numbers since 1970."),
     ] = None,
     windows: Annotated[
         Path | None,
@@ -91,6 +134,10 @@ def run(
         bool,
         typer.Option("--since-ever", help="The same, before anything that the log tells."),
     ] = False,
+    as_recorded: Annotated[
+        bool,
+        typer.Option("--as-recorded", help="The file's times are when it was known; see above."),
+    ] = False,
     mapping: MappingFile = None,
     scan: Scan = None,
     pose_topic: PoseTopic = None,
@@ -104,32 +151,59 @@ def run(
         MapServer | None,
         typer.Option("--map-rules", help="As which map_server to read a map; nav2."),
     ] = None,
+    new_doors: Annotated[
+        bool,
+        typer.Option(
+            "--new-doors", help="CSV: add doors that the log does not have, though it has others."
+        ),
+    ] = False,
     dry_run: DryRun = False,
+    source: Annotated[
+        str,
+        typer.Option(
+            "--source",
+            help="Which sensor it is of: only what the log has of that one is the same sighting.",
+        ),
+    ] = "",
     actor: Annotated[str, typer.Option("--actor", help="Who did it.")] = "",
     reason: Annotated[str, typer.Option("--reason", help="Why.")] = "",
     as_json: AsJson = False,
 ) -> None:
     """Import doors, states or events; each file is one commit, whole or not at all.
 
-    The same file again, with the same options, changes nothing.
+    The same file again, with the same options, changes nothing. A sighting that another file
+    brought (same door, time, state and accuracy) counts once; for two sensors give each its
+    --source. A file of which nothing can be imported is an error.
 
     JSON lines that `export` wrote become the commits that they were: numbers in retractions are
     those of this log, a command that is stored already is left alone, so that a log that grew
     brings only what is new. Recorded times are kept where the log holds nothing else; else they
-    are now. All of the file is checked first; an import that was interrupted goes on where it
-    stopped when it is called again. Of lines without a command_id those that follow each other
-    and say the same of who and why are one commit.
+    are now, and a line says why. All of the file is checked first; an import that was interrupted
+    goes on where it stopped when it is called again. Of lines without a command_id those that
+    follow each other and say the same of who and why are one commit.
+
+    With --as-recorded the times of a file are also when it was known: a commit for each time. So
+    --known-at can be asked about history that another program wrote. All of the file has to be
+    later than the log's last commit: import old files first. Of a map or a building, --since says
+    the time.
 
     \b
+    Known by their keys:
+      *.yaml             Open-RMF building (levels): doors, levels, walls as floor
+                         plan; map_server map (image, resolution, origin), whose
+                         picture lies beside it, as floor plan; else the thesis's
+                         door database
     Known by their names:
-      *.building.yaml    Open-RMF building: doors, levels, walls as floor plan
-      *.yaml             the thesis's door database; a map_server map (image,
-                         resolution, origin), whose picture lies beside it, as
-                         floor plan
-      *.csv, *.csv.gz    timestamp,door,state[,accuracy]
+      *.csv, *.csv.gz    timestamp,door,state[,accuracy], with , or ;
       *.jsonl, .jsonl.gz events as `export` writes and `record` takes them
       *.bag              bag of ROS 1
       *.mcap, *.db3      bag of ROS 2 (or ROS 1 in MCAP), or a folder of rosbag2
+
+    A CSV that names a door which the log, having others, does not have is refused: correct the
+    name, or add such doors with --new-doors. Door logs of other systems, whatever the files are
+    called: --preset home-assistant (a downloaded history), zigbee2mqtt (its log, or mosquitto_sub
+    -F '%I %t %p'), casas (date, time, sensor, value). Or say it yourself: --columns, --states,
+    --time-unit, and by --only which doors.
 
     With --scan the laser of a robot sees the doors of the log, as they were then: each visit to a
     door that decides is a commit of its own, DoorObserved with an accuracy, or DoorPassed; the
@@ -152,6 +226,9 @@ def run(
       semmap-log import office office.building.yaml
       semmap-log import office map.yaml --level L1
       semmap-log import lab doors.csv.gz --windows windows.csv --tz Europe/Oslo
+      semmap-log import lab ha.csv --preset home-assistant --only '*door*'
+      semmap-log import lab hub.csv --columns time=t,door=id,state=v
+      semmap-log import lab 2025.csv --as-recorded
       semmap-log import office doors.yaml --update --reason "survey of May"
       semmap-log import office office.building.yaml --since 2026-01-01
       semmap-log import office --since-ever
@@ -164,8 +241,10 @@ def run(
       semmap-log import office patrol.bag --scan --propose-doors --yes --only 4
     """
     import semmap_log as sl
+    from semmap_log.formats.files.table_forms import form_of
     from semmap_log.formats.kept_scans.kept_visit import folder_beside
-    from semmap_log.importing.importing import ImportOptions, backdate, import_file
+    from semmap_log.importing.earlier_doors import backdate
+    from semmap_log.importing.importing import ImportOptions, import_file
     from semmap_log.importing.scan_topics import ScanOptions
 
     files = files or []
@@ -176,28 +255,37 @@ def run(
     scans = None if topics is None else ScanOptions(topics, pose_topic or "", band)
     is_by_scans = scans is not None
     _check_together(files, since, since_ever=since_ever, dry_run=dry_run, by_scans=is_by_scans)
-    asked = Proposing(propose_doors, yes, only, plot)
+    numbers = numbers_of(only) if propose_doors else None
+    form = form_of(
+        preset=None if preset is None else preset.value, columns=columns, states=states,
+        only=() if propose_doors else only or (),
+        unit=None if time_unit is None else time_unit.value,
+    )  # fmt: skip
+    asked = Proposing(propose_doors, yes, numbers, plot)
     check_proposing(asked, has_scan=scan is not None, files=files, dry_run=dry_run)
     if propose_doors:
         options = ImportOptions(level=level, mapping=mapping, scan=scans)
         propose(log, files[0], options, asked, actor=actor, reason=reason, as_json=as_json)
         return
+
+    def options_for(opened: DoorLog) -> ImportOptions:
+        return ImportOptions(
+            level=level, windows=windows, tz=tz, update=update, renumber=renumber,
+            at_ns=_time_ns(opened, at, "--at"),
+            since_ns=_since_ns(opened, since, since_ever=since_ever), mapping=mapping, scan=scans,
+            map_rules=None if map_rules is None else map_rules.value, new_doors=new_doors,
+            form=form, as_recorded=as_recorded,
+        )  # fmt: skip
+
+    note = sl.Note(actor=actor, source=source, reason=reason)
     if dry_run:
         reader = sl.read(log)
-        since_ns = _time_ns(reader, since, "--since")
-        options = ImportOptions(level=level, mapping=mapping, scan=scans, since_ns=since_ns)
-        _show(reader, files, options, actor)
+        _show(reader, files, options_for(reader), note)
         return
     results = []
     with sl.append(log) as opened:
-        at_ns = _time_ns(opened, at, "--at")
-        since_ns = _since_ns(opened, since, since_ever=since_ever)
-        options = ImportOptions(
-            level=level, windows=windows, tz=tz, update=update, renumber=renumber, at_ns=at_ns,
-            since_ns=since_ns, mapping=mapping, scan=scans,
-            map_rules=None if map_rules is None else map_rules.value,
-        )  # fmt: skip
-        note = sl.Note(actor=actor, reason=reason)
+        options = options_for(opened)
+        since_ns = options.since_ns
         if not files:
             moved = backdate(opened, since_ns or 0, note=note)
             results.append(_to_json(log, moved))
@@ -239,8 +327,8 @@ def _check_together(
         raise typer.BadParameter("give at least one file", param_hint="FILE")
     if by_scans and since_ever:
         raise typer.BadParameter("of scans, say when: --since TIME", param_hint="--since-ever")
-    if dry_run and is_dated and not by_scans:
-        raise typer.BadParameter("shows what a bag would bring", param_hint="--dry-run")
+    if dry_run and not files:
+        raise typer.BadParameter("shows what a file would bring", param_hint="--dry-run")
 
 
 @contextmanager
@@ -253,14 +341,16 @@ def _told_of_ctrl_c(file: Path) -> Iterator[None]:
         raise
 
 
-def _since_ns(log: DoorLogWriter, since: str | None, *, since_ever: bool) -> int | None:
+def _since_ns(log: DoorLog, since: str | None, *, since_ever: bool) -> int | None:
     """Return from when on doors are there, as asked for; None: it was not asked.
 
     Raises:
         MomentError: It is no time, or is to come.
     """
     from semmap_log.errors import MomentError
+    from semmap_log.importing.present_log import now_ns
 
+    log_now_ns = now_ns(log)
     if since_ever:
         ever_ns = log.since_ever_ns()
         if ever_ns is None:
@@ -268,10 +358,10 @@ def _since_ns(log: DoorLogWriter, since: str | None, *, since_ever: bool) -> int
                 "--since-ever: the log tells of nothing yet, so the doors are there from "
                 "now on; give a time with --since, or this again once older events are in."
             )
-            return log.now_ns()
+            return log_now_ns
         return ever_ns
-    since_ns = _time_ns(log, since, "--since", now_ns=log.now_ns())
-    if since_ns is not None and since_ns > log.now_ns():
+    since_ns = _time_ns(log, since, "--since", now_ns=log_now_ns)
+    if since_ns is not None and since_ns > log_now_ns:
         raise MomentError(f"--since: expected a time up to now, got {since!r}.")
     return since_ns
 
@@ -292,30 +382,38 @@ def _time_ns(
     return moment.ns
 
 
-def _show(opened: DoorLog, files: list[Path], options: Any, actor: str) -> None:
-    """Print the events that bags would bring to the log as it is, one a line.
+def _show(opened: DoorLog, files: list[Path], options: ImportOptions, note: Note) -> None:
+    """Print the events that files would bring to the log as it is, one a line.
 
     Raises:
-        FormatError: A file is no bag, or cannot be read.
+        FormatError: A file cannot be read, or nothing of it can be imported.
     """
-    from semmap_log.errors import FormatError
     from semmap_log.formats.bags.bag_reading import is_bag
-    from semmap_log.importing.importing import command_id_of, plan_bag_import, plan_scan_import
+    from semmap_log.importing.importing import command_id_of, plan_file, plan_scan_import
+    from semmap_log.importing.line_numbers import NumberMap
 
+    options = replace(options, source=note.source)
     for file in files:
-        if not is_bag(file):
-            raise FormatError(file, "--dry-run shows what a bag would bring; this is none")
-        with progress(f"Reading {file.name}", unit="messages") as told:
-            found = plan_scan_import(opened, file, options, told, actor=actor)
-        if found is not None:
-            tell_scan_import(file, found)
-            continue
+        if is_bag(file):
+            with progress(f"Reading {file.name}", unit="messages") as told:
+                found = plan_scan_import(opened, file, options, told, actor=note.actor)
+            if found is not None:
+                tell_scan_import(file, found)
+                continue
         known = command_id_of(file, options)
         if any(commit.command_id == known for commit in opened.commits()):
             say(f"{file}: imported before; nothing would be made.")
             continue
-        with progress(f"Reading {file.name}", unit="messages") as told:
-            plan = plan_bag_import(opened, file, options, told)
+        with progress(f"Reading {file.name}", unit="entries") as told:
+            plan, lines = plan_file(opened, file, options, note=note, progress=told)
+        if lines is not None:
+            numbers = NumberMap()
+            events = (
+                each.event
+                for commit in lines.commits()
+                for each in commit.events(numbers, options.at_ns)
+            )
+            plan = replace(plan, events=events)
         tell_plan(file, plan)
 
 
@@ -330,6 +428,8 @@ def _tell(file: Path, imported: Any) -> None:
         return
     if imported.first_event is None and file.is_dir() and not imported.plan.summary:
         typer.echo(f"{file}: of no door is anything told before it was added; nothing to do.")
+    elif imported.first_event is None and plan.nothing:
+        typer.echo(f"{file}: nothing was imported: {plan.nothing}.")
     elif imported.first_event is None:
         typer.echo(f"{file}: the log holds all of it already; nothing to do.")
     else:

@@ -37,6 +37,12 @@ def run(
         Path | None,
         typer.Option("--map", metavar="MAP.YAML", help="A map_server map: the floor plan."),
     ] = None,
+    since: Annotated[
+        str | None,
+        typer.Option(
+            "--since", metavar="TIME", help="From then on the floor plan counts; default: now."
+        ),
+    ] = None,
     map_rules: Annotated[
         MapServer,
         typer.Option(
@@ -54,13 +60,17 @@ def run(
       semmap-log init office
       semmap-log init depot --map depot.yaml --tz Europe/Vienna --robot tug1
       semmap-log init depot --map depot.yaml --map-rules noetic
+      semmap-log init depot --map depot.yaml --since 2026-01-01
     """
+    if since is not None and floor_map is None:
+        raise typer.BadParameter("is about a floor plan: give --map, too", param_hint="--since")
     make_log(
         log,
         tz=tz,
         building=building,
         robot=robot,
         floor_map=floor_map,
+        since=since,
         map_rules=map_rules.value,
         as_json=as_json,
     )
@@ -73,6 +83,7 @@ def make_log(
     building: str = "",
     robot: str = "",
     floor_map: Path | None = None,
+    since: str | None = None,
     map_rules: RulesName = "nav2",
     as_json: bool = False,
 ) -> None:
@@ -83,9 +94,10 @@ def make_log(
 
     # Read before anything is made: a map that is none must not leave half a log.
     floor = None if floor_map is None else read_map(floor_map, rules=map_rules)
+    since_ns = None if since is None else _since_ns(since, tz)
     with sl.create(log, tz=tz, building=building, robot=robot) as made:
         if floor_map is not None:
-            import_file(made, floor_map, ImportOptions(map_rules=map_rules))
+            import_file(made, floor_map, ImportOptions(map_rules=map_rules, since_ns=since_ns))
         if as_json:
             print_json(_to_json(log, made, floor))
             return
@@ -94,6 +106,23 @@ def make_log(
         if floor is not None:
             height, width = floor.cells.shape
             say(f"Floor plan: {width} x {height} cells of {floor.resolution:.3g} m.")
+
+
+def _since_ns(text: str, tz: str | None) -> int:
+    """Return the time that --since says, before there is a log.
+
+    Raises:
+        MomentError: It is none, or is to come.
+    """
+    from semmap_log.domain.moments import parse_instant
+    from semmap_log.door_log.opening import machine_zone
+    from semmap_log.errors import MomentError
+    from semmap_log.io.clock import SystemClock, believable_ns
+
+    since_ns = parse_instant(text, tz=machine_zone() if tz is None else tz)
+    if since_ns > believable_ns(SystemClock()):
+        raise MomentError(f"--since: expected a time up to now, got {text!r}.")
+    return since_ns
 
 
 def _to_json(log: Path, made: DoorLog, floor: FloorMap | None) -> dict[str, Any]:

@@ -28,7 +28,7 @@ MappingFile = Annotated[
     ),
 ]
 DryRun = Annotated[
-    bool, typer.Option("--dry-run", help="ROS: print the events, a JSON line each; write nothing.")
+    bool, typer.Option("--dry-run", help="Print the events, a JSON line each; write nothing.")
 ]
 
 Scan = Annotated[

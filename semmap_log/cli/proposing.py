@@ -26,8 +26,13 @@ Yes = Annotated[
     bool, typer.Option("--yes", help="With --propose-doors: add what is proposed, as one commit.")
 ]
 Only = Annotated[
-    list[int] | None,
-    typer.Option("--only", metavar="N", min=1, help="With --yes: this number; repeatable."),
+    list[str] | None,
+    typer.Option(
+        "--only",
+        metavar="N|PATTERN",
+        help="With --yes: this number. CSV: doors called so, as 'binary_sensor.*door*'. "
+        "Repeatable.",
+    ),
 ]
 Plot = Annotated[
     Path | None,
@@ -62,6 +67,15 @@ def check_proposing(asked: Proposing, *, has_scan: bool, files: list[Path], dry_
         raise typer.BadParameter("without --yes nothing is added", param_hint="--dry-run")
     if asked.only and not asked.yes:
         raise typer.BadParameter("says which of them are added: give --yes", param_hint="--only")
+
+
+def numbers_of(only: list[str] | None) -> list[int] | None:
+    """Return which proposals are meant; None: it was not said."""
+    if only is None:
+        return None
+    if not all(text.isdecimal() and int(text) > 0 for text in only):
+        raise typer.BadParameter("expected numbers of proposals", param_hint="--only")
+    return [int(text) for text in only]
 
 
 def propose(

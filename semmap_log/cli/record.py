@@ -232,6 +232,8 @@ def run(
     for kind in refused:
         for text in kind.rest():
             tell(f"{kind.kept[0][1]} {text}")
+    for text in recorder.order.warnings():
+        tell(text)
     if as_json:
         print_json({
             "log": str(log), "recorded": recorder.recorded, "refused": recorder.refused,

@@ -101,6 +101,8 @@ def _refuse_no_plan(plan: RoomPlan, level: int | None) -> None:
     if plan.levels and level in (None, *plan.levels):
         return
     where = "the log" if level is None else f"level {plan.door_map.level_name(level)}"
+    if plan.later:
+        raise CommandError(f"{where} {plan.why_no_plan(None if level is None else [level])}.")
     how = command_line("import", "LOG", "map.yaml")
     raise CommandError(
         f"{where} has no floor plan then, from which rooms are cut; to give one: {how}"

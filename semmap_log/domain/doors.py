@@ -249,3 +249,28 @@ class DoorMap(ShownAsTable):
         """Return the level's name, or its number as text where it has none."""
         known = self.levels.get(level)
         return (known.name if known else None) or str(level)
+
+
+WIDEST_DOOR_M = 25.0
+"""Gates of hangars are wider, and are asked about; nothing is refused."""
+WIDEST_CELL_M = 1.0
+
+
+def suspect_units(*, theta: float, width: float) -> list[str]:
+    """Return what looks like another unit about a door's values, in words; NaN: not given."""
+    return suspect_angle("theta", theta) + [
+        f"width {width:g} m is more than a gate's: millimetres, or centimetres?"
+    ] * (width > WIDEST_DOOR_M)
+
+
+def suspect_cells(*, resolution: float, theta: float) -> list[str]:
+    """Return the same about a floor plan: the size of its cells and the yaw of its origin."""
+    return suspect_angle("its origin's yaw", theta) + [
+        f"cells of {resolution:g} m are larger than doors: millimetres, or centimetres?"
+    ] * (resolution > WIDEST_CELL_M)
+
+
+def suspect_angle(what: str, angle: float) -> list[str]:
+    """Return that an angle is more than a turn, if it is."""
+    is_more = abs(angle) > math.tau + 1e-6
+    return [f"{what} {angle:g} rad is more than a turn: degrees?"] * is_more

@@ -25,8 +25,10 @@ if TYPE_CHECKING:
 SECOND_NS = 1_000_000_000
 HOUR_NS = 3_600 * SECOND_NS
 DAY_NS = 24 * HOUR_NS
-FIRST_NANOSECONDS = 10**14
-"""`@n` counts nanoseconds from here on, and seconds below."""
+SECONDS_DIGITS, NANOSECONDS_DIGITS = 10, 18
+"""`@n` counts seconds up to so many digits (2262), and nanoseconds from so many on (1973)."""
+_UNITS = {range(12, 15): "milliseconds", range(15, 18): "microseconds"}
+"""What a number of so many digits counts, of a time of these decades."""
 
 INSTANTS = "2026-03-01T14:02, 2026-03-01T14:02:00.5Z, 2026-03-01 or @1772373720"
 MOMENTS = f"2h ago, yesterday 14:00, 14:00, Tue 10:00, now, event:1234, {INSTANTS}"
@@ -145,7 +147,7 @@ def parse_instant(value: str | float, *, tz: str) -> int:
 
     Args:
         value: `2026-03-01`, `2026-03-01 14:02`, `2026-03-01T14:02:00.123456789+01:00`, `…Z`;
-            `@n` or a number: seconds since the epoch, nanoseconds from 10^14 on.
+            `@n` or a number: seconds since the epoch, nanoseconds from 18 digits on.
         tz: IANA zone of a text without an offset.
 
     Raises:
@@ -153,20 +155,20 @@ def parse_instant(value: str | float, *, tz: str) -> int:
     """
     if not isinstance(value, str):
         return _instant_of_number(_digits(value))
-    text = value.strip()
-    if text.startswith("@"):
-        return _instant_of_number(text[1:])
-    return both_instants(text, tz=tz)[0]
+    return both_instants(value.strip(), tz=tz)[0]
 
 
 def both_instants(text: str, *, tz: str) -> tuple[int, int]:
-    """Return the instants that an ISO-8601 text can mean: two in the hour that comes twice.
+    """Return the instants that a text can mean: two in the hour that comes twice.
 
-    Elsewhere, and with an offset, both are the same.
+    Elsewhere, with an offset and of `@n` both are the same.
 
     Raises:
         MomentError: As `parse_instant`.
     """
+    if text.startswith("@"):
+        instant_ns = _instant_of_number(text[1:])
+        return instant_ns, instant_ns
     found = _ISO.fullmatch(text)
     if found is None:
         raise MomentError(f"Expected a time such as {INSTANTS}; got {text[:60]!r}.")
@@ -316,8 +318,16 @@ def _instant_of_number(text: str) -> int:
         raise MomentError(
             f"Expected @ and the seconds or nanoseconds since 1970, got {text[:60]!r}."
         )
-    if int(found["whole"]) >= FIRST_NANOSECONDS:
+    digits = len(str(int(found["whole"])))
+    if digits >= NANOSECONDS_DIGITS:
         return _checked(int(found["whole"]), f"@{text}")
+    if digits > SECONDS_DIGITS:
+        unit = next((name for those, name in _UNITS.items() if digits in those), "")
+        raise MomentError(
+            f"'@{text}': expected the seconds since 1970, of at most {SECONDS_DIGITS} digits, or "
+            f"the nanoseconds, of {NANOSECONDS_DIGITS} or 19; got {digits} digits"
+            + (f" ({unit}?)." if unit else ".")
+        )
     return _checked(_decimal_ns(text, SECOND_NS), f"@{text}")
 
 

@@ -13,7 +13,7 @@ from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Durability
-from semmap_log.domain.doors import DoorMap
+from semmap_log.domain.doors import DoorMap, suspect_units
 from semmap_log.domain.events import KINDS
 from semmap_log.domain.moments import format_local
 from semmap_log.door_log.backdating import early_events, remedy
@@ -160,6 +160,11 @@ def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
         f"{door.prob_open + door.prob_closed:.3g}, above 1"
         for door in door_map.doors.values()
         if door.prob_open + door.prob_closed > 1 + 1e-9
+    ]
+    warnings += [
+        f"{labels.get(door.door_id, door.label)}: {what}"
+        for door in door_map.doors.values()
+        for what in suspect_units(theta=door.theta, width=door.width)
     ]
     return warnings
 

@@ -12,6 +12,7 @@ from semmap_log.errors import FormatError
 from semmap_log.formats.bags.bag_protocol import BagChannel, BagReader
 from semmap_log.formats.bags.bag_reading import open_bag
 from semmap_log.formats.ros.ros_types import short_name
+from semmap_log.importing.held_sightings import HeldSightings
 from semmap_log.importing.import_plan import ImportPlan, weight_of
 from semmap_log.io.progress import Progress
 from semmap_log.ros_mapping.known import Known
@@ -27,21 +28,25 @@ TOLD_EVERY = 1000
 
 
 def plan_bag(
-    path: Path, log: DoorLog, mapping: RosMapping, *, progress: Progress | None = None
-) -> ImportPlan:
+    path: Path, log: DoorLog, mapping: RosMapping, *, source: str = "",
+    progress: Progress | None = None,
+) -> ImportPlan:  # fmt: skip
     """Return the events of a bag, in the order in which the bag has their messages.
+
+    Sightings that the log holds by another file are left out.
 
     Args:
         path: The bag.
         log: What its messages are compared with, as it stands.
         mapping: How its topics are read.
+        source: Only what the log has of this source is compared; empty: all.
         progress: Told (messages read, messages in all).
 
     Raises:
         FormatError: The bag cannot be read, or has no topic that is read.
         CommandError: A level that is not there, or that has to be named.
     """
-    passage = _Passage(path, Known.of(log), mapping, progress)
+    passage = _Passage.of(path, log, mapping, source, progress)
     kept: list[Event] | None = []
     weight = count = 0
     for event in passage.events():
@@ -51,13 +56,14 @@ def plan_bag(
             kept.append(event)
             if weight > MOST_KEPT:
                 kept = None
-    events = _BagEvents(path, log, mapping, count) if kept is None else kept
+    events = _BagEvents(path, log, mapping, source, count) if kept is None else kept
     return ImportPlan(
         events,
         count=count,
         summary=passage.summary(count),
         left_out=passage.left_out,
-        warnings=(*passage.complaints.lines(), *passage.notes()),
+        warnings=(*passage.complaints.lines(), *passage.no_poses, *passage.notes()),
+        nothing="" if count else passage.nothing,
     )
 
 
@@ -93,11 +99,12 @@ class _BagEvents:
     path: Path
     log: DoorLog
     mapping: RosMapping
+    source: str
     count: int
 
     def __iter__(self) -> Iterator[Event]:
         count = 0
-        for event in _Passage(self.path, Known.of(self.log), self.mapping, None).events():
+        for event in _Passage.of(self.path, self.log, self.mapping, self.source).events():
             count += 1
             yield event
         if count != self.count:
@@ -111,6 +118,7 @@ class _Passage:
     path: Path
     known: Known
     mapping: RosMapping
+    held: HeldSightings
     progress: Progress | None
     complaints: TopicProblems = field(default_factory=TopicProblems)
     left_out: tuple[str, ...] = ()
@@ -118,8 +126,25 @@ class _Passage:
     actors: int = 0
     made: dict[str, int] = field(default_factory=dict)
     """Kind of event -> how many there are."""
+    no_poses: tuple[str, ...] = ()
+    """Why topics of transforms never gave a pose."""
+
+    @classmethod
+    def of(
+        cls, path: Path, log: DoorLog, mapping: RosMapping, source: str,
+        progress: Progress | None = None,
+    ) -> _Passage:  # fmt: skip
+        held = HeldSightings(log, source=source)
+        return cls(path, Known.of(log), mapping, held, progress)
 
     def events(self) -> Iterator[Event]:
+        """Yield the events that the log does not hold."""
+        for event in self.held.left(self._all_events()):
+            kind = type(event).__name__
+            self.made[kind] = self.made.get(kind, 0) + 1
+            yield event
+
+    def _all_events(self) -> Iterator[Event]:
         translator = Translator(self.mapping, self.known, self.complaints)
         with open_bag(self.path) as bag:
             channels = self._read_channels(bag, translator)
@@ -133,14 +158,23 @@ class _Passage:
                     channel.topic, channel.message_type, message.data, message.at_ns
                 )
                 self.actors += bool(made.actor)
-                for event in made.events:
-                    kind = type(event).__name__
-                    self.made[kind] = self.made.get(kind, 0) + 1
-                    yield event
+                yield from made.events
+        self.no_poses = translator.why_no_poses()
+
+    @property
+    def nothing(self) -> str:
+        """Why no message is an event; empty: they say what the log holds already."""
+        if self.held.count:
+            return ""
+        if not self.messages:
+            return "the topics that are read have no messages"
+        return "; ".join((*self.complaints.lines(), *self.no_poses))
 
     def summary(self, count: int) -> tuple[str, ...]:
         made = ", ".join(f"{name} {n:,}" for name, n in sorted(self.made.items()))
         said = f"messages: {self.messages:,}, events: {count:,}"
+        if self.held.count:
+            said += f"; in the log already, by another file: {self.held.count:,}"
         return (said, *([made] if made else []))
 
     def notes(self) -> tuple[str, ...]:

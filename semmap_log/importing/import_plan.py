@@ -23,6 +23,7 @@ from semmap_log.domain.doors import (
     RemovedDoor,
     next_door_id,
     reduced,
+    suspect_units,
 )
 from semmap_log.domain.events import (
     DoorAdded,
@@ -93,6 +94,19 @@ class ImportPlan:
     warnings: tuple[str, ...] = ()
     there: tuple[DoorId, ...] = ()
     """Doors of the file that the log has already."""
+    nothing: str = ""
+    """Why nothing of the file can be imported; empty: something can, or the log holds it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """What became of a file."""
+
+    plan: ImportPlan
+    first_event: int | None
+    """None: nothing was written, since the log holds all of it."""
+    known_before: bool = False
+    """This very file was imported before."""
 
 
 def plan_doors(
@@ -169,9 +183,16 @@ class _DoorPlanner:
             count=len(events),
             summary=(f"doors: {doors}", *self.said),
             left_out=self.table.left_out,
-            warnings=self.table.warnings,
+            warnings=(*self.table.warnings, *self.suspect()),
             there=tuple(self.there_already),
+            nothing="" if self.table.doors or self.table.levels else "expected doors, got none",
         )
+
+    def suspect(self) -> Iterator[str]:
+        """Yield what looks like another unit."""
+        for door in self.table.doors:
+            for what in suspect_units(theta=door.theta, width=door.width):
+                yield f"{self.where(door)}: {what}"
 
     def levels(self) -> Iterator[Event]:
         known = {
@@ -232,11 +253,17 @@ class _DoorPlanner:
         return found
 
     def called_so(self, door: TableDoor) -> Door | None:
-        """Return what the log has under the id of a file's door, else under its level and name."""
+        """Return what the log has under the id of a file's door, else its level and name.
+
+        A door without both is the one without a name that lies just there.
+        """
         doors = self.present.door_map.doors
         if door.door_id is not None:
             return doors.get(door.door_id)
         level, name = self.level_of.get(door.level, door.level), door.annotations.get("name")
+        if name is None:
+            there = (each for each in doors.values() if each.level == level and not each.name)
+            return next((each for each in there if _is_at(door, each)), None)
         found = [other for other in doors.values() if (other.level, other.name) == (level, name)]
         if len(found) > 1:
             line = command_line(
@@ -357,6 +384,11 @@ def differences(door: TableDoor, there: Door) -> Iterator[tuple[str, object, obj
     for key, value in door.annotations.items():
         if there.annotations.get(key) != value:
             yield key, repr(there.annotations.get(key, "")), repr(value)
+
+
+def _is_at(door: TableDoor, there: Door) -> bool:
+    """Tell whether a file's door lies just where one of the log does."""
+    return all(getattr(door, name) == getattr(there, name) for name in ("x", "y", "theta", "width"))
 
 
 def _listed(clashes: list[str], remedy: str) -> str:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Collection, Iterable, Iterator
+import os
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.costmap_2d.map_rules import RulesName
 from semmap_log.domain.commits import NO_CONTENT, Note
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded, Event, FloorMap
+from semmap_log.domain.doors import suspect_cells
+from semmap_log.domain.events import Event
 from semmap_log.domain.keywords import knows_its_keywords, knows_keywords
-from semmap_log.domain.moments import format_local
+from semmap_log.domain.moments import Moment
 from semmap_log.door_log.command_content import are_same
 from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
@@ -24,16 +25,22 @@ from semmap_log.formats.files.building import read_building
 from semmap_log.formats.files.door_csv import read_door_csv
 from semmap_log.formats.files.door_table import DoorTable, TableDoor
 from semmap_log.formats.files.map_server import DEFAULT_RULES, is_map, picture_of, read_map
+from semmap_log.formats.files.table_forms import TableForm
 from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
+from semmap_log.formats.files.yaml_kinds import YamlKind, is_yaml, kind_of_yaml
 from semmap_log.formats.kept_scans.reading import kept_already
 from semmap_log.formats.kept_scans.writing import keeping_scans
 from semmap_log.formats.parsing.foreign_file import open_regular
+from semmap_log.importing.as_recorded import append_as_recorded
 from semmap_log.importing.bag_importing import plan_bag
-from semmap_log.importing.import_plan import ImportPlan, Present, plan_doors
-from semmap_log.importing.importing_lines import plan_event_lines
+from semmap_log.importing.earlier_doors import backdating, with_backdated
+from semmap_log.importing.held_sightings import HeldSightings
+from semmap_log.importing.import_plan import Imported, ImportPlan, Present, plan_doors
+from semmap_log.importing.importing_lines import LinesPlan, plan_event_lines
 from semmap_log.importing.importing_sightings import plan_sightings
 from semmap_log.importing.line_commits import LineOptions
-from semmap_log.importing.line_importing import StoredCommits, append_lines
+from semmap_log.importing.line_importing import append_lines
+from semmap_log.importing.present_log import now_ns, present, stored_commits
 from semmap_log.importing.room_naming import with_room_names
 from semmap_log.importing.scan_importing import (
     BagIds,
@@ -49,8 +56,8 @@ from semmap_log.ros_mapping.mapping_file import read_mapping
 from semmap_log.ros_mapping.topic_rules import WELL_KNOWN, RosMapping
 
 READABLE = (
-    "*.building.yaml (Open-RMF), .yaml (the thesis's, or a map_server map), .csv, .csv.gz, .jsonl, "
-    f".jsonl.gz, {READABLE_BAGS}"
+    ".yaml (a building of Open-RMF, a map of map_server, the thesis's doors), .csv, .csv.gz, "
+    f".jsonl, .jsonl.gz, {READABLE_BAGS}"
 )
 
 TOLD_EVERY = 1000
@@ -74,25 +81,24 @@ class ImportOptions:
     at_ns: int | None = None
     """When it happened, where the file does not say; None: when it is recorded."""
     since_ns: int | None = None
-    """Doors of a building or a door database: from when on they are there, also those that the log
-    has from a later time on; None: new ones from `at_ns`."""
+    """Doors of a building or a door database, and maps: from when on they are there, also those
+    that the log has from a later time on; None: new ones from `at_ns`."""
     mapping: Path | None = None
     """Bags: how their topics are read; None: the well-known ones."""
     scan: ScanOptions | None = None
     """Bags: which lasers are looked through, beside those that the mapping names."""
     map_rules: RulesName | None = None
     """Maps: the server whose cells the picture's pixels become; None: nav2."""
-
-
-@dataclass(frozen=True, slots=True)
-class Imported:
-    """What became of a file."""
-
-    plan: ImportPlan
-    first_event: int | None
-    """None: nothing was written, since the log holds all of it."""
-    known_before: bool = False
-    """This very file was imported before."""
+    as_recorded: bool = False
+    """The times of the file are when it was known: it is recorded then, where the log's order
+    allows that."""
+    form: TableForm | None = None
+    """How another system writes its door log, whatever the file is called; None: as our CSV."""
+    new_doors: bool = False
+    """CSV: names of no door are those of new ones, also in a log that has doors."""
+    source: str = ""
+    """Which sensor the file is of: its sightings are compared with that one's only; empty: a
+    sighting that the log holds by any other file is the same."""
 
 
 @knows_keywords
@@ -130,36 +136,38 @@ def import_file(
             "topic is told by its whole name: --scan /scan."
         )
     found = _plan_scans(log, path, options, progress, keep_scans=keep_scans, actor=note.actor)
+    if found is not None and options.as_recorded:
+        raise CommandError(
+            f"{path}: --as-recorded: what lasers saw is made of the scans now; import the bag's "
+            "other topics, without --scan."
+        )
     if found is not None:
         said = note if note.source else replace(note, source=utf8_name(path))
         count, first = append_with_scans(log, found, said)
-        plan = ImportPlan((), count, found.summary, found.left_out, found.warnings)
-        return Imported(plan, first)
-    is_lines = tells_event_lines(path)
-    plan_of = None if is_lines else _planner(path, progress)
-    if options.since_ns is not None and plan_of not in (_plan_building, plan_thesis_yaml):
-        raise CommandError(
-            f"{path}: its events say when they were; --since and --since-ever are about the doors "
-            "of a building or a door database. For doors that are there, give no file."
+        plan = ImportPlan(
+            (), count, found.summary, found.left_out, found.warnings, nothing=found.nothing
         )
+        return Imported(plan, first)
+    _refuse_since(path, options)
+    options = replace(options, source=note.source)
     command_id = None
+    is_lines = options.form is None and tells_event_lines(path)
     if is_lines or not (options.update or options.renumber):
         command_id = command_id_of(path, options)
-        known = log.find_command(command_id)
-        if known is not None:
+        if log.find_command(command_id) is not None:
             return Imported(ImportPlan((), 0), None, known_before=True)
     if not note.source:
         note = replace(note, source=utf8_name(path))
-    if plan_of is None:
-        assert command_id is not None
-        zone = log.info.timezone if options.tz is None else options.tz
-        taken = LineOptions(zone, command_id, note, log.info.timezone, options.at_ns)
-        return _import_lines(log, path, taken, progress)
-    plan = plan_of(log, path, options)
-    if options.since_ns is not None:
-        plan = _with_backdated(log, plan, options.since_ns)
+    plan, lines = plan_file(log, path, options, note=note, progress=progress)
+    if lines is not None:
+        return Imported(plan, append_lines(log, lines, progress))
     if plan.count == 0:
         return Imported(plan, None)
+    if options.as_recorded:
+        first = append_as_recorded(
+            log, path, plan, note=note, file_id=command_id or os.urandom(16), progress=progress
+        )
+        return Imported(plan, first)
     appended = log.append(
         _told(plan.events, plan.count, progress),
         note=note,
@@ -169,45 +177,59 @@ def import_file(
     return Imported(plan, appended.commit.last_event - plan.count + 1)
 
 
-@knows_keywords
-def backdate(
-    log: DoorLogWriter, since_ns: int, *, note: Note = Note(), command_id: bytes | None = None
-) -> Imported:
-    """Say that doors of which something is told before they were added were there by then.
+def plan_file(
+    log: DoorLog, path: Path, options: ImportOptions, *, note: Note = Note(),
+    progress: Progress | None = None,
+) -> tuple[ImportPlan, LinesPlan | None]:  # fmt: skip
+    """Return what a file would bring, a bag's scans aside; of JSON lines their commits, too.
 
-    Args:
-        log: The log.
-        since_ns: From when on they are there.
-        note: Who and why.
-        command_id: 16 bytes: the same command, sent again, is stored once.
+    Nothing is written.
+
+    Raises:
+        FormatError: It cannot be read, is of no known format, or nothing of it can be imported.
+        CommandError: The map forbids it, or an option is for other files.
     """
-    plan = _backdating(log, log.early_events().counts, since_ns)
-    if plan.count == 0:
-        return Imported(plan, None)
-    appended = log.append(plan.events, note=note, command_id=command_id)
-    return Imported(plan, appended.commit.last_event - plan.count + 1)
+    _refuse_since(path, options)
+    if options.form is None and tells_event_lines(path):
+        lines = _plan_lines(log, path, options, note, command_id_of(path, options))
+        plan = ImportPlan(
+            (), lines.count, lines.summary, left_out=lines.left_out, warnings=lines.warnings,
+            nothing=lines.nothing,
+        )  # fmt: skip
+        refuse_nothing(path, plan)
+        return plan, lines
+    plan_of = _planner(path, progress, has_form=options.form is not None)
+    plan = plan_of(log, path, options)
+    refuse_nothing(path, plan)
+    if options.since_ns is not None and plan_of is not _plan_map:
+        plan = with_backdated(log, plan, options.since_ns)
+    return plan, None
 
 
-def _with_backdated(log: DoorLogWriter, plan: ImportPlan, since_ns: int) -> ImportPlan:
-    """Return a plan, and before it that the doors which are there were there by an earlier time."""
-    earlier = _backdating(log, plan.there, since_ns)
-    return replace(
-        plan,
-        events=[*earlier.events, *plan.events],
-        count=earlier.count + plan.count,
-        summary=(*plan.summary, *earlier.summary) if earlier.count else plan.summary,
-    )
+def _refuse_since(path: Path, options: ImportOptions) -> None:
+    """Refuse to say since when something is there of a file whose events say it.
+
+    Raises:
+        CommandError: It is said.
+    """
+    if options.since_ns is not None and not is_yaml(path):
+        raise CommandError(
+            f"{path}: its events say when they were; --since and --since-ever are about the doors "
+            "of a building or a door database, and maps. For doors that are there, give no file."
+        )
 
 
-def _backdating(log: DoorLog, doors: Collection[DoorId], since_ns: int) -> ImportPlan:
-    events = log.backdated(doors, since_ns)
-    moved = sum(isinstance(event, DoorAdded) for event in events)
-    since = format_local(since_ns, log.info.timezone)
-    said = (f"doors: {moved} that the log has, there since {since}",) if moved else ()
-    return ImportPlan(events, len(events), summary=said)
+def refuse_nothing(path: Path, plan: ImportPlan) -> None:
+    """Return if a file has something that can be imported, or that the log holds.
+
+    Raises:
+        FormatError: It has not.
+    """
+    if plan.nothing:
+        raise FormatError(path, f"nothing of it can be imported: {plan.nothing}")
 
 
-Planner = Callable[[DoorLogWriter, Path, ImportOptions], ImportPlan]
+Planner = Callable[[DoorLog, Path, ImportOptions], ImportPlan]
 
 
 def plan_bag_import(
@@ -219,7 +241,8 @@ def plan_bag_import(
         FormatError: The bag or the mapping cannot be read.
         CommandError: The map forbids it; or an option says what of a bag only a mapping can.
     """
-    return plan_bag(path, log, mapping_of(path, options), progress=progress)
+    mapping = mapping_of(path, options)
+    return plan_bag(path, log, mapping, source=options.source, progress=progress)
 
 
 def mapping_of(path: Path, options: ImportOptions) -> RosMapping:
@@ -232,7 +255,8 @@ def mapping_of(path: Path, options: ImportOptions) -> RosMapping:
     since_ns = None if options.scan is None else options.since_ns
     mine = ImportOptions(
         level=options.level, tz=options.tz, mapping=options.mapping, scan=options.scan,
-        since_ns=since_ns,
+        since_ns=since_ns, source=options.source, new_doors=options.new_doors,
+        as_recorded=options.as_recorded,
     )  # fmt: skip
     if options != mine:
         raise CommandError(
@@ -296,7 +320,7 @@ def plan_scan_import(
         return None
     earlier, since_ns = ImportPlan((), 0), options.since_ns
     if since_ns is not None:
-        earlier = _backdating(log, list(log.replay().doors), since_ns)
+        earlier = backdating(log, list(log.replay().doors), since_ns)
     bag_id = command_id_of(path, ImportOptions())
     topics_id = command_id_of(path, replace(options, scan=None, since_ns=None))
     since_id = hashlib.sha256(bag_id + f"since {since_ns}".encode()).digest()[:16]
@@ -311,38 +335,45 @@ def tells_event_lines(path: Path) -> bool:
     return path.name.lower().removesuffix(".gz").endswith((".jsonl", ".ndjson"))
 
 
-def _planner(path: Path, progress: Progress | None) -> Planner:
-    if is_bag(path):
+def _planner(path: Path, progress: Progress | None, *, has_form: bool) -> Planner:
+    """Return what plans the import of a file."""
+    if not has_form and is_bag(path):
         return lambda log, path, options: plan_bag_import(log, path, options, progress)
-    name = path.name.lower().removesuffix(".gz")
-    if name.endswith((".building.yaml", ".building.yml")):
-        return _plan_building
-    if name.endswith((".yaml", ".yml")):
-        return _plan_map if is_map(path) else plan_thesis_yaml
-    if name.endswith(".csv"):
+    if not has_form and is_yaml(path):
+        by_kind: dict[YamlKind, Planner] = {
+            "building": _plan_building, "map": _plan_map, "doors": plan_thesis_yaml,
+        }  # fmt: skip
+        return by_kind[kind_of_yaml(path)]
+    if has_form or path.name.lower().removesuffix(".gz").endswith((".csv", ".tsv")):
         return _plan_csv
     raise FormatError(path, f"its name tells no format that can be imported; known are {READABLE}.")
 
 
-def _plan_building(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
+def _plan_building(log: DoorLog, path: Path, options: ImportOptions) -> ImportPlan:
     table = with_room_names(read_building(path, level=options.level))
-    return _plan_table(_present(log), table, options)
+    return _plan_table(present(log), table, options)
 
 
-def _plan_map(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
-    """Return the floor plan that a map is, unless the level has it already."""
-    level = log.level_meant(options.level)
+def _plan_map(log: DoorLog, path: Path, options: ImportOptions) -> ImportPlan:
+    """Return the floor plan that a map is, unless the level has it at that time already."""
+    at_ns = options.at_ns if options.since_ns is None else options.since_ns
+    doors = log.replay(at=Moment(ns=at_ns))
+    now = log.door_map() if isinstance(log, DoorLogWriter) else log.replay()
+    level = resolve_level(options.level, now)
     found = read_map(path, level=level, rules=options.map_rules or DEFAULT_RULES)
-    there = log.floor_of(log.door_map(), level)
+    there = log.floor_of(doors, level)
     if there is not None and are_same([found], [there]):
         return ImportPlan((), 0)
     height, width = found.cells.shape
-    name = log.door_map().level_name(level)
+    name = now.level_name(level)
     said = f"floor plan of level {name}: {width} x {height} cells of {found.resolution:.3g} m"
-    return ImportPlan((replace(found, happened_ns=options.at_ns),), 1, summary=(said,))
+    suspect = suspect_cells(resolution=found.resolution, theta=found.origin_theta)
+    return ImportPlan(
+        (replace(found, happened_ns=at_ns),), 1, summary=(said,), warnings=tuple(suspect)
+    )
 
 
-def plan_thesis_yaml(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
+def plan_thesis_yaml(log: DoorLog, path: Path, options: ImportOptions) -> ImportPlan:
     """Return what a thesis's YAML means for a log as it stands.
 
     Raises:
@@ -350,20 +381,19 @@ def plan_thesis_yaml(log: DoorLogWriter, path: Path, options: ImportOptions) -> 
         CommandError: The map forbids it.
     """
     table = read_thesis_yaml(path)
-    door_map = log.state.door_map()
-
-    present = _present(log)
+    there = present(log)
+    door_map = there.door_map
 
     def level_of(door: TableDoor) -> int:  # the format has no levels: a known door stays on its own
         assert door.door_id is not None  # the format's keys
         known = door_map.doors.get(door.door_id)
-        removed = present.removed.get(door.door_id)
+        removed = there.removed.get(door.door_id)
         if known is None and removed is not None and options.update:
             known = removed.door
         return known.level if known else resolve_level(options.level, door_map)
 
     placed = tuple(replace(door, level=level_of(door)) for door in table.doors)
-    return _plan_table(present, replace(table, doors=placed), options)
+    return _plan_table(there, replace(table, doors=placed), options)
 
 
 def _plan_table(present: Present, table: DoorTable, options: ImportOptions) -> ImportPlan:
@@ -377,45 +407,44 @@ def _plan_table(present: Present, table: DoorTable, options: ImportOptions) -> I
     )
 
 
-def _plan_csv(log: DoorLogWriter, path: Path, options: ImportOptions) -> ImportPlan:
+def _plan_csv(log: DoorLog, path: Path, options: ImportOptions) -> ImportPlan:
     zone = log.info.timezone if options.tz is None else options.tz
-    sightings = read_door_csv(path, windows=options.windows, tz=zone)
-    door_map = log.state.door_map()
-    level = None if options.level is None else resolve_level(options.level, door_map)
-    return plan_sightings(sightings, _present(log), level=level, renumber=options.renumber)
+    sightings = read_door_csv(path, windows=options.windows, tz=zone, form=options.form)
+    there = present(log)
+    level = None if options.level is None else resolve_level(options.level, there.door_map)
+    # A name that a removed door bore is that of a new one with `renumber`: then nothing is held.
+    held = None if options.renumber else HeldSightings(log, source=options.source)
+    return plan_sightings(
+        sightings, there, held=held, level=level, renumber=options.renumber,
+        new_doors=options.new_doors,
+    )  # fmt: skip
 
 
-def _import_lines(
-    log: DoorLogWriter, path: Path, options: LineOptions, progress: Progress | None
-) -> Imported:
-    lines = plan_event_lines(path, _present(log), options, StoredCommits(log), now_ns=log.now_ns())
-    plan = ImportPlan(
-        (), lines.count, lines.summary, left_out=lines.left_out, warnings=lines.warnings
+def _plan_lines(
+    log: DoorLog, path: Path, options: ImportOptions, note: Note, command_id: bytes
+) -> LinesPlan:
+    zone = log.info.timezone if options.tz is None else options.tz
+    taken = LineOptions(
+        zone,
+        command_id,
+        note,
+        log.info.timezone,
+        source=options.source,
+        at_ns=options.at_ns,
+        as_recorded=options.as_recorded,
     )
-    return Imported(plan, append_lines(log, lines, progress))
-
-
-def _present(log: DoorLogWriter) -> Present:
-    """Return what the log holds, as the planners need it."""
-    door_map = log.state.door_map()
-    maps = {}
-    for number, level in door_map.levels.items():
-        if level.floor_map_event is not None:
-            event = log.event(level.floor_map_event).event
-            assert isinstance(event, FloorMap)
-            maps[number] = event
-    used = frozenset(DoorId(door_id) for door_id in log.state.used_door_ids)
-    removed = {i: found for i in used if (found := log.state.removed_door(i))}
-    next_event = log.state.event + 1
-    return Present(
-        door_map, used, maps, removed, next_event, log.door_index, log.path, log.known_past
-    )
+    return plan_event_lines(
+        path, present(log), taken, stored_commits(log), now_ns=now_ns(log),
+        log=log,
+    )  # fmt: skip
 
 
 def command_id_of(path: Path, options: ImportOptions) -> bytes:
     """Return the id of an import's commit: the same for the same bytes taken in the same way."""
     since = "" if options.since_ns is None else f" since {options.since_ns}"
-    how = f"import {options.level} {options.tz} {options.at_ns}{since}"
+    source = f" source {options.source}" if options.source else ""
+    form = f" form {_told_form(options.form)}" if options.form is not None else ""
+    how = f"import {options.level} {options.tz} {options.at_ns}{since}{source}{form}"
     whole = hashlib.sha256(how.encode())
     if options.map_rules is not None:
         whole.update(options.map_rules.encode())
@@ -426,6 +455,13 @@ def command_id_of(path: Path, options: ImportOptions) -> bytes:
         for part in [] if file is None else files_of(file):
             whole.update(_digest(part))
     return whole.digest()[:16]
+
+
+def _told_form(form: TableForm) -> str:
+    """Return a form as a text that is the same for the same form."""
+    line = "" if form.line is None else form.line.__name__
+    states = sorted((word, state.name) for word, state in form.states.items())
+    return repr((sorted(form.columns.items()), states, form.only, form.unit, line))
 
 
 def _digest(path: Path) -> bytes:

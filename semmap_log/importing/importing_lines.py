@@ -12,6 +12,7 @@ import numpy as np
 from semmap_log.batches.retraction import in_ranges
 from semmap_log.common.texts import counted
 from semmap_log.domain.commits import Commit
+from semmap_log.domain.doors import suspect_cells, suspect_units
 from semmap_log.domain.events import (
     DoorAdded,
     DoorRemoved,
@@ -23,14 +24,17 @@ from semmap_log.domain.events import (
     RobotPose,
 )
 from semmap_log.door_log.door_index import DoorIndex
+from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.validator import Validator
-from semmap_log.errors import CommandError
+from semmap_log.errors import CommandError, FormatError
 from semmap_log.formats.json.event_json import means_same
 from semmap_log.formats.json.event_json_reader import ParsedLine
+from semmap_log.importing.held_lines import HeldLines
 from semmap_log.importing.import_plan import Present, weight_of
 from semmap_log.importing.line_commits import LineOptions, PlannedCommit, grouped, taken
 from semmap_log.importing.line_numbers import NumberMap, OpenRetractions
 from semmap_log.importing.line_reading import LineReader
+from semmap_log.importing.recorded_times import RecordedTimes, last_recorded_ns
 from semmap_log.store.gone_commands import CommandSeal, StoredCommand
 
 MOST_KEPT = 100_000
@@ -60,14 +64,18 @@ class LinesPlan:
     """How many events the log does not hold yet."""
     commit_count: int
     """In how many commits."""
-    keeps_recorded: bool
-    """Whether the times at which another log recorded them can be this log's."""
+    why_recorded_now: str
+    """Why the times at which it was known cannot be this log's; empty: they are."""
     has_recorded: bool
     """Whether there are such times."""
     left_out: tuple[str, ...]
     warnings: tuple[str, ...]
     groups: int
     """Of how many commits the file is."""
+    held_lines: frozenset[int]
+    """Lines whose sightings the log holds by another file."""
+    nothing: str
+    """Why nothing of it can be imported; empty: something can, or the log holds it."""
     options: LineOptions
     _present: Present = field(repr=False)
     _kept: list[tuple[int, ParsedLine]] | None = field(repr=False)
@@ -75,17 +83,25 @@ class LinesPlan:
     @property
     def summary(self) -> tuple[str, ...]:
         """What the events do, in words."""
+        held = len(self.held_lines)
+        known = (f"in the log already, by another file: {held:,}",) if held else ()
         if not self.count:
-            return ()
+            return known
         said = f"events: {self.count:,}, in {counted(self.commit_count, 'commit')}"
         if not self.has_recorded:
-            return (said,)
+            return (said, *known)
+        why = self.why_recorded_now
         kept = (
-            "as in the file, so that `known_at` gives the same answers"
-            if self.keeps_recorded
-            else "now; a new log, without events of its own, keeps those of the file"
+            f"now, since {why}"
+            if why
+            else "as in the file, so that `known_at` gives the same answers"
         )
-        return said, f"recorded: {kept}"
+        return said, *known, f"recorded: {kept}"
+
+    @property
+    def keeps_recorded(self) -> bool:
+        """Whether the times at which it was known are this log's."""
+        return self.has_recorded and not self.why_recorded_now
 
     def commits(self) -> Iterator[PlannedCommit]:
         """Yield the commits of the file, those that the log holds, too.
@@ -93,15 +109,19 @@ class LinesPlan:
         Raises:
             FormatError: The file changed since it was planned.
         """
-        reader = LineReader(self.path, self._present, self.options.tz)
+        reader = LineReader(
+            self.path, self._present, self.options.tz, as_recorded=self.options.as_recorded
+        )
         lines = iter(self._kept) if self._kept is not None else reader.lines()
-        yield from grouped(lines, self.options, self.groups)
+        left = (line for line in lines if line[0] not in self.held_lines)
+        yield from grouped(left, self.options, self.groups)
         reader.problems.raise_any()
 
 
 def plan_event_lines(
-    path: Path, present: Present, options: LineOptions, stored: Stored, *, now_ns: int
-) -> LinesPlan:
+    path: Path, present: Present, options: LineOptions, stored: Stored, *, now_ns: int,
+    log: DoorLog | None = None,
+) -> LinesPlan:  # fmt: skip
     """Return the commits of a file of JSON lines, gzipped or not; all of it is checked.
 
     A line may name a door of the log, or one that an earlier line added and named.
@@ -112,25 +132,30 @@ def plan_event_lines(
         options: How the lines are taken.
         stored: The commits that the log holds.
         now_ns: The log's clock: nothing was recorded later.
+        log: Lines that no log wrote are left out if it holds what they say by another file, from
+            the same source where they tell one; None: nothing is looked for.
 
     Raises:
         FormatError: The file cannot be read, or a line is wrong; names the lines.
     """
-    return _LinePlanner(path, present, options, stored, now_ns).plan()
+    return _LinePlanner(path, present, options, stored, now_ns=now_ns, log=log).plan()
 
 
 class _LinePlanner:
     """Checks every commit of a file: against the log as it will be then, or as the one it holds."""
 
     def __init__(
-        self, path: Path, present: Present, options: LineOptions, stored: Stored, now_ns: int
-    ) -> None:
+        self, path: Path, present: Present, options: LineOptions, stored: Stored, *, now_ns: int,
+        log: DoorLog | None,
+    ) -> None:  # fmt: skip
         self.present, self.options, self.stored, self.now_ns = present, options, stored, now_ns
-        self.reader = LineReader(path, present, options.tz)
+        self.reader = LineReader(path, present, options.tz, as_recorded=options.as_recorded)
         self.problems = self.reader.problems
         self.checks = _Checks(present, stored)
+        self.held = None if log is None else HeldLines(log, stored, options)
         self.numbers = NumberMap()
-        self.times = _RecordedTimes()
+        self.times = RecordedTimes(options.log_tz, now_ns)
+        self.ended_ns = None if log is None else last_recorded_ns(log)
         self.uncovered = OpenRetractions()
         self.last_source = -1
         self.count = self.commit_count = self.groups = self.stored_count = 0
@@ -138,6 +163,7 @@ class _LinePlanner:
         self.zones: dict[str, None] = {}
         """Of the logs that wrote the lines."""
         self.left_out: list[str] = []
+        self.suspects: list[str] = []
         self.kept: list[tuple[int, ParsedLine]] | None = []
         self.kept_weight = 0
 
@@ -153,27 +179,52 @@ class _LinePlanner:
             last_id = commit.command_id
         self.tell_uncovered()
         self.problems.raise_any()
+        why = self.why_recorded_now
+        if self.options.as_recorded and self.count and why:
+            raise FormatError(self.reader.path, f"--as-recorded: {why}")
         return LinesPlan(
             path=self.reader.path,
             count=self.count,
             commit_count=self.commit_count,
-            keeps_recorded=self.keeps_recorded,
-            has_recorded=self.times.last_ns > 0,
+            why_recorded_now=self.why_recorded_now,
+            has_recorded=self.times.has_any,
             left_out=tuple(self.left_out),
             warnings=tuple(self.warnings()),
             groups=self.groups,
+            nothing=self.nothing,
+            held_lines=frozenset() if self.held is None else frozenset(self.held.lines),
             options=self.options,
             _present=self.present,
             _kept=self.kept,
         )
 
     @property
-    def keeps_recorded(self) -> bool:
-        """Only a log that holds nothing but the file's events has learnt them when it says."""
-        is_copy = self.stored_count == self.present.next_event
-        return is_copy and self.times.can_be_kept(self.now_ns)
+    def is_copy(self) -> bool:
+        """Whether the log holds nothing but the file's events."""
+        return self.stored_count == self.present.next_event
+
+    @property
+    def why_recorded_now(self) -> str:
+        """Why the times at which it was known cannot be this log's; empty: they can."""
+        if self.times.why or self.is_copy:
+            return self.times.why
+        if self.options.as_recorded:
+            return self.times.why_not_after(self.ended_ns)
+        return (
+            "the log has events of its own (--as-recorded keeps the file's times where all are "
+            "later than those)"
+        )
+
+    @property
+    def nothing(self) -> str:
+        """Why nothing of the file can be imported; empty: something can, or the log holds it."""
+        if self.count or self.stored_count or (self.held is not None and self.held.lines):
+            return ""
+        return "; ".join(self.left_out) or "expected a JSON object a line, got none"
 
     def warnings(self) -> Iterator[str]:
+        yield from self.reader.order.warnings()
+        yield from self.suspects
         note = self.options.note
         if (note.actor or note.reason) and self.count and not self.uses_note:
             yield (
@@ -189,14 +240,15 @@ class _LinePlanner:
                 f"log: init --tz {others[0]}"
             )
         early = self.times.happened_later
-        if early and not self.keeps_recorded:
+        if early and self.why_recorded_now:
             yield (
                 f"events that happened, as they say, after they were recorded: {early:,}; recorded "
                 "later now, they count from when they say"
             )
 
     def lines(self) -> Iterator[tuple[int, ParsedLine]]:
-        for number, parsed in self.reader.lines():
+        lines = self.reader.lines()
+        for number, parsed in lines if self.held is None else self.held.left(lines):
             if self.kept is not None:
                 self.kept.append((number, parsed))
                 self.kept_weight += weight_of(parsed.event)
@@ -233,8 +285,8 @@ class _LinePlanner:
     def check(self, commit: PlannedCommit, *, is_repeated: bool) -> None:
         """Ask of each line what the log would ask of it, so that the line can be named."""
         before = self.count
-        is_copy = self.stored_count == self.present.next_event
-        recorded_ns = commit.recorded_ns if is_copy else None
+        is_kept = self.is_copy or self.options.as_recorded
+        recorded_ns = commit.recorded_ns if is_kept else None
         now_ns = self.now_ns if recorded_ns is None else recorded_ns
         self.checks.begin(now_ns, are_facts=commit.is_exported)
         for line, parsed in commit.lines:
@@ -251,10 +303,21 @@ class _LinePlanner:
                 continue
             if parsed.number is not None:
                 self.numbers.add(parsed.number, self.present.next_event + self.count)
-            self.times.add(parsed)
+            self.times.add(line, parsed)
+            self.suspect_units(line, event)
             self.count += 1
         self.commit_count += self.count > before
         self.uses_note |= commit.note is self.options.note
+
+    def suspect_units(self, line: int, event: Event) -> None:
+        """Take note of values that look like degrees or millimetres."""
+        if isinstance(event, DoorAdded | DoorUpdated):
+            found = suspect_units(theta=event.theta, width=event.width)
+        elif isinstance(event, FloorMap):
+            found = suspect_cells(resolution=event.resolution, theta=event.origin_theta)
+        else:
+            return
+        self.suspects += [f"line {line}: {what}" for what in found]
 
     def compare(self, commit: PlannedCommit, stored: StoredCommand) -> None:
         """Note a line that is another than the one that the log holds of the same command."""
@@ -380,29 +443,6 @@ class _Checks:
         for number, event in self.changes:
             index.apply(event, number)
         return index
-
-
-class _RecordedTimes:
-    """Whether the times at which another log recorded the events can be those of this log."""
-
-    def __init__(self) -> None:
-        self.last_ns = 0
-        self.ascend = True
-        self.happened_later = 0
-        """So many events say that they happened after they were recorded."""
-
-    def add(self, parsed: ParsedLine) -> None:
-        """Take note of the next event."""
-        recorded_ns, happened_ns = parsed.recorded_ns, parsed.event.happened_ns
-        if recorded_ns is None or recorded_ns <= max(self.last_ns, 1):
-            self.ascend = False
-        else:
-            self.last_ns = recorded_ns
-            self.happened_later += happened_ns is not None and happened_ns > recorded_ns
-
-    def can_be_kept(self, now_ns: int) -> bool:
-        """Tell whether each is known and later than the one before, and none is to come."""
-        return self.ascend and self.last_ns <= now_ns
 
 
 def _differs(found: Commit) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,27 +18,32 @@ from semmap_log.errors import UnknownDoorError, UnknownLevelError
 from semmap_log.folds.levels import resolve_level
 from semmap_log.formats.files.csv_sightings import Rows, Sightings
 from semmap_log.formats.parsing.problems import shown
+from semmap_log.importing.held_sightings import HeldSightings
 from semmap_log.importing.import_plan import ImportPlan, Present
 
 
 def plan_sightings(
-    sightings: Sightings, present: Present, *, level: int | None = None, renumber: bool = False
-) -> ImportPlan:
+    sightings: Sightings, present: Present, *, held: HeldSightings | None = None,
+    level: int | None = None, renumber: bool = False, new_doors: bool = False,
+) -> ImportPlan:  # fmt: skip
     """Return how the rows of a door CSV come into the log.
 
     A name means the one door that bears it, else `level name/name`, else the id of a door without
     a name, else a door that was removed and bore it; else it is a new, unplaced door, added when
-    its first row happened.
+    its first row happened. Rows that the log holds by another file are left out.
 
     Args:
         sightings: What was read from the file.
         present: What the log holds.
+        held: Finds rows that the log holds; None: nothing is looked for.
         level: Names without a level mean doors of that one, and new ones are added there; None: of
             any level, and new ones are on the one that is meant where none is told.
         renumber: A name that a removed door bore is that of a new one.
+        new_doors: Names of no door are those of new ones, also where the log has doors.
 
     Raises:
-        UnknownDoorError: A name that several doors bear, or a level that has no door of the name.
+        UnknownDoorError: A name that several doors bear, or a level that has no door of the name;
+            or names of no door, in a log that has doors, without `new_doors`.
         UnknownLevelError: Doors are new, there are several levels, and none is told.
     """
     known = _names(present.door_map.doors.values(), present.door_map, level)
@@ -60,14 +66,19 @@ def plan_sightings(
         ids.append(found[0] if found else next_door_id(used_ids, greatest_id))
         used_ids.add(ids[-1])
         greatest_id = max(greatest_id, ids[-1])
+    added = [name for name, is_new in zip(sightings.doors, new, strict=True) if is_new]
+    if added and not new_doors:
+        _refuse_strangers(sightings, added, present)
     if level is None:
         level = _level_of_new(sightings, new, present.door_map) if any(new) else 0
-    events = _SightingEvents(sightings, tuple(ids), tuple(new), level)
-    added = [name for name, is_new in zip(sightings.doors, new, strict=True) if is_new]
+    events = _SightingEvents(sightings, tuple(ids), tuple(new), level, [])
+    if held is not None and not all(new):
+        events.leave_out(held)
+    known_rows = 0 if held is None else held.count
     extra = len(sightings) - sightings.rows_in_file
     return ImportPlan(
         events,
-        count=len(sightings) + 2 * len(added),
+        count=len(sightings) - known_rows + 2 * len(added),
         summary=(
             f"doors: {len(ids)}, of which {len(added)} new, without a place yet"
             + (f": {_few(added)}" if added else ""),
@@ -76,10 +87,18 @@ def plan_sightings(
                 f", and {counted(extra, 'state')} at the ends and starts of windows"
                 if extra
                 else ""
-            ),
+            )
+            + (f"; in the log already, by another file: {known_rows:,}" if known_rows else ""),
         ),
         warnings=sightings.warnings,
+        left_out=sightings.left_out,
+        nothing="" if len(sightings) else _why_nothing(sightings),
     )
+
+
+def _why_nothing(sightings: Sightings) -> str:
+    told = "; ".join(sightings.left_out)
+    return f"no row is read; {told}" if told else "expected rows after the header, got none"
 
 
 def _level_of_new(sightings: Sightings, new: list[bool], door_map: DoorMap) -> int:
@@ -90,6 +109,24 @@ def _level_of_new(sightings: Sightings, new: list[bool], door_map: DoorMap) -> i
         raise UnknownLevelError(
             f"{sightings.path}: no door is called {_few(names)}, so they would be new; {error}"
         ) from None
+
+
+def _refuse_strangers(sightings: Sightings, names: Sequence[str], present: Present) -> None:
+    """Return unless the log has doors: then a name of none of them may be mistyped.
+
+    Raises:
+        UnknownDoorError: It has.
+    """
+    doors = [door for door in present.door_map.doors.values() if door.object_class.is_door]
+    if not doors:
+        return
+    called = [door.name for door in doors if door.name]
+    close = get_close_matches(names[0], called, n=1)
+    meant = f" (did you mean {shown(close[0])}?)" if close else ""
+    raise UnknownDoorError(
+        f"{sightings.path}: no door is called {_few(names)}{meant}; correct the file, or add such "
+        "doors, without a place yet: --new-doors. Nothing was imported."
+    )
 
 
 MOST_NAMED = 3
@@ -122,12 +159,33 @@ class _SightingEvents:
     ids: tuple[DoorId, ...]
     new: tuple[bool, ...]
     level: int
+    held: list[NDArray[np.uint8]]
+    """Which rows of each part the log holds already, as bits; empty: none."""
+
+    def leave_out(self, held: HeldSightings) -> None:
+        """Leave out the rows that the log holds."""
+        ids = np.array(self.ids, np.uint32)
+        found = [held.among(_batch_of(rows, ids)) for rows in self.sightings.columns.parts()]
+        if held.count:
+            self.held.extend(np.packbits(each) for each in found)
+
+    def _parts(self) -> Iterator[Rows]:
+        """Yield the rows that the log does not hold."""
+        parts = self.sightings.columns.parts()
+        if not self.held:
+            yield from parts
+            return
+        for rows, bits in zip(parts, self.held, strict=True):
+            left = np.unpackbits(bits, count=len(rows.door)) == 0
+            if left.any():
+                accuracy = None if rows.accuracy is None else rows.accuracy[left]
+                yield Rows(rows.door[left], rows.happened_ns[left], rows.state[left], accuracy)
 
     def __iter__(self) -> Iterator[DoorEvent | EventBatch]:
         ids = np.array(self.ids, np.uint32)
         seen = 0
         """So many doors had rows: they are numbered in the order of their first ones."""
-        for rows in self.sightings.columns.parts():
+        for rows in self._parts():
             batch = _batch_of(rows, ids)
             highest = np.maximum(np.maximum.accumulate(rows.door.astype(np.int64)), seen - 1)
             firsts = np.flatnonzero(np.diff(highest, prepend=seen - 1))

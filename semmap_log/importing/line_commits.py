@@ -31,6 +31,10 @@ class LineOptions:
     """Of lines that say nothing of who and why, unless a log wrote them."""
     log_tz: str
     """IANA zone of the log."""
+    source: str = ""
+    """Which sensor the file is of, where it was said."""
+    as_recorded: bool = False
+    """The times of the lines are when it was known; refused where they cannot be kept."""
     at_ns: int | None = None
     """When events happened whose line does not say; None: when they are recorded."""
 
@@ -113,7 +117,7 @@ def grouped(
         content = parsed.content or (NO_CONTENT if parsed.is_exported else GIVEN_EVENTS)
         if command_id is None:
             is_last = groups is not None and place == groups - 1
-            command_id = content = options.file_id if is_last else _part_id(options, place)
+            command_id = content = options.file_id if is_last else part_id(options, place)
         yield PlannedCommit(
             command_id,
             content,
@@ -124,7 +128,8 @@ def grouped(
         )
 
 
-def _part_id(options: LineOptions, place: int) -> bytes:
+def part_id(options: LineOptions, place: int) -> bytes:
+    """Return the id of one of a file's commits that has none of its own."""
     digest = hashlib.sha256(options.file_id + f"commit {place}".encode()).digest()
     return digest[: len(options.file_id)]
 

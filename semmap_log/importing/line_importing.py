@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain, islice
 
+from semmap_log.common.lazily import computed_once
 from semmap_log.domain.commits import Commit
 from semmap_log.domain.events import DoorAdded, DoorRemoved, Event
+from semmap_log.door_log.door_log import DoorLog
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.errors import FormatError
 from semmap_log.importing.importing_lines import LinesPlan
@@ -26,10 +28,9 @@ FEW = 100
 class StoredCommits:
     """The commits that a log holds; quick where they are asked for in order."""
 
-    def __init__(self, log: DoorLogWriter) -> None:
+    def __init__(self, log: DoorLog) -> None:
         self._log = log
         self._commits = log.commits()
-        self._whole_from = log.known_past.whole_from
         self._upcoming: Commit | None = next(self._commits, None)
         self._events: Iterator[tuple[int, Event]] = iter(())
         self._next_event = -1
@@ -41,15 +42,22 @@ class StoredCommits:
         Raises:
             CorruptLogError: The log is damaged.
         """
+        assert isinstance(self._log, DoorLogWriter)
         upcoming = self._upcoming
         is_it = upcoming is not None and upcoming.command_id == command_id
-        if is_it and upcoming is not None and upcoming.first_event >= self._whole_from:
+        if is_it and upcoming is not None and upcoming.first_event >= self.whole_from:
             found: StoredCommand | None = StoredCommand(upcoming)
         else:
             found = self._log.find_stored(command_id)
         if found is not None:
             self._pass(found.commit)
         return found
+
+    @computed_once
+    def whole_from(self) -> int:
+        """Number of the first event from which nothing was taken out."""
+        assert isinstance(self._log, DoorLogWriter)
+        return self._log.known_past.whole_from
 
     def _pass(self, found: Commit) -> None:
         """Go on behind a commit: the next one that is asked for is most often the next."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from collections.abc import Set as AbstractSet
+from dataclasses import replace
 from pathlib import Path
 
 from semmap_log.domain.doors import LEVEL_NOT_GIVEN, DoorId, next_door_id
@@ -13,6 +14,7 @@ from semmap_log.domain.meaning import Changed
 from semmap_log.errors import FormatError, UnknownDoorError
 from semmap_log.folds.levels import NUMBER_PREFIX, level_called, levels_of
 from semmap_log.formats.json.event_json_reader import DoorLookup, ParsedLine, parse_event_line
+from semmap_log.formats.parsing.file_order import FileOrder
 from semmap_log.formats.parsing.foreign_file import numbered_lines
 from semmap_log.formats.parsing.problems import Problems, shown
 from semmap_log.formats.parsing.strict_json import MOST_LINE_BYTES
@@ -25,9 +27,20 @@ MOST_LEVEL_DIGITS = 5
 class LineReader:
     """Reads line after line, and knows the doors as they are after each."""
 
-    def __init__(self, path: Path, present: Present, tz: str) -> None:
+    def __init__(self, path: Path, present: Present, tz: str, *, as_recorded: bool = False) -> None:
+        """Read nothing yet.
+
+        Args:
+            path: The file.
+            present: What the log holds.
+            tz: IANA zone of times without an offset.
+            as_recorded: Lines that do not say when they were recorded were so when they happened;
+                those of one time follow each other by a nanosecond, as a log's commit counts.
+        """
         self.path = path
-        self.tz = tz
+        self.as_recorded = as_recorded
+        self._last_ns = (-1, -1)
+        self.order = FileOrder(tz)
         self.problems = Problems(path)
         self.lookup = DoorLookup(self._resolve, self._next_id, self._level_of, self._level)
         self.door_map = present.door_map
@@ -54,7 +67,7 @@ class LineReader:
     def _read(self, number: int, text: str) -> ParsedLine | None:
         try:
             parsed = parse_event_line(
-                text, tz=self.tz, lookup=self.lookup, path=self.path, line=number
+                text, lookup=self.lookup, order=self.order, path=self.path, line=number
             )
         except FormatError as error:
             self.problems.add(number, error.first)
@@ -64,7 +77,17 @@ class LineReader:
         elif isinstance(parsed.event, LevelAdded):
             self.level_names[parsed.event.level] = parsed.event.name
             self.levels_called.rename(parsed.event.level, parsed.event.name)
-        return parsed
+        return self._recorded(parsed) if self.as_recorded else parsed
+
+    def _recorded(self, parsed: ParsedLine) -> ParsedLine:
+        """Return a line with when it was recorded, if it only says when it happened."""
+        happened_ns = parsed.event.happened_ns
+        if parsed.recorded_ns is not None or happened_ns is None:
+            return parsed
+        before_ns, recorded_ns = self._last_ns
+        recorded_ns = recorded_ns + 1 if happened_ns == before_ns else happened_ns
+        self._last_ns = happened_ns, recorded_ns
+        return replace(parsed, recorded_ns=recorded_ns)
 
     def _learn(self, event: DoorEvent) -> None:
         self.used_ids.add(event.door_id)
@@ -77,6 +100,7 @@ class LineReader:
     # What the reader of a line asks
 
     def _resolve(self, text: str) -> DoorId:
+        text = text.strip()
         found = {*self.doors_called[text]}
         slash = text.find("/")
         while 0 <= slash <= max(self.longest_level, MOST_LEVEL_DIGITS):

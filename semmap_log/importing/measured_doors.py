@@ -15,10 +15,10 @@ from semmap_log.door_log.rebasing import MeasuredDoor
 from semmap_log.errors import FormatError
 from semmap_log.formats.files.building import read_building
 from semmap_log.formats.files.door_table import DoorTable, TableDoor
-from semmap_log.formats.files.map_server import is_map
 from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
+from semmap_log.formats.files.yaml_kinds import is_yaml, kind_of_yaml
 
-READABLE = "*.building.yaml (Open-RMF), or .yaml (the thesis's door database)"
+READABLE = ".yaml: a building of Open-RMF, or the thesis's door database"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ def read_measured_doors(path: Path, door_map: DoorMap, *, level: int) -> Measure
     """Return where a file puts the doors that a level has.
 
     Args:
-        path: The file; its name tells its format.
+        path: The file; its keys tell its format.
         door_map: The doors of the log, at the moment of the change.
         level: The number of the level.
 
@@ -59,11 +59,11 @@ def read_measured_doors(path: Path, door_map: DoorMap, *, level: int) -> Measure
 
 
 def _table(path: Path, door_map: DoorMap, level: int) -> DoorTable:
-    name = path.name.lower()
-    if name.endswith((".building.yaml", ".building.yml")):
+    kind = kind_of_yaml(path) if is_yaml(path) else None
+    if kind == "building":
         known = door_map.levels.get(level)
         return read_building(path, level=known.name if known else None)
-    if name.endswith((".yaml", ".yml")) and not is_map(path):
+    if kind == "doors":
         return read_thesis_yaml(path)
     raise FormatError(path, f"expected measured doors as {READABLE}.")
 

@@ -54,6 +54,8 @@ class ScanPlan:
     """What is odd about the bag."""
     door_warnings: tuple[str, ...]
     """What is odd about doors."""
+    held: int = 0
+    """So many visits the log has already."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +87,17 @@ class ScanImport:
 
     left_out: tuple[str, ...]
     """Topics that nothing reads."""
+    topics_held: bool = False
+    """The log has the other topics' events already."""
+
+    @property
+    def nothing(self) -> str:
+        """Why nothing of it can be imported; empty: something can, or the log holds it."""
+        if self.topics.count or self.topics_held or self.earlier.count or self.scans.held:
+            return ""
+        if self.scans.visits:
+            return ""
+        return "no visit to a door decided anything"
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -115,14 +128,15 @@ def plan_with_scans(
     """
     topics, others = ImportPlan((), 0), mapping.without_lasers()
     left_out = tuple(left_out_of(path, mapping))
-    if reads_any(path, others) and not _is_stored(log, ids.topics):
+    is_held = _is_stored(log, ids.topics)
+    if reads_any(path, others) and not is_held:
         topics = plan_bag(path, log, others, progress=progress)
     others_events = [*one_by_one(earlier.events), *one_by_one(topics.events)]
     scans = plan_scans(
         path, log, mapping, others_events, bag_id=ids.bag, keeper=keeper, progress=progress,
         actor=actor,
     )  # fmt: skip
-    return ScanImport(ids, topics, earlier, scans, left_out)
+    return ScanImport(ids, topics, earlier, scans, left_out, is_held)
 
 
 def append_with_scans(log: DoorLogWriter, found: ScanImport, note: Note) -> tuple[int, int | None]:
@@ -215,7 +229,8 @@ class _Scanning:
         if len(unknown) < len(planned):
             summary.append(f"of them in the log already: {len(planned) - len(unknown):,}")
         odd_doors = tuple(door_oddities_of(self.sightings, known))
-        return ScanPlan(new, tuple(summary), tuple(warnings), odd_doors)
+        held = len(planned) - len(new)
+        return ScanPlan(new, tuple(summary), tuple(warnings), odd_doors, held)
 
     def _visits(self, translator: Translator, progress: Progress | None) -> Iterator[VisitCommit]:
         waiting: list[RobotScan] = []

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from semmap_log.errors import FormatError
 from semmap_log.formats.bags.bag_reading import open_bag
-from semmap_log.formats.ros.ros_types import LASER_SCAN, POINT_CLOUD, short_name
+from semmap_log.formats.ros.ros_types import LASER_SCAN, POINT_CLOUD, short_name, whole_topic
 from semmap_log.ros_mapping.topic_rules import ONLY_TYPES, ReadPlace, ReadScan, RosMapping
 
 MOST_TOPICS = 20
@@ -51,9 +51,9 @@ def _topics(path: Path, mapping: RosMapping, options: ScanOptions) -> Collection
     with open_bag(path) as bag:
         there = {channel.topic: channel.message_type.name for channel in bag.channels}
     lasers = sorted(topic for topic, name in there.items() if name == LASER_SCAN)
-    named = [(topic, ONLY_TYPES[ReadScan]) for topic in options.topics]
+    named = [(whole_topic(topic), ONLY_TYPES[ReadScan]) for topic in options.topics]
     if options.pose_topic:
-        named.append((options.pose_topic, ONLY_TYPES[ReadPlace]))
+        named.append((whole_topic(options.pose_topic), ONLY_TYPES[ReadPlace]))
     for topic, possible in named:
         if there.get(topic) not in possible:
             kinds = " or ".join(map(short_name, possible))

@@ -37,6 +37,7 @@ from semmap_log.formats.json.event_json_reader import (
     command_id_of,
     parse_event_line,
 )
+from semmap_log.formats.parsing.file_order import FileOrder
 from semmap_log.formats.parsing.strict_json import load_object
 
 READ_BYTES = 2**16
@@ -69,6 +70,8 @@ class LineRecorder:
     refused: int = 0
     stopping: bool = False
     """Set by a signal handler: finish what was read, then return."""
+    order: FileOrder = field(init=False)
+    """The times of the lines."""
     _read: deque[bytes] = field(default_factory=deque)
     """Lines that were read, and not recorded yet."""
     _waiting: list[LineAnswer] = field(default_factory=list)
@@ -76,6 +79,9 @@ class LineRecorder:
     _poses_since: float = 0.0
     _waiting_since: float = 0.0
     _line: int = 0
+
+    def __post_init__(self) -> None:
+        self.order = FileOrder(self.log.info.timezone)
 
     def run(self, fd: int) -> None:
         """Record all lines of `fd`; on return everything is durable and answered.
@@ -179,7 +185,7 @@ class LineRecorder:
             level=self.log.level_meant,
         )
         parsed = parse_event_line(
-            text, tz=self.log.info.timezone, lookup=lookup, path="line", line=self._line
+            text, lookup=lookup, order=self.order, path="line", line=self._line
         )
         if isinstance(parsed.event, Retracted) and parsed.number is not None:
             raise CommandError(

@@ -199,7 +199,7 @@ class RosRecorder:
     def summary(self) -> tuple[str, ...]:
         """Return what was wrong with messages, kind by kind; and of scans what came of them."""
         scans = self._watch.lines(self._translator.lasers) if self.mapping.reads_scans else ()
-        return (*self._complaints.lines(), *scans)
+        return (*self._complaints.lines(), *self._translator.why_no_poses(), *scans)
 
     # Topics
 

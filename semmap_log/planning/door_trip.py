@@ -123,7 +123,8 @@ def door_trip(
     if patience_s is not None and not (math.isfinite(patience_s) and patience_s > 0):
         raise PlanError(f"patience: expected a time above 0 s, got {patience_s:g} s.")
     if not (ways.plan.floors or query.doors):
-        raise PlanError("go: neither a floor plan nor a door is in the map then.")
+        told = f" The log {ways.plan.why_no_plan()}." if ways.plan.later else ""
+        raise PlanError(f"go: neither a floor plan nor a door is in the map then.{told}")
     start = names.place(start_at, "FROM")
     goal = names.place(goal_at, "TO", seen_from=start)
     passing = None

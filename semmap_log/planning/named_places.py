@@ -58,7 +58,7 @@ class NamedPlaces:
         if number and int(number[1]) in rooms:
             return rooms[int(number[1])]
         if not rooms:
-            raise PlanError(f"room {called!r}: the log has no floor plan, so no rooms.")
+            raise PlanError(f"room {called!r}: the log {self._plan.why_no_plan()}: no rooms.")
         raise PlanError(
             f"room {called!r}: expected a name, or a number of 1..{max(rooms)}; "
             "`semmap-log rooms` lists them."

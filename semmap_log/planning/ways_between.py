@@ -60,7 +60,7 @@ class WaysBetween:
         if not flat:
             return None
         called = ", ".join(self.plan.door_map.level_name(level) for level in flat)
-        return f"level {called} has no floor plan: distances are straight lines"
+        return f"level {called} {self.plan.why_no_plan(flat)}: distances are straight lines"
 
     def room_of(self, place: Place) -> RoomId | None:
         """Return the room that a place lies in; None: in none, or its level has no plan."""

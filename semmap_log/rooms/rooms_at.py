@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from semmap_log.domain.doors import Door, DoorMap
 from semmap_log.domain.events import FloorMap
 from semmap_log.domain.keywords import knows_keywords
+from semmap_log.domain.moments import format_local
 from semmap_log.door_log.door_log import DoorLog, Time
 from semmap_log.folds.doors_of_class import only_doors
 from semmap_log.rooms.door_sides import sides_of
@@ -28,12 +29,29 @@ class RoomPlan:
         levels: For each level with a floor plan, which room each cell lies in.
         floors: The floor plans.
         door_map: The doors.
+        later: Of levels without a floor plan that got one later: from when on it counts, in words.
     """
 
     graph: RoomGraph
     levels: Mapping[int, LevelRooms]
     floors: Mapping[int, FloorMap]
     door_map: DoorMap
+    later: Mapping[int, str] = field(default_factory=dict)
+
+    def why_no_plan(self, levels: Iterable[int] | None = None) -> str:
+        """Return that levels have no floor plan, as the end of a sentence about them.
+
+        Args:
+            levels: Those that are asked about; None: all.
+        """
+        chosen = self.later.keys() if levels is None else self.later.keys() & set(levels)
+        if not chosen:
+            return "has no floor plan"
+        since = min(self.later[level] for level in chosen)
+        return (
+            f"has no floor plan then, only from {since} on (if it was there before, say so: import "
+            "LOG MAP.YAML --since TIME)"
+        )
 
     def room_at(self, level: int, x: float, y: float) -> RoomId | None:
         """Return the room that a point lies in; None: a wall, a door, or a level without a plan."""
@@ -88,7 +106,22 @@ def room_plan(
         for level in sorted(door_map.levels)
         if (floor := log.floor_of(door_map, level)) is not None
     }
-    return plan_of(door_map, floors)
+    plan = plan_of(door_map, floors)
+    return plan if (at, event) == (None, None) else replace(plan, later=_later(log, floors))
+
+
+def _later(log: DoorLog, floors: Mapping[int, FloorMap]) -> dict[int, str]:
+    """Return from when on levels have a floor plan that have none among `floors`, in words."""
+    now = log.replay()
+    events = {
+        level: known.floor_map_event
+        for level, known in now.levels.items()
+        if known.floor_map_event is not None and level not in floors
+    }
+    zone = log.info.timezone
+    return {
+        level: format_local(log.entry(event).happened_ns, zone) for level, event in events.items()
+    }
 
 
 def plan_of(door_map: DoorMap, floors: Mapping[int, FloorMap]) -> RoomPlan:

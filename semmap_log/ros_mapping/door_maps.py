@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from struct import Struct
 from typing import Any
 
-from semmap_log.domain.doors import Door, DoorId, DoorState, reduced, thesis_state
+from semmap_log.domain.doors import Door, DoorId, DoorState, reduced, suspect_units, thesis_state
 from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorRemoved, DoorUpdated, Event
 from semmap_log.domain.meaning import NOTHING, PLACING, Changed
 from semmap_log.errors import InvalidEventError
@@ -139,6 +139,9 @@ class DoorMaps:
             self._complain("a state that is none of OPEN, CLOSED, UNKNOWN; taken as UNKNOWN",
                            shown(text))  # fmt: skip
             state = DoorState.UNKNOWN
+        for what in suspect_units(theta=entry.pos_theta, width=entry.width):
+            self._complain("a door whose values may be of another unit; taken as they are",
+                           f"door {entry.door_id}: {what}")  # fmt: skip
         return _Entry(
             float(entry.pos_x),
             float(entry.pos_y),

@@ -86,17 +86,20 @@ class Known:
         """Return a new id that is none of some others that want to stay free."""
         return next_door_id({*self.used_ids, *others}, max(self.used_ids, default=0))
 
-    def called(self, text: str, *, or_id: bool = True) -> DoorId | None:
+    def called(self, text: str, *, or_id: bool = True, level: str | None = None) -> DoorId | None:
         """Return the door of that name, level/name or id; None: there is none.
 
         Args:
             text: What it is called.
             or_id: People write an id, too; a robot's own names are names, even if they are digits.
+            level: Number or name of the level that is meant where several have the name.
 
         Raises:
             UnknownDoorError: It can mean several.
         """
         found = set(self._named.get(text, ()))
+        if len(found) > 1 and level is not None:
+            found = {i for i in found if level in self._names_of_level(i)}
         if not found and "/" in text:
             level, _, name = text.partition("/")
             found = {i for i in self._named.get(name, ()) if level in self._names_of_level(i)}

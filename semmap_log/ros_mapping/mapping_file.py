@@ -27,7 +27,7 @@ from semmap_log.domain.doors import DoorState
 from semmap_log.formats.parsing.problems import Problems, shown
 from semmap_log.formats.parsing.strict_yaml import Mapping, Node, Scalar, Sequence, load_yaml
 from semmap_log.formats.parsing.yaml_values import described, mapping_of, number_of, text_of
-from semmap_log.formats.ros.ros_types import long_name, short_name
+from semmap_log.formats.ros.ros_types import long_name, short_name, whole_topic
 from semmap_log.ros_mapping.topic_rules import (
     ONLY_TYPES,
     READINGS,
@@ -99,13 +99,18 @@ class _FileReader:
         if found is None:
             return {}
         rules = {}
-        for topic, value in found.entries.items():
+        for name, value in found.entries.items():
+            topic = whole_topic(name.strip())
             rule = self.rule(topic, value)
-            if not topic.startswith("/"):
+            if topic.startswith("~") or topic == "/":
                 self.problems.add(
-                    found.key_lines[topic],
-                    f"topics: expected names that begin with /, got {shown(topic)}; "
+                    found.key_lines[name],
+                    f"topics: expected a topic's name such as /door_states, got {shown(name)}; "
                     "write the whole name",
+                )
+            if topic in rules:
+                self.problems.add(
+                    found.key_lines[name], f"topics: {topic} is there twice; keep one of them"
                 )
             if rule is not None:
                 rules[topic] = rule
@@ -156,7 +161,7 @@ class _Form(NamedTuple):
 
 _NAME = _Form(re.compile(r"[^\0]+"), "a name")
 _TYPE = _Form(re.compile(r"[A-Za-z]\w*(/msg)?/[A-Za-z]\w*", re.ASCII), "such as std_msgs/Bool")
-_TOPIC = _Form(re.compile(r"(/\w+)+", re.ASCII), "a topic's whole name, as /amcl_pose")
+_TOPIC = _Form(re.compile(r"/?\w+(/\w+)*", re.ASCII), "a topic's whole name, as /amcl_pose")
 _PATH = _Form(re.compile(r"[A-Za-z]\w*(\.[A-Za-z]\w*)*", re.ASCII), "a field's name")
 _SECONDS = ("seconds, 0 to 1e9", (0.0, 1e9))
 
@@ -308,6 +313,11 @@ def _heights(keys: _Keys, default: tuple[float, float]) -> tuple[float, float]:
     return found[0], found[1]  # type: ignore[return-value]
 
 
+def _pose_topic(keys: _Keys) -> str:
+    found = keys.text("pose_topic", "", _TOPIC)
+    return whole_topic(found) if found else ""
+
+
 _ANY = (-math.inf, math.inf)
 
 _OPTIONS: dict[str, Callable[[_Keys], Any]] = {
@@ -323,7 +333,7 @@ _OPTIONS: dict[str, Callable[[_Keys], Any]] = {
 _OWN: dict[type, dict[str, Callable[[_Keys], Any]]] = {
     ReadScan: {
         "robot": lambda keys: keys.text("robot", "") if "robot" in keys.found.entries else None,
-        "pose_topic": lambda keys: keys.text("pose_topic", "", _TOPIC),
+        "pose_topic": _pose_topic,
         "heights": lambda keys: _heights(keys, ReadScan().heights),
     },
     ReadClicks: {

@@ -109,12 +109,16 @@ class Transforms:
         self._context = context
         self._track = track
         self._tree = tree
+        self._topic = ""
+        self._is_on_map = False
 
     def events(self, got: TopicMessage) -> Iterator[Event]:
         """Return the pose, if the robot has moved."""
         mapping = self._context.mapping
+        self._topic = got.topic
         changed = take_transforms(got, self._tree, self._context)
         chain = self._tree.chain(mapping.map_frame, mapping.robot_frame)
+        self._is_on_map |= chain is not None
         if chain is None or changed.isdisjoint(chain):
             return
         if (late_s := self._tree.late_s(chain)) > MOST_LATE_S:
@@ -134,6 +138,19 @@ class Transforms:
         """Return nobody."""
         return ""
 
+    def why_no_pose(self) -> str:
+        """Return why there was never a pose, in words; empty: there was, or no message came."""
+        if self._is_on_map or not self._topic:
+            return ""
+        top, robot = self._context.mapping.map_frame, self._context.mapping.robot_frame
+        links = self._tree.links()
+        more = f" and {len(links) - MOST_LINKS} more" if len(links) > MOST_LINKS else ""
+        there = ", ".join(f"{parent} to {child}" for parent, child in links[:MOST_LINKS])
+        return (
+            f"{self._topic}: no poses: no transform from {top} to {robot}; there is {there}{more}; "
+            "a mapping file says what the frames are called: frames"
+        )
+
 
 def take_transforms(got: TopicMessage, tree: TransformTree, context: Context) -> set[str]:
     """Take a tf2_msgs/TFMessage into a tree; return the frames that it places."""
@@ -147,5 +164,7 @@ def take_transforms(got: TopicMessage, tree: TransformTree, context: Context) ->
     return changed
 
 
+MOST_LINKS = 5
+"""So many are named where none of them helps."""
 MOST_LATE_S = 10.0
 """A link of the chain that came so long before the others is one that nobody sends any more."""

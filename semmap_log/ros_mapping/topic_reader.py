@@ -55,8 +55,15 @@ class Context:
         """
         return resolve_level(self.mapping.level if text is None else text, self._begun)
 
-    def happened_ns(self, got: TopicMessage, stamp: Any = None) -> int | None:
-        """Return when what a message tells happened; see the function of that name."""
+    def happened_ns(self, got: TopicMessage, stamp: Any = None) -> int:
+        """Return when what a message tells happened; see the function of that name.
+
+        Raises:
+            ValueError: It came at a time that no log can hold.
+        """
+        if got.received_ns == 0:
+            kind = "a message that came at time 0, before any clock: it counts at 1970-01-01"
+            self.complaints.add(got.topic, kind)
         return happened_ns(stamp, got.received_ns, within_s=self.mapping.stamps_within_s)
 
 
@@ -81,7 +88,10 @@ class DoorsByName:
         self._topic = topic
         self._context = context
         self._unknown = unknown
-        self._level = context.level(level)
+        self._level = context.mapping.level if level is None else level
+        """Of new doors, and of names that several levels have; None: the only one."""
+        if self._level is not None:
+            context.level(self._level)  # or there is none
 
     def find(
         self, name: str, happened_ns: int | None, *, or_id: bool = True
@@ -89,13 +99,13 @@ class DoorsByName:
         """Return the door, and the events that make it where it is new; None: passed over.
 
         Args:
-            name: As the mapping has it, or the message.
+            name: As the mapping has it, or the message; blanks around it do not count.
             happened_ns: When a new door came to be.
             or_id: The name can be an id of ours: the mapping says it.
         """
-        known, complaints = self._context.known, self._context.complaints
+        known, complaints, name = self._context.known, self._context.complaints, name.strip()
         try:
-            door_id = known.called(name, or_id=or_id)
+            door_id = known.called(name, or_id=or_id, level=self._level)
         except UnknownDoorError as error:
             complaints.add(self._topic, "a name that is not clear; passed over", f"{name} {error}")
             return None, []
@@ -104,7 +114,12 @@ class DoorsByName:
         if self._unknown == "error":
             complaints.add(self._topic, "an unknown door; passed over", shown(name))
             return None, []
-        level, plain = self._placed(name)
+        try:
+            level, plain = self._placed(name)
+        except UnknownLevelError as error:
+            complaints.add(self._topic, "a new door, and no level for it; passed over",
+                           f"{shown(name)}: {error}")  # fmt: skip
+            return None, []
         new = known.next_id
         return new, [
             DoorAdded(door_id=new, level=level, happened_ns=happened_ns),
@@ -112,12 +127,16 @@ class DoorsByName:
         ]
 
     def _placed(self, name: str) -> tuple[int, str]:
-        """Return level and name of a new door: the level is told where it is one that is known."""
+        """Return level and name of a new door; the name may begin with the level's.
+
+        Raises:
+            UnknownLevelError: There are several levels, and nobody says which is meant.
+        """
         level, _, plain = name.partition("/")
         if level and plain:
             with suppress(UnknownLevelError):
                 return self._context.level(level), plain
-        return self._level, name
+        return self._context.level(self._level), name
 
 
 def field_of(message: Any, path: str) -> Any:
@@ -162,13 +181,14 @@ def deviations(covariance: Any) -> tuple[float, float]:
     )
 
 
-def happened_ns(stamp: Any, received_ns: int, *, within_s: float) -> int | None:
+def happened_ns(stamp: Any, received_ns: int, *, within_s: float) -> int:
     """Return when it happened, nanoseconds since 1970.
 
     A stamp counts that lies at most `within_s` before the message came, and not after it: robots
     stamp what they have just measured, and with a clock that is set. A stamp of zero is none; an
     older one may be that of a map that was loaded long ago, or of a clock that is wrong. Then it
-    counts when the message came.
+    counts when the message came: 0 under `use_sim_time` before the first `/clock`, as what was
+    there before all that the simulation tells.
 
     Args:
         stamp: With `sec` and `nanosec`; None: the message has none.
@@ -176,12 +196,11 @@ def happened_ns(stamp: Any, received_ns: int, *, within_s: float) -> int | None:
             under `use_sim_time`.
         within_s: See above.
 
-    Returns:
-        The time; None where nothing is known of it, which makes it the log's own time: a node
-        under `use_sim_time` before the first `/clock` says zero.
+    Raises:
+        ValueError: It came before 1970, or after 2262.
     """
-    if not 0 < received_ns <= MAX_TIME_NS:
-        return None
+    if not 0 <= received_ns <= MAX_TIME_NS:
+        raise ValueError(f"it came at {received_ns / 1e9:.0f} s, which is not from 1970 to 2262")
     if stamp is not None:
         told_ns = int(stamp.sec) * 10**9 + int(stamp.nanosec)
         if told_ns > 0 and received_ns - int(within_s * 1e9) <= told_ns <= received_ns:

@@ -22,6 +22,7 @@ from semmap_log.formats.ros.ros_types import (
     RMF_DOOR_REQUEST,
     RMF_DOOR_STATE,
     TRANSFORMS,
+    whole_topic,
 )
 
 Unknown = Literal["add", "ignore", "error"]
@@ -268,10 +269,12 @@ class RosMapping:
             pose_topic: Of all its lasers, where it is given.
             heights: The same.
         """
-        rules = {topic: TopicRule(ReadScan()) for topic in topics} | {
+        named = [whole_topic(topic) for topic in topics]
+        pose_topic = whole_topic(pose_topic) if pose_topic else ""
+        rules = {topic: TopicRule(ReadScan()) for topic in named} | {
             topic: rule
             for topic, rule in self.topics.items()
-            if topic not in topics or isinstance(rule.reading, ReadScan)
+            if topic not in named or isinstance(rule.reading, ReadScan)
         }
         for topic, rule in rules.items():
             if isinstance(rule.reading, ReadScan):
@@ -288,6 +291,7 @@ class RosMapping:
         mapping = self.with_scans([topic for topic in topics if topic], pose_topic, heights)
         named = any(isinstance(rule.reading, ReadScan) for rule in mapping.topics.values())
         is_any = "" in topics and not named
+        pose_topic = whole_topic(pose_topic) if pose_topic else ""
         return replace(mapping, scans=ReadScan().told(pose_topic, heights)) if is_any else mapping
 
     def with_clicks(self) -> RosMapping:

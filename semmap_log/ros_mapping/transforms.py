@@ -116,6 +116,10 @@ class TransformTree:
         self.strays += 1
         self.stray = stray
 
+    def links(self) -> list[tuple[str, str]]:
+        """Return parent and child of each transform."""
+        return sorted((link.parent, child) for child, link in self._links.items())
+
     def has(self, frame: str) -> bool:
         """Tell whether a frame stands in another, or another in it."""
         return frame in self._links or any(link.parent == frame for link in self._links.values())

@@ -110,6 +110,11 @@ class Translator:
         """Return the scans that waited for their places and have them: nothing comes any more."""
         return list(self.lasers.placed(is_end=True))
 
+    def why_no_poses(self) -> tuple[str, ...]:
+        """Return of each topic of transforms why it never gave a pose, in words."""
+        readers = [each for each in self._readers.values() if isinstance(each, Transforms)]
+        return tuple(filter(None, (reader.why_no_pose() for reader in readers)))
+
     def heed(self, events: Sequence[Event]) -> None:
         """Take in events that others made: messages are compared with what is known."""
         for event in events:

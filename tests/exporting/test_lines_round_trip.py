@@ -16,7 +16,8 @@ from semmap_log.domain.events import DoorObserved, DoorRemoved, Retracted
 from semmap_log.errors import FormatError
 from semmap_log.exporting.log_files import export
 from semmap_log.formats.json.door_json import entry_to_json
-from semmap_log.importing.importing import Imported, import_file
+from semmap_log.importing.import_plan import Imported
+from semmap_log.importing.importing import import_file
 from semmap_log.replay.care import verify
 from semmap_log.replay.replay import Scope
 from semmap_log.store.writing import segment_chain

@@ -15,6 +15,7 @@ from semmap_log.formats.files.door_csv import read_door_csv
 from semmap_log.formats.files.map_server import read_map
 from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
 from semmap_log.formats.json.event_json_reader import DoorLookup, parse_event_line
+from semmap_log.formats.parsing.file_order import FileOrder
 from semmap_log.importing.import_plan import Present
 from semmap_log.importing.importing_lines import plan_event_lines
 from tests.importing.nothing_stored import NothingStored, lines_of
@@ -89,7 +90,7 @@ def test_any_keys_and_values_are_an_event_or_refused(kind, values):
     text = json.dumps({"kind": kind} | values)
 
     try:
-        found = type(parse_event_line(text, tz="UTC", lookup=LOOKUP).event).__name__
+        found = type(parse_event_line(text, order=FileOrder("UTC"), lookup=LOOKUP).event).__name__
     except FormatError as error:
         found = str(error)
 

@@ -8,6 +8,7 @@ import pytest
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import NAN, Door, DoorId, DoorMap, DoorState, Level
 from semmap_log.domain.events import Changed, DoorObserved, DoorUpdated, Retracted
+from semmap_log.domain.moments import format_wall
 from semmap_log.errors import FormatError
 from semmap_log.importing import importing_lines
 from semmap_log.importing.import_plan import Present
@@ -55,6 +56,27 @@ def test_lines_are_events_in_their_order(tmp_path, pack):
     assert 3 == found.count
     assert all(isinstance(event, DoorObserved) for event in events_of(found))
     assert {3} == {event.door_id for event in events_of(found)}
+
+
+def test_in_the_hour_that_comes_twice_the_order_of_the_lines_decides(tmp_path):
+    """
+    02:10 after 02:50 is the second 02:10, and a word says how many were taken for what.
+    """
+    times = ["2025-10-26T02:50", "2025-10-26T02:10", "2025-10-26T03:05", None]
+    text = "".join(json.dumps(SEEN | {"door": " front ", "happened": at}) + "\n" for at in times)
+    path = tmp_path / "in.jsonl"
+    path.write_text(text)
+
+    found = plan_event_lines(
+        path, PRESENT, lines_of("Europe/Vienna"), NothingStored(), now_ns=NOON_NS
+    )
+
+    said = [event.happened_ns for event in events_of(found)]
+    assert [
+        "2025-10-26T02:50:00+02:00", "2025-10-26T02:10:00+01:00", "2025-10-26T03:05:00+01:00",
+    ] == [format_wall(ns, "Europe/Vienna") for ns in said[:3]]  # fmt: skip
+    assert said[3] is None
+    assert "twice in Europe/Vienna: 2; by the order of the file 1 taken" in found.warnings[0]
 
 
 def test_a_line_may_name_a_door_that_an_earlier_one_added(tmp_path):

@@ -48,7 +48,7 @@ def test_a_new_name_is_a_new_unplaced_door(tmp_path):
     """
     Added when its first row happened, so that no event lies before it.
     """
-    plan = plan_sightings(rows(tmp_path), present(door(3), used=[8]))
+    plan = plan_sightings(rows(tmp_path), present(door(3), used=[8]), new_doors=True)
 
     nine = DoorId(9)
     expected = [
@@ -84,7 +84,9 @@ def test_which_door_a_name_means(tmp_path, name, level, expected):
     doors = present(door(1, "front", 1), door(2, "back", 1), door(3, "back", 2), door(4),
                     door(5, "L2/front", 1), levels=[Level(1, "L1"), Level(2, "L2")])  # fmt: skip
 
-    plan = plan_sightings(rows(tmp_path, ROWS.replace("front", name)), doors, level=level)
+    plan = plan_sightings(
+        rows(tmp_path, ROWS.replace("front", name)), doors, level=level, new_doors=True
+    )
 
     assert {expected} == meant(plan)
 
@@ -113,6 +115,21 @@ def test_hackerspaces_of_the_world(shared_data):
     assert len(found) == sum(isinstance(event, DoorUpdated) for event in events)
 
 
+@pytest.mark.parametrize(
+    ("called", "hint"), [("fron", r" \(did you mean 'fron'\?\)"), ("yard", "")]
+)
+def test_a_name_of_no_door_is_asked_about_in_a_log_that_has_doors(tmp_path, called, hint):
+    """
+    It may be mistyped. In a log that has none it is a new door's.
+    """
+    found, doors = rows(tmp_path), present(door(3, called))
+
+    with pytest.raises(UnknownDoorError, match=rf"no door is called 'front'{hint}; .* --new-doors"):
+        plan_sightings(found, doors)
+    assert {DoorId(4)} == meant(plan_sightings(found, doors, new_doors=True))
+    assert {DoorId(1)} == meant(plan_sightings(found, present()))
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 6), st.booleans()), min_size=1, max_size=60))
 def test_doors_are_added_before_their_first_rows(tmp_path_factory, drawn):
@@ -127,7 +144,7 @@ def test_doors_are_added_before_their_first_rows(tmp_path_factory, drawn):
         patch.setattr(csv_blocks, "BLOCK_BYTES", 120)
         found = rows(tmp_path_factory.mktemp("csv"), "".join(lines))
 
-    plan = plan_sightings(found, present(door(1, "door 0"), door(2, "door 3")))
+    plan = plan_sightings(found, present(door(1, "door 0"), door(2, "door 3")), new_doors=True)
 
     ids, expected = {"door 0": 1, "door 3": 2}, []
     for name, sighted in drawn:
@@ -183,7 +200,9 @@ def test_a_name_that_a_removed_door_bore_means_that_door(tmp_path):
     found = with_removed(present(door(2, "back")), door(1, "front"))
 
     assert {DoorId(1)} == meant(plan_sightings(rows(tmp_path), found))
-    assert {DoorId(3)} == meant(plan_sightings(rows(tmp_path), found, renumber=True))
+    assert {DoorId(3)} == meant(
+        plan_sightings(rows(tmp_path), found, renumber=True, new_doors=True)
+    )
 
 
 def test_a_door_that_is_there_goes_before_one_that_was_removed(tmp_path):

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 import semmap_log as sl
 from semmap_log.domain.doors import MAX_DOOR_ID, DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved, DoorRemoved
+from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorObserved, DoorRemoved, LevelAdded
+from semmap_log.errors import UnknownDoorError
 from semmap_log.ros_mapping.known import Known
 
 START = 1_700_000_000 * 10**9
@@ -22,6 +25,25 @@ def test_only_doors_that_were_added_use_up_numbers() -> None:
 
     assert known.next_id == 4
     assert known.next_id_but({4, 5}) == 6
+
+
+def test_of_several_doors_of_a_name_the_level_says_which() -> None:
+    """
+    By its number or name; a name that is there once needs none, and none hides it.
+    """
+    known = Known()
+    known.apply(LevelAdded(level=1, name="ground", happened_ns=START))
+    known.apply(LevelAdded(level=2, name="upper", happened_ns=START))
+    for number, level, name in ((1, 1, "lab"), (2, 2, "lab"), (3, 2, "attic")):
+        door = DoorId(number)
+        known.apply(DoorAdded(door_id=door, level=level, happened_ns=START))
+        known.apply(DoorAnnotated(door_id=door, key="name", value=name, happened_ns=START))
+
+    assert 1 == known.called("lab", level="ground")
+    assert 2 == known.called("lab", level="2") == known.called("upper/lab", level="1")
+    assert 3 == known.called("attic", level="ground") == known.called("attic")
+    with pytest.raises(UnknownDoorError, match="can mean doors 1, 2"):
+        known.called("lab")
 
 
 def test_numbers_go_on_as_in_the_log(tmp_path: Path) -> None:

@@ -14,7 +14,13 @@ from semmap_log.domain.events import Changed, DoorAdded, DoorObserved, DoorUpdat
 from semmap_log.formats.ros.ros_types import DOOR_MAP
 from semmap_log.ros_mapping.known import Known
 from semmap_log.ros_mapping.topic_reader import happened_ns
-from semmap_log.ros_mapping.topic_rules import ReadPose, ReadRmfState, ReadSensor, RosMapping
+from semmap_log.ros_mapping.topic_rules import (
+    ReadPose,
+    ReadRmfState,
+    ReadSensor,
+    ReadTransforms,
+    RosMapping,
+)
 from semmap_log.ros_mapping.transforms import TransformTree
 from tests.ros_mapping.robots import START, Listener, Robot, S
 
@@ -105,6 +111,46 @@ def test_a_stamp_of_zero_is_none_in_a_simulation_too() -> None:
     never = SimpleNamespace(sec=0, nanosec=0)
 
     assert 30 * S == happened_ns(never, 30 * S, within_s=60.0)
+
+
+def test_a_message_at_time_0_counts_at_time_0() -> None:
+    """
+    Before any clock, as in a simulation's first moment: never now. A word says so.
+    """
+    listener = Listener({"/s": ReadRmfState()})
+
+    events = [
+        *listener.hear("/s", ROBOT.door_state("front", 0), -START / S),
+        *listener.hear("/s", ROBOT.door_state("front", 2)),
+    ]
+
+    assert [0, 0, 0, START] == [event.happened_ns for event in events]
+    (told,) = listener.told
+    assert "/s: a message that came at time 0, before any clock: it counts at 1970" in told
+
+
+@pytest.mark.parametrize("at_s", [-1, 2**34])
+def test_a_message_at_a_time_that_no_log_can_hold_is_passed_over(at_s: int) -> None:
+    """
+    And told: it is not of now.
+    """
+    listener = Listener({"/s": ReadRmfState()})
+
+    assert [] == listener.hear("/s", ROBOT.door_state("front", 2), at_s - START / S)
+    assert "passed over: it came at" in listener.told[0]
+
+
+def test_transforms_of_other_frames_say_which_there_are() -> None:
+    """
+    Only where none ever leads from the map to the robot: the first ones rarely do.
+    """
+    listener = Listener({"/tf": ReadTransforms()})
+    listener.hear("/tf", ROBOT.transforms(("world", "cart", 1.0, 2.0, 0.0)))
+    (why,) = listener.translator.why_no_poses()
+    listener.hear("/tf", ROBOT.transforms(("map", "base_link", 1.0, 2.0, 0.0)))
+
+    assert "/tf: no poses: no transform from map to base_link; there is world to cart" in why
+    assert () == listener.translator.why_no_poses()
 
 
 def test_a_robot_that_looks_west_has_not_turned_around() -> None:

@@ -164,7 +164,7 @@ def test_doors_are_found_by_name_by_level_and_name_and_by_table() -> None:
     for number, level in ((1, 1), (2, 2)):
         known.apply(LevelAdded(level=level, name=f"L{level}", happened_ns=START))
         _add(known, number, "lab", level)
-    rule = ReadRmfState(doors={"rmf_lab": "L2/lab", "seven": "1"}, level="1")
+    rule = ReadRmfState(doors={"rmf_lab": "L2/lab", "seven": "1"})
     listener = Listener({"/d": rule}, known)
 
     names = ["L1/lab", "2/lab", "rmf_lab", "seven", "lab"]
@@ -281,17 +281,6 @@ def test_a_stamp_counts_if_it_can_be_believed(stamp_s: int | None, happened_s: i
     (event,) = listener.hear("/door_states", ROBOT.door_state("front", OPEN, at_ns), 100)
 
     assert START + happened_s * S == event.happened_ns
-
-
-def test_without_a_clock_it_happened_when_it_is_recorded() -> None:
-    """
-    A node under use_sim_time says 0 before the first /clock.
-    """
-    listener = _states()
-
-    (event,) = listener.hear("/door_states", ROBOT.door_state("front", OPEN), -START / S)
-
-    assert event.happened_ns is None
 
 
 def test_where_the_robot_was_is_kept_with_a_sighting() -> None:

@@ -33,13 +33,19 @@ def open_folder(folder: Path, stack: ExitStack) -> BagReader:
     if not metadata.exists():
         return _Files([_open(file, stack) for file in _bags_in(folder)])
     found = _Metadata(metadata)
-    files = [folder / name for name in found.files]
+    files = [_in_folder(folder, name) for name in found.files]
     if found.packed == "file":
         files = unpacked_files(files, stack)
     bags = [_open(file, stack) for file in files]
     if found.packed == "message":
         bags = [PackedMessages(file, bag) for file, bag in zip(files, bags, strict=True)]
     return _Files(bags)
+
+
+def _in_folder(folder: Path, name: str) -> Path:
+    """Return where a file of a bag is: up to version 4 its name begins with a folder's."""
+    whole = folder / name
+    return whole if whole.exists() else folder / whole.name
 
 
 def _open(file: Path, stack: ExitStack) -> BagReader:

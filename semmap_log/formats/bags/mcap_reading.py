@@ -28,7 +28,7 @@ from semmap_log.formats.bags.unpacking import Tally
 from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.formats.parsing.problems import shown
 from semmap_log.formats.ros.ros_decoding import DefinitionForm, MessageType
-from semmap_log.formats.ros.ros_types import RosVersion, long_name
+from semmap_log.formats.ros.ros_types import RosVersion, long_name, whole_topic
 
 FOOTER_BYTES = 37
 FOOTER_OPCODE = 2
@@ -66,7 +66,8 @@ class McapBag:
             if summary_at:
                 self._summary = read_summary(file, summary_at, self._footer_at)
         self._is_indexed = bool(self._summary.chunks)
-        self._channels = self._indexed_channels() if self._is_indexed else self._scanned_channels()
+        is_told = self._is_indexed and self._summary.repeats_channels
+        self._channels = self._indexed_channels() if is_told else self._scanned_channels()
         for channel in self._channels.values():
             if channel.message_type.name.startswith(OUR_TYPES):
                 raise own_log(path)
@@ -282,7 +283,8 @@ def _channel(channel: Any, schema: Any, path: Path) -> BagChannel | None:
                           f"1 MiB, got {len(schema.data):,} bytes")  # fmt: skip
     form = _FORMS.get(schema.encoding, "msg")
     text = schema.data.decode(errors="replace") if schema.encoding in _FORMS else ""
-    return BagChannel(channel.topic, MessageType(long_name(schema.name), version, text, form))
+    topic = whole_topic(channel.topic)
+    return BagChannel(topic, MessageType(long_name(schema.name), version, text, form))
 
 
 def _ends(path: Path, file: BinaryIO) -> tuple[int, int]:

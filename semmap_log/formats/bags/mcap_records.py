@@ -144,6 +144,20 @@ class Summary:
     chunks: list[Any] = field(default_factory=list)
     counts: dict[int, int] = field(default_factory=dict)
     """Channel -> messages; empty: it does not say."""
+    channel_count: int | None = None
+    """Of the whole file; None: it does not say."""
+
+    @property
+    def repeats_channels(self) -> bool:
+        """Whether all channels and their schemas are here, too: a writer need not repeat them."""
+        indexed = {number for chunk in self.chunks for number in chunk.message_index_offsets}
+        schemas = {channel.schema_id for channel in self.channels.values()} - {0}
+        return (
+            bool(self.channels)
+            and indexed | self.counts.keys() <= self.channels.keys()
+            and schemas <= self.schemas.keys()
+            and self.channel_count in {None, len(self.channels)}
+        )
 
 
 def read_summary(file: BinaryIO, start: int, end: int) -> Summary:
@@ -169,7 +183,9 @@ def read_summary(file: BinaryIO, start: int, end: int) -> Summary:
         elif record.opcode == Opcode.CHUNK_INDEX:
             found.chunks.append(parsed(kinds.ChunkIndex, record))
         elif record.opcode == Opcode.STATISTICS:
-            found.counts = parsed(kinds.Statistics, record).channel_message_counts
+            statistics = parsed(kinds.Statistics, record)
+            found.counts = statistics.channel_message_counts
+            found.channel_count = statistics.channel_count
     return found
 
 

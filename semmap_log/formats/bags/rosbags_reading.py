@@ -18,7 +18,7 @@ from semmap_log.formats.bags.damage import reason_of
 from semmap_log.formats.bags.unpacking import Tally
 from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.formats.ros.ros_decoding import MessageType
-from semmap_log.formats.ros.ros_types import RosVersion, long_name
+from semmap_log.formats.ros.ros_types import RosVersion, long_name, whole_topic
 
 
 def open_with_rosbags(path: Path, stack: ExitStack) -> RosbagsBag:
@@ -136,7 +136,8 @@ def _channel(connection: Any, version: RosVersion) -> BagChannel:
     text = definition.data if form in {"msg", "idl"} else ""
     name = long_name(connection.msgtype)
     return BagChannel(
-        connection.topic, MessageType(name, version, text, "idl" if form == "idl" else "msg")
+        whole_topic(connection.topic),
+        MessageType(name, version, text, "idl" if form == "idl" else "msg"),
     )
 
 

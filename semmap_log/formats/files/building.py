@@ -1,7 +1,7 @@
 """Open-RMF buildings (`*.building.yaml`, made by traffic_editor): named doors and lifts on levels.
 
-The file draws on a picture: vertices are pixels, y down. Here they become metres, y up, by the
-scale of each level's own measurements; a door's line starts at its first vertex.
+The file draws on pictures: vertices are pixels, y down. Here they become metres of the building, y
+up, in the one frame that Open-RMF gives all levels; a door's line starts at its first vertex.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from pathlib import Path
 
 from semmap_log.domain.doors import MAX_LEVEL, Level
 from semmap_log.errors import FormatError
-from semmap_log.formats.files.building_level import Storey, StoreyReader
+from semmap_log.formats.files.building_frame import align_levels, reference_level
+from semmap_log.formats.files.building_level import LevelFrame, Storey, StoreyReader
 from semmap_log.formats.files.building_lifts import FoundLifts, LiftsReader
 from semmap_log.formats.files.door_table import DoorTable, TableDoor
 from semmap_log.formats.files.floor_plan import Outlines, Segment, draw_floor
@@ -43,9 +44,15 @@ def read_building(
         FormatError: The file cannot be read, is not such a building, or has no such level.
     """
     problems = Problems(path)
-    root, all_levels, readers = _level_readers(path, level, problems)
+    root, all_levels, readers, warnings = _level_readers(path, level, problems)
     doors = [door for reader in readers for door in reader.doors()]
     found = _lifts(root, all_levels, problems) if lifts else FoundLifts()
+    unnamed = sum("name" not in door.annotations for door in doors)
+    if unnamed:
+        warnings.append(
+            f"doors without a name: {unnamed:,}; added under ids, and known by their places when "
+            "the building is imported again"
+        )
     numbers = {reader.number for reader in readers}
     at_lifts = [door for door in found.doors if door.level in numbers]
     plans = {reader.number: reader.outlines(_lines(at_lifts, reader.number)) for reader in readers}
@@ -59,7 +66,7 @@ def read_building(
     levels = [Level(r.number, r.storey.name, r.storey.elevation_m) for r in readers]
     return DoorTable(
         path, (*doors, *at_lifts), tuple(levels), tuple(maps), tuple(found.left_out),
-        tuple(found.warnings), tuple(places),
+        tuple(warnings), tuple(places),
     )  # fmt: skip
 
 
@@ -70,7 +77,7 @@ def read_outlines(path: Path) -> dict[int, Outlines]:
         FormatError: The file cannot be read, or is not such a building.
     """
     problems = Problems(path)
-    _, readers, _ = _level_readers(path, None, problems)
+    _, readers, _, _ = _level_readers(path, None, problems)
     outlines = {reader.number: reader.outlines() for reader in readers}
     problems.raise_any()
     return outlines
@@ -78,8 +85,8 @@ def read_outlines(path: Path) -> dict[int, Outlines]:
 
 def _level_readers(
     path: Path, level: str | None, problems: Problems
-) -> tuple[Mapping, list[StoreyReader], list[StoreyReader]]:
-    """Return the file's root, what reads its levels, and those of them of that name, or all.
+) -> tuple[Mapping, list[StoreyReader], list[StoreyReader], list[str]]:
+    """Return the file's root, what reads its levels, those of that name or all, and warnings.
 
     Raises:
         FormatError: The file cannot be read, is not such a building, or has no such level.
@@ -98,7 +105,19 @@ def _level_readers(
     if level is not None and not chosen:
         names = ", ".join(storey.name for storey in storeys) or "(none)"
         raise FormatError(path, f"expected one of the levels {names}; got {shown(level)}")
-    return root, readers, chosen
+    warnings = _align(root, readers, problems)
+    said = [warnings[reader.number] for reader in chosen if reader.number in warnings]
+    return root, readers, chosen, said
+
+
+def _align(root: Mapping, readers: list[StoreyReader], problems: Problems) -> dict[int, str]:
+    """Give the levels their frames; return what has to be said of some."""
+    if readers and readers[0].in_pixels:
+        reference = reference_level(root, readers, problems)
+        return {} if reference is None else align_levels(readers, reference, problems)
+    for reader in readers:
+        reader.frame = LevelFrame()
+    return {}
 
 
 def _in_pixels(root: Mapping, problems: Problems) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -24,6 +25,8 @@ FARTHEST_M = 100_000.0
 
 OF_A_ROBOT = ("is_charger", "is_cleaning_zone", "spawn_robot_name")
 """What a vertex may say of itself: then its name is that of a robot's place, not of a room."""
+NO_NAMES = ("", "null", "none", "~")
+"""What stands in the file where nobody gave a door a name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +36,20 @@ class Storey:
     name: str
     elevation_m: float
     node: Mapping
+
+
+@dataclass(frozen=True, slots=True)
+class LevelFrame:
+    """How a level's drawing, y up, lies in the building: turned and scaled, then shifted."""
+
+    turn: complex = 1.0
+    """Turns, and scales to metres."""
+    shift: complex = 0.0
+    """Metres."""
+
+    def __call__(self, point: complex) -> complex:
+        """Return a point of the drawing in metres."""
+        return self.turn * point + self.shift
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,18 +74,16 @@ class StoreyReader:
         self.storey = storey
         self.problems = problems
         self.in_pixels = in_pixels
+        self.frame: LevelFrame | None = None
+        """How its drawing lies in the building, once that is known; None: nothing has a place."""
 
     def doors(self) -> list[TableDoor]:
         """Return the level's doors, in the file's order."""
         doors = []
         lines: dict[str, int] = {}
         for edge in self._door_edges:
-            name = self._text(edge, "name")
-            if name is None:
-                self.problems.add(
-                    edge.line, "expected a door with a name: give it one in traffic_editor"
-                )
-            elif name in lines:
+            name = self._name(edge)
+            if name in lines:
                 self.problems.add(
                     edge.line,
                     f"door {shown(name)} is on level "
@@ -80,7 +95,8 @@ class StoreyReader:
                     edge.line, f"door {shown(name)}: expected two different ends, got one point"
                 )
             else:
-                lines[name] = edge.line
+                if name:
+                    lines[name] = edge.line
                 doors.append(self._door(name, edge))
         return doors
 
@@ -117,9 +133,14 @@ class StoreyReader:
                 found.append(TablePlace(name, self.number, *point))
         return found
 
+    def _name(self, edge: _Edge) -> str:
+        """Return what a door is called; empty: nothing, which some editors write as "null"."""
+        name = (self._text(edge, "name") or "").strip()
+        return "" if name.lower() in NO_NAMES else name
+
     def _door(self, name: str, edge: _Edge) -> TableDoor:
         (x, y), (end_x, end_y) = edge.start, edge.end
-        annotations = {"name": name}
+        annotations = {"name": name} if name else {}
         kind = self._text(edge, "type")
         if kind is not None:
             annotations["kind"] = kind
@@ -138,7 +159,7 @@ class StoreyReader:
         node = edge.params.entries.get(key) if edge.params else None
         if isinstance(node, Sequence) and len(node.items) == 2:
             node = node.items[1]
-        if node is None or (isinstance(node, Scalar) and node.text == ""):
+        if node is None or (isinstance(node, Scalar) and node.value in {None, ""}):
             return None
         return text_of(node, f"a door's {key}", self.problems)
 
@@ -153,10 +174,10 @@ class StoreyReader:
             line: Where in the file it is.
             what: What it is, for messages.
         """
-        scale = self._metres_a_pixel if self.in_pixels else 1.0
-        if scale is None or math.isnan(x) or math.isnan(y):
+        if self.frame is None or math.isnan(x) or math.isnan(y):
             return None
-        metres = x * scale, (-y if self.in_pixels else y) * scale
+        point = self.frame(complex(x, -y if self.in_pixels else y))
+        metres = point.real, point.imag
         if max(map(abs, metres)) > FARTHEST_M:
             self.problems.add(
                 line,
@@ -167,9 +188,12 @@ class StoreyReader:
         return metres
 
     @computed_once
-    def fiducials(self) -> dict[str, Point]:
-        """The level's fiducials by name, metres, y up: points that other levels have, too."""
-        found = {}
+    def fiducials(self) -> dict[str, complex]:
+        """The level's fiducials by name, as in the file, y up: points of other levels, too.
+
+        A name that is there twice tells nothing.
+        """
+        found = []
         for node in self._list("fiducials"):
             parts = sequence_of(node, "a fiducial", self.problems)
             if parts is None or len(parts.items) < 3:
@@ -178,12 +202,20 @@ class StoreyReader:
                 continue
             x, y = (number_of(part, "a fiducial", self.problems) for part in parts.items[:2])
             name = text_of(parts.items[2], "a fiducial's name", self.problems)
-            if x is None or y is None or name is None:
-                continue
-            point = self.placed(x, y, node.line, what="a fiducial")
-            if point is not None:
-                found[name] = point
-        return found
+            if x is not None and y is not None and name is not None:
+                found.append((name, complex(x, -y)))
+        counts = Counter(name for name, _ in found)
+        return {name: point for name, point in found if counts[name] == 1}
+
+    @property
+    def has_measurements(self) -> bool:
+        """Whether somebody measured on the level, well or not."""
+        return bool(self._list("measurements"))
+
+    @property
+    def has_places(self) -> bool:
+        """Whether the level has what needs a place: doors or walls."""
+        return bool(self._list("doors") or self._list("walls"))
 
     @computed_once
     def _vertices(self) -> list[Point | None]:
@@ -192,8 +224,8 @@ class StoreyReader:
         return [point and self.placed(*point, node.line) for node, point in vertices]
 
     @computed_once
-    def _metres_a_pixel(self) -> float | None:
-        """The mean over the level's measurements, as traffic_editor takes it."""
+    def metres_a_pixel(self) -> float | None:
+        """The mean over the level's measurements, as traffic_editor takes it; None: it has none."""
         scales = []
         for node in self._list("measurements"):
             edge = self._edge(node, "a measurement", self._raw_vertices)
@@ -208,15 +240,7 @@ class StoreyReader:
                     "a measurement: expected a distance above 0 between "
                     f"two different vertices, got {distance_m:g} m",
                 )
-        if scales:
-            return math.fsum(scales) / len(scales)
-        if not self._list("measurements") and (self._list("doors") or self._list("walls")):
-            self.problems.add(
-                self.storey.node.line,
-                f"level {shown(self.storey.name)}: expected a measurement, which gives the metres "
-                "of a pixel, got none; add one in traffic_editor",
-            )
-        return None
+        return math.fsum(scales) / len(scales) if scales else None
 
     def _distance_m(self, edge: _Edge) -> float | None:
         node = edge.params.entries.get("distance") if edge.params else None

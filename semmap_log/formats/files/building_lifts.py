@@ -1,8 +1,8 @@
 """The lifts of an Open-RMF building: their doors, on each level that they serve.
 
-A lift stands on its reference level, where its middle is drawn as a vertex is. Its doors are told
-in metres from there, x to its right and y to its front, turned by its yaw. Another level's drawing
-may lie otherwise: the fiducials that both levels have tell how, by the similarity that fits best.
+The middle of a lift is drawn on its reference level, as a vertex is, and is the same on each level
+of the building. Its doors are given in metres from there, x to its right and y to its front, turned
+by its yaw.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 
+from semmap_log.formats.files.building_frame import reference_level
 from semmap_log.formats.files.building_level import StoreyReader
 from semmap_log.formats.files.door_table import TableDoor
 from semmap_log.formats.parsing.problems import Problems, shown
@@ -40,7 +41,6 @@ class FoundLifts:
 
     doors: list[TableDoor] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,17 +53,6 @@ class _CabinDoor:
     axis_rad: float
     width_m: float
     kind: str | None
-
-
-@dataclass(frozen=True, slots=True)
-class _Move:
-    """From one level's frame into another's: turned and scaled, then shifted."""
-
-    turn: complex = 1.0
-    shift: complex = 0.0
-
-    def __call__(self, point: complex) -> complex:
-        return self.turn * point + self.shift
 
 
 class LiftsReader:
@@ -113,12 +102,10 @@ class LiftsReader:
         if home is None or middle is None:
             return
         for level, door_names in served:
-            move = self._move(name, home, level)
             for door_name in door_names:
                 door = doors[door_name]
-                axis_rad = yaw + cmath.phase(move.turn)
-                at = move(complex(*middle)) + cmath.rect(1.0, axis_rad) * door.middle
-                self._found.doors.append(self._door(name, level, door, at, axis_rad))
+                at = complex(*middle) + cmath.rect(1.0, yaw) * door.middle
+                self._found.doors.append(self._door(name, level, door, at, yaw))
 
     def _door(
         self, lift: str, level: StoreyReader, door: _CabinDoor, middle: complex, yaw: float
@@ -193,13 +180,10 @@ class LiftsReader:
                 yield level, names
 
     def _reference(self, lift: Fields) -> StoreyReader | None:
-        """Return the level on which a lift's place is told; the building's first by default."""
+        """Return the level on which a lift is drawn; the building's reference level by default."""
         node = lift.mapping.entries.get("reference_floor_name")
-        node = node or self._root.entries.get("reference_level_name")
         if node is None:
-            levels = self._root.entries["levels"]
-            assert isinstance(levels, Mapping)
-            return self._levels[next(iter(levels.entries))]
+            return reference_level(self._root, [*self._levels.values()], self._problems)
         name = text_of(node, f"{lift.what}: reference_floor_name", self._problems)
         if name is not None and name not in self._levels:
             known = ", ".join(self._levels)
@@ -209,21 +193,6 @@ class LiftsReader:
                 f"got {shown(name)}",
             )
         return self._levels.get(name or "")
-
-    def _move(self, lift: str, source: StoreyReader, target: StoreyReader) -> _Move:
-        """Return how points of one level come to another."""
-        if source is target or not source.in_pixels:
-            return _Move()
-        here, there = source.fiducials, target.fiducials
-        common = [name for name in here if name in there]
-        found = _fitted([complex(*here[n]) for n in common], [complex(*there[n]) for n in common])
-        if found is not None:
-            return found
-        self._found.warnings.append(
-            f"lift {lift}, level {target.storey.name}: expected two fiducials that level "
-            f"{source.storey.name} has, too, got {len(common)}: taken to lie at the same place"
-        )
-        return _Move()
 
     def _entries(self, mapping: Mapping, key: str, what: str) -> dict[str, Node]:
         """Return the keys and values of a mapping in a mapping; none where there is nothing."""
@@ -239,16 +208,3 @@ class LiftsReader:
             text = text_of(item, what, self._problems)
             if text is not None:
                 yield text
-
-
-def _fitted(source: list[complex], target: list[complex]) -> _Move | None:
-    """Return the similarity that brings points nearest to others; None: they do not tell one."""
-    if len(source) < 2:
-        return None
-    one, other = sum(source) / len(source), sum(target) / len(target)
-    spread = sum(abs(point - one) ** 2 for point in source)
-    along = sum((a - one).conjugate() * (b - other) for a, b in zip(source, target, strict=True))
-    if spread == 0 or along == 0:
-        return None
-    turn = along / spread
-    return _Move(turn, other - turn * one)

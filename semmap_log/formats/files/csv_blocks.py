@@ -1,5 +1,7 @@
 """A CSV file in blocks of whole lines: plain ones as columns of texts, others row by row.
 
+Blanks around a cell do not count.
+
 A plain block has no quotes and as many commas in each line: where its cells lie is found at once.
 Any other goes through Python's own reader, which knows all of CSV and says what is wrong.
 """
@@ -53,8 +55,16 @@ class CsvBlocks:
         *,
         required: tuple[str, ...],
         optional: tuple[str, ...] = (),
+        hint: str = "",
     ) -> None:
         """Read the header.
+
+        Args:
+            path: The file.
+            problems: Where wrong rows are noted.
+            required: Columns that it has to have.
+            optional: Others that it may have.
+            hint: What to say where its header is another.
 
         Raises:
             FormatError: The file cannot be read or is not CSV; its header has not those columns.
@@ -74,7 +84,7 @@ class CsvBlocks:
         try:
             header = self._header(required)
             self._width = len(header.texts)
-            self._places = places_of(header, path, required, optional)
+            self._places = places_of(header, path, required, optional, hint=hint)
         except BaseException:
             self._file.close()
             raise
@@ -117,7 +127,7 @@ class CsvBlocks:
         self._count(len(starts))
         self._in_block = len(starts)
         found = [
-            None if at is None else TextColumn(plain, edges[:, at] + 1, lengths[:, at].copy())
+            None if at is None else TextColumn(plain, edges[:, at] + 1, lengths[:, at]).stripped()
             for at in self._places
         ]
         return Columns(len(starts), found)
@@ -132,7 +142,7 @@ class CsvBlocks:
             FormatError: It is not CSV, or not text.
         """
         found = [
-            Row(line, [cells[at] if at is not None else "" for at in self._places])
+            Row(line, [cells[at].strip() if at is not None else "" for at in self._places])
             for line, cells in takewhile(lambda _: not self._problems.is_full, self._cells(block))
             if has_length(line, cells, self._width, self._problems)
         ]
@@ -154,7 +164,7 @@ class CsvBlocks:
     def _cells(self, block: bytes) -> Iterator[Row]:
         """Yield every row that is not blank, all its cells, by Python's reader."""
         self._lines, self._at = block, 0
-        reader = csv.reader(self._texts(), strict=True)
+        reader = csv.reader(self._texts(), strict=True, skipinitialspace=True)
         while self._pass_blank_lines():
             try:
                 cells = next(reader, None)

@@ -20,7 +20,7 @@ class Row(NamedTuple):
 
 
 def places_of(
-    header: Row, path: Path, required: tuple[str, ...], optional: tuple[str, ...]
+    header: Row, path: Path, required: tuple[str, ...], optional: tuple[str, ...], *, hint: str = ""
 ) -> list[int | None]:
     """Return at which place each wanted column stands; None: the file has it not.
 
@@ -35,7 +35,7 @@ def places_of(
     twice = [name for name in wanted if names.count(name) > 1]
     if lacking or extra or twice:
         got = shown(",".join(header.texts))
-        problem = f"expected a header {expected} (in any order), got {got}"
+        problem = f"expected a header {expected} (in any order), got {got}{hint}"
         raise FormatError(path, [(header.line, problem)])
     return [names.index(name) if name in names else None for name in wanted]
 

@@ -108,6 +108,8 @@ class Sightings:
     rows_in_file: int
     """The others say what windows do: UNKNOWN at an end, the last state at a start."""
     warnings: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+    """What of the file is not read, in words."""
 
     def __len__(self) -> int:
         return len(self.columns)

@@ -1,14 +1,16 @@
 """Door logs as CSV: `timestamp,door,state[,accuracy]`, a row a change or a sighting.
 
 A row with an accuracy is a sighting, one without an update. Times without an offset are a zone's
-wall clock. A second file may say in which windows of time a door's state is known at all. How
-names are written that a spreadsheet or a terminal would obey is told in `csv_text`.
+wall clock; in the hour that comes twice the order of the rows tells which is meant. A second file
+may say in which windows of time a door's state is known at all. How names are written that a
+spreadsheet or a terminal would obey, `csv_text` says.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +20,15 @@ from semmap_log.domain.doors import NAN, DoorState
 from semmap_log.domain.events import Event
 from semmap_log.domain.moments import format_wall, zone
 from semmap_log.formats.files.csv_blocks import Columns, CsvBlocks
-from semmap_log.formats.files.csv_rows import Row
+from semmap_log.formats.files.csv_rows import MOST_LINE_BYTES, Row
 from semmap_log.formats.files.csv_sightings import Sighting, SightingColumns, Sightings
 from semmap_log.formats.files.csv_times import instants_in, instants_of
 from semmap_log.formats.files.csv_windows import KnownTimes, KnownWindow, read_windows
+from semmap_log.formats.files.foreign_rows import ForeignRows
+from semmap_log.formats.files.table_forms import TableForm
 from semmap_log.formats.parsing.csv_text import harmless, is_written_otherwise, meant
+from semmap_log.formats.parsing.file_order import FileOrder
+from semmap_log.formats.parsing.foreign_file import numbered_lines
 from semmap_log.formats.parsing.problems import Problems, shown
 from semmap_log.formats.parsing.text_column import TextCodes, TextColumn, decimals_in
 
@@ -30,11 +36,14 @@ COLUMNS = ("timestamp", "door", "state", "accuracy")
 MOST_NAME = 1_000
 
 
-def read_door_csv(path: Path, *, windows: Path | None = None, tz: str) -> Sightings:
+def read_door_csv(
+    path: Path, *, windows: Path | None = None, tz: str, form: TableForm | None = None
+) -> Sightings:
     """Return the file's rows. It may be gzipped; it is never held in memory as text.
 
     Args:
         path: CSV with the columns timestamp, door, state and, if wanted, accuracy.
+        form: How it is written, if otherwise; None: as above, with commas or semicolons.
         windows: CSV with the columns door, start, end; None: all doors are known at all times.
         tz: IANA zone of times without an offset.
 
@@ -45,17 +54,38 @@ def read_door_csv(path: Path, *, windows: Path | None = None, tz: str) -> Sighti
     zone(tz)
     known = None if windows is None else read_windows(windows, tz=tz)
     reader = _Reader(Problems(path), known, tz)
-    table = CsvBlocks(path, reader.problems, required=COLUMNS[:3], optional=COLUMNS[3:])
+    left_out: tuple[str, ...] = ()
+    if form is None and not _has_semicolons(path):
+        _read_ours(path, reader)
+    else:
+        foreign = ForeignRows(path, form or TableForm(), reader.problems)
+        for rows in foreign.blocks():
+            reader.read(rows)
+        left_out = foreign.left_out()
+    reader.finish()
+    if windows is not None and known is not None:
+        _refuse_strangers(windows, known, reader.doors)
+    return replace(reader.sightings(path), left_out=left_out)
+
+
+def _read_ours(path: Path, reader: _Reader) -> None:
+    """Read a file of our own form, whole blocks at once where they are plain."""
+    table = CsvBlocks(
+        path, reader.problems, required=COLUMNS[:3], optional=COLUMNS[3:],
+        hint="; of another system's: --columns, or --preset",
+    )  # fmt: skip
     for block in table.blocks():
-        columns = table.columns(block) if known is None else None
+        columns = table.columns(block) if reader.windows is None else None
         if columns is None or not reader.take(columns):
             reader.read(table.rows(block))
         if reader.problems.is_full:
             break
-    reader.finish()
-    if windows is not None and known is not None:
-        _refuse_strangers(windows, known, reader.doors)
-    return reader.sightings(path)
+
+
+def _has_semicolons(path: Path) -> bool:
+    """Tell whether the header's names are parted by semicolons, as some spreadsheets write them."""
+    _, header = next(numbered_lines(path, most_bytes=MOST_LINE_BYTES), (1, ""))
+    return ";" in header and "," not in header
 
 
 def dump_door_csv(rows: Iterable[Sighting], *, tz: str) -> Iterator[str]:
@@ -93,6 +123,7 @@ class _Reader:
         self.problems = problems
         self.windows = windows
         self.tz = tz
+        self.order = FileOrder(tz)
         self.names = TextCodes()
         self.states = TextCodes()
         self.known: list[KnownTimes | None] = []
@@ -119,14 +150,17 @@ class _Reader:
         assert states is not None
         if not columns.lines:
             return True
-        ns, _, wrong = instants_in(times, tz=self.tz)
+        ns, second_ns, wrong = instants_in(times, tz=self.tz)
         state = self.state_numbers(states)
         accuracy = None if accuracies is None else decimals_in(accuracies)
         if wrong or state is None or not _are_shares(accuracy, accuracies):
             return False
+        if (ns != second_ns).any():  # the order of the rows decides
+            return False
         door = self.door_numbers(names)
         if door is None or not self.runs_forward(door, ns):
             return False
+        self.order.pass_clear(ns)
         self.rows += len(ns)
         self.kept.add(door, ns, state, accuracy)
         return True
@@ -163,7 +197,7 @@ class _Reader:
 
     def read(self, rows: list[Row]) -> None:
         """Read rows one by one."""
-        first, second, wrong = instants_of([row.texts[0].strip() for row in rows], tz=self.tz)
+        first, second, wrong = instants_of([row.texts[0] for row in rows], tz=self.tz)
         stamps = zip(rows, first.tolist(), second.tolist(), strict=True)
         for index, ((line, (_, name, state_text, accuracy_text)), ns, later_ns) in enumerate(
             stamps
@@ -177,10 +211,12 @@ class _Reader:
             if door is None:
                 door = self.new_door(named, line)
             if index in wrong:
-                self.problems.add(line, wrong[index])
+                is_number = rows[index].texts[0].replace(".", "", 1).isdecimal()
+                hint = " --time-unit says what a number counts." if is_number else ""
+                self.problems.add(line, f"{wrong[index]}{hint}")
             elif state is not None and door is not None:
-                last_ns = int(self.last_ns[door])
-                self.add(door, ns if ns >= last_ns else later_ns, state, accuracy, line)
+                happened_ns = self.order.chosen(ns, later_ns, own_last_ns=int(self.last_ns[door]))
+                self.add(door, happened_ns, state, accuracy, line)
         self.keep_waiting()
 
     def add(self, door: int, ns: int, state: DoorState, accuracy: float, line: int) -> None:
@@ -220,7 +256,7 @@ class _Reader:
         try:
             return DoorState.parse(text)
         except ValueError as error:
-            self.problems.add(line, f"state: {error}")
+            self.problems.add(line, f"state: {error}; --states says what another word means")
             return None
 
     def parsed_accuracy(self, text: str, line: int) -> float:
@@ -273,6 +309,7 @@ class _Reader:
         )
 
     def warnings(self) -> Iterator[str]:
+        yield from self.order.warnings()
         for name, known in zip(self.doors, self.known, strict=True):
             if known is not None and known.rows_outside:
                 yield (
@@ -285,7 +322,7 @@ class _Reader:
 
 def _is_plain_name(text: bytes) -> bool:
     name = text.decode()
-    return bool(name.strip()) and not is_written_otherwise(name)
+    return bool(name) and name == name.strip() and not is_written_otherwise(name)
 
 
 def _is_state(text: bytes) -> bool:

@@ -23,14 +23,13 @@ from semmap_log.costmap_2d.map_rules import MODES, MapRules, Mode, RulesName
 from semmap_log.domain.events import FloorMap
 from semmap_log.errors import FormatError
 from semmap_log.formats.files.map_picture import DecodedPicture, read_picture
+from semmap_log.formats.files.yaml_kinds import is_yaml, kind_of_yaml
 from semmap_log.formats.parsing.foreign_file import open_regular
 from semmap_log.formats.parsing.problems import Problems
-from semmap_log.formats.parsing.strict_yaml import Mapping, Scalar, load_yaml
+from semmap_log.formats.parsing.strict_yaml import Scalar, load_yaml
 from semmap_log.formats.parsing.yaml_values import Fields, mapping_of
 
 DEFAULT_RULES: RulesName = "nav2"
-LONGEST_HEADER = 2**16
-"""Bytes; a `.yaml` that is longer is no map."""
 
 
 def read_map(path: Path, *, level: int = 0, rules: RulesName = DEFAULT_RULES) -> FloorMap:
@@ -57,17 +56,14 @@ def read_map(path: Path, *, level: int = 0, rules: RulesName = DEFAULT_RULES) ->
 
 
 def is_map(path: Path) -> bool:
-    """Tell whether a file is the `.yaml` of a map: it says where its picture is, and how large.
+    """Tell whether a file is the `.yaml` of a map, by its keys.
 
     What cannot be read is none: who reads it as something else says why.
     """
     try:
-        if path.suffix.lower() not in (".yaml", ".yml") or path.stat().st_size > LONGEST_HEADER:
-            return False
-        root = load_yaml(path)
-    except (OSError, FormatError):
+        return is_yaml(path) and kind_of_yaml(path) == "map"
+    except FormatError:
         return False
-    return isinstance(root, Mapping) and {"image", "resolution"} <= root.entries.keys()
 
 
 def picture_of(path: Path) -> Path:
@@ -101,7 +97,7 @@ class _Header:
 
 def _read_header(path: Path, rules: RulesName) -> _Header:
     problems = Problems(path)
-    root = mapping_of(load_yaml(path), "a map", problems)
+    root = mapping_of(load_yaml(path, takes_nan=True), "a map", problems)
     problems.raise_any()
     assert root is not None
     fields = Fields("a map", root, problems)

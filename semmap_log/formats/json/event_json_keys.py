@@ -65,7 +65,7 @@ def help_text(width: int = 78) -> str:
     lines += [
         f"  A state is one of {_WORDS['state']}. A time is",
         "  ISO-8601 text (without an offset: in the log's zone) or a number: seconds",
-        "  since 1970, from 10^14 on nanoseconds. null: a number that is not known.",
+        "  since 1970, from 18 digits on nanoseconds. null: a number that is not known.",
     ]
     return "\n".join(lines) + "\n"
 

@@ -25,10 +25,11 @@ from semmap_log.domain.events import (
     told_fields,
 )
 from semmap_log.domain.meaning import PART_OF, PARTS, Changed, changed
-from semmap_log.domain.moments import parse_instant, zone
+from semmap_log.domain.moments import both_instants, parse_instant, zone
 from semmap_log.domain.rules import Nanoseconds, OneOf, Rule, Text, Truth, Whole
 from semmap_log.errors import FormatError, SemmapError
 from semmap_log.formats.json.event_json import FLOOR_MAP_KEYS, NOTE_KEYS, key_of, unpack_cells
+from semmap_log.formats.parsing.file_order import FileOrder
 from semmap_log.formats.parsing.problems import shown
 from semmap_log.formats.parsing.strict_json import StrictJsonError, load_object
 
@@ -81,13 +82,14 @@ class ParsedLine:
 
 
 def parse_event_line(
-    text: str | bytes, *, tz: str, lookup: DoorLookup, path: Path | str = "line", line: int = 1
-) -> ParsedLine:
+    text: str | bytes, *, lookup: DoorLookup, order: FileOrder, path: Path | str = "line",
+    line: int = 1,
+) -> ParsedLine:  # fmt: skip
     """Return the event that a line of JSON holds.
 
     Args:
         text: One JSON object.
-        tz: IANA zone of times without an offset.
+        order: The times of the lines before it, and the zone of those without an offset.
         lookup: Finds doors named by `"door"`, and ids for new ones.
         path: For messages.
         line: For messages, 1-based.
@@ -96,7 +98,7 @@ def parse_event_line(
         FormatError: Not JSON, not such an event, or `lookup` does not know the door.
     """
     try:
-        return _LineReader(load_object(text), tz, lookup).line()
+        return _LineReader(load_object(text), order, lookup).line()
     except (SemmapError, StrictJsonError, _WrongError) as error:
         raise FormatError(path, [(line, str(error))]) from None
 
@@ -127,15 +129,15 @@ class _WrongError(ValueError):
 class _LineReader:
     """Takes the keys of one object, each once; what is left over at the end is unknown."""
 
-    def __init__(self, values: dict[str, Any], tz: str, lookup: DoorLookup) -> None:
+    def __init__(self, values: dict[str, Any], order: FileOrder, lookup: DoorLookup) -> None:
         self.left = dict(values)
-        self.tz = tz
+        self.order = order
         self.lookup = lookup
 
     def line(self) -> ParsedLine:
         kind = self.kind()
         self.refuse_unknown(kind)
-        happened_ns = self.instant("happened")
+        happened_ns = self.happened()
         note = self.note()
         command_id = self.command_id()
         number = self.whole("event") if "event" in self.left else None
@@ -332,6 +334,14 @@ class _LineReader:
         except ValueError as error:
             raise _WrongError(f"{key}: {error}") from None
 
+    def happened(self) -> int | None:
+        """Return when it happened; in the hour that comes twice the lines before it decide."""
+        value = self.left.get("happened")
+        if not isinstance(value, str):
+            return self.instant("happened")
+        del self.left["happened"]
+        return self.order.chosen(*both_instants(value.strip(), tz=self.order.tz))
+
     def instant(self, key: str) -> int | None:
         value = self.left.pop(key, None)
         if value is None:
@@ -340,7 +350,7 @@ class _LineReader:
             raise _WrongError(
                 f"{key}: expected a time as ISO-8601 text or a number, got {shown(value)}"
             )
-        return parse_instant(value, tz=self.tz)
+        return parse_instant(value, tz=self.order.tz)
 
     def command_id(self) -> bytes | None:
         return _hex_id(self.left.pop("command_id", None))

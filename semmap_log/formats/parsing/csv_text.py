@@ -5,7 +5,8 @@ characters. So of a text in our CSV files
 
 - one that begins so, behind blanks and apostrophes or none, gets an apostrophe before it: `'=1+1`;
 - control characters, and those that turn the direction of writing, are written as `\u001b`, and a
-  backslash that stands before such a code as `\u005c`.
+  backslash that stands before such a code as `\u005c`;
+- blanks at its ends are written as `\u0020`: those around a cell do not count.
 
 Reading takes just these back; any other text is what it says.
 """
@@ -17,8 +18,11 @@ import re
 _FORMULA = re.compile(r"['\s]*[=+\-@\uff1d\uff0b\uff0d\uff20]")
 """Wide ones count in Excel, too."""
 _STEERING = "\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069"
-_CODE = r"u(?:00[01][0-9a-f]|007f|00[89][0-9a-f]|005c|061c|200[ef]|202[89a-e]|206[6-9])"
-_TO_WRITE = re.compile(rf"[{_STEERING}]|\\(?={_CODE})")
+_CODE = (
+    r"u(?:00[01][0-9a-f]|0020|007f|00[89][0-9a-f]|00a0|005c|061c|1680|200[0-9aef]|202[89a-f]|205f"
+    r"|206[6-9]|3000)"
+)
+_TO_WRITE = re.compile(rf"[{_STEERING}]|\\(?={_CODE})|\A\s+|\s+\Z")
 _TO_READ = re.compile(rf"\\(?={_CODE})u(....)")
 
 
@@ -26,7 +30,7 @@ def harmless(text: str) -> str:
     """Return how a text is written."""
     if _FORMULA.match(text):
         text = f"'{text}"
-    return _TO_WRITE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    return _TO_WRITE.sub(lambda found: "".join(f"\\u{ord(c):04x}" for c in found[0]), text)
 
 
 def is_written_otherwise(text: str) -> bool:
@@ -35,7 +39,8 @@ def is_written_otherwise(text: str) -> bool:
 
 
 def meant(text: str) -> str:
-    """Return the text that was written so."""
+    """Return the text that was written so; blanks around it do not count."""
+    text = text.strip()
     if not is_written_otherwise(text):
         return text
     text = _TO_READ.sub(lambda found: chr(int(found[1], 16)), text)

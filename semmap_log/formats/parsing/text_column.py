@@ -38,6 +38,17 @@ class TextColumn:
     def __len__(self) -> int:
         return len(self.starts)
 
+    def stripped(self) -> TextColumn:
+        """Return the texts without blanks and tabs at their ends."""
+        starts, lengths = self.starts.copy(), self.lengths.copy()
+        data = np.frombuffer(self.buffer, np.uint8)
+        while (leads := (lengths > 0) & _is_blank(data[starts])).any():
+            starts += leads
+            lengths -= leads
+        while (trails := (lengths > 0) & _is_blank(data[starts + lengths - 1])).any():
+            lengths -= trails
+        return TextColumn(self.buffer, starts, lengths)
+
     def bytes_at(self, row: int) -> bytes:
         """Return one text, encoded."""
         start = int(self.starts[row])
@@ -92,6 +103,10 @@ class TextColumn:
             at = np.minimum(self.starts + i * WORD_BYTES, last)
             words[i] = everywhere[at] & _MASKS[left]
         return words
+
+
+def _is_blank(data: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    return np.isin(data, (ord(" "), ord("\t")))
 
 
 def _like_first(places: NDArray[np.uint8]) -> tuple[bytes, NDArray[np.bool_]]:

@@ -113,6 +113,11 @@ def long_name(ros_type: str) -> str:
     return f"{package}/msg/{name}"
 
 
+def whole_topic(name: str) -> str:
+    """Return a topic's whole name: `contact` is `/contact` to a node without a namespace."""
+    return name if name.startswith(("/", "~")) else f"/{name}"
+
+
 def ros1_definition(ros_type: str) -> tuple[str, str]:
     """Return the text of a type and of all it is made of, and its md5 sum, as ROS 1 has them."""
     text, md5 = ros_types(1).generate_msgdef(ros_type, ros_version=1)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from semmap_log.domain.events import RobotPose
 from semmap_log.formats.ros.ros_types import LASER_SCAN
+from semmap_log.io.clock import MAX_TIME_NS
 from semmap_log.ros_mapping.lasers.frame_coverage import Jump, jump_in, uncovered
 from semmap_log.ros_mapping.lasers.laser_sweeps import Sweep, Unusable, sweep_of
 from semmap_log.ros_mapping.lasers.placing import Placed, Where, place_cloud, place_sweep
@@ -257,9 +258,10 @@ class _Laser:
         )  # fmt: skip
 
     def _when(self, stamp_ns: int, received_ns: int) -> int:
+        if not 0 < received_ns <= MAX_TIME_NS:  # no clock had come
+            return stamp_ns
         within_s = self.all.mapping.stamps_within_s
-        found = happened_ns(_Stamp(*divmod(stamp_ns, 10**9)), received_ns, within_s=within_s)
-        return stamp_ns if found is None else found
+        return happened_ns(_Stamp(*divmod(stamp_ns, 10**9)), received_ns, within_s=within_s)
 
     def _without_place(self, why: str) -> Unusable:
         self.all.why_not[self.topic] = why

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from struct import unpack_from
 from typing import Any
@@ -62,6 +63,22 @@ WRITERS: dict[str, tuple[RosVersion, Callable[[Path, Sequence[Said]], None]]] = 
         2,
         lambda path, said: write_mcap(
             path, said, index_types=IndexType.CHUNK | IndexType.METADATA
+        ),
+    ),
+    **{
+        f"no_{'_'.join(left_out)}.mcap": (
+            2,
+            lambda path, said, left_out=left_out: write_mcap(
+                path, said, **{f"repeat_{what}": False for what in left_out}
+            ),
+        )
+        for left_out in (["channels"], ["schemas"], ["channels", "schemas"])
+    },
+    "no_names_at_all.mcap": (
+        2,
+        lambda path, said: write_mcap(
+            path, said, index_types=IndexType.CHUNK, use_statistics=False, repeat_channels=False,
+            repeat_schemas=False,
         ),
     ),
     "no_summary.mcap": (
@@ -150,6 +167,46 @@ def test_a_bag_without_definitions_is_read_by_ours(tmp_path: Path) -> None:
 
     assert {""} == {each.channel.message_type.definition for each in read}
     assert 1.0 != decode_message(read[0].channel.message_type, read[0].data).door_db[0].pos_x
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+@pytest.mark.parametrize("packed", ["", "file"])
+@pytest.mark.parametrize("folder", ["bag", "as_it_was_called"])
+def test_files_whose_names_begin_with_the_folders_are_found(
+    tmp_path: Path, storage: Any, packed: Any, folder: str
+) -> None:
+    """
+    As rosbag2 wrote them up to version 3 of its metadata, and of packed bags in version 4.
+    """
+    said = _day(2)
+    write_ros2(tmp_path / "bag", said, storage, packed)
+    metadata = tmp_path / "bag" / "metadata.yaml"
+    known = yaml.safe_load(metadata.read_text())
+    information = known["rosbag2_bagfile_information"]
+    information["version"] = 4 if packed else 3
+    information["relative_file_paths"] = [
+        f"{folder}/{name}" for name in information["relative_file_paths"]
+    ]
+    metadata.write_text(yaml.safe_dump(known))
+
+    assert said == _as_said(_read(tmp_path / "bag"))
+
+
+@pytest.mark.parametrize("name", ["bag.bag", "bag", "bag.mcap"])
+def test_a_topic_without_a_slash_is_the_one_with_it(tmp_path: Path, name: str) -> None:
+    """
+    To a node without a namespace they are one.
+    """
+    said = [replace(each, topic=each.topic.strip("/")) for each in _day(1 if "." in name else 2)]
+    write: Any = {"bag.bag": write_ros1, "bag": write_ros2}.get(name)
+    if write is None:
+        write_mcap(tmp_path / name, said, 1)
+    else:
+        write(tmp_path / name, said)
+
+    assert {"/DoorMap", "/DoorState", "/String"} == {
+        each.channel.topic for each in _read(tmp_path / name)
+    }
 
 
 def test_a_folder_whose_metadata_tells_another_qos_is_read_whole(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+import yaml
 
 from semmap_log.domain.doors import Level
 from semmap_log.errors import FormatError
@@ -153,7 +154,6 @@ def test_a_level_without_walls_has_no_plan(tmp_path):
          r"\.yaml:\d+: one of the doors: expected one of the 6 vertices of level 'L1', .* got 9"),
         ("[4, 5, {name: [1, front]", "[4, x, {name: [1, front]", "a whole number, got 'x'"),
         ("[4, 5, {name: [1, front]", "[4, 4, {name: [1, front]", "expected two different ends"),
-        ("[4, 5, {name: [1, front]", "[4, 5, {name: [1, '']", "expected a door with a name"),
         ("[4, 5, {name: [1, front], type: [1, double_sliding]}]", "[4]", "two vertices, got fewer"),
         ('- [20, 40, 0, ""]', "- [20, .nan, 0]", "expected a finite number, got .nan"),
         ('- [20, 100, 0, ""]', "- [20, 1e300, 0]", "within 100 km of the zero point"),
@@ -185,6 +185,26 @@ def test_a_door_twice_names_both_lines(tmp_path):
         FormatError, match=r":18: door 'front' is on level 'L1' twice: first on line 17"
     ):
         read_building(building(tmp_path, levels))
+
+
+@pytest.mark.parametrize(
+    "name", ['name: [1, "null"]', "name: [1, null]", "name: [1, '']", "name: [1, ' ']", "locked: 1"]
+)
+def test_doors_without_a_name_are_doors(tmp_path, name):
+    """
+    However an editor writes that: both come in, and a word says so.
+    """
+    door = f"- [4, 5, {{{name}}}]"
+    levels = "  L1:\n" + ROOM.replace(
+        "- [4, 5, {name: [1, front], type: [1, double_sliding]}]",
+        f"{door}\n      {door}\n      - [0, 1, {{name: [1, ' gate ']}}]",
+    )
+
+    table = read_building(building(tmp_path, levels))
+
+    assert [None, None, "gate"] == [door.annotations.get("name") for door in table.doors]
+    (warning,) = table.warnings
+    assert warning.startswith("doors without a name: 2; added under ids")
 
 
 def test_a_name_may_come_again_on_another_level(tmp_path):
@@ -240,6 +260,36 @@ def test_a_plan_too_large_is_refused(tmp_path):
 
     with pytest.raises(FormatError, match="expected a level of at most 100,000,000 cells"):
         read_building(building(tmp_path, levels), resolution=0.0001)
+
+
+def test_doors_of_the_hotel_lie_where_open_rmf_has_them(shared_data):
+    """
+    Both ends of each door, on all levels: as in the nav graph that Open-RMF made of it.
+    """
+    folder = shared_data / "maps" / "rmf_hotel"
+    table = read_building(folder / "hotel.building.yaml", lifts=False)
+    graph = yaml.safe_load((folder / "nav_graph.yaml").read_text())
+    names = {level.level: level.name for level in table.levels}
+
+    ends = {
+        door.annotations["name"]: {
+            "endpoints": [
+                [door.x, door.y],
+                [
+                    door.x + door.width * math.cos(door.theta),
+                    door.y + door.width * math.sin(door.theta),
+                ],
+            ],
+            "map": names[door.level],
+        }
+        for door in table.doors
+    }
+
+    assert {"L1", "L2", "L3"} == {door["map"] for door in ends.values()}
+    assert ends.keys() == graph["doors"].keys()
+    for name, door in graph["doors"].items():
+        assert door["map"] == ends[name]["map"]
+        assert np.allclose(door["endpoints"], ends[name]["endpoints"], rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(

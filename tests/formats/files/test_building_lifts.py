@@ -29,6 +29,8 @@ LEVEL = """
 TWICE = LEVEL.replace("10.0", "5.0").replace("[100, ", "[200, ")
 """Another drawing, in which a metre has four times the pixels."""
 SHIFTED = "    fiducials: [[200, 0, a], [600, 0, b], [200, 400, 3]]\n"
+TURNED = "    fiducials: [[0, 0, a], [0, -100, b], [100, 0, 3]]\n"
+"""A quarter of a turn, against the clock."""
 HERE = "    fiducials: [[0, 0, a], [100, 0, b], [0, 100, 3], [7, 7, other]]\n"
 LIFT = """
 lifts:
@@ -85,41 +87,23 @@ def test_a_lifts_door_is_a_door_of_each_level_that_it_serves(
     assert ((), ()) == (table.left_out, table.warnings)
 
 
-def test_levels_drawn_otherwise_lie_by_their_fiducials(read: Callable[..., DoorTable]) -> None:
-    """
-    Another scale, shifted: the middle moves with the fiducials, metres stay metres.
-    """
-    same, other = read(LIFT).doors[2], read(LIFT, upper=TWICE + SHIFTED).doors[2]
-
-    # 40, 20 px on L1 are 360, 80 px there, of 0.025 m: (9, -2).
-    assert (9.0 - 4.0, 0.0) == pytest.approx((other.x - same.x, other.y - same.y))
-    assert (same.width, same.theta) == pytest.approx((other.width, other.theta))
-
-
-def test_a_level_drawn_turned_turns_the_lift(read: Callable[..., DoorTable]) -> None:
-    """
-    By a quarter: what was to the right is above.
-    """
-    turned = "    fiducials: [[0, 0, a], [0, -100, b], [100, 0, 3]]\n"
-    same, other = read(LIFT).doors[2], read(LIFT, upper=LEVEL + turned).doors[2]
-
-    assert (-same.y, same.x) == pytest.approx((other.x, other.y))
-    assert 1.0 == pytest.approx(math.cos(other.theta - same.theta - math.pi / 2))
-
-
-@pytest.mark.parametrize("fiducials", ["", "    fiducials: [[0, 0, a]]\n",
-                                       "    fiducials: [[5, 5, a], [5, 5, b]]\n"])  # fmt: skip
-def test_without_common_fiducials_a_lift_stands_where_it_stands(
-    read: Callable[..., DoorTable], fiducials: str
+@pytest.mark.parametrize(
+    "upper",
+    [
+        pytest.param(TWICE + SHIFTED, id="another scale, shifted"),
+        pytest.param(LEVEL + TURNED, id="turned by a quarter"),
+        pytest.param(LEVEL, id="without fiducials"),
+    ],
+)
+def test_a_lift_stands_at_one_place_on_all_levels(
+    read: Callable[..., DoorTable], upper: str
 ) -> None:
     """
-    And that is said: two of them tell how a drawing lies.
+    As in Open-RMF: however another level is drawn.
     """
-    table = read(LIFT, upper=LEVEL + fiducials)
+    first, _, other = read(LIFT, upper=upper).doors
 
-    assert (table.doors[0].x, table.doors[0].y) == (table.doors[2].x, table.doors[2].y)
-    (warning,) = table.warnings
-    assert "lift lift_1, level L2: expected two fiducials that level L1 has, too" in warning
+    assert _ends(first) == _ends(other)
 
 
 def test_metres_need_no_fiducials(read: Callable[..., DoorTable]) -> None:
@@ -143,7 +127,7 @@ def test_the_reference_level_is_the_buildings_first_unless_told(
     told = read(lift, upper=TWICE + SHIFTED, head="reference_level_name: L2")
 
     assert read(LIFT).doors == read(lift).doors
-    # 40, 20 px there are (1, -0.5).
+    # 40, 20 px of L2 are (1, -0.5).
     assert (-0.5, -0.6) == pytest.approx((told.doors[2].x, told.doors[2].y))
 
 

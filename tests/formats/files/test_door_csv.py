@@ -24,6 +24,7 @@ from semmap_log.domain.events import (
 )
 from semmap_log.domain.moments import format_wall, parse_instant
 from semmap_log.errors import FormatError, MomentError
+from semmap_log.formats.files.csv_blocks import CsvBlocks
 from semmap_log.formats.files.door_csv import Sighting, dump_door_csv, read_door_csv, sighting_of
 
 VIENNA = "Europe/Vienna"
@@ -84,6 +85,7 @@ def test_gzip_is_known_by_its_content(tmp_path):
         ("2026-03-41,a,OPEN", "doors.csv:2: '2026-03-41' is not a time: day is out of range"),
         ("soon,a,OPEN", "doors.csv:2: Expected a time such as .* got 'soon'"),
         ("now,a,OPEN", "Expected a time"),
+        ("1772434800,a,OPEN", "or @1772373720; got '1772434800'. --time-unit says what a number"),
         ("2026-03-01,a", "doors.csv:2: expected 3 cells as in the header, got 2"),
         ("2026-03-01,,OPEN", "expected a door's name, .* got ''"),
         ("2026-03-01, ,OPEN", "expected a door's name"),
@@ -265,20 +267,72 @@ def test_what_is_wrong_with_windows_is_told_with_its_line(tmp_path, windows, mes
 # Changes of clocks
 
 
-def test_in_the_hour_that_comes_twice_the_first_is_taken_unless_rows_run_backwards(tmp_path):
+def test_in_the_hour_that_comes_twice_the_order_of_the_file_decides(tmp_path):
     """
-    02:10 after 02:50 is the second 02:10; an offset says which, if it is there.
+    02:10 after 02:50 is the second 02:10, of whichever door; an offset says which, if it is there.
     """
     rows = "".join(f"2025-10-26T02:{minute},a,OPEN\n" for minute in ("10", "50", "10", "50"))
-    rows += "2025-10-26T02:50,b,OPEN\n"
+    rows += "2025-10-26T02:50,b,OPEN\n2025-10-26T03:00,a,OPEN\n"
+    path = written(tmp_path, f"timestamp,door,state\n{rows}")
 
     assert [
         "2025-10-26T02:10:00+02:00",
         "2025-10-26T02:50:00+02:00",
         "2025-10-26T02:10:00+01:00",
         "2025-10-26T02:50:00+01:00",
-        "2025-10-26T02:50:00+02:00",
+        "2025-10-26T02:50:00+01:00",
+        "2025-10-26T03:00:00+01:00",
     ] == [row[0] for row in read(tmp_path, rows)]
+    (warning,) = read_door_csv(path, tz=VIENNA).warnings
+    assert "twice in Europe/Vienna: 5; by the order of the file 2 taken for its first" in warning
+
+
+def test_where_the_file_runs_backwards_each_doors_own_order_decides(tmp_path):
+    """
+    Rows of one door after the other: what comes after another door's last says nothing.
+    """
+    a = "2025-10-26T02:10,a,OPEN\n2025-10-26T02:05,a,CLOSED\n2025-12-01T12:00,a,OPEN\n"
+    b = "2025-10-01T02:00,b,OPEN\n2025-10-26T02:30,b,CLOSED\n2025-10-26T02:20,b,OPEN\n"
+
+    assert [
+        *("02:10:00+02:00", "02:05:00+01:00", "12:00:00+01:00"),
+        *("02:00:00+02:00", "02:30:00+02:00", "02:20:00+01:00"),
+    ] == [row[0][11:] for row in read(tmp_path, a + b)]
+
+
+@pytest.mark.parametrize("is_plain", [True, False])
+def test_blanks_around_cells_do_not_count(tmp_path, monkeypatch, is_plain):
+    """
+    Of no column, quoted or not; those within a name do.
+    """
+    if is_plain:
+        monkeypatch.setattr(CsvBlocks, "rows", lambda *_: pytest.fail("row by row"))
+    quote = "" if is_plain else '"'
+    text = (
+        f"timestamp , door, state,accuracy\n 2026-03-01 , {quote}main  gate {quote}, open\t, 0.9 \n"
+    )
+
+    ((_, door, state, accuracy),) = read_door_csv(written(tmp_path, text), tz="UTC")
+
+    assert ("main  gate", DoorState.OPEN, 0.9) == (door, state, accuracy)
+
+
+def test_a_names_own_blanks_come_back(tmp_path):
+    """
+    A log may have a door of such a name: it is written so that they count.
+    """
+    rows = [Sighting(1, name, DoorState.OPEN, NAN) for name in (" a", "a\xa0", " =1 ")]
+    path = written(tmp_path, "".join(dump_door_csv(rows, tz="UTC")))
+
+    assert (" a", "a\xa0", " =1 ") == read_door_csv(path, tz="UTC").doors
+
+
+@pytest.mark.parametrize("time", ["@1772434800", "@1772434800.000", "@1772434800000000000"])
+def test_seconds_since_1970_are_times(tmp_path, time):
+    """
+    As the message about other times says.
+    """
+    assert ["2026-03-02T08:00:00+01:00"] == [row[0] for row in read(tmp_path, f"{time},a,OPEN\n")]
 
 
 def test_a_third_time_through_that_hour_runs_backwards(tmp_path):

@@ -37,6 +37,7 @@ from semmap_log.domain.meaning import ALL_CHANGED
 from semmap_log.errors import FormatError, UnknownDoorError
 from semmap_log.formats.json.event_json import event_to_json
 from semmap_log.formats.json.event_json_reader import DoorLookup, parse_event_line
+from semmap_log.formats.parsing.file_order import FileOrder
 from semmap_log.io.clock import MAX_TIME_NS
 
 NOON_NS = 1_772_366_400 * 10**9
@@ -57,7 +58,9 @@ LOOKUP = DoorLookup(
 
 def parse(values):
     text = values if isinstance(values, (str, bytes)) else json.dumps(values)
-    return parse_event_line(text, tz="Europe/Vienna", lookup=LOOKUP, path="in.jsonl", line=5)
+    return parse_event_line(
+        text, order=FileOrder("Europe/Vienna"), lookup=LOOKUP, path="in.jsonl", line=5
+    )
 
 
 def test_the_example_of_the_design():

@@ -8,6 +8,7 @@ from semmap_log.domain.doors import DoorId
 from semmap_log.domain.events import KINDS
 from semmap_log.formats.json.event_json_keys import OF_EVERY_KIND, help_text, kinds_and_keys
 from semmap_log.formats.json.event_json_reader import DoorLookup, parse_event_line
+from semmap_log.formats.parsing.file_order import FileOrder
 
 VALUES = {
     "door_id|door": ("door_id", "7"), "state": ("state", '"OPEN"'), "name": ("name", '"x"'),
@@ -55,7 +56,10 @@ def test_a_line_of_the_needed_keys_alone_is_read() -> None:
             needed.append(VALUES["width"])
         line = _line(kind, needed)
 
-        assert kind == type(parse_event_line(line, tz="UTC", lookup=LOOKUP).event).__name__
+        assert (
+            kind
+            == type(parse_event_line(line, order=FileOrder("UTC"), lookup=LOOKUP).event).__name__
+        )
         for left_out in needed:
             shorter = _line(kind, [pair for pair in needed if pair != left_out])
             assert _is_refused(shorter), shorter
@@ -68,7 +72,7 @@ def _line(kind: str, pairs: list[tuple[str, str]]) -> str:
 
 def _is_refused(line: str) -> bool:
     try:
-        parse_event_line(line, tz="UTC", lookup=LOOKUP)
+        parse_event_line(line, order=FileOrder("UTC"), lookup=LOOKUP)
     except ValueError:
         return True
     return False
