@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 SECOND_NS = 1_000_000_000
 HOUR_NS = 3_600 * SECOND_NS
 DAY_NS = 24 * HOUR_NS
+USUAL_HOLDS = 3
+"""A sighting of a door holds for this many median gaps between looks, where a log says no other."""
+MOST_HOLDS = 10**9 - 1
 FIRST_NANOSECONDS = 10**14
 """`@n` counts nanoseconds from here on, and seconds below."""
 

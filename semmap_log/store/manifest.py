@@ -94,10 +94,7 @@ class Manifest:
         entries = {
             "format": _FORMAT,
             "version": self.version,
-            "log_id": self.info.log_id,
-            "timezone": self.info.timezone,
-            "building": self.info.building,
-            "robot": self.info.robot,
+            **self.info.entries(),
             "segments": [_entries_of(segment) for segment in self.segments],
             "superseded": [[one.name, one.size, one.since_ns] for one in self.superseded],
             "generation": self.generation,
@@ -122,7 +119,7 @@ def manifest_in(data: bytes, where: PurePath) -> Manifest:
             told = f"{where}: format {entries['format']!r}: this program reads {_FORMAT}"
             raise NewerLogError(f"{told}; install a newer semmap-log.")  # noqa: TRY301
         entries = unsealed(entries)
-        info = LogInfo(*(entries[name] for name in ("log_id", "timezone", "building", "robot")))
+        info = LogInfo.taken_from(entries)
         segments = tuple(_segment_of(each, info) for each in entries["segments"])
         superseded = tuple(_superseded_of(*each) for each in entries.get("superseded", ()))
         version, generation = (

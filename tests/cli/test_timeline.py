@@ -42,7 +42,9 @@ def test_the_table_fits_a_terminal(office: Path, capsys: pytest.CaptureFixture[s
     out = capsys.readouterr().out
     assert 0 == code
     assert "2026-03-01 09:00:00 2026-03-01 10:00:00         1 h OPEN        2" in out
-    assert "open 25.0%, closed 75.0% of the 4 h in which that was known" in out
+    assert "open 40.0%, closed 60.0% of the 2 h 30 min in which that was known (50.0%)" in out
+    assert "not seen for 1 h 30 min (30.0%), not since 2026-03-01 11:30:00+01:00" in out
+    assert "a sighting holds for 1 h 30 min (3 median gaps between looks)" in out
     assert max(map(len, out.splitlines())) <= 80
 
 
@@ -73,9 +75,19 @@ def test_a_range_cuts_it(office: Path, capsys: pytest.CaptureFixture[str]) -> No
                 "state": "OPEN",
                 "sightings": 2,
                 "event": 2,
+                "seen_seconds": 1800.0,
             }
         ],
         "seconds": {"OPEN": 1800.0},
+        "seen_seconds": {"OPEN": 1800.0},
+        "lapses": [],
+        "hold": {
+            "seconds": 5400.0,
+            "gaps": 3,
+            "gap_seconds": 1800.0,
+            "looks": 3,
+            "is_measured": True,
+        },
     } == together
 
 
