@@ -43,6 +43,10 @@ class OtherVersionError(ValueError):
         )
 
 
+LATER_SETTINGS = ("holds",)
+"""Entries that came to the heads of segments later: older programs keep them as `others`."""
+
+
 @dataclass(frozen=True, slots=True)
 class LogInfo:
     """What is fixed when a log is made."""

@@ -87,7 +87,7 @@ def _(log: DoorLog) -> RenderableType:
         first, last = (format_local(ns, info.timezone) for ns in span)
         add_pair(table, "happened", f"{first} to {last}")
     add_pair(table, "time zone", info.timezone)
-    add_pair(table, "a sighting holds", hold_setting(info.holds))
+    add_pair(table, "sightings", f"hold {hold_setting(info.holds)}")
     add_pair(table, "log id", info.log_id)
     return Group(Text(repr(log)), table)
 

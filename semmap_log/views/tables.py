@@ -260,7 +260,7 @@ def summary_table(summary: LogSummary) -> RenderableType:
             add_pair(table, name, _text(text))
     add_pair(table, "log id", info.log_id)
     add_pair(table, "time zone", tz)
-    add_pair(table, "a sighting holds", hold_setting(info.holds))
+    add_pair(table, "sightings", f"hold {hold_setting(info.holds)}")
     for name, count in _counted_by_class(summary.door_map):
         add_pair(table, name, str(count))
     events = f"{summary.events:,} in {counted(summary.commits, 'commit')}"
