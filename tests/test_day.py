@@ -86,6 +86,7 @@ def test_the_first_day_of_all_times_is_a_day(tz: str, tmp_path: Path) -> None:
 def test_before_and_after_what_is_known(tmp_path: Path, clock: SteadyClock) -> None:
     """
     Before its adding and after the log's end a door is not there; on an empty day there is none.
+    A sighting of a door that was looked at twice holds for three hours.
     """
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         door = log.add_door(state="unknown", at="2026-02-27T06:00")
@@ -96,8 +97,9 @@ def test_before_and_after_what_is_known(tmp_path: Path, clock: SteadyClock) -> N
     (only,) = day.doors
     assert () == tuple(early.doors)
     assert [0] * 12 + [1] * 24 == only.shares.there.tolist()[:36]
-    assert [0.5] + [1] * 11 == only.shares.known.tolist()[24:36]
-    assert [1] * 12 == only.shares.opened.tolist()[24:36]
+    assert [0.5] + [1] * 5 + [0.5] + [0] * 5 == only.shares.known.tolist()[24:36]
+    assert [1] * 7 == only.shares.opened.tolist()[24:31]
+    assert np.isnan(only.shares.opened[31:36]).all()
     assert 2 == only.changes
 
 
@@ -105,7 +107,7 @@ def test_a_day_begins_as_the_one_before_ended(tmp_path: Path, clock: SteadyClock
     """
     A door that was opened yesterday is open from midnight on, until somebody closes it.
     """
-    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+    with sl.create(tmp_path / "log", tz="UTC", holds=0, clock=clock) as log:
         door = log.add_door(state="open", at="2026-02-26T06:00")
         log.observe(door, "closed", at="2026-02-27T12:00")
         log.observe(door, "open", at="2026-02-27T18:00")

@@ -11,6 +11,9 @@ from semmap_log.arrow.arrow_sdk import pa
 from semmap_log.arrow.schema import schema_of
 from semmap_log.arrow.table import states_array, times_array
 from semmap_log.arrow.table_columns import STATE, TIME, Column
+from semmap_log.domain.moments import SECOND_NS
+
+SEEN_SECONDS = "how much of it a sighting held, or a state that was set"
 
 INTERVAL_SCHEMA = schema_of(
     (
@@ -19,16 +22,19 @@ INTERVAL_SCHEMA = schema_of(
         Column("state", STATE, "the state", nullable=False),
         Column("event", "int64", "number of the event that began it", nullable=False),
         Column("sightings", "int64", "how many events said so", nullable=False),
+        Column("seen_seconds", "float64", SEEN_SECONDS, nullable=False),
     )
 )
 
 
 def interval_table(
+    *,
     start_ns: NDArray[np.int64],
     end_ns: NDArray[np.int64],
     state: NDArray[np.uint8],
     event: NDArray[np.int64],
     sightings: NDArray[np.int64],
+    seen_ns: NDArray[np.int64],
 ) -> pa.Table:
     """Return the columns of a `Timeline` as a table of `INTERVAL_SCHEMA`."""
     columns: list[Any] = [
@@ -37,5 +43,6 @@ def interval_table(
         states_array(state),
         pa.array(event),
         pa.array(sightings),
+        pa.array(seen_ns / SECOND_NS),
     ]
     return pa.Table.from_arrays(columns, schema=INTERVAL_SCHEMA)

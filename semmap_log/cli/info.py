@@ -80,6 +80,7 @@ def _to_json(summary: Any) -> dict[str, Any]:
         "timezone": summary.info.timezone,
         "building": summary.info.building,
         "robot": summary.info.robot,
+        "holds": summary.info.holds,
         "doors": len(summary.door_map.doors),
         "events": summary.events,
         "commits": summary.commits,

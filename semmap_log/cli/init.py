@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, MapServer, a_local_log, print_json, say
+from semmap_log.domain.moments import MOST_HOLDS, USUAL_HOLDS
 
 if TYPE_CHECKING:
     from semmap_log.costmap_2d.map_rules import RulesName
@@ -33,6 +34,18 @@ def run(
     ] = None,
     building: Annotated[str, typer.Option("--building", help="The building's name.")] = "",
     robot: Annotated[str, typer.Option("--robot", help="The robot's name.")] = "",
+    holds: Annotated[
+        int,
+        typer.Option(
+            "--holds",
+            metavar="GAPS",
+            min=0,
+            max=MOST_HOLDS,
+            help="A sighting of a door holds for so many median gaps between looks at it, then the "
+            "door is not seen since. 0: until the next report, as of sensors that report each "
+            "change.",
+        ),
+    ] = USUAL_HOLDS,
     floor_map: Annotated[
         Path | None,
         typer.Option("--map", metavar="MAP.YAML", help="A map_server map: the floor plan."),
@@ -69,6 +82,7 @@ def run(
         tz=tz,
         building=building,
         robot=robot,
+        holds=holds,
         floor_map=floor_map,
         since=since,
         map_rules=map_rules.value,
@@ -82,6 +96,7 @@ def make_log(
     tz: str | None = None,
     building: str = "",
     robot: str = "",
+    holds: int = USUAL_HOLDS,
     floor_map: Path | None = None,
     since: str | None = None,
     map_rules: RulesName = "nav2",
@@ -95,7 +110,7 @@ def make_log(
     # Read before anything is made: a map that is none must not leave half a log.
     floor = None if floor_map is None else read_map(floor_map, rules=map_rules)
     since_ns = None if since is None else _since_ns(since, tz)
-    with sl.create(log, tz=tz, building=building, robot=robot) as made:
+    with sl.create(log, tz=tz, building=building, robot=robot, holds=holds) as made:
         if floor_map is not None:
             import_file(made, floor_map, ImportOptions(map_rules=map_rules, since_ns=since_ns))
         if as_json:
@@ -133,6 +148,7 @@ def _to_json(log: Path, made: DoorLog, floor: FloorMap | None) -> dict[str, Any]
         "timezone": made.info.timezone,
         "building": made.info.building,
         "robot": made.info.robot,
+        "holds": made.info.holds,
         "floor_map": None
         if floor is None
         else {"width": width, "height": height, "resolution": floor.resolution},

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 SECOND_NS = 1_000_000_000
 HOUR_NS = 3_600 * SECOND_NS
 DAY_NS = 24 * HOUR_NS
+USUAL_HOLDS = 3
+"""A sighting of a door holds for this many median gaps between looks, where a log says no other."""
+MOST_HOLDS = 10**9 - 1
 SECONDS_DIGITS, NANOSECONDS_DIGITS = 10, 18
 """`@n` counts seconds up to so many digits (2262), and nanoseconds from so many on (1973)."""
 _UNITS = {range(12, 15): "milliseconds", range(15, 18): "microseconds"}

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from semmap_log.batches.event_batch import EventBatch
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import STATE_KINDS, DoorAdded
-from semmap_log.domain.moments import HOUR_NS, format_local
+from semmap_log.domain.moments import HOUR_NS, Moment, format_local
 from semmap_log.folds.time_shares import TimeShares, time_shares
-from semmap_log.folds.timeline import Times, timelines
+from semmap_log.folds.timeline import Times
 from semmap_log.probabilities.local_clock import LocalClock
 
 if TYPE_CHECKING:
@@ -71,17 +68,8 @@ def day_of_doors(log: DoorLog, day: Time = None) -> Day:
     clock = LocalClock(log.info.timezone)
     number = clock.hour_of(np.array([log.end_ns() if asked_ns is None else asked_ns])) // 24
     start_ns, end_ns = clock.midnights_ns(np.append(number, number + 1)).tolist()
-    last_ns = min(log.end_ns(), end_ns)
-    known_ns = max(start_ns, log.horizon_ns() + 1)  # what was before is no longer kept
-    earlier = log.replay(at=max(known_ns - 1, 0)).doors
-    opening = EventBatch.of(
-        DoorAdded,
-        door_id=list(earlier),
-        state=[int(door.state) for door in earlier.values()],
-        happened_ns=max(known_ns, 0),
-    )
-    today = log.batches(max(known_ns, 0), end_ns, kinds=STATE_KINDS)
-    found = timelines(chain([opening], today), end_ns=last_ns)
+    known_ns = max(start_ns, log.horizon_ns() + 1, 0)  # what was before is no longer kept
+    found = log.timelines(since=Moment(ns=known_ns), until=Moment(ns=max(end_ns, known_ns)))
     names = log.door_names()
     edges_ns = np.arange(start_ns, end_ns + 1, SLOT_NS)
     return Day(
@@ -91,9 +79,10 @@ def day_of_doors(log: DoorLog, day: Time = None) -> Day:
             DoorDay(
                 door_id,
                 names.get(door_id, str(door_id)),
-                max(0, len(timeline) - 1),
-                time_shares(timeline.between(None, last_ns), edges_ns),
+                len(timeline) - 1,
+                time_shares(timeline, edges_ns),
             )
             for door_id, timeline in found.items()
+            if len(timeline)
         ],
     )

@@ -663,7 +663,9 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """Return when a door was in which state, as numpy columns; empty while it was not there.
 
         At each time t of an interval, `replay(at=t, known_at=known_at)` shows its state. The last
-        interval ends at the moment asked for, else at the log's end.
+        interval ends at the moment asked for, else at the log's end. A sighting holds for
+        `info.holds` median gaps between looks at the door: what comes after, up to the next
+        report, is a lapse, and counts in no total.
 
         Args:
             door: Its id, name, or level/name; a removed one, too.
@@ -724,7 +726,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             asked_ns = self.end_ns()  # which the events of some doors alone do not tell
         alone = None if asked_ns is None else ids
         batches = visible_batches(self._reader, scope, progress=progress, doors=alone)
-        found = timelines(batches, ids, end_ns=asked_ns)
+        found = timelines(batches, ids, end_ns=asked_ns, holds=self.info.holds)
         return {i: each.between(since_ns, until_ns) for i, each in found.items()}
 
     def plot(

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Final, Protocol, TypedDict
 
 from semmap_log.domain.commits import Durability, check_text
 from semmap_log.domain.keywords import knows_keywords, share_keywords
-from semmap_log.domain.moments import zone
+from semmap_log.domain.moments import MOST_HOLDS, USUAL_HOLDS, zone
 from semmap_log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.errors import InvalidEventError
 from semmap_log.io.clock import Clock, SystemClock
 from semmap_log.io.url_path import local_path
 from semmap_log.replay.read_model.indexing import keep_up
@@ -64,6 +65,7 @@ def create(
     tz: str | None = None,
     building: str = "",
     robot: str = "",
+    holds: int = USUAL_HOLDS,
     **writing: Unpack[WritingOptions],
 ) -> DoorLogWriter:
     """Make a new log and open it for writing.
@@ -73,19 +75,24 @@ def create(
         tz: IANA zone in which times without an offset are read and shown; default: the machine's.
         building: Its name.
         robot: The robot's name.
+        holds: A sighting of a door holds for this many median gaps between looks at it; then the
+            door counts as not seen. 0: until the next report, as of sensors that report each
+            change.
         **writing: The keywords of `append`: `durability` and the others.
 
     Raises:
         LogExistsError: There is something there already.
         MomentError: No such zone.
-        InvalidEventError: No such durability.
+        InvalidEventError: No such durability, or `holds` is out of range.
     """
     environment = _environment(writing)
     timezone = machine_zone() if tz is None else tz
     zone(timezone)
     check_text("building", building)
     check_text("robot", robot)
-    info = LogInfo(environment.entropy(16).hex(), timezone, building, robot)
+    if not 0 <= holds <= MOST_HOLDS:
+        raise InvalidEventError("holds", f"0 to {MOST_HOLDS} gaps between looks", holds)
+    info = LogInfo(environment.entropy(16).hex(), timezone, building, robot, holds)
     return _followed(create_log(local_path(path), info, WrittenState, environment), writing)
 
 

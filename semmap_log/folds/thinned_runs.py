@@ -12,6 +12,8 @@ from semmap_log.domain.events import SightingsThinned
 
 HOUR_NS = 3600 * 10**9
 """A run of sightings that repeat each other lies within one hour of UTC."""
+MOST_OF_A_RUN = 4096
+"""More than one sighting a second tells no more of a door."""
 
 _COLUMNS = ("door_id", "state", "first_ns", "last_ns")
 
@@ -25,6 +27,27 @@ class ThinnedRun(NamedTuple):
     """When the first of them happened; a sighting that stays came before it, in the same hour."""
     last_ns: int
     """When the last of them did; one that stays came after it."""
+
+
+def sightings_of_runs(
+    told: NDArray[np.void],
+) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+    """Return the sightings that were taken out, spread evenly over the time that their run took.
+
+    A run lies within an hour and has at most `MOST_OF_A_RUN`, whatever a stranger's log says.
+
+    Args:
+        told: Rows of `SightingsThinned`.
+
+    Returns:
+        Of each sighting the row that tells of it, and when it happened.
+    """
+    counts = np.minimum(told["count"], MOST_OF_A_RUN).astype(np.intp)
+    of_row = np.repeat(np.arange(len(told)), counts)
+    within = np.arange(len(of_row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    span_ns = np.clip(told["last_ns"] - told["first_ns"], 0, HOUR_NS)[of_row]
+    seen_ns = told["first_ns"][of_row] + span_ns * within // np.maximum(counts[of_row] - 1, 1)
+    return of_row, seen_ns
 
 
 class ThinnedRuns:

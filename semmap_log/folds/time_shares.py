@@ -19,7 +19,7 @@ class TimeShares:
     opened: Shares
     """(slots,): share of the time known to be open or closed in which it was open; NaN: none."""
     known: Shares
-    """(slots,): share of the slot in which that was known."""
+    """(slots,): share of the slot in which that was known: a sighting held, or a set state."""
     there: Shares
     """(slots,): share of the slot in which the door was in the map."""
 
@@ -35,7 +35,10 @@ def time_shares(timeline: Timeline, edges_ns: Times) -> TimeShares:
     open_ns, closed_ns = (
         timeline.spent_ns(state, edges_ns) for state in (DoorState.OPEN, DoorState.CLOSED)
     )
-    there_ns = sum(timeline.spent_ns(state, edges_ns) for state in DoorState)
+    there_ns = sum(
+        timeline.spent_ns(state, edges_ns) + timeline.lapsed_ns(state, edges_ns)
+        for state in DoorState
+    )
     known_ns = open_ns + closed_ns
     opened = np.full(len(length_ns), np.nan)
     np.divide(open_ns, known_ns, out=opened, where=known_ns > 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -14,22 +15,28 @@ from semmap_log.common.late_dataclass import dataclass
 from semmap_log.common.shown_as_table import ShownAsTable
 from semmap_log.common.texts import counted
 from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.domain.events import SightingsThinned
 from semmap_log.domain.meaning import Presence
 from semmap_log.folds.door_changes import (
     STATE,
     STATE_CHANGE,
     THERE,
     Changes,
+    are_sightings,
     is_before,
     known_states,
     of_presence,
     parts_of,
 )
+from semmap_log.folds.sighting_hold import Hold, hold_of
+from semmap_log.folds.thinned_runs import sightings_of_runs
+from semmap_log.io.clock import MAX_TIME_NS
 
 if TYPE_CHECKING:
     from semmap_log.arrow.arrow_sdk import DataFrame
 
 Times = NDArray[np.int64]
+NO_TIMES: Times = np.empty(0, np.int64)
 
 
 class Interval(NamedTuple):
@@ -40,11 +47,17 @@ class Interval(NamedTuple):
     state: DoorState
     event: int
     sightings: int
+    not_seen_ns: int = 0
 
     @property
     def duration_ns(self) -> int:
         """How long it lasted, nanoseconds."""
         return self.end_ns - self.start_ns
+
+    @property
+    def seen_ns(self) -> int:
+        """How much of it a sighting held, or a state that somebody set, nanoseconds."""
+        return self.duration_ns - self.not_seen_ns
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -53,6 +66,10 @@ class Timeline(ShownAsTable):
 
     Each interval begins where the one before ends, in another state. Intervals are half-open; only
     the last one of a door that was not removed holds at its end, too, and may be of no length.
+
+    A door keeps its state until another one is reported, but a sighting holds only for a time:
+    after that the door was not seen, until the next report. Those times are the lapses. A state
+    that somebody set holds until the next report.
     """
 
     door_id: DoorId
@@ -68,12 +85,17 @@ class Timeline(ShownAsTable):
     """How many events said so, the first one included: sightings, passages, updates."""
     removed: bool = False
     """The last interval ends because the door was removed."""
+    lapse_start_ns: Times = field(default_factory=NO_TIMES.copy)
+    """When a sighting stopped holding, ascending; each lapse lies in an OPEN or CLOSED interval."""
+    lapse_end_ns: Times = field(default_factory=NO_TIMES.copy)
+    """When the door was next reported on; of the last lapse perhaps the end."""
+    hold: Hold | None = None
+    """How long a sighting holds; None: until the next report."""
 
     @classmethod
     def empty(cls, door_id: DoorId) -> Timeline:
         """Return that of a door that was never there."""
-        none = np.empty(0, np.int64)
-        return cls(door_id, none, none, np.empty(0, np.uint8), none, none)
+        return cls(door_id, NO_TIMES, NO_TIMES, np.empty(0, np.uint8), NO_TIMES, NO_TIMES)
 
     def __repr__(self) -> str:
         return f"<Timeline of door {self.door_id}: {counted(len(self), 'interval')}>"
@@ -83,34 +105,65 @@ class Timeline(ShownAsTable):
 
     def __iter__(self) -> Iterator[Interval]:
         """Yield the intervals, the earliest first."""
-        columns = (self.start_ns, self.end_ns, self.state, self.event, self.sightings)
-        for start, end, state, event, sightings in zip(*(c.tolist() for c in columns), strict=True):
-            yield Interval(start, end, DoorState.of(state), event, sightings)
+        columns = (
+            self.start_ns, self.end_ns, self.state, self.event, self.sightings, self.not_seen_ns,
+        )  # fmt: skip
+        for start, end, state, *others in zip(*(c.tolist() for c in columns), strict=True):
+            yield Interval(start, end, DoorState.of(state), *others)
 
     @property
     def duration_ns(self) -> Times:
         """How long each interval lasted, nanoseconds."""
         return self.end_ns - self.start_ns
 
+    @property
+    def not_seen_ns(self) -> Times:
+        """How much of each interval no sighting held, nanoseconds."""
+        lapsed_ns = np.zeros(len(self), np.int64)
+        np.add.at(lapsed_ns, self._lapsed_in(), self.lapse_end_ns - self.lapse_start_ns)
+        return lapsed_ns
+
+    @property
+    def seen_ns(self) -> Times:
+        """How much of each interval a sighting held, or a state that somebody set, nanoseconds."""
+        seen: Times = self.duration_ns - self.not_seen_ns
+        return seen
+
+    @property
+    def lapse_state(self) -> NDArray[np.uint8]:
+        """`DoorState` that each lapse carries on."""
+        return self.state[self._lapsed_in()]
+
+    @property
+    def not_seen_since_ns(self) -> int | None:
+        """When the lapse began in which it ends; None: its end is known."""
+        lapsed = len(self.lapse_end_ns) > 0 and self.lapse_end_ns[-1] == self.end_ns[-1]
+        return int(self.lapse_start_ns[-1]) if lapsed and not self.removed else None
+
     def total_ns(self, state: DoorState) -> int:
-        """Return how long the door was in a state, all in all, nanoseconds."""
-        return int(self.duration_ns[self.state == state].sum())
+        """Return how long the door was known to be in a state, nanoseconds; lapses do not count."""
+        return int(self.seen_ns[self.state == state].sum())
 
     def spent_ns(self, state: DoorState, edges_ns: Times) -> Times:
-        """Return how much of each slot of time the door was in a state, nanoseconds.
+        """Return how much of each slot the door was known to be in a state, nanoseconds.
 
         Args:
             state: The state.
             edges_ns: (slots + 1,), ascending: where each slot begins, and the last one ends.
         """
-        start_ns, end_ns = self.start_ns[self.state == state], self.end_ns[self.state == state]
-        before_ns = np.concatenate([np.zeros(1, np.int64), np.cumsum(end_ns - start_ns)])
-        begun = np.searchsorted(start_ns, edges_ns, "right")
-        # Of all that began by an edge, only the last interval may reach beyond it.
-        last_end_ns = np.concatenate([edges_ns[:1], end_ns])[begun]
-        beyond_ns = np.where(begun, np.maximum(last_end_ns - edges_ns, 0), 0)
-        spent: Times = np.diff(before_ns[begun] - beyond_ns)
-        return spent
+        chosen = self.state == state
+        spent = _in_slots(self.start_ns[chosen], self.end_ns[chosen], edges_ns)
+        return spent - self.lapsed_ns(state, edges_ns)
+
+    def lapsed_ns(self, state: DoorState, edges_ns: Times) -> Times:
+        """Return how much of each slot the door was not seen since it was in a state, nanoseconds.
+
+        Args:
+            state: The state.
+            edges_ns: As for `spent_ns`.
+        """
+        chosen = self.lapse_state == state
+        return _in_slots(self.lapse_start_ns[chosen], self.lapse_end_ns[chosen], edges_ns)
 
     def between(self, since_ns: int | None = None, until_ns: int | None = None) -> Timeline:
         """Return what lies between two times: intervals are cut there, and keep their events."""
@@ -124,6 +177,9 @@ class Timeline(ShownAsTable):
             inside &= start < until_ns
             removed = removed and bool((end <= until_ns).all())
             end = np.minimum(end, until_ns)
+        lapse_start = np.maximum(self.lapse_start_ns, 0 if since_ns is None else since_ns)
+        lapse_end = np.minimum(self.lapse_end_ns, MAX_TIME_NS if until_ns is None else until_ns)
+        has_length = lapse_start < lapse_end
         return Timeline(
             self.door_id,
             start_ns=start[inside],
@@ -132,7 +188,14 @@ class Timeline(ShownAsTable):
             event=self.event[inside],
             sightings=self.sightings[inside],
             removed=removed,
+            lapse_start_ns=lapse_start[has_length],
+            lapse_end_ns=lapse_end[has_length],
+            hold=self.hold,
         )
+
+    def _lapsed_in(self) -> NDArray[np.intp]:
+        """Return which interval each lapse lies in."""
+        return np.searchsorted(self.start_ns, self.lapse_start_ns, "right") - 1
 
     def plot(self, *, name: str = "", tz: str = "UTC") -> Any:
         """Return it as a lane in a matplotlib.figure.Figure, which a notebook shows.
@@ -147,7 +210,7 @@ class Timeline(ShownAsTable):
         return answer_of("plot of a timeline")(self, name=name, tz=tz)
 
     def to_pandas(self) -> DataFrame:
-        """Return it as a pandas.DataFrame: start, end (UTC), state, event, sightings.
+        """Return it as a pandas.DataFrame: start, end (UTC), state, event, sightings, seen_seconds.
 
         Raises:
             MissingExtraError: pyarrow or pandas is not installed.
@@ -156,12 +219,30 @@ class Timeline(ShownAsTable):
         from semmap_log.arrow.intervals import interval_table
 
         return frame_of(
-            interval_table(self.start_ns, self.end_ns, self.state, self.event, self.sightings)
+            interval_table(
+                start_ns=self.start_ns,
+                end_ns=self.end_ns,
+                state=self.state,
+                event=self.event,
+                sightings=self.sightings,
+                seen_ns=self.seen_ns,
+            )
         )
 
 
+def _in_slots(start_ns: Times, end_ns: Times, edges_ns: Times) -> Times:
+    """Return how much of each slot of time is in intervals that do not overlap, nanoseconds."""
+    before_ns = np.concatenate([np.zeros(1, np.int64), np.cumsum(end_ns - start_ns)])
+    begun = np.searchsorted(start_ns, edges_ns, "right")
+    # Of all that began by an edge, only the last interval may reach beyond it.
+    last_end_ns = np.concatenate([edges_ns[:1], end_ns])[begun]
+    beyond_ns = np.where(begun, np.maximum(last_end_ns - edges_ns, 0), 0)
+    spent: Times = np.diff(before_ns[begun] - beyond_ns)
+    return spent
+
+
 def timeline(
-    batches: Iterable[EventBatch], door_id: DoorId, *, end_ns: int | None = None
+    batches: Iterable[EventBatch], door_id: DoorId, *, end_ns: int | None = None, holds: int = 0
 ) -> Timeline:
     """Return the states of one door, as `timelines` does of many; empty where it was never added.
 
@@ -169,8 +250,9 @@ def timeline(
         batches: As for `timelines`.
         door_id: The door.
         end_ns: As for `timelines`.
+        holds: As for `timelines`.
     """
-    found = timelines(batches, [door_id], end_ns=end_ns)
+    found = timelines(batches, [door_id], end_ns=end_ns, holds=holds)
     return found[door_id] if found else Timeline.empty(door_id)
 
 
@@ -179,6 +261,7 @@ def timelines(
     doors: Collection[DoorId] | None = None,
     *,
     end_ns: int | None = None,
+    holds: int = 0,
 ) -> dict[DoorId, Timeline]:
     """Return the states of doors, ids ascending; only of those whose adding is among the events.
 
@@ -188,12 +271,14 @@ def timelines(
         batches: Events in any order, retracted ones left out, none later than `end_ns`.
         doors: Only these; None: all.
         end_ns: Where the last interval ends; default, and at the least: the latest event's time.
+        holds: A sighting holds for this many of its door's median gaps between looks (`hold_of`);
+            0: until the next report.
     """
     reports = _Reports(None if doors is None else np.array(sorted(doors), np.int64))
     for batch in batches:
         reports.take(batch)
     end_ns = max(reports.latest_ns, end_ns or 0)
-    return {life.door_id: _intervals(life, end_ns) for life in reports.doors()}
+    return {life.door_id: _intervals(life, end_ns, holds) for life in reports.doors()}
 
 
 class _Reports:
@@ -209,6 +294,17 @@ class _Reports:
         """Read a batch."""
         self.latest_ns = max(self.latest_ns, int(batch.folds_ns.max(initial=0)))
         self._parts += parts_of(batch, STATE_CHANGE, setting=STATE | THERE, doors=self._doors)
+        if SightingsThinned in batch:
+            self._take_thinned(batch[SightingsThinned])
+
+    def _take_thinned(self, told: NDArray[np.void]) -> None:
+        if self._doors is not None:
+            told = told[np.isin(told["door_id"], self._doors)]
+        of_row, seen_ns = sightings_of_runs(told)
+        rows = np.zeros(len(of_row), STATE_CHANGE)
+        rows["kind"], rows["folds_ns"] = SightingsThinned.kind, seen_ns
+        rows["door_id"], rows["number"] = told["door_id"][of_row], told["first_event"][of_row]
+        self._parts.append(rows)
 
     def doors(self) -> Iterator[_Life]:
         """Yield what was said of each door that was added, ids ascending."""
@@ -228,7 +324,9 @@ class _Life:
 
     def __init__(self, door_id: DoorId, changes: Changes) -> None:
         self.door_id = door_id
-        self._changes = changes
+        is_thinned = changes["kind"] == SightingsThinned.kind
+        self._changes = changes[~is_thinned]
+        self._thinned = changes[is_thinned]
         self.added = self._stamp(Presence.COMES)
         """(time, event number)."""
         removed = self._stamp(Presence.GOES)
@@ -245,16 +343,29 @@ class _Life:
 
     def states(self) -> Changes:
         """Return what counts: from the adding on, before the removal."""
-        assert self.added is not None
         changes = self._changes[~of_presence(self._changes, Presence.GOES)]
-        counts = ~is_before(changes, self.added)
-        if self.removed_ns is not None:
-            counts &= changes["folds_ns"] < self.removed_ns
-        found: Changes = changes[counts]
+        found: Changes = changes[self._counts(changes)]
         return found
 
+    def thinned_ns(self) -> Times:
+        """Return when sightings happened that were taken out; those still there do not count."""
+        if not len(self._thinned):
+            return NO_TIMES
+        numbers = self._changes["number"]
+        is_there = np.isin(self._thinned["number"], numbers) & (self._thinned["number"] > 0)
+        counting = self._thinned[~is_there & self._counts(self._thinned)]
+        found: Times = np.sort(counting["folds_ns"])
+        return found
 
-def _intervals(life: _Life, end_ns: int) -> Timeline:
+    def _counts(self, changes: Changes) -> NDArray[np.bool_]:
+        assert self.added is not None
+        counts: NDArray[np.bool_] = ~is_before(changes, self.added)
+        if self.removed_ns is not None:
+            counts &= changes["folds_ns"] < self.removed_ns
+        return counts
+
+
+def _intervals(life: _Life, end_ns: int, holds: int) -> Timeline:
     """Join neighbours of one state; of events at the same time only the last one's state holds."""
     changes = life.states()
     times, states = changes["folds_ns"], changes["state"]
@@ -270,7 +381,7 @@ def _intervals(life: _Life, end_ns: int) -> Timeline:
     agrees = np.flatnonzero(states == state[interval])
     first = agrees[np.searchsorted(interval[agrees], np.arange(len(state)))]
     last_ns = end_ns if life.removed_ns is None else life.removed_ns
-    return Timeline(
+    found = Timeline(
         life.door_id,
         start_ns=start,
         end_ns=np.append(start, last_ns)[1:],
@@ -279,3 +390,31 @@ def _intervals(life: _Life, end_ns: int) -> Timeline:
         sightings=np.bincount(interval[agrees], minlength=len(state)),
         removed=life.removed_ns is not None,
     )
+    if not holds or not len(found):
+        return found
+    return _with_lapses(found, changes[held], changes, life.thinned_ns(), holds)
+
+
+def _with_lapses(
+    found: Timeline, deciding: Changes, changes: Changes, thinned_ns: Times, holds: int
+) -> Timeline:
+    """Return a timeline with the times in which no sighting held.
+
+    Args:
+        found: Without them.
+        deciding: The reports whose states hold: of each time the last one.
+        changes: All reports.
+        thinned_ns: When sightings happened that were taken out, ascending.
+        holds: As for `timelines`.
+    """
+    seen_ns = np.sort(np.append(changes["folds_ns"][are_sightings(changes)], thinned_ns))
+    hold = hold_of(seen_ns, holds)
+    told_ns = np.append(deciding["folds_ns"], thinned_ns)
+    lapses = np.append(are_sightings(deciding), np.ones(len(thinned_ns), np.bool_))
+    order = np.argsort(told_ns, kind="stable")
+    told_ns, lapses = told_ns[order], lapses[order]
+    start_ns = np.minimum(told_ns, MAX_TIME_NS - hold.ns) + hold.ns
+    end_ns = np.append(told_ns[1:], found.end_ns[-1])
+    state = found.state[np.searchsorted(found.start_ns, told_ns, "right") - 1]
+    lapses &= ((state == DoorState.OPEN) | (state == DoorState.CLOSED)) & (start_ns < end_ns)
+    return replace(found, lapse_start_ns=start_ns[lapses], lapse_end_ns=end_ns[lapses], hold=hold)

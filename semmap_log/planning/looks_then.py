@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.domain.moments import DAY_NS, HOUR_NS
+from semmap_log.folds.sighting_hold import REPEATS_NS
 from semmap_log.probabilities.beta import beta_interval
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.probabilities.evidence.samples import KnownTime
-from semmap_log.probabilities.evidence.visits import REPEATS_NS
 from semmap_log.probabilities.local_clock import LocalClock
 
 REACH_H = 3.0

@@ -51,7 +51,7 @@ def pseudonymous(
     names = Pseudonyms(with_tracks=with_tracks)
     with TemporaryDirectory(prefix="semmap-log-") as folder:
         path = Path(folder, "log")
-        info = LogInfo(os.urandom(ID_BYTES).hex(), log.info.timezone)
+        info = LogInfo(os.urandom(ID_BYTES).hex(), log.info.timezone, holds=log.info.holds)
         made = LogAnew(path, info, os.urandom, horizon_ns=log.horizon_ns())
         try:
             _retell(log, scope, names, made, progress)

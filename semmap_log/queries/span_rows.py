@@ -30,7 +30,8 @@ def interval_tables(log: DoorLog, doors: Collection[DoorId] | None) -> Tables:
     found = log.timelines(doors)
     rows = (
         (door_id, names.get(door_id), each.start_ns, each.end_ns,
-         each.duration_ns / SECOND_NS, each.state.name, each.event, each.sightings)
+         each.duration_ns / SECOND_NS, each.state.name, each.event, each.sightings,
+         each.seen_ns / SECOND_NS)
         for door_id, timeline in found.items()
         for each in timeline
     )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from semmap_log.arrow.intervals import SEEN_SECONDS
 from semmap_log.arrow.table_columns import COLUMNS, KIND, STATE, TIME, Column
 from semmap_log.domain.commits import NOTE_TEXTS
 from semmap_log.domain.meaning import FIELDS
@@ -34,6 +35,7 @@ INTERVALS = (
     Column("state", STATE, "the state", nullable=False),
     Column("event", "int64", "number of the event that began it", nullable=False),
     Column("sightings", "int64", "how many events said so", nullable=False),
+    Column("seen_seconds", "float64", SEEN_SECONDS, nullable=False),
 )
 
 CHANGES = (

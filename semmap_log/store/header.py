@@ -8,12 +8,13 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from enum import IntFlag
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
+from semmap_log.domain.moments import USUAL_HOLDS
 from semmap_log.io.inflating import inflated
 from semmap_log.store.form import (
     DIGEST_KEY,
@@ -42,6 +43,10 @@ class OtherVersionError(ValueError):
         )
 
 
+LATER_SETTINGS = ("holds",)
+"""Entries that came to the heads of segments later: older programs keep them as `others`."""
+
+
 @dataclass(frozen=True, slots=True)
 class LogInfo:
     """What is fixed when a log is made."""
@@ -52,6 +57,34 @@ class LogInfo:
     """IANA name; times without an offset are read and shown in it."""
     building: str = ""
     robot: str = ""
+    holds: int = USUAL_HOLDS
+    """A sighting of a door holds for this many median gaps between looks at it; 0: until the next
+    report."""
+
+    def entries(self) -> dict[str, str]:
+        """Return what the head of a segment says of it; the usual `holds` is left out."""
+        return {
+            "log_id": self.log_id,
+            "timezone": self.timezone,
+            "building": self.building,
+            "robot": self.robot,
+            **({} if self.holds == USUAL_HOLDS else {"holds": str(self.holds)}),
+        }
+
+    @classmethod
+    def taken_from(cls, entries: dict[str, Any]) -> LogInfo:
+        """Take out of the entries of a head, or of a manifest, what `entries` put there.
+
+        Raises:
+            KeyError: Some is missing.
+            ValueError: It is not what we write.
+        """
+        names = ("log_id", "timezone", "building", "robot")
+        log_id, timezone, building, robot = (entries.pop(name) for name in names)
+        holds = entries.pop("holds", str(USUAL_HOLDS))
+        if not (isinstance(holds, str) and holds.isascii() and holds.isdigit() and len(holds) < 10):
+            raise ValueError(f"holds is {holds!r}, expected a number of gaps")
+        return cls(log_id, timezone, building, robot, int(holds))
 
 
 class TrimReason(IntFlag):
@@ -132,10 +165,7 @@ class SegmentHeader:
             LOG_METADATA,
             {
                 "format_version": version,
-                "log_id": self.info.log_id,
-                "timezone": self.info.timezone,
-                "building": self.info.building,
-                "robot": self.info.robot,
+                **self.info.entries(),
                 "segment": str(self.number),
                 "last_segment": str(self.last_number),
                 "first_event": str(self.first_event),
@@ -159,9 +189,7 @@ class SegmentHeader:
         if version not in (FORMAT_VERSION, TRIMMED_VERSION):
             raise OtherVersionError(version)
         try:
-            info = LogInfo(
-                *(entries.pop(name) for name in ("log_id", "timezone", "building", "robot"))
-            )
+            info = LogInfo.taken_from(entries)
             number, first, last = (
                 int(entries.pop(name)) for name in ("segment", "first_event", "last_segment")
             )

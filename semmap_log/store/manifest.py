@@ -19,7 +19,7 @@ from semmap_log.common.lazily import late_pattern
 from semmap_log.errors import CorruptLogError, NewerLogError
 from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.form import HASH_BYTES, NO_HASH, count_events
-from semmap_log.store.header import LogInfo, SegmentHeader, Trimmed, TrimReason
+from semmap_log.store.header import LATER_SETTINGS, LogInfo, SegmentHeader, Trimmed, TrimReason
 from semmap_log.store.sealed_json import sealed, unsealed
 
 _FORMAT = 1
@@ -94,10 +94,7 @@ class Manifest:
         entries = {
             "format": _FORMAT,
             "version": self.version,
-            "log_id": self.info.log_id,
-            "timezone": self.info.timezone,
-            "building": self.info.building,
-            "robot": self.info.robot,
+            **self.info.entries(),
             "segments": [_entries_of(segment) for segment in self.segments],
             "superseded": [[one.name, one.size, one.since_ns] for one in self.superseded],
             "generation": self.generation,
@@ -122,7 +119,11 @@ def manifest_in(data: bytes, where: PurePath) -> Manifest:
             told = f"{where}: format {entries['format']!r}: this program reads {_FORMAT}"
             raise NewerLogError(f"{told}; install a newer semmap-log.")  # noqa: TRY301
         entries = unsealed(entries)
-        info = LogInfo(*(entries[name] for name in ("log_id", "timezone", "building", "robot")))
+        for each in entries["segments"]:  # an older program wrote down what it did not know
+            known = {str(key): str(value) for key, value in each["others"]}
+            entries |= {key: known.pop(key) for key in LATER_SETTINGS if key in known}
+            each["others"] = list(known.items())
+        info = LogInfo.taken_from(entries)
         segments = tuple(_segment_of(each, info) for each in entries["segments"])
         superseded = tuple(_superseded_of(*each) for each in entries.get("superseded", ()))
         version, generation = (

@@ -29,7 +29,7 @@ from semmap_log.views.belief_table import belief_table
 from semmap_log.views.event_words import printable
 from semmap_log.views.explanation_table import explanation_table
 from semmap_log.views.pairs import add_pair, pairs
-from semmap_log.views.tables import diff_table, door_table, entry_table
+from semmap_log.views.tables import diff_table, door_table, entry_table, hold_setting
 from semmap_log.views.timeline_table import timeline_pages, timeline_totals
 
 UTC = "UTC"
@@ -87,6 +87,7 @@ def _(log: DoorLog) -> RenderableType:
         first, last = (format_local(ns, info.timezone) for ns in span)
         add_pair(table, "happened", f"{first} to {last}")
     add_pair(table, "time zone", info.timezone)
+    add_pair(table, "sightings", f"hold {hold_setting(info.holds)}")
     add_pair(table, "log id", info.log_id)
     return Group(Text(repr(log)), table)
 

@@ -260,6 +260,7 @@ def summary_table(summary: LogSummary) -> RenderableType:
             add_pair(table, name, _text(text))
     add_pair(table, "log id", info.log_id)
     add_pair(table, "time zone", tz)
+    add_pair(table, "sightings", f"hold {hold_setting(info.holds)}")
     for name, count in _counted_by_class(summary.door_map):
         add_pair(table, name, str(count))
     events = f"{summary.events:,} in {counted(summary.commits, 'commit')}"
@@ -285,6 +286,11 @@ def summary_table(summary: LogSummary) -> RenderableType:
     for text in wrong:
         add_pair(table, "warning", _text(text, style="yellow"))
     return Group(table, *[Text("nothing looks wrong", style="dim")] * (not wrong))
+
+
+def hold_setting(holds: int) -> str:
+    """Return how long a sighting holds, in words."""
+    return f"for {counted(holds, 'median gap')} between looks" if holds else "until the next report"
 
 
 def _counted_by_class(door_map: DoorMap) -> Iterator[tuple[str, int]]:

@@ -1,4 +1,7 @@
-"""A door's timeline for people: a row an interval, and how much of the time it was open."""
+"""A door's timeline for people: a row an interval, and how much of the time it was open.
+
+A sighting holds only for a time: how much of an interval the door was not seen has its own column.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,11 @@ from itertools import islice
 
 from rich.text import Text
 
+from semmap_log.common.texts import counted
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import DAY_NS, SECOND_NS, format_local, format_short
 from semmap_log.domain.object_classes import DOOR, ObjectClass
+from semmap_log.folds.sighting_hold import Hold
 from semmap_log.folds.timeline import Interval, Timeline
 from semmap_log.views.column_table import CellValue, ColumnTable, TableColumn, with_line_end
 from semmap_log.views.tables import state_in_words
@@ -37,9 +42,13 @@ def timeline_pages(timeline: Timeline, *, tz: str, of: ObjectClass = DOOR) -> It
 
 
 def timeline_totals(timeline: Timeline, *, tz: str, of: ObjectClass = DOOR) -> Text:
-    """Return how much of the known time the door was open, and how the timeline ends, in words."""
+    """Return how much of the known time the door was open, and how the timeline ends, in words.
+
+    What comes after a sighting that no longer holds is not known: the door was not seen since.
+    """
     opened, closed = timeline.total_ns(DoorState.OPEN), timeline.total_ns(DoorState.CLOSED)
     known, whole = opened + closed, int(timeline.duration_ns.sum())
+    not_seen = int(timeline.not_seen_ns.sum())
     is_open, is_closed = (of.word(s).lower() for s in (DoorState.OPEN, DoorState.CLOSED))
     said = f"never known to be {is_open} or {is_closed} for any time"
     if known:
@@ -49,9 +58,26 @@ def timeline_totals(timeline: Timeline, *, tz: str, of: ObjectClass = DOOR) -> T
         )
         if whole > known:
             said += f" ({known / whole:.1%})"
+    if not_seen:
+        said += f"\nnot seen for {duration(not_seen)} ({not_seen / whole:.1%})"
+    if (since_ns := timeline.not_seen_since_ns) is not None:
+        said += f", not since {format_local(since_ns, tz)}"
     end = format_local(int(timeline.end_ns[-1]), tz)
     ending = "removed at" if timeline.removed else "up to"
-    return Text(f"{said}\n{ending} {end} ({tz})", style="dim")
+    return Text(f"{said}\n{hold_in_words(timeline.hold)}\n{ending} {end} ({tz})", style="dim")
+
+
+def hold_in_words(hold: Hold | None) -> str:
+    """Return how long a sighting of a door holds, and why."""
+    if hold is None:
+        return "a sighting holds until the next report"
+    if hold.is_measured:
+        gaps = f"{counted(hold.gaps, 'median gap')} between looks"
+        return f"a sighting holds for {duration(hold.ns)} ({gaps})"
+    tell = "tells" if hold.looks == 1 else "tell"
+    looks = f"{counted(hold.looks, 'look')} {tell} no median gap"
+    gaps = f"{counted(hold.gaps, 'gap')} of {duration(hold.gap_ns)}"
+    return f"a sighting holds for {duration(hold.ns)} ({gaps}, as {looks})"
 
 
 def duration(ns: int) -> str:
@@ -77,8 +103,15 @@ def _page(intervals: list[Interval], of: ObjectClass, *, tz: str, show_header: b
             state_in_words(interval.state, of),
             str(interval.sightings),
             str(interval.event),
+            _not_seen(interval),
         )
     return table
+
+
+def _not_seen(interval: Interval) -> CellValue:
+    """Return the share of an interval in which no sighting held; for programs, seconds."""
+    share = f"{interval.not_seen_ns / interval.duration_ns:.0%}" if interval.not_seen_ns else ""
+    return CellValue(share, f"{interval.not_seen_ns / SECOND_NS:.3f}")
 
 
 def _drawn_time(ns: int, tz: str) -> str:
@@ -93,5 +126,6 @@ COLUMNS = [
     TableColumn("seconds"),
     TableColumn("state", "state", width=len(DoorState.UNKNOWN.name)),
     TableColumn("seen", "seen", width=5, right=True, yields=2),
-    TableColumn("event", "event", width=9, right=True, yields=3),
+    TableColumn("event", "event", width=len("9999999"), right=True, yields=3),
+    TableColumn("not_seen_seconds", "unseen", width=len("unseen"), right=True, yields=1),
 ]

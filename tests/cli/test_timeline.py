@@ -42,7 +42,9 @@ def test_the_table_fits_a_terminal(office: Path, capsys: pytest.CaptureFixture[s
     out = capsys.readouterr().out
     assert 0 == code
     assert "2026-03-01 09:00:00 2026-03-01 10:00:00         1 h OPEN        2" in out
-    assert "open 25.0%, closed 75.0% of the 4 h in which that was known" in out
+    assert "open 40.0%, closed 60.0% of the 2 h 30 min in which that was known (50.0%)" in out
+    assert "not seen for 1 h 30 min (30.0%), not since 2026-03-01 11:30:00+01:00" in out
+    assert "a sighting holds for 1 h 30 min (3 median gaps between looks)" in out
     assert max(map(len, out.splitlines())) <= 80
 
 
@@ -73,9 +75,19 @@ def test_a_range_cuts_it(office: Path, capsys: pytest.CaptureFixture[str]) -> No
                 "state": "OPEN",
                 "sightings": 2,
                 "event": 2,
+                "seen_seconds": 1800.0,
             }
         ],
         "seconds": {"OPEN": 1800.0},
+        "seen_seconds": {"OPEN": 1800.0},
+        "lapses": [],
+        "hold": {
+            "seconds": 5400.0,
+            "gaps": 3,
+            "gap_seconds": 1800.0,
+            "looks": 3,
+            "is_measured": True,
+        },
     } == together
 
 
@@ -106,3 +118,56 @@ def test_an_export_says_how_many_events_there_are(
     assert 0 == code
     assert "x.parquet: 3 events." in capsys.readouterr().err
     assert (office / "x.parquet").is_file()
+
+
+FEW = "as 1 look tells no median gap)"
+
+
+@pytest.mark.parametrize(
+    ("options", "setting", "holds"),
+    [
+        ((), "for 3 median gaps between looks", f"for 3 h (3 gaps of 1 h, {FEW}"),
+        (("--holds", "1"), "for 1 median gap between looks", f"for 1 h (1 gap of 1 h, {FEW}"),
+        (("--holds", "0"), "until the next report", "until the next report"),
+    ],
+)
+def test_how_long_a_sighting_holds_is_a_setting_of_the_log(
+    options: tuple[str, ...],
+    setting: str,
+    holds: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """
+    Given when the log is made, shown by `info` and below a timeline; kept by copies.
+    """
+    log, copied = str(tmp_path / "log"), str(tmp_path / "copied")
+    codes = [run("init", log, *options)]
+    with sl.append(log) as writing:
+        writing.observe(writing.add_door(name="front"), "open")
+    capsys.readouterr()
+
+    codes += [run("info", log), run("timeline", log, "front")]
+    out = capsys.readouterr().out
+    codes.append(run("copy", log, copied))
+
+    assert [0] * len(codes) == codes
+    assert f"hold {setting}" in out
+    assert f"a sighting holds {holds}" in out
+    assert sl.read(log).info == sl.read(copied).info
+    assert sl.read(copied).info.holds == (int(options[1]) if options else 3)
+
+
+def test_no_setting_is_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """
+    A number below 0, or none, is no number of gaps; nothing is made.
+    """
+    monkeypatch.chdir(tmp_path)
+
+    codes = [run("init", "log", "--holds", given) for given in ("-1", "long")]
+
+    assert [2, 2] == codes
+    assert "--holds" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -343,7 +343,8 @@ def test_the_frame_has_the_same_rows() -> None:
     """
     frame = timeline([seen((10, OPEN))], DOOR, end_ns=30).to_pandas()
 
-    assert ["start", "end", "state", "event", "sightings"] == list(frame.columns)
+    columns = ["start", "end", "state", "event", "sightings", "seen_seconds"]
+    assert columns == list(frame.columns)
     assert "datetime64[ns, UTC]" == str(frame.dtypes["end"])
     assert ["UNKNOWN", "OPEN"] == frame.state.tolist()
     assert [10, 20] == (frame.end - frame.start).astype("int64").tolist()

@@ -9,8 +9,15 @@ import numpy as np
 import pytest
 
 from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.folds.sighting_hold import Hold
 from semmap_log.folds.timeline import Timeline
-from semmap_log.views.timeline_table import PAGE_ROWS, duration, timeline_pages, timeline_totals
+from semmap_log.views.timeline_table import (
+    PAGE_ROWS,
+    duration,
+    hold_in_words,
+    timeline_pages,
+    timeline_totals,
+)
 from tests.views.test_tables import printed
 
 SECOND = 10**9
@@ -34,12 +41,19 @@ def lasting(*lengths: tuple[int, DoorState], removed: bool = False) -> Timeline:
 
 def test_a_row_an_interval_and_the_shares_below() -> None:
     """
-    In the log's zone; shares are of the time in which it was known to be open or closed.
+    In the log's zone; shares are of the time in which a sighting held: what comes after counts as
+    not seen.
     """
     timeline = lasting(
         (25 * MINUTE, DoorState.UNKNOWN),
         (9 * HOUR, DoorState.OPEN),
         (DAY - 9 * HOUR, DoorState.CLOSED),
+    )
+    timeline = replace(
+        timeline,
+        lapse_start_ns=timeline.end_ns[-1:] - 15 * HOUR // 2,
+        lapse_end_ns=timeline.end_ns[-1:],
+        hold=Hold(gaps=3, gap_ns=30 * MINUTE, looks=40),
     )
 
     text = printed(
@@ -48,11 +62,13 @@ def test_a_row_an_interval_and_the_shares_below() -> None:
 
     assert (
         """\
-since               until                    lasted state    seen     event
-2026-03-01 22:20:00 2026-03-01 22:45:00      25 min UNKNOWN     1         0
-2026-03-01 22:45:00 2026-03-02 07:45:00         9 h OPEN        2      1000
-2026-03-02 07:45:00 2026-03-02 22:45:00        15 h CLOSED      3      2000
-open 37.5%, closed 62.5% of the 1 d in which that was known (98.3%)
+since               until                    lasted state    seen   event unseen
+2026-03-01 22:20:00 2026-03-01 22:45:00      25 min UNKNOWN     1       0
+2026-03-01 22:45:00 2026-03-02 07:45:00         9 h OPEN        2    1000
+2026-03-02 07:45:00 2026-03-02 22:45:00        15 h CLOSED      3    2000    50%
+open 54.5%, closed 45.5% of the 16 h 30 min in which that was known (67.6%)
+not seen for 7 h 30 min (30.7%), not since 2026-03-02 15:15:00+01:00
+a sighting holds for 1 h 30 min (3 median gaps between looks)
 up to 2026-03-02 22:45:00+01:00 (Europe/Vienna)"""
         == text
     )
@@ -119,10 +135,25 @@ def test_the_hour_that_comes_twice_is_told_apart() -> None:
 
     assert (
         """\
-since               until                    lasted state    seen     event
-2025-10-26 02:30:00 2025-10-26 02:30:00         1 h OPEN        1         0
+since               until                    lasted state    seen   event unseen
+2025-10-26 02:30:00 2025-10-26 02:30:00         1 h OPEN        1       0
 +02:00              +01:00
-2025-10-26 02:30:00 2025-10-26 03:00:00      30 min CLOSED      2      1000
+2025-10-26 02:30:00 2025-10-26 03:00:00      30 min CLOSED      2    1000
 +01:00"""
         == text
     )
+
+
+@pytest.mark.parametrize(
+    ("hold", "expected"),
+    [
+        (None, "until the next report"),
+        (Hold(3, HOUR, 1), "for 3 h (3 gaps of 1 h, as 1 look tells no median gap)"),
+        (Hold(1, 20 * MINUTE, 9), "for 20 min (1 median gap between looks)"),
+    ],
+)
+def test_it_says_how_long_a_sighting_holds(hold: Hold | None, expected: str) -> None:
+    """
+    And why: the setting of the log, and what the door's looks tell.
+    """
+    assert f"a sighting holds {expected}" == hold_in_words(hold)

@@ -94,7 +94,13 @@ def build_join(
 def _info(joined: JoinedLogs, entropy: SeededBytes) -> LogInfo:
     reference = joined.reference.opened.info
     robots = BETWEEN_ROBOTS.join(sorted(log.name for log in joined.logs))
-    return LogInfo(entropy(ID_BYTES).hex(), reference.timezone, reference.building, robots)
+    return LogInfo(
+        entropy(ID_BYTES).hex(),
+        reference.timezone,
+        reference.building,
+        robots,
+        reference.holds,
+    )
 
 
 class _Building:

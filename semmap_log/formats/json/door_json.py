@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,14 @@ from semmap_log.domain.doors import Door, DoorMap, DoorState, Level
 from semmap_log.domain.meaning import FIELDS
 from semmap_log.domain.moments import SECOND_NS, format_utc
 from semmap_log.domain.object_classes import ObjectClass
-from semmap_log.door_log.day import Day
 from semmap_log.folds.diff import Diff, FieldChange
 from semmap_log.folds.history import HistoryEntry
-from semmap_log.folds.timeline import Interval, Timeline
 from semmap_log.formats.json.event_json import event_to_json
+
+if TYPE_CHECKING:
+    from semmap_log.door_log.day import Day
+    from semmap_log.folds.sighting_hold import Hold
+    from semmap_log.folds.timeline import Interval, Timeline
 
 
 def door_map_to_json(door_map: DoorMap) -> dict[str, Any]:
@@ -191,6 +194,8 @@ def _rounded(shares: NDArray[np.float64]) -> list[float | None]:
 def timeline_to_json(timeline: Timeline, *, name: str | None = None) -> dict[str, Any]:
     """Return the intervals, the earliest first, and how many seconds each state lasted in all.
 
+    `seen_seconds` leaves out the lapses: the times in which no sighting held.
+
     Args:
         timeline: A door's.
         name: What it is called.
@@ -201,10 +206,32 @@ def timeline_to_json(timeline: Timeline, *, name: str | None = None) -> dict[str
         "removed": timeline.removed,
         "intervals": [_interval(interval) for interval in timeline],
         "seconds": {
+            state.name: int(timeline.duration_ns[timeline.state == state].sum()) / SECOND_NS
+            for state in DoorState
+            if (timeline.state == state).any()
+        },
+        "seen_seconds": {
             state.name: timeline.total_ns(state) / SECOND_NS
             for state in DoorState
             if (timeline.state == state).any()
         },
+        "lapses": [
+            {"since": format_utc(start), "until": format_utc(end)}
+            for start, end in zip(
+                timeline.lapse_start_ns.tolist(), timeline.lapse_end_ns.tolist(), strict=True
+            )
+        ],
+        "hold": None if timeline.hold is None else _hold(timeline.hold),
+    }
+
+
+def _hold(hold: Hold) -> dict[str, Any]:
+    return {
+        "seconds": hold.ns / SECOND_NS,
+        "gaps": hold.gaps,
+        "gap_seconds": hold.gap_ns / SECOND_NS,
+        "looks": hold.looks,
+        "is_measured": hold.is_measured,
     }
 
 
@@ -215,4 +242,5 @@ def _interval(interval: Interval) -> dict[str, Any]:
         "state": interval.state.name,
         "sightings": interval.sightings,
         "event": interval.event,
+        "seen_seconds": interval.seen_ns / SECOND_NS,
     }

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from semmap_log.common.late_dataclass import dataclass
 from semmap_log.domain.moments import SECOND_NS
+from semmap_log.folds.sighting_hold import PASS_NS
 from semmap_log.probabilities.evidence.day_rows import DayRows
 from semmap_log.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.probabilities.evidence.visits import MOST_ACCURACY, PASS_NS
+from semmap_log.probabilities.evidence.visits import MOST_ACCURACY
 from semmap_log.probabilities.local_clock import HOUR_S, LocalClock
 
 Times = NDArray[np.int64]

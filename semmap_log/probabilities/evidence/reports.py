@@ -20,8 +20,8 @@ from semmap_log.domain.events import (
     SightingsThinned,
     field_names,
 )
-from semmap_log.domain.moments import HOUR_NS
 from semmap_log.folds.door_changes import STATE, STATE_CHANGE, THERE, chosen_of, fill, known_states
+from semmap_log.folds.thinned_runs import sightings_of_runs
 
 Rows = NDArray[np.void]
 
@@ -29,9 +29,6 @@ Rows = NDArray[np.void]
 REPORT = np.dtype([*((name, STATE_CHANGE[name]) for name in STATE_CHANGE.names or ()),
                    ("sensor", "u4")])  # fmt: skip
 """What an event says of a door's state, and which of the sensors saw it: 26 bytes."""
-
-
-MOST_OF_A_RUN = 4096
 
 
 class Sensor(NamedTuple):
@@ -90,19 +87,12 @@ class Reports:
     def _take_thinned(self, batch: EventBatch) -> None:
         """Take up sightings that were taken out: as many, spread over the time that they took.
 
-        They have the number of the first: while that is here, too, they do not count. More than one
-        a second tell no more of a door, and a run lies within an hour, whatever a stranger's log
-        says.
+        They have the number of the first: while that is here, too, they do not count.
         """
         told = batch[SightingsThinned]
-        counts = np.minimum(told["count"], MOST_OF_A_RUN).astype(np.intp)
-        of_row = np.repeat(np.arange(len(told)), counts)
-        within = np.arange(len(of_row)) - np.repeat(np.cumsum(counts) - counts, counts)
+        of_row, seen_ns = sightings_of_runs(told)
         rows = self._room_for(len(of_row))
-        span_ns = np.clip(told["last_ns"] - told["first_ns"], 0, HOUR_NS)[of_row]
-        rows["folds_ns"] = told["first_ns"][of_row] + span_ns * within // np.maximum(
-            counts[of_row] - 1, 1
-        )
+        rows["folds_ns"] = seen_ns
         rows["door_id"], rows["kind"] = told["door_id"][of_row], SightingsThinned.kind
         rows["number"] = told["first_event"][of_row]
         rows["state"] = known_states(told["state"])[of_row]

@@ -7,12 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.moments import SECOND_NS
-
-REPEATS_NS = 60 * SECOND_NS
-"""A sighting less than that after the one before of the same sensor is of its pass."""
-PASS_NS = 300 * SECOND_NS
-"""So long a pass lasts at most: who stays longer looks again."""
+from semmap_log.folds.sighting_hold import pass_begins
 
 LEAST_ACCURACY, MOST_ACCURACY = 0.5, 0.999
 """What a sensor's accuracies count as; no reading proves more."""
@@ -77,19 +72,8 @@ def _firsts(
     seen_ns: NDArray[np.int64], sensor: NDArray[np.integer[Any]], segment: NDArray[np.intp]
 ) -> NDArray[np.intp]:
     """Return the place of the first sighting of each one's pass; sensor by sensor."""
-    begins = np.ones(len(seen_ns), np.bool_)
-    begins[1:] = (np.diff(seen_ns) >= REPEATS_NS) | (np.diff(segment) != 0)
-    begins[1:] |= sensor[1:] != sensor[:-1]
-    starts = np.flatnonzero(begins)
-    ends = np.append(starts, len(begins))[1:]
-    is_long = seen_ns[ends - 1] - seen_ns[starts] > PASS_NS
-    for start, end in zip(starts[is_long].tolist(), ends[is_long].tolist(), strict=True):
-        times = seen_ns[start:end]
-        behind = np.searchsorted(times, times + PASS_NS, "right").tolist()
-        at = behind[0]
-        while at < len(behind):
-            begins[start + at] = True
-            at = behind[at]
+    is_parted = (np.diff(segment) != 0) | (sensor[1:] != sensor[:-1])
+    begins = pass_begins(seen_ns, is_parted)
     return np.maximum.accumulate(np.where(begins, np.arange(len(begins)), 0))
 
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from semmap_log.common.distinct import placed
 from semmap_log.domain.doors import DoorState
 from semmap_log.domain.moments import HOUR_NS
+from semmap_log.folds.sighting_hold import PASS_NS, REPEATS_NS
 from semmap_log.probabilities.evidence.reports import Rows
-from semmap_log.probabilities.evidence.visits import PASS_NS, REPEATS_NS
 
 Reals = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -44,6 +44,8 @@ MOST_INTERVALS = 3_000
 """Of one lane; it has some thousand pixels. Of more, each column shows what held longest in it."""
 HEIGHTS = {DoorState.OPEN: 0.8, DoorState.CLOSED: 0.4, DoorState.UNKNOWN: 0.12}
 """Share of its lane that a bar fills."""
+LAPSED = len(DoorState)
+"""Added to a state: the door was not seen since. It is drawn as a line in the state's colour."""
 ROUND_HEIGHT = 0.5
 LANE_FLOOR = 0.4
 """Below the middle of its lane, where a bar stands."""
@@ -159,11 +161,13 @@ def draw_lanes(lanes: Lanes, palette: Palette = DEFAULT, letters: HasShape = has
 
 def _draw_door(panel: Any, place: int, timeline: Timeline, lanes: Lanes, palette: Palette) -> None:
     start_ns, end_ns, state = _as_seen(timeline, lanes)
-    shown = np.array([int(reduced(DoorState(value))) for value in DoorState])[state]
+    shown = np.array([int(reduced(DoorState(value))) for value in DoorState])[state % LAPSED]
     for value, height in HEIGHTS.items():
-        chosen = shown == int(value)
-        spans = _spans(start_ns[chosen], end_ns[chosen])
-        _bars(panel, place, spans, height, palette.of_state(value))
+        for is_lapsed in (False, True):
+            chosen = (shown == int(value)) & ((state >= LAPSED) == is_lapsed)
+            spans = _spans(start_ns[chosen], end_ns[chosen])
+            high = HEIGHTS[DoorState.UNKNOWN] if is_lapsed else height
+            _bars(panel, place, spans, high, palette.of_state(value))
 
 
 def _draw_rounds(
@@ -189,13 +193,27 @@ def _spans(start_ns: Times, end_ns: Times) -> list[tuple[float, float]]:
 
 
 def _as_seen(timeline: Timeline, lanes: Lanes) -> tuple[Times, Times, NDArray[np.uint8]]:
-    """Return start, end and state of what can be told apart in a lane."""
-    if len(timeline) <= MOST_INTERVALS:
-        return timeline.start_ns, timeline.end_ns, timeline.state
+    """Return start, end and state of what can be told apart in a lane; of a lapse + `LAPSED`."""
+    if len(timeline) + len(timeline.lapse_start_ns) <= MOST_INTERVALS:
+        return _with_lapses(timeline)
     edges = np.linspace(lanes.start_ns, lanes.end_ns, MOST_INTERVALS + 1).astype(np.int64)
-    spent = np.stack([timeline.spent_ns(state, edges) for state in DoorState])
+    spent = np.stack(
+        [timeline.spent_ns(state, edges) for state in DoorState]
+        + [timeline.lapsed_ns(state, edges) for state in DoorState]
+    )
     there = spent.any(axis=0)
     return edges[:-1][there], edges[1:][there], spent.argmax(axis=0).astype(np.uint8)[there]
+
+
+def _with_lapses(timeline: Timeline) -> tuple[Times, Times, NDArray[np.uint8]]:
+    """Return the intervals cut where lapses begin and end, in order."""
+    lapse_start_ns, lapse_end_ns = timeline.lapse_start_ns, timeline.lapse_end_ns
+    cuts = np.unique(np.concatenate([timeline.start_ns, lapse_start_ns, lapse_end_ns]))
+    end_ns = np.append(cuts[1:], timeline.end_ns[-1:])
+    cuts = cuts[: len(end_ns)]
+    state = timeline.state[np.searchsorted(timeline.start_ns, cuts, "right") - 1]
+    is_lapsed = np.isin(cuts, lapse_start_ns)
+    return cuts, end_ns, (state + LAPSED * is_lapsed).astype(np.uint8)
 
 
 def _time_along(panel: Any, lanes: Lanes) -> None:
@@ -228,6 +246,10 @@ def _explain(figure: Any, panel: Any, lanes: Lanes, palette: Palette, *, has_rou
         patches.Patch(color=np.array(colour) / 255, label=label)
         for label, colour in colours.items()
     ]
+    if any(len(timeline.lapse_start_ns) for timeline in lanes.doors.values()):
+        label = "not seen since (a line in its colour)"
+        edge = np.array(palette.open) / 255
+        handles.insert(3, patches.Patch(fill=False, edgecolor=edge, label=label))
     figure.legend(
         handles=handles, loc="outside lower left", ncols=len(handles), fontsize="small",
         frameon=False,

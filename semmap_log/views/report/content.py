@@ -32,6 +32,7 @@ from semmap_log.views.report.page_doors import (
     PageDoor,
     bring_home,
     brought_by,
+    coded_lapses,
     coded_life,
     coded_states,
     page_doors,
@@ -40,6 +41,7 @@ from semmap_log.views.report.page_doors import (
 from semmap_log.views.report.page_events import PageEvents, gather
 from semmap_log.views.report.plans import PageContent, begins_of_plans, shown_levels
 from semmap_log.views.report.track import track_of
+from semmap_log.views.tables import hold_setting
 from semmap_log.views.week_shades import shade
 from semmap_log.views.zone_times import DAY_MS, MS_NS, Span, first_ms, zone_offsets
 
@@ -119,6 +121,7 @@ def report_data(
     beliefs = beliefs_of(excerpt, tz, {page_door.door_id for page_door in told})
     levels = shown_levels(excerpt, now, PageContent(told, found.poses, span), home)
     said = _annotations(excerpt, now)
+    lapses = _lapses(excerpt, span)
     track = track_of(found.poses, span, begins_of_plans(levels, span))
     return {
         "log": _log(log, tz),
@@ -126,6 +129,7 @@ def report_data(
         "end": span.end_ms - span.begin_ms,
         "offsets": zone_offsets(span.widened(BESIDE_MS), tz),
         "events": found.events,
+        "isWhole": excerpt.until_ns is None,
         "isEmpty": found.events == 0 and not told,
         "howToBegin": how_to_begin(log),
         "states": [state.name for state in DoorState],
@@ -134,6 +138,7 @@ def report_data(
         "doors": [
             _door(page_door, said.get(page_door.door_id, {}), levels)
             | coded_life(page_door, span) | coded | beliefs.get(page_door.door_id, {})
+            | lapses.get(page_door.door_id, {"lapses": []})
             for page_door, coded in zip(told, states, strict=True)
         ],
         "track": track.runs,
@@ -163,8 +168,22 @@ def _log(log: DoorLog, tz: str) -> dict[str, Any]:
         "name": log_name(log.path),
         "building": info.building,
         "robot": info.robot,
+        "holds": hold_setting(info.holds),
         "tz": tz,
         "id": info.log_id,
+    }
+
+
+def _lapses(excerpt: Excerpt, span: Span) -> dict[DoorId, dict[str, Any]]:
+    """Return when each door was not seen since, and how long a sighting of it holds."""
+    found = excerpt.log.timelines(excerpt.doors, at=excerpt.last_ns())
+    return {
+        door_id: {
+            "lapses": coded_lapses(timeline.between(excerpt.since_ns), span),
+            "holds": timeline.hold.ns // MS_NS,
+        }
+        for door_id, timeline in found.items()
+        if timeline.hold is not None
     }
 
 

@@ -18,6 +18,7 @@ from semmap_log.domain.doors import Door, DoorId, DoorState
 from semmap_log.domain.events import DoorAdded
 from semmap_log.domain.meaning import Changed, Presence
 from semmap_log.folds.door_changes import STATE_CHANGE, Changes, Stamp, known_states, of_presence
+from semmap_log.folds.timeline import Timeline
 from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
 from semmap_log.views.excerpt.door_rows import (
     ALWAYS,
@@ -178,6 +179,13 @@ def coded_states(told: list[PageDoor], span: Span) -> tuple[Iterator[dict[str, A
         for kept in [_kept(t, s, step_ms)]
     )
     return ({"t": _deltas(t), "s": "".join(map(str, s.tolist()))} for t, s in thinned), step_ms
+
+
+def coded_lapses(timeline: Timeline, span: Span) -> list[int]:
+    """Return when lapses begin and end, in turn, each in milliseconds after the one before."""
+    edges_ns = np.stack([timeline.lapse_start_ns, timeline.lapse_end_ns], -1)
+    edges = -(-edges_ns // MS_NS) - span.begin_ms
+    return _deltas(edges[edges[:, 0] < edges[:, 1]].ravel())
 
 
 def _counting_ms(rows: Rows, span: Span) -> Rows:

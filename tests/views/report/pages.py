@@ -87,6 +87,21 @@ def retracted_log(path: Path, *, seed: int) -> sl.DoorLog:
     return sl.read(path)
 
 
+def watched_log(path: Path) -> sl.DoorLog:
+    """A door that is looked at each hour of three days, closed by then, and a note a day later."""
+    clock = SteadyClock(START)
+    with sl.create(path, tz="UTC", clock=clock) as log:
+        door = log.add_door(x=0.0, y=0.0, theta=0.0, width=1.0, name="front", state="open")
+        for day in range(3):
+            for hour in range(10):
+                at = START + (24 * day + hour) * 3600 * SECOND + SECOND // 3
+                clock.now_ns = at + SECOND
+                log.observe(door, "closed" if hour == 9 else "open", at=at)
+        clock.now_ns = START + 3 * 24 * 3600 * SECOND
+        log.annotate(door, "note", "a tail in which nothing happens")
+    return sl.read(path)
+
+
 def log_of(path: Path, *names: str, placed: bool = True) -> sl.DoorLog:
     """A door of each name, seen open, then closed an hour later."""
     clock = SteadyClock(START)

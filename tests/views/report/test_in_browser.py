@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import random
+import re
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -27,6 +28,7 @@ from tests.views.report.pages import (
     replayed_at,
     retracted_log,
     telling_moments,
+    watched_log,
 )
 from tests.views.rerun.some_logs import START, small_log
 
@@ -158,17 +160,20 @@ def _distance(picture: Image.Image, at: tuple[int, int], colour: tuple[int, int,
     return min(max(abs(a - b) for a, b in zip(colour, one, strict=True)) for one in near)
 
 
-def test_it_opens_at_the_end_and_a_link_opens_it_elsewhere(page: Page, tmp_path: Path) -> None:
+def test_it_opens_at_the_last_change_and_a_link_opens_it_elsewhere(
+    page: Page, tmp_path: Path
+) -> None:
     """
-    The fragment keeps the moment to the millisecond, and the door.
+    Not after a tail in which only the robot moved. The fragment keeps the moment to the
+    millisecond, and the door.
     """
     log = sl.read(RECORDINGS / "office")
     data = shown(page, tmp_path, log)
-    at_the_end = page.evaluate("+document.getElementById('slider').value")
+    opened_at = page.evaluate("+document.getElementById('slider').value")
 
     shown(page, tmp_path, log, "#t=2026-03-02T09:15:00.250+01:00&door=2")
 
-    assert data["end"] == at_the_end
+    assert max(changes_of_state(data)) == opened_at < data["end"]
     chosen = page.evaluate("document.querySelector('tr.chosen').dataset.id")
     moment = page.evaluate("+document.getElementById('slider').value")
     assert "2" == chosen
@@ -669,3 +674,92 @@ def test_the_last_changes_tell_apart_what_the_clocks_show_twice(page: Page, tmp_
     assert {"26 Oct 01:30:00"} == set(times[2:])
     assert "02:30:00 Sun 26 Oct 2025" == page.evaluate(
         "document.getElementById('clock').textContent")  # fmt: skip
+
+
+def test_a_door_that_was_not_seen_since_is_shown_so(page: Page, tmp_path: Path) -> None:
+    """
+    In its lane, on the plan, in the table and in words, from three hours after the last look on.
+    """
+    data = shown(page, tmp_path, watched_log(tmp_path / "log"))
+    (door,) = data["doors"]
+    lapsed_at = door["lapses"][0]
+    page.click(".lane[data-id='1'] button")
+    page.wait_until("document.querySelector('.lane[data-id] path')")
+    cell = "document.querySelector('tr[data-id=\"1\"] .of-state').textContent"
+    pale = "document.querySelector('.door[data-id=\"1\"]').classList.contains('lapsed')"
+
+    told = []
+    for t in (lapsed_at - 1, lapsed_at):
+        go_to(page, t)
+        beside = page.evaluate("document.getElementById('beside').textContent")
+        told.append(
+            (page.evaluate(cell), page.evaluate(pale), "a sighting holds for 3 h" in beside)
+        )
+
+    assert [("Closed", False, False), ("Closed, not seen since", True, True)] == told
+    lane = page.evaluate("document.querySelector('.lane[data-id=\"1\"] svg').ariaLabel")
+    share = "open 75 % of the time in which that was known, not seen for"
+    assert f"front: {share}" in lane
+    drawn = page.evaluate(
+        "[...document.querySelectorAll('.lane[data-id] path')].map(p => p.getAttribute('class'))"
+    )
+    assert ["closed lapsed", "open", "closed"] == drawn
+
+
+def test_what_is_said_of_the_end_says_so(page: Page, tmp_path: Path) -> None:
+    """
+    P(open) does not follow the slider: its head says of when it is, at any width.
+    """
+    log = watched_log(tmp_path / "log")
+    head = "document.querySelector('th.of-p button').textContent"
+    shown(page, tmp_path, log)
+    whole = page.evaluate(head)
+
+    shown(page, tmp_path, log, until=START + 3600 * 10**9)
+
+    assert "P(open) at the end of the log" == whole
+    assert "P(open) at the end of the page" == page.evaluate(head)
+
+
+@pytest.mark.slow
+def test_a_small_log_is_printed_on_two_pages(page: Page, tmp_path: Path) -> None:
+    """
+    The plan with what is beside it, lanes, tables, the last changes and the health.
+    """
+    shown(page, tmp_path, sl.read(RECORDINGS / "office"))
+
+    assert 2 == len(re.findall(rb"/Type\s*/Page\b", page.pdf()))
+
+
+@pytest.mark.slow
+def test_the_speeds_fit_a_narrow_screen(tmp_path: Path) -> None:
+    """
+    400 pixels: the menu is as wide as its longest text needs, within the window.
+    """
+    with a_page(size=(400, 800)) as page:
+        shown(page, tmp_path, sl.read(RECORDINGS / "office"))
+        left, _, width, _ = page.place("#speed")
+        needed = page.evaluate(
+            "(s => { s.style.maxWidth = 'none'; s.style.width = 'max-content';"
+            " return s.offsetWidth })(document.getElementById('speed'))"
+        )
+
+    assert needed <= width
+    assert left + width <= 400
+
+
+@pytest.mark.slow
+def test_a_typical_week_names_its_days(page: Page, tmp_path: Path) -> None:
+    """
+    Each beside its row of the map.
+    """
+    shown(page, tmp_path, sl.read(RECORDINGS / "clinic_week"))
+
+    _left, top, _width, height = page.place("figure[data-id='1'] .week")
+    rows = page.evaluate(
+        "[...document.querySelectorAll('figure[data-id=\"1\"] .days span')]"
+        ".map(s => [s.textContent, (b => (b.top + b.bottom) / 2)(s.getBoundingClientRect())])"
+    )
+    assert ["Mo", "Tu", "We", "Th", "Fr", "Sa", "Su"] == [name for name, _ in rows]
+    for place, (_, middle) in enumerate(rows):
+        assert abs(middle - (top + (place + 0.5) * height / 7)) < 3

@@ -7,6 +7,7 @@ import hashlib
 import json
 import random
 import re
+from itertools import accumulate
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,7 @@ from tests.views.report.pages import (
     retracted_log,
     shown_at,
     telling_moments,
+    watched_log,
 )
 from tests.views.rerun.some_logs import SECOND, START, restless_log, small_log
 
@@ -335,3 +337,22 @@ def test_the_data_is_plain_json(tmp_path: Path) -> None:
     data = data_of(report(log_of(tmp_path / "log", "a", "b", placed=False)).html)
 
     assert data == json.loads(json.dumps(data, allow_nan=False))
+
+
+@pytest.mark.parametrize("hours", [None, (12, 60)])
+def test_it_tells_when_a_door_was_not_seen(tmp_path: Path, hours: tuple[int, int] | None) -> None:
+    """
+    From when a sighting no longer holds to the next one, of the page's own time.
+    """
+    log = watched_log(tmp_path / "log")
+    since, until = (None, None) if hours is None else (START + h * 3600 * SECOND for h in hours)
+    timeline = log.timeline("front", at=until and until - 1, since=since)
+
+    data = data_of(report(log, since=since, until=until).html)
+
+    (door,) = data["doors"]
+    edges = [data["begin"] + t for t in accumulate(door["lapses"])]
+    assert edges[::2] == [-(-ns // MS) for ns in timeline.lapse_start_ns.tolist()]
+    assert edges[1::2] == [-(-ns // MS) for ns in timeline.lapse_end_ns.tolist()]
+    assert len(edges) == (6 if hours is None else 4)
+    assert door["holds"] == 3 * 3600 * 1000

@@ -27,9 +27,11 @@ function setUpBeside() {
 
 function showCounts(bar, counts, t) {
   const many = [0, 0, 0, 0, 0];
+  let lapsed = 0;
   for (const door of doors) {
     const now = door.at(t);
     if (now) many[now.state] += 1;
+    if (now && now.lapsed !== null) lapsed += 1;
   }
   const shown = [1, 2, 0, 3, 4].filter((state) => many[state] || state < 3);
   bar.replaceChildren(...[1, 2, 0].map((state) => {
@@ -39,6 +41,7 @@ function showCounts(bar, counts, t) {
   }));
   counts.replaceChildren(...shown.map((state) =>
     el("div", {}, el("dt", {}, dot(state), STATE_WORDS[state]), el("dd", {}, grouped(many[state])))));
+  if (lapsed) counts.append(el("div", { class: "aside" }, el("dt", {}, "of these not seen since"), el("dd", {}, grouped(lapsed))));
 }
 
 function whereaboutsText(t) {

@@ -1,7 +1,7 @@
 // The moment that is shown, and the door that is chosen: slider, keys, playing, the link.
 
 const clock = {
-  t: END,
+  t: LAST_CHANGE,
   chosen: null,
   listeners: [],
 
@@ -65,8 +65,8 @@ const clock = {
 /* Playing. */
 
 const SPEEDS = [
-  ["1 s / s", 1000], ["1 min / s", MINUTE], ["10 min / s", 10 * MINUTE], ["1 h / s", HOUR],
-  ["6 h / s", 6 * HOUR], ["1 day / s", DAY], ["1 week / s", 7 * DAY],
+  ["1 s/s", 1000], ["1 min/s", MINUTE], ["10 min/s", 10 * MINUTE], ["1 h/s", HOUR],
+  ["6 h/s", 6 * HOUR], ["1 day/s", DAY], ["1 week/s", 7 * DAY],
 ];
 const SECONDS_OF_ALL = 45;
 
@@ -75,7 +75,7 @@ const player = {
 
   toggle() {
     this.isOn = !this.isOn && END > 0;
-    if (this.isOn && clock.t >= END) clock.set(0);
+    if (this.isOn && clock.t >= LAST_CHANGE) clock.set(0);
     byId("play").setAttribute("aria-pressed", String(this.isOn));
     byId("play").setAttribute("aria-label", this.isOn ? "Pause" : "Play");
     this.last = performance.now();

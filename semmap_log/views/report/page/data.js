@@ -2,6 +2,7 @@
 
 const data = JSON.parse(byId("data").textContent);
 const END = data.end;
+const AT_THE_END = data.isWhole ? "at the end of the log" : "at the end of the page";
 const CLASSES = ["unknown", "open", "closed", "unknown", "unknown"];
 const STATE_WORDS = data.states.map((name) => name[0] + name.slice(1).toLowerCase());
 /** What a state is called: a dock, which is no door, may be free or taken. */
@@ -21,12 +22,37 @@ class Door {
     this.changedAt = Float64Array.from(at, (i) => this.times[i]);
     this.changedTo = Uint8Array.from(at, (i) => this.states[i]);
     this.changes = at.filter((i) => i > 0 && this.times[i] <= END).length;
+    let told = 0;
+    const edges = raw.lapses.map((delta) => (told += delta));
+    /** When a sighting stopped holding, and when the door was reported on again. */
+    this.lapsedAt = Float64Array.from(edges.filter((_, i) => i % 2 === 0));
+    this.lapsedTill = Float64Array.from(edges.filter((_, i) => i % 2), (t) => (t >= END ? Infinity : t));
     this.placedAt = Float64Array.from(raw.places, (place) => place[0]);
     this.givenAt = Float64Array.from(raw.probs, (given) => given[0]);
   }
 
   isThere(t) {
     return this.added <= t && (this.removed === null || t < this.removed);
+  }
+
+  /** Since when the door was not seen at a moment; null: a sighting holds, or a state that was set. */
+  lapsedSince(t) {
+    const i = lastUpTo(this.lapsedAt, t);
+    return i >= 0 && t < this.lapsedTill[i] ? this.lapsedAt[i] : null;
+  }
+
+  /** The parts of a time: [from, till, whether the door was not seen then]. */
+  *parts(from, till) {
+    let begin = from;
+    for (let i = Math.max(lastUpTo(this.lapsedAt, from), 0); i < this.lapsedAt.length; i++) {
+      const start = Math.max(this.lapsedAt[i], from), end = Math.min(this.lapsedTill[i], till);
+      if (start >= till) break;
+      if (end <= start) continue;
+      if (start > begin) yield [begin, start, false];
+      yield [start, end, true];
+      begin = end;
+    }
+    if (begin < till || begin === from) yield [begin, till, false];
   }
 
   /** What a replay of that moment says of the door; null: it is not in the map. */
@@ -38,6 +64,7 @@ class Door {
     return {
       state: this.changedTo[run],
       since: this.changedAt[run],
+      lapsed: this.lapsedSince(t),
       seen: this.times[lastUpTo(this.times, t)],
       place: place && place.length > 2 ? place : null,
       level: place ? place[1] : 0,
@@ -58,6 +85,9 @@ const momentsOfChange = (() => {
   for (const door of doors) for (const t of momentsOf(door)) all.add(t);
   return Float64Array.from(all).sort();
 })();
+
+/** The last change: what follows is a tail in which nothing happens to the doors. */
+const LAST_CHANGE = momentsOfChange.length ? momentsOfChange[momentsOfChange.length - 1] : END;
 
 function momentsOf(door) {
   const found = [door.added, ...door.placedAt];

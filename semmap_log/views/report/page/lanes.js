@@ -2,6 +2,7 @@
 
 const LANE_HEIGHT = 14;
 const HEIGHTS = { open: 1, closed: 0.5, unknown: 0.2 }; // a state is told without colours, too
+const LAPSED_HEIGHT = 0.2;
 const LETTER_PX = 6.7, NARROW_PX = 500;
 const LONGEST_NAME = 20, LANES_ON_A_PAGE = 150, LANES_BELOW_AN_AXIS = 30;
 const IS_PHONE = innerWidth < 600; // there is room for the id, and where a name begins
@@ -98,17 +99,21 @@ class Lane {
 
   statePaths(width) {
     const { changedAt, changedTo, added, removed } = this.door;
-    const paths = { open: [], closed: [], unknown: [] }, drawnTo = { open: -1, closed: -1, unknown: -1 };
+    const paths = {}, drawnTo = {};
     const last = Math.min(removed ?? END, END);
+    for (const name of Object.keys(HEIGHTS)) paths[`${name} lapsed`] = [];
+    for (const name of Object.keys(HEIGHTS)) paths[name] = [];
     for (let i = Math.max(lastUpTo(changedAt, view.from), 0); i < changedAt.length; i++) {
       const from = Math.max(changedAt[i], added, view.from);
       const till = Math.min(i + 1 < changedAt.length ? changedAt[i + 1] : last, last, view.till);
       if (from > view.till) break;
-      const name = CLASSES[changedTo[i]];
-      const x = shareOf(from) * width, end = Math.max(shareOf(till) * width, x + 1);
-      if (till < from || end <= drawnTo[name]) continue; // no eye sees it
-      paths[name].push(boxOf(x, end, HEIGHTS[name]));
-      drawnTo[name] = Math.ceil(end);
+      for (const [begin, end, isLapsed] of this.door.parts(from, till)) {
+        const name = CLASSES[changedTo[i]] + (isLapsed ? " lapsed" : "");
+        const x = shareOf(begin) * width, right = Math.max(shareOf(end) * width, x + 1);
+        if (end < begin || right <= (drawnTo[name] ?? -1)) continue; // no eye sees it
+        paths[name].push(boxOf(x, right, isLapsed ? LAPSED_HEIGHT : HEIGHTS[name]));
+        drawnTo[name] = Math.ceil(right);
+      }
     }
     return paths;
   }
@@ -132,7 +137,8 @@ class Lane {
     const now = this.door.at(t);
     const title = el("b", {}, quoted(this.door.name));
     if (!now) return [title, when, "not in the map"];
-    return [title, when, el("span", {}, dot(now.state), `${wordOf(this.door, now.state)} ${sinceText(now)}`)];
+    const lines = [title, when, el("span", {}, dot(now.state), `${wordOf(this.door, now.state)} ${sinceText(now)}`)];
+    return now.lapsed === null ? lines : [...lines, lapsedText(this.door, now)];
   }
 }
 
@@ -141,15 +147,19 @@ const boxOf = (x, end, share) =>
 
 /** The share of its known time that a door was open, for who cannot see its lane. */
 function spanText(door) {
-  let open = 0, known = 0;
+  let open = 0, known = 0, lapsed = 0;
   door.changedAt.forEach((from, i) => {
     const till = i + 1 < door.changedAt.length ? door.changedAt[i + 1] : door.removed ?? END;
-    const length = Math.max(Math.min(till, END) - Math.max(from, 0), 0);
-    if (door.changedTo[i] === 1) open += length;
-    if (door.changedTo[i] === 1 || door.changedTo[i] === 2) known += length;
+    for (const [begin, end, isLapsed] of door.parts(Math.max(from, 0), Math.min(till, END))) {
+      const length = Math.max(end - begin, 0);
+      if (isLapsed) lapsed += length;
+      else if (door.changedTo[i] === 1) open += length;
+      if (!isLapsed && (door.changedTo[i] === 1 || door.changedTo[i] === 2)) known += length;
+    }
   });
   const share = known ? `open ${Math.round((100 * open) / known)} % of the time in which that was known` : "never known";
-  return `${door.name}: ${share}, ${count(door.changes, "change")}`;
+  const unseen = lapsed ? `, not seen for ${ageText(lapsed)}` : "";
+  return `${door.name}: ${share}${unseen}, ${count(door.changes, "change")}`;
 }
 
 /** Write the times above every so many lanes, so that each sheet of paper has them. */

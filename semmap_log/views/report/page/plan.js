@@ -186,6 +186,7 @@ class LevelPanel {
       mark.group.classList.toggle("chosen", mark.door.id === chosen);
       if (state) {
         mark.group.dataset.state = data.states[state.state];
+        mark.group.classList.toggle("lapsed", state.lapsed !== null);
         mark.group.setAttribute("aria-label", `${mark.door.name}: ${wordOf(mark.door, state.state)}`);
       }
     });
@@ -307,16 +308,20 @@ function linesOf(door, t) {
   if (!now) return [title, "not in the map at this moment"];
   const lines = [title, el("span", {}, dot(now.state), `${wordOf(door, now.state)} ${sinceText(now)}`),
     `last seen ${shortTime(now.seen)}, ${agoText(t - now.seen)}`];
+  if (now.lapsed !== null) lines.push(lapsedText(door, now));
   if (now.given) lines.push(`set in the map: ${givenText(now.given)}`);
   const usual = usualAt(door, t);
   if (usual !== null) lines.push(`P(open) in a typical week at this hour: ${shortNumber(usual)}`);
-  lines.push(door.p ? `P(open) at the end: ${beliefText(door.p)}` : `P(open) at the end: unknown${door.why ? `, ${door.why}` : ""}`);
+  lines.push(`P(open) ${AT_THE_END}: ${door.p ? beliefText(door.p) : `unknown${door.why ? `, ${door.why}` : ""}`}`);
   return lines;
 }
 
 const agoText = (ms) => (ms < 1000 ? "just now" : `${ageText(ms)} ago`);
 
 const sinceText = (now) => (now.since < 0 ? `since before ${shortTime(0)}` : `since ${shortTime(now.since)}`);
+
+/** Why a state is not known any more. */
+const lapsedText = (door, now) => `not seen since ${shortTime(now.lapsed)}: a sighting holds for ${ageText(door.holds)}`;
 
 const beliefText = ([p, low, high]) => `${shortNumber(p)} (${interval(low, high)})`;
 
@@ -350,6 +355,7 @@ function setUpPlan() {
   byId("whole").addEventListener("click", () => front.zoomBy(0));
   byId("legend").append(...["Open", "Closed", "Unknown"].map((word) =>
     el("li", {}, el("i", { class: `stroke ${word.toLowerCase()}`, "aria-hidden": "true" }), word)),
+  ...(doors.some((door) => door.lapsedAt.length) ? [el("li", {}, el("i", { class: "stroke lapsed", "aria-hidden": "true" }), "Pale: not seen since")] : []),
   ...(runs.length ? [el("li", {}, el("i", { class: "dot robot", "aria-hidden": "true" }), "Robot, and its last 30 minutes")] : []));
   bringToFront(mostOfInterest());
   let width = 0;

@@ -7,7 +7,7 @@ const COLUMNS = [
   { key: "level", title: "Level", of: (row) => levelNames.get(row.now.level ?? levelOf(row.door)) || "" },
   { key: "state", title: "State", of: (row) => row.now.state },
   { key: "seen", title: "Last seen", of: (row) => -row.now.seen, isNumber: true },
-  { key: "p", title: "P(open)", more: " at the end", of: (row) => (row.door.p ? -row.door.p[0] : 2), isNumber: true },
+  { key: "p", title: "P(open)", more: ` ${AT_THE_END}`, of: (row) => (row.door.p ? -row.door.p[0] : 2), isNumber: true },
   { key: "changes", title: "Changes", of: (row) => -row.door.changes, isNumber: true },
 ];
 const collator = new Intl.Collator(undefined, { numeric: true });
@@ -17,7 +17,7 @@ const table = { sort: "id", descends: false, rows: [] };
 function setUpTable() {
   const head = el("tr", {}, COLUMNS.map((column) => (column.head = el("th", { scope: "col", class: `of-${column.key}`, "aria-sort": "none" },
     el("button", { type: "button", onclick: () => sortBy(column.key) }, column.title,
-      column.more ? el("span", { class: "wide" }, column.more) : null),
+      column.more ? el("span", { class: "more" }, column.more) : null),
     // A head with buttons in it is not repeated on the next sheet of paper.
     el("span", { class: "on-paper", "aria-hidden": "true" }, column.title, column.more || "")))));
   table.rows = doors.map(rowOf);
@@ -48,7 +48,7 @@ function showTable(t, chosen) {
   let shown = 0;
   for (const row of table.rows) {
     const now = row.door.at(t) || NOT_THERE;
-    if (!row.now || now.state !== row.now.state || now.level !== row.now.level) showState(row, now);
+    if (!row.now || ["state", "level", "lapsed"].some((key) => now[key] !== row.now[key])) showState(row, now);
     row.now = now;
     say(row.cells.seen, now === NOT_THERE ? "–" : agoText(t - now.seen));
     const isShown = row.search.includes(wanted) && (state === "" || String(now.state) === state);
@@ -64,7 +64,8 @@ function showState(row, now) {
   row.element.dataset.state = now === NOT_THERE ? "" : data.states[now.state];
   say(row.cells.level, levelNames.get(now.level ?? levelOf(row.door)) || "");
   row.cells.state.replaceChildren(...(now === NOT_THERE ? [el("span", { class: "aside" }, "not in the map")]
-    : [dot(now.state), wordOf(row.door, now.state)]));
+    : [dot(now.state), wordOf(row.door, now.state),
+      now.lapsed === null ? "" : el("span", { class: "aside", title: lapsedText(row.door, now) }, ", not seen since")]));
 }
 
 function sortBy(key) {

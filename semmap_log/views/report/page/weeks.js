@@ -70,7 +70,8 @@ function weekOf(door) {
   }, canvas, mark);
   const figure = el("figure", { "data-id": door.id }, el("figcaption", {},
     el("button", { type: "button", title: door.name, onclick: () => clock.choose(clock.chosen === door.id ? null : door.id) }, quoted(door.short))),
-  map, el("div", { class: "hours", "aria-hidden": "true" }, [0, 6, 12, 18, 24].map((hour) => el("span", {}, String(hour)))));
+  el("div", { class: "days", "aria-hidden": "true" }, DAY_NAMES.map((name) => el("span", {}, name.slice(0, 2)))), map,
+  el("div", { class: "hours", "aria-hidden": "true" }, [0, 6, 12, 18, 24].map((hour) => el("span", {}, String(hour)))));
   figure.mark = mark;
   return figure;
 }

@@ -13,6 +13,7 @@ function setUpHead() {
     ["Zone", log.tz],
     ["Doors", grouped(doors.length)],
     ["Events shown", grouped(data.events)],
+    ["A sighting holds", data.log.holds],
     ["Rounds", data.rounds.length ? grouped(data.rounds.length) : null],
     ["Health", health.warnings.length + health.suspects ? count(health.warnings.length + health.suspects, "warning") : "no warnings"],
   ];
@@ -32,9 +33,12 @@ function notes() {
   return said;
 }
 
+const ON_PAPER = 30; // as print.css has it
+
 function setUpChanges() {
   say(byId("changes-note"), data.changes.length ? `the last ${data.changes.length}, the latest first; poses and sightings that changed nothing are left out` : "none");
   if (!data.changes.length) return;
+  if (data.changes.length > ON_PAPER) byId("changes-note").append(el("span", { class: "on-paper" }, `; on paper the last ${ON_PAPER}`));
   const head = ["When", "Door", "What", "Who", "Why"].map((title) => el("th", { scope: "col" }, title));
   byId("changes").append(el("caption", { class: "unseen-text" }, "The last changes"), el("thead", {}, el("tr", {}, head)),
     el("tbody", {}, data.changes.map(changeRow)));
