@@ -12,6 +12,7 @@ import hashlib
 import json
 import struct
 
+from semmap_log.domain.moments import USUAL_HOLDS
 from semmap_log.store.header import LogInfo, SegmentHeader
 
 _ITEM = struct.Struct("<cQ")
@@ -20,10 +21,11 @@ _ITEM = struct.Struct("<cQ")
 class Unbound:
     """Takes the records of a log in file order; its digest is that of all up to the last commit.
 
-    Each item is a letter, its length as u64, and its bytes: `i` a JSON list of timezone, building
-    and robot, where a head says others than the one before; `s` a JSON list of what the head of a
-    trimmed segment says (first event, next event, reasons, horizon); `t` the whole Message record
-    of a Tombstone; `k` that of a keyframe that cannot be checked.
+    Each item is a letter, its length as u64, and its bytes: `i` a JSON list of timezone, building,
+    robot and, if it is there, holds (a number), where a head says others than the one before; `s`
+    a JSON list of what the head of a trimmed segment says (first event, next event, reasons,
+    horizon); `t` the whole Message record of a Tombstone; `k` that of a keyframe that cannot be
+    checked.
     """
 
     def __init__(self) -> None:
@@ -43,7 +45,8 @@ class Unbound:
         """Take in what the head of the next segment says."""
         info, trimmed = header.info, header.trimmed
         if info != self._info:
-            self._wait(b"i", _json(info.timezone, info.building, info.robot))
+            holds = () if info.holds == USUAL_HOLDS else (info.holds,)
+            self._wait(b"i", _json(info.timezone, info.building, info.robot, *holds))
         self._takes_next = self._is_trimmed and trimmed is None
         self._info, self._is_trimmed = info, trimmed is not None
         if trimmed is not None:

@@ -53,7 +53,7 @@ SIGNING = (
     guard("… and the one after them", "Unbound.add_keyframe",
           "self._is_trimmed or self._takes_next", "self._is_trimmed", "test_signed"),
     guard("… and what the heads say", "Unbound.begin_segment",
-          'self._wait(b"i", _json(info.timezone, info.building, info.robot))', "", "test_signed"),
+          'self._wait(b"i", _json(info.timezone, info.building, info.robot, *holds))', "", "test_signed"),
     guard("… and the whole Tombstone", "Unbound.add_tombstone",
           'self._take(b"t", bytes(record))', "", "test_signed"),
     guard("nothing is signed that does not verify", "log_signing.read_for_signing",
