@@ -41,6 +41,7 @@ and seven warnings:
     KeyframeWarning                 a cache in the log cannot be used; answers only take longer
     NewerLogWarning                 events of a later version are left out; they change no answer
     EarlyEventsWarning              what was appended had happened before its door was added
+    FutureTimesWarning              what was appended happens in time to come, by the log's clock
     LevelNameWarning                a level's name is the number of another; the name counts
     KnownLaterWarning               nothing was known at a moment that the log was told of later
     SensorWarning                   what a sensor read contradicts the accuracies declared for it
@@ -328,6 +329,10 @@ class CheckpointWarning(UserWarning):
 
 class EarlyEventsWarning(UserWarning):
     """Events had happened before their door was added: they are kept, and no answer counts them."""
+
+
+class FutureTimesWarning(UserWarning):
+    """Events are said to happen later than they were recorded: they count from then on."""
 
 
 class LevelNameWarning(UserWarning):

@@ -15,6 +15,7 @@ from semmap_log.door_log.appended import Appended
 from semmap_log.door_log.commands import WAITING_POSES, Command, TakenOver
 from semmap_log.door_log.current_map import CurrentMap
 from semmap_log.door_log.early_warnings import EarlyWarnings
+from semmap_log.door_log.future_warnings import FutureWarnings
 from semmap_log.door_log.validator import Validator
 from semmap_log.errors import CommandReusedError, InvalidEventError, LogPoisonedError
 from semmap_log.io.clock import KeptClock
@@ -43,6 +44,7 @@ class Appender:
         self._lock = threading.RLock()
         self.now = CurrentMap(opened, self._lock)
         self._early = EarlyWarnings(self.now, opened.reader.info.timezone)
+        self._future = FutureWarnings(opened.reader.info.timezone)
         self._pose_timer: threading.Timer | None = None
 
     def append(self, command: Command, *, sync: bool | None = None) -> Appended:
@@ -68,8 +70,7 @@ class Appender:
             if appended is None:
                 appended = self._write(command, content, command.events(self.now))
         self._keep(appended.commit, sync=sync)  # other threads may append meanwhile
-        if self._early.found.counts:
-            self._early.warn()
+        self._warn()
         return appended
 
     def append_if_any(self, command: Command) -> Appended | None:
@@ -92,8 +93,7 @@ class Appender:
             self._writer.apply_policy(looked_at)
             return None
         self._keep(appended.commit, sync=None)
-        if self._early.found.counts:
-            self._early.warn()
+        self._warn()
         return appended
 
     def take_over(
@@ -183,6 +183,13 @@ class Appender:
                 self._writer.close()
                 self.now.is_read = False
         self._early.warn(is_last=True)
+        self._future.warn(is_last=True)
+
+    def _warn(self) -> None:
+        """Tell of times that cannot be meant."""
+        if self._early.found.counts:
+            self._early.warn()
+        self._future.warn()
 
     def _repeated(self, command: Command) -> Appended | None:
         """Return the answer to a command that is stored already; None: it is not.
@@ -248,7 +255,7 @@ class Appender:
                 own = validator.check_all(events)
                 whole: Iterable[Event | EventBatch] = [*poses, *own] if poses else own
             else:
-                whole = chain(poses, validator.checked(events))
+                whole = chain(poses, self._future.passing(validator.checked(events)))
             commit = self._writer.append(
                 whole,
                 note=context.note,
@@ -259,6 +266,7 @@ class Appender:
         finally:
             now.is_read = False
         self._take_in(validator, commit)
+        self._future.settle(own, commit.recorded_ns)
         return Appended(commit, len(poses), False, own, self._writer.make_durable)
 
     def _take_in(self, validator: Validator, commit: Commit) -> None:
