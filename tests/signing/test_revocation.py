@@ -136,6 +136,10 @@ def test_a_number_from_before_reaches_no_further(
     code, wrong, end = checked(log, owner, key)
     assert (4, kept.next_event) == (code, end)
     assert "revoked" in wrong
+    max(statements(log)).unlink()
+    assert (6, ["unsigned"], kept.next_event) == checked(log, owner, key)
+    put(log, replace(kept, number=3, taken=NO_DIGEST, before=NO_DIGEST), key)
+    assert (4, ["revoked", "unsigned"], kept.next_event) == checked(log, owner, key)
 
 
 def test_a_thief_signs_no_other_log_in_its_place(
