@@ -39,6 +39,24 @@ def run(
             "--next-key", metavar="PUB", help="Name the key that signs this log from now on."
         ),
     ] = None,
+    timestamp: Annotated[
+        str,
+        typer.Option(
+            "--timestamp", metavar="URL", help="Get a time stamp (RFC 3161) for what is signed."
+        ),
+    ] = "",
+    revoke: Annotated[
+        Path | None,
+        typer.Option(
+            "--revoke", metavar="PUB", help="Sign nothing but that this key is not believed …"
+        ),
+    ] = None,
+    first: Annotated[
+        int | None,
+        typer.Option(
+            "--from", metavar="NUMBER", min=0, help="--revoke: … from its statement NUMBER on."
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Sign the head of what is closed of a log: a change of its past shows from then on.
@@ -56,6 +74,15 @@ def run(
 
     With --next-key, KEY signs no more of this log; who believes KEY believes its successor.
 
+    With --revoke, KEY is an owner's key, which is kept offline. Statements of PUB from NUMBER on
+    (the last number in their files' names) do not count from then on; those before it do. `verify`
+    believes that if its allowed_signers file has KEY for semmap-log-revoke.
+
+    With --timestamp, the authority at URL gets the hash of KEY's newest statement, and its answer
+    is kept with that, as X.head.tsr; a statement that has one is not asked for again. It proves
+    that all that was signed by then was signed not later. Its own signature is not checked by
+    `verify`, but by openssl, with the authority's certificate.
+
     KEY is as `ssh-keygen -t ed25519` makes it. It must not lie in the log's folder, and nobody
     else may read it. A passphrase is asked for on a terminal, or taken from the environment
     variable SEMMAP_LOG_KEY_PASSPHRASE. --new-key makes one without a passphrase. Needs
@@ -69,10 +96,23 @@ def run(
       semmap-log sign office --key ~/.ssh/office --new-key
       semmap-log sign office --key ~/.ssh/office
       ssh-keygen -Y verify -f FILE -I NAME -n semmap-log -s X.head.sig < X.head
+      openssl ts -verify -data X.head -in X.head.tsr -CAfile ca.pem
     """
     from semmap_log.signing.log_signing import sign
+    from semmap_log.signing.signature_folder import TOKEN
+    from semmap_log.signing.timestamps import is_url, stamp_newest
 
-    successor = None if next_key is None else _only_key(next_key)
+    if (revoke is None) != (first is None):
+        raise typer.BadParameter("give both: --revoke PUB --from NUMBER", param_hint="--revoke")
+    if revoke is not None and first is not None:
+        if new_key or adopt or next_key or timestamp:
+            raise typer.BadParameter("only with --key and --from", param_hint="--revoke")
+        _revoke(log, key_to_sign(log, key), revoke, first, as_json=as_json)
+        return
+    if timestamp and not is_url(timestamp):
+        hint = f"expected http://… or https://…, got {timestamp!r}"
+        raise typer.BadParameter(hint, param_hint="--timestamp")
+    successor = None if next_key is None else _only_key(next_key, "--next-key")
     opened = _new_key(log, key) if new_key else key_to_sign(log, key)
     with progress("Verifying") as told:
         done = sign(log, opened, adopt=adopt, next_key=successor, progress=told)
@@ -80,15 +120,29 @@ def run(
         print_json(_to_json(done, opened))
     else:
         _tell(log, done, opened)
+    if timestamp and (stamped := stamp_newest(log, opened, timestamp)):
+        say(f"{stamped.path.name}{TOKEN}: time stamp of {stamped.time}")
 
 
-def _only_key(path: Path) -> PublicKey:
+def _revoke(log: Path, owner: SigningKey, path: Path, first: int, *, as_json: bool) -> None:
+    """Revoke a key, and say from where on."""
+    from semmap_log.signing.log_signing import revoke
+
+    revoked = _only_key(path, "--revoke")
+    made = revoke(log, owner, revoked, first=first)
+    if as_json:
+        print_json({"revoked": revoked.fingerprint, "from": first, "made": made.name})
+    else:
+        typer.echo(f"{log}: {revoked} is revoked from its statement {first} on: {made.name}")
+
+
+def _only_key(path: Path, option: str) -> PublicKey:
     """Return the key in a file, which has to be the only one."""
     from semmap_log.signing.public_keys import read_public_keys
 
     found = list(read_public_keys([path]).values())
     if len(found) != 1:
-        raise typer.BadParameter(f"expected one key, got {len(found)}", param_hint="--next-key")
+        raise typer.BadParameter(f"expected one key, got {len(found)}", param_hint=option)
     return found[0]
 
 

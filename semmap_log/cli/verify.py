@@ -136,6 +136,7 @@ def _signed_to_json(done: SignedVerification) -> dict[str, Any]:
         "good": done.good,
         "signed_before": done.signed_before,
         "by": [{"key": key.fingerprint, "owner": key.owner} for key in done.by],
+        "timestamps": [{"statement": str(path), "time": time} for path, time in done.times],
     }
     return {**to_json(done.found), "signatures": signed}
 

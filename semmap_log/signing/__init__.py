@@ -13,10 +13,14 @@ ssh_signature     a signature: made, read, checked
 public_keys       whom to believe: `.pub` files and allowed_signers
 private_keys      who signs: a key read, or made
 statement         what is signed
-signature_folder  where it lies: LOG/signatures
+revocation        what revokes a key
+signature_folder  where both lie: LOG/signatures
+timestamp_token   a time stamp of RFC 3161: its query, and what it says
+timestamps        time stamps of statements, from an authority
 signer_state      what a key has signed last: KEY.state
 signer            statement after statement, each after the last
 log_signing       a log at rest, signed
 sign_beside       a log signed while somebody writes it
+trust             whom to believe: with successors and revocations
 signed_log        a log verified against its signatures
 """

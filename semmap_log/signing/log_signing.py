@@ -12,11 +12,13 @@ from semmap_log.io.progress import Progress
 from semmap_log.replay.care import verify
 from semmap_log.signing.ed25519_sdk import SigningKey
 from semmap_log.signing.public_keys import PublicKey
-from semmap_log.signing.signature_folder import signed_in
+from semmap_log.signing.revocation import Revocation
+from semmap_log.signing.signature_folder import name_of_revocation, signed_in, write_signed
 from semmap_log.signing.signer import Reach, Signer
 from semmap_log.signing.signer_state import SignerState
-from semmap_log.signing.ssh_signature import HEADS, TRIMMING
-from semmap_log.signing.statement import NONE, Statement
+from semmap_log.signing.ssh_signature import HEADS, REVOKING, TRIMMING
+from semmap_log.signing.statement import NO_DIGEST, NONE, Statement
+from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.verification.findings import CommitEnd, Severity, Verification
 
 _NOWHERE = CommitEnd(b"", 0)
@@ -94,6 +96,43 @@ def check_before_trimming(log: Path, key: SigningKey, progress: Progress | None 
                 "statement vouches for that",
                 adopt=True,
             )
+
+
+def revoke(log: Path, owner: SigningKey, revoked: PublicKey, *, first: int) -> Path:
+    """Revoke a key for a log, from the statement of a number on; return the revocation's file.
+
+    The statements before that number which lie in the log's folder are taken for its own: compare
+    them with copies from elsewhere. The log itself is not read.
+
+    Args:
+        log: The log's folder.
+        owner: Who signs that; `verify` must believe it for semmap-log-revoke.
+        revoked: Which key.
+        first: The number of the first statement that does not count; 0: none counts.
+
+    Raises:
+        SigningError: It would revoke itself; the statements cannot be read, or none of the key's
+            has a lower number.
+        OutputError: The disk does not take it.
+        LogError: It is no log.
+    """
+    refuse_made(log)
+    if owner.public_bytes == revoked.public_bytes:
+        raise SigningError(f"{log}: expected an owner's key to revoke {revoked}, got that one.")
+    log_id = LogReader(log).info.log_id
+    own = [
+        (one.statement.number, one.digest) for one in signed_in(log, log_id)
+        if one.public_bytes == revoked.public_bytes and isinstance(one.statement, Statement)
+    ]  # fmt: skip
+    before = [one for one in own if one[0] < first]
+    if first and not before:
+        raise SigningError(
+            f"{log}: expected a statement of {revoked} with a number below {first}, got none; put "
+            "copies back into LOG/signatures, or revoke all that it has signed (--from 0)."
+        )
+    last = max(before)[1] if before else NO_DIGEST
+    said = Revocation(log_id, revoked.words, first, last)
+    return write_signed(log, name_of_revocation(said), said.text, owner, REVOKING)
 
 
 def read_for_signing(

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from semmap_log.errors import SigningError
 from semmap_log.signing.ssh_format import KEY_TYPE, public_blob, public_bytes_in
-from semmap_log.signing.ssh_signature import HEADS, NAMESPACES, TRIMMING
+from semmap_log.signing.ssh_signature import HEADS, NAMESPACES
 
 _MOST_BYTES = 2**20
 _NAMESPACES = re.compile(r'namespaces="([^"]*)"')
@@ -26,7 +26,7 @@ class PublicKey:
     owner: str = ""
     """The comment of a `.pub`, or the principals of an allowed_signers file."""
     namespaces: frozenset[str] = frozenset({HEADS})
-    """What it is believed for. What was taken out, only if a line says so by name."""
+    """What it is believed for: more than what was recorded only if a line names it."""
 
     @property
     def fingerprint(self) -> str:
@@ -152,5 +152,5 @@ def _namespaces(where: str, options: str) -> frozenset[str]:
     patterns = found[1].split(",") if found else [HEADS]
     ours = [one for one in NAMESPACES if any(fnmatchcase(one, pattern) for pattern in patterns)]
     if not ours:
-        raise SigningError(f"{where}: its namespaces allow neither {HEADS} nor {TRIMMING}.")
+        raise SigningError(f"{where}: its namespaces allow none of {', '.join(NAMESPACES)}.")
     return frozenset(ours)

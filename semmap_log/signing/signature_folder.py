@@ -2,7 +2,9 @@
 
     signatures/000000000216_9f86d081884c7d65_3.head      a statement: up to event 216, by that key
     signatures/000000000216_9f86d081884c7d65_3.head.sig  its signature
+    signatures/000000000216_9f86d081884c7d65_3.head.tsr  its time stamp, if there is one
     signatures/000000000218_1f02c0aa91b37e5d_0.trim      one that vouches for what was taken out
+    signatures/9f86d081884c7d65_4.revoke                 that key is revoked from its statement 4 on
 
 The signature is written first: a statement that is there has one. Names only keep files apart;
 what counts is in them.
@@ -19,9 +21,11 @@ from pathlib import Path
 from semmap_log.errors import SigningError
 from semmap_log.io.disk import left_by_killed, output_errors, read_own, replace_file, sync_folder
 from semmap_log.signing.ed25519_sdk import SigningKey
-from semmap_log.signing.public_keys import short_id
+from semmap_log.signing.public_keys import key_in_words, short_id
+from semmap_log.signing.revocation import TITLE, Revocation, read_revocation
 from semmap_log.signing.ssh_signature import (
     HEADS,
+    REVOKING,
     TRIMMING,
     SshSignature,
     read_signature,
@@ -30,9 +34,10 @@ from semmap_log.signing.ssh_signature import (
 from semmap_log.signing.statement import OldStatement, Statement, read_statement
 
 FOLDER = "signatures"
-SUFFIXES = {HEADS: ".head", TRIMMING: ".trim"}
-"""Namespace of a signature -> how the name of its statement ends."""
-SIGNATURE = ".sig"
+SUFFIXES = {HEADS: ".head", TRIMMING: ".trim", REVOKING: ".revoke"}
+"""Namespace of a signature -> how the name of what is signed ends."""
+SIGNATURE, TOKEN = ".sig", ".tsr"
+"""What is added to the name of a statement: of its signature, and of its time stamp."""
 _MOST_BYTES = 2**14
 
 
@@ -50,8 +55,18 @@ class SignedStatement:
 
 
 @dataclass(frozen=True, slots=True)
+class SignedRevocation:
+    """A revocation, and whose signature fits it."""
+
+    path: Path
+    revocation: Revocation
+    public_bytes: bytes
+    """Of the key that signed it; whether that is believed is another question."""
+
+
+@dataclass(frozen=True, slots=True)
 class BadSignature:
-    """A file that is no signed statement, and why."""
+    """A file that is no signed statement or revocation, and why."""
 
     path: Path
     kind: str
@@ -74,18 +89,20 @@ def statement_files(place: Path) -> list[Path]:
     return [place]
 
 
-def read_all(files: Iterable[Path]) -> Iterator[SignedStatement | BadSignature]:
-    """Yield what is in files of statements, each with the signature beside it."""
+def read_all(
+    files: Iterable[Path],
+) -> Iterator[SignedStatement | SignedRevocation | BadSignature]:
+    """Yield what is in files of statements and revocations, each with its signature."""
     for file in files:
         yield read_signed(file)
 
 
-def read_signed(file: Path) -> SignedStatement | BadSignature:
+def read_signed(file: Path) -> SignedStatement | SignedRevocation | BadSignature:
     """Return what a file states and who signed it; or what is wrong with that."""
     signature_file = file.with_name(file.name + SIGNATURE)
     try:
         text = _bytes_in(file)
-        statement = read_statement(text)
+        said = read_revocation(text) if text.startswith(TITLE) else read_statement(text)
     except (OSError, ValueError) as error:
         return BadSignature(file, "statement", _reason(error))
     try:
@@ -97,8 +114,13 @@ def read_signed(file: Path) -> SignedStatement | BadSignature:
     if not signature.fits(text):
         problem = "the signature is not one of this text: one of the two was altered"
         return BadSignature(file, "signature", problem)
+    if isinstance(said, Revocation) != (signature.namespace == REVOKING):
+        problem = f"a signature of {signature.namespace} is not for what this file says"
+        return BadSignature(file, "signature", problem)
+    if isinstance(said, Revocation):
+        return SignedRevocation(file, said, signature.public_bytes)
     digest = hashlib.sha256(text).hexdigest()
-    return SignedStatement(file, statement, digest, signature.public_bytes, signature.namespace)
+    return SignedStatement(file, said, digest, signature.public_bytes, signature.namespace)
 
 
 def signed_in(log: Path, log_id: str = "") -> list[SignedStatement]:
@@ -117,6 +139,11 @@ def name_of(statement: Statement, key: SigningKey, namespace: str) -> str:
     """Return what the file of a statement is called."""
     last, whose = max(statement.next_event - 1, 0), short_id(key.public_bytes)
     return f"{last:012d}_{whose}_{statement.number}{SUFFIXES[namespace]}"
+
+
+def name_of_revocation(said: Revocation) -> str:
+    """Return what the file of a revocation is called."""
+    return f"{short_id(key_in_words(said.key))}_{said.first}{SUFFIXES[REVOKING]}"
 
 
 def write_signed(log: Path, name: str, text: str, key: SigningKey, namespace: str) -> Path:
@@ -140,7 +167,9 @@ def write_signed(log: Path, name: str, text: str, key: SigningKey, namespace: st
 
 
 def remove_signed(log: Path, name: str) -> None:
-    """Remove a statement that another stands for, and its signature."""
+    """Remove a statement that another stands for, and its signature; not one with a time stamp."""
+    if (folder_of(log) / (name + TOKEN)).exists():
+        return
     for each in (name, name + SIGNATURE):
         with suppress(OSError):
             (folder_of(log) / each).unlink()

@@ -8,30 +8,28 @@ leaves a log that fits: that shows against statements that were kept elsewhere.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
-from typing import TypeGuard
 
 from semmap_log.common.texts import command_line, counted
 from semmap_log.io.progress import Progress
 from semmap_log.replay.care import verify
-from semmap_log.signing.public_keys import PublicKey, fingerprint, key_in_words
+from semmap_log.signing.public_keys import PublicKey
 from semmap_log.signing.signature_folder import (
     FOLDER,
-    BadSignature,
+    SignedRevocation,
     SignedStatement,
     read_all,
     statement_files,
 )
 from semmap_log.signing.ssh_signature import TRIMMING
-from semmap_log.signing.statement import NO_DIGEST, NONE, OldStatement, Statement
+from semmap_log.signing.statement import NO_DIGEST, OldStatement, Statement
+from semmap_log.signing.timestamps import time_of, token_file
+from semmap_log.signing.trust import Read, Trust
 from semmap_log.store.verification.findings import Finding, Severity, Verification
 
 _ATTEMPTS = 3
 """How often to begin anew when somebody signs meanwhile, and what is signed now is missing."""
-
-_Read = Sequence[SignedStatement | BadSignature]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +46,9 @@ class SignedVerification:
     """Events below this number are vouched for."""
     by: tuple[PublicKey, ...]
     """Whose signatures those are."""
+    times: tuple[tuple[Path, str | None], ...] = ()
+    """The good statements, each with the time of its time stamp, whose signature is not checked
+    here; None: it has none."""
 
 
 def verify_signed(
@@ -90,7 +91,7 @@ def _files(log: PurePath, elsewhere: Sequence[Path]) -> list[Path]:
     return [file for place in (*places, *elsewhere) for file in statement_files(place)]
 
 
-def _ends_of(read: _Read) -> set[int]:
+def _ends_of(read: Read) -> set[int]:
     """Return the numbers before which statements say that a commit ends."""
     said = [one.statement for one in read if isinstance(one, SignedStatement)]
     starts = {one.first_event for one in said if isinstance(one, OldStatement)}
@@ -111,18 +112,20 @@ class _Check:
         self._log = log
         self._found = found
         self._keys = dict(keys)
-        self._retired: dict[bytes, int] = {}
-        """Keys that have named a successor -> the number of the statement that does."""
         self._allow_unsigned_end = allow_unsigned_end
         self._findings: list[Finding] = []
         self._good: list[SignedStatement] = []
 
-    def run(self, read: _Read) -> SignedVerification:
+    def run(self, read: Read) -> SignedVerification:
         """Return what follows."""
+        statements = sum(not isinstance(one, SignedRevocation) for one in read)
         if self._found.of(Severity.NOT_A_LOG):
-            return SignedVerification(self._found, len(read), 0, 0, ())
-        self._believe_successors(read)
-        believed = [one for one in read if self._is_believed(one)]
+            return SignedVerification(self._found, statements, 0, 0, ())
+        trust = Trust(self._found.log_id, self._keys, read)
+        self._keys = trust.keys
+        for why in trust.distrusted():
+            self._wrong(why.kind, why.path, why.text)
+        believed = trust.believed()
         self._find_forks(believed)
         self._find_missing(believed)
         self._good = [one for one in believed if self._is_held(one)]
@@ -130,62 +133,22 @@ class _Check:
         self._find_taken_out()
         self._find_adopted()
         self._find_unsigned(signed)
+        times = tuple((one.path, self._time_of(one)) for one in self._good)
         by = {one.public_bytes: self._keys[one.public_bytes] for one in self._good}
         # What a head alone does not bind was looked at above.
         own = [one for one in self._found.findings if one.kind != "taken-out"]
         findings = sorted((*own, *self._findings), key=lambda one: -one.severity)
         found = replace(self._found, findings=tuple(findings))
-        return SignedVerification(found, len(read), len(self._good), signed, tuple(by.values()))
+        good = len(self._good)
+        return SignedVerification(found, statements, good, signed, tuple(by.values()), times)
 
-    def _believe_successors(self, read: _Read) -> None:
-        """Believe also the keys that believed ones have named, each from then on in its place."""
-        naming = [
-            (one, one.statement) for one in read
-            if isinstance(one, SignedStatement) and isinstance(one.statement, Statement)
-            and one.statement.next_key != NONE and one.statement.log_id == self._found.log_id
-        ]  # fmt: skip
-        is_new = True
-        while is_new:
-            is_new = False
-            for one, said in naming:
-                key = self._keys.get(one.public_bytes)
-                if key is None or one.namespace not in key.namespaces:
-                    continue
-                self._retired[one.public_bytes] = said.number
-                with suppress(ValueError):
-                    successor = key_in_words(said.next_key)
-                    is_new |= successor not in self._keys
-                    owner = f"the successor of {key.owner or key.fingerprint}"
-                    self._keys.setdefault(successor, PublicKey(successor, owner, key.namespaces))
-
-    def _is_believed(self, one: SignedStatement | BadSignature) -> TypeGuard[SignedStatement]:
-        """Tell whether it is a statement about this log, by a key that is believed for that."""
-        if isinstance(one, BadSignature):
-            self._wrong(one.kind, one.path, one.problem)
-        elif one.public_bytes not in self._keys:
-            whose = fingerprint(one.public_bytes)
-            self._wrong("signer", one.path, f"signed by a key that was not given, {whose}")
-        elif one.namespace not in (key := self._keys[one.public_bytes]).namespaces:
-            self._wrong(
-                "signer", one.path,
-                f"{key} is not believed for {one.namespace}; if it shall be, give an "
-                f'allowed_signers file with this line: NAME namespaces="{one.namespace}" '
-                f"{key.line.strip()}",
-            )  # fmt: skip
-        elif one.statement.log_id != self._found.log_id:
-            other = one.statement.log_id
-            self._wrong(
-                "statement", one.path,
-                f"about another log: expected the log id {self._found.log_id}, got {other}",
-            )  # fmt: skip
-        elif (
-            isinstance(one.statement, Statement)
-            and one.statement.number > self._retired.get(one.public_bytes, one.statement.number)
-        ):  # fmt: skip
-            self._wrong("signer", one.path, f"{key} signed it after it had named its successor")
-        else:
-            return True
-        return False
+    def _time_of(self, one: SignedStatement) -> str | None:
+        """Return the time of a statement's time stamp, if it has one."""
+        try:
+            return time_of(one)
+        except ValueError as error:
+            self._wrong("timestamp", token_file(one.path), str(error))
+            return None
 
     def _find_forks(self, believed: Sequence[SignedStatement]) -> None:
         """Find what one key has said twice, and differently: of an event, or under a number."""

@@ -21,10 +21,10 @@ from semmap_log.signing.ssh_format import (
     unarmoured,
 )
 
-HEADS, TRIMMING = "semmap-log", "semmap-log-trim"
-"""Namespaces: of statements about what was recorded; and of those that also vouch for what was
-taken out. A key that is believed for the first removes nothing."""
-NAMESPACES = (HEADS, TRIMMING)
+HEADS, TRIMMING, REVOKING = "semmap-log", "semmap-log-trim", "semmap-log-revoke"
+"""Namespaces: of statements about what was recorded; of those that also vouch for what was taken
+out; and of revocations of keys. A key that is believed for the first removes nothing."""
+NAMESPACES = (HEADS, TRIMMING, REVOKING)
 
 _MAGIC = b"SSHSIG"
 _VERSION = (1).to_bytes(4, "big")

@@ -48,7 +48,17 @@ def signed_verification_report(done: SignedVerification) -> RenderableType:
     good = f"{done.good:,} of {counted(done.statements, 'statement')} good"
     reach = f"up to event {done.signed_before - 1}" if done.signed_before else "no event"
     by = [plain_text(f"  by {key}") for key in done.by]
-    return verification_report(done.found, [Text(f"signed {reach}; {good}"), *by])
+    return verification_report(done.found, [Text(f"signed {reach}; {good}"), *by, *_times(done)])
+
+
+def _times(done: SignedVerification) -> list[Text]:
+    """Return which statement has a time stamp, if any has."""
+    stamped = sum(time is not None for _, time in done.times)
+    if not stamped:
+        return []
+    said = f"{counted(stamped, 'time stamp')}; openssl ts -verify checks whose"
+    each = [f"  {path.name}  {time or 'no time stamp'}" for path, time in done.times]
+    return [Text(said), *map(plain_text, each)]
 
 
 def verification_report(found: Verification, signed: Sequence[Text] = ()) -> RenderableType:

@@ -15,8 +15,10 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
+from semmap_log.signing.private_keys import make_key
 from tests.cli.test_verify import semmap
 from tests.live.running import wait_until
+from tests.signing.authority import Authority, needs_openssl, served
 from tests.store.eventful import eventful_log, flip
 
 LINE = '{"kind": "DoorObserved", "door": "front", "state": "OPEN"}\n'
@@ -77,8 +79,65 @@ def test_json(log: Path, capsys) -> None:
         "good": 3,
         "signed_before": 13,
         "by": [{"key": said["key"], "owner": found["signatures"]["by"][0]["owner"]}],
+        "timestamps": [
+            {"statement": str(path), "time": None}
+            for path in sorted(Path("log").glob("signatures/*.head"))
+        ],
     }
     assert "signatures" not in json.loads(semmap(capsys, "verify", "log", "--json")[1])
+
+
+def test_a_key_is_revoked(log: Path, capsys) -> None:
+    """
+    With the owner's key in an allowed_signers file, for that; as the guide says.
+    """
+    semmap(capsys, "sign", "log", "--key", "robot", "--new-key")
+    make_key(Path("owner"), log=log)
+    robot, owner = Path("robot.pub").read_text(), Path("owner.pub").read_text()
+    Path("believed").write_text(f'{robot}o namespaces="semmap-log-revoke" {owner}')
+
+    code, out, err = semmap(
+        capsys, "sign", "log", "--key", "owner", "--revoke", "robot.pub", "--from", "2"
+    )
+
+    assert (0, "") == (code, err)
+    assert "is revoked from its statement 2 on" in out
+    code, out, _ = semmap(capsys, "verify", "log", "--public-key", "believed")
+    assert code == 4
+    assert "not as signed  " in out
+    assert "was revoked by o (SHA256:" in " ".join(out.split())
+    said = json.loads(semmap(capsys, "verify", "log", "--public-key", "believed", "--json")[1])
+    assert {"revoked", "unsigned"} == {one["kind"] for one in said["findings"]}
+    assert (3, 2) == (said["signatures"]["statements"], said["signatures"]["good"])
+    for words in (("--revoke", "robot.pub"), ("--from", "2"),
+                  ("--revoke", "robot.pub", "--from", "2", "--adopt")):  # fmt: skip
+        assert 2 == semmap(capsys, "sign", "log", "--key", "owner", *words)[0]
+
+
+@needs_openssl
+def test_a_time_stamp_is_kept(log: Path, tmp_path: Path, capsys) -> None:
+    """
+    Also by a later command, if the authority did not answer; what openssl checks as the help says.
+    """
+    authority = Authority(tmp_path / "tsa")
+    with served(lambda _: b"nothing") as (url, _):
+        code, out, err = semmap(
+            capsys, "sign", "log", "--key", "k", "--new-key", "--timestamp", url
+        )
+    assert code == 1
+    assert out.startswith("log: 3 new signatures")
+    assert "What is signed stays signed" in err
+
+    with served(authority.answer) as (url, _):
+        code, out, err = semmap(capsys, "sign", "log", "--key", "k", "--timestamp", url)
+
+    assert (0, True) == (code, out.startswith("log: nothing new to sign"))
+    (token,) = log.glob("signatures/*.head.tsr")
+    assert err.startswith(f"{token.name}: time stamp of 20")
+    assert "OK" == authority.verifies(token.with_suffix(""), token)
+    out = semmap(capsys, "verify", "log", "--public-key", "k.pub")[1]
+    assert "1 time stamp; openssl ts -verify checks whose" in out
+    assert 2 == semmap(capsys, "sign", "log", "--key", "k", "--timestamp", "tsa.example")[0]
 
 
 def test_what_is_not_as_signed_is_told_with_exit_code_4(log: Path, capsys) -> None:
