@@ -8,7 +8,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.domain.doors import MAX_DOOR_ID, DoorId, next_door_id
-from semmap_log.importing.importing import import_file
+from semmap_log.importing.importing import ImportOptions, import_file
 from semmap_log.ros_mapping.known import Known
 
 
@@ -46,7 +46,7 @@ def test_one_great_id_does_not_end_the_adding(tmp_path: Path) -> None:
         assert 2 == log.add_door(name="front")
         assert 3 == Known.of(log).next_id == log.door_index.next_free_id
         import_file(log, tmp_path / "lines.jsonl")
-        import_file(log, tmp_path / "seen.csv")
+        import_file(log, tmp_path / "seen.csv", ImportOptions(new_doors=True))
 
         assert [2, 3, 4, 5, 6, MAX_DOOR_ID] == sorted(log.replay().doors)
         assert 7 == Known.of(log).next_id_but({8})

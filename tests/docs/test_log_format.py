@@ -388,7 +388,7 @@ def test_the_table_of_the_heads_entries_is_the_products() -> None:
     """
     Each key that a writer writes, and those that it leaves out when they say nothing.
     """
-    info, trimmed = LogInfo("0" * 32, "UTC"), Trimmed(TrimReason.EXPIRED, 9, 7)
+    info, trimmed = LogInfo("0" * 32, "UTC", holds=5), Trimmed(TrimReason.EXPIRED, 9, 7)
     header = SegmentHeader(info, 0, 0, bytes(32), minor=1, trimmed=trimmed)
     told = {
         key for row in _table("The head: Metadata `semmap_log`") for key in row[0].split("`, `")

@@ -68,7 +68,11 @@ def unpack(data: bytes, compression: str, *, declared: int | None = None) -> byt
         unpacked = data
     elif compression in _UNPACKERS:
         try:
-            unpacked = _UNPACKERS[compression](data, most)
+            unpacked = _UNPACKERS[compression](data, most if declared is None else declared)
+        except _MoreError:
+            if declared is None:
+                raise too_much("more") from None
+            raise ValueError(f"expected {declared:,} unpacked bytes, got more") from None
         except (OSError, EOFError, RuntimeError) as error:
             raise ValueError(f"it is no {compression}: {error}") from None
     else:
@@ -76,6 +80,10 @@ def unpack(data: bytes, compression: str, *, declared: int | None = None) -> byt
     if declared is not None and declared != len(unpacked):
         raise ValueError(f"expected {declared:,} unpacked bytes, got {len(unpacked):,}")
     return unpacked
+
+
+class _MoreError(Exception):
+    """More is packed than may be unpacked."""
 
 
 def too_much(got: str) -> ValueError:
@@ -89,7 +97,7 @@ def _unpack_zstd(data: bytes, most: int) -> bytes:
     try:
         said = zstandard.frame_content_size(data)
         if said > most:
-            raise too_much(f"{said:,} bytes")
+            raise _MoreError
         decompressor = zstandard.ZstdDecompressor()
         return decompressor.decompress(data) if said >= 0 else _unpack_slowly(data, most)
     except zstandard.ZstdError as error:
@@ -112,7 +120,7 @@ def _unpack_bz2(data: bytes, most: int) -> bytes:
 def _unpack_with(decompressor: Any, data: bytes, most: int) -> bytes:
     unpacked: bytes = decompressor.decompress(data, max_length=most + 1)
     if len(unpacked) > most:
-        raise too_much("more")
+        raise _MoreError
     if not decompressor.eof:
         raise EOFError("its end is missing")
     return unpacked
@@ -126,7 +134,7 @@ def _unpack_slowly(data: bytes, most: int) -> bytes:
     for at in range(0, len(data), FED_BYTES):
         unpacked += stream.decompress(data[at : at + FED_BYTES])
         if len(unpacked) > most:
-            raise too_much("more")
+            raise _MoreError
         if stream.eof:
             return bytes(unpacked)
     raise EOFError("its end is missing")

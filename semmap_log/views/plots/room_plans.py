@@ -46,7 +46,10 @@ def draw_rooms(
     """
     levels = [each for each in plan.levels if level in (None, each)]
     spans = [_span(plan.levels[each]) for each in levels]
-    heights = [min(max(WIDE_IN * tall / wide, LEAST_IN), MOST_IN) for wide, tall in spans]
+    heights = [
+        min(max(WIDE_IN * tall / max(wide, tall * 1e-3, 1e-9), LEAST_IN), MOST_IN)
+        for wide, tall in spans
+    ]
     figure = new_figure(WIDE_IN + 1.0, sum(heights) + 0.9, layout="constrained")
     panels = figure.subplots(len(levels), 1, squeeze=False, height_ratios=heights)[:, 0]
     for number, each, panel in zip(range(len(levels)), levels, panels, strict=True):

@@ -243,6 +243,7 @@ def _one_again_and_again() -> bytes:
 
 
 TOO_MUCH = "expected at most 128 MiB, or 1,000 times its packed bytes, and never more than 256 MiB"
+MORE = "unpacked bytes, got more"
 IN_ALL = "expected at most 1 GiB, or 4,000 times the file's bytes, of chunks and messages"
 SAYS = BOMB_BYTES
 HOSTILE: dict[str, tuple[Callable[[Path], None], str]] = {
@@ -250,17 +251,17 @@ HOSTILE: dict[str, tuple[Callable[[Path], None], str]] = {
     "two-gib.mcap": (
         _file(lambda: mcap_of(chunk_of(zeros_in_zstd(2**31), "zstd", 2**31))), TOO_MUCH
     ),
-    "hides.mcap": (_file(lambda: mcap_of(chunk_of(zeros_in_zstd(), "zstd", 100))), TOO_MUCH),
+    "hides.mcap": (_file(lambda: mcap_of(chunk_of(zeros_in_zstd(), "zstd", 100))), MORE),
     "streams.mcap": (
-        _file(lambda: mcap_of(chunk_of(zeros_in_zstd(tells_size=False), "zstd", 100))), TOO_MUCH
+        _file(lambda: mcap_of(chunk_of(zeros_in_zstd(tells_size=False), "zstd", 100))), MORE
     ),
     "lz4.mcap": (_file(lambda: mcap_of(chunk_of(zeros_in_lz4(), "lz4", SAYS))), TOO_MUCH),
-    "hides-lz4.mcap": (_file(lambda: mcap_of(chunk_of(zeros_in_lz4(), "lz4", 100))), TOO_MUCH),
+    "hides-lz4.mcap": (_file(lambda: mcap_of(chunk_of(zeros_in_lz4(), "lz4", 100))), MORE),
     "not-indexed.mcap": (
         _file(lambda: mcap_of(chunk_of(zeros_in_zstd(), "zstd", SAYS), is_indexed=False)), TOO_MUCH
     ),
     "not-indexed-lz4.mcap": (
-        _file(lambda: mcap_of(chunk_of(zeros_in_lz4(), "lz4", 9), is_indexed=False)), TOO_MUCH
+        _file(lambda: mcap_of(chunk_of(zeros_in_lz4(), "lz4", 9), is_indexed=False)), MORE
     ),
     "allowed-zeros.mcap": (_file(lambda: _chunk_of_zeros(100 * MIB)), "got one of no kind"),
     "overlapping.mcap": (_file(_overlapping), "the times of its chunks overlap too far"),
