@@ -140,7 +140,7 @@ def test_what_is_packed_is_unpacked_to_the_byte(compression: str, data: bytes) -
     And what was declared otherwise, or is cut, is an error in words.
     """
     assert bytes(MIB) == unpack(data, compression) == unpack(data, compression, declared=MIB)
-    with pytest.raises(ValueError, match="expected 7 unpacked bytes, got (more|1,048,576)"):
+    with pytest.raises(ValueError, match=r"expected 7 unpacked bytes, got (more|1,048,576)"):
         unpack(data, compression, declared=7)
     with pytest.raises(ValueError, match="expected at most 128 MiB, or 1,000 times"):
         unpack(data, compression, declared=2 * MOST_BYTES)
