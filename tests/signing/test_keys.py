@@ -189,7 +189,7 @@ def test_public_keys_are_read_as_ssh_reads_them(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "problem"),
     [
-        ('me namespaces="git" %', "allow neither semmap-log nor semmap-log-trim"),
+        ('me namespaces="git" %', "allow none of semmap-log, semmap-log-trim, semmap-log-revoke"),
         ('me valid-before="20200101" %', "only namespaces="),
         ("me cert-authority %", "only namespaces="),
         ("ssh-ed25519 AAAA", "expected `ssh-ed25519 BASE64`"),

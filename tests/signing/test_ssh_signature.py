@@ -64,7 +64,10 @@ def test_a_signature_for_another_purpose_is_none(
     found = read_signed(file)
 
     assert isinstance(found, BadSignature)
-    assert "expected the namespace semmap-log or semmap-log-trim, got 'file'" in found.problem
+    assert (
+        "expected the namespace semmap-log or semmap-log-trim or semmap-log-revoke, got 'file'"
+        in found.problem
+    )
 
 
 @needs_ssh_keygen
