@@ -85,7 +85,7 @@ class HeldSightings:
         times, kinds = np.unique(rows["ns"]), bits_of_kinds(_KINDS)
         window = Window(
             happened_from_ns=first_ns, happened_before_ns=last_ns + 1,
-            before_event=self._before_event, kinds=kinds,
+            before_event=self._before_event, kinds=kinds, only_kept=True,
         )  # fmt: skip
         for every in self._log.batches_in(window):
             batch = self._retractions.visible(every)

@@ -297,7 +297,7 @@ def test_typical_weeks_come_with_the_doors_of_which_enough_is_known() -> None:
     door = data["doors"][0]
     assert 168 == len(door["week"])
     assert -1 == min(door["week"])
-    assert 90 < max(door["week"]) <= 100
+    assert 75 < max(door["week"]) <= 100
     p, low, high = door["p"]
     assert 0 <= low <= p <= high <= 1
 
