@@ -6,6 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+import semmap_log as sl
 from semmap_log.domain.moments import (
     Moment,
     both_instants,
@@ -19,7 +20,8 @@ from semmap_log.domain.moments import (
     parse_range,
     zone,
 )
-from semmap_log.errors import MomentError
+from semmap_log.errors import ClockTimeWarning, MomentError
+from tests.conftest import SteadyClock
 
 VIENNA = "Europe/Vienna"
 END_NS = parse_instant("2026-03-01T14:00", tz=VIENNA)
@@ -103,12 +105,16 @@ def test_a_moment_can_be_an_event():
     assert Moment(event=1234) == parse_moment("event:1234", tz=VIENNA, end_ns=lambda: END_NS)
 
 
+def in_vienna(text: str) -> Moment:
+    return parse_moment(text, tz=VIENNA, end_ns=lambda: END_NS)
+
+
 def test_a_range_has_two_moments():
     """
     T1..T2, each in any of the forms.
     """
     assert (Moment(ns=END_NS - 3600 * 10**9), Moment(event=7)) == parse_range(
-        "1h ago..event:7", tz=VIENNA, end_ns=lambda: END_NS
+        "1h ago..event:7", in_vienna
     )
 
 
@@ -162,7 +168,7 @@ def test_what_is_no_range_is_said(text):
     Two moments, the earlier one first.
     """
     with pytest.raises(MomentError, match=r"T1\.\.T2"):
-        parse_range(text, tz=VIENNA, end_ns=lambda: END_NS)
+        parse_range(text, in_vienna)
 
 
 def test_in_the_hour_that_comes_twice_the_first_is_taken():
@@ -273,3 +279,31 @@ def test_no_other_text_is_a_length_of_time(text):
     """
     with pytest.raises(MomentError, match=r"such as 30m, 2h or 1\.5d; got"):
         parse_duration(text)
+
+
+def test_a_range_reads_its_ends_as_a_log_reads_moments(tmp_path):
+    """
+    A clock time is the last one before anything was last said of a door's state.
+    """
+    clock = SteadyClock(END_NS)
+    with sl.create(tmp_path / "log", tz=VIENNA, clock=clock) as log:
+        door = log.add_door()
+        log.observe(door, "open")
+        clock.now_ns += 3 * 86_400 * 10**9
+        log.annotate(door, "note", "new lock")
+        with pytest.warns(ClockTimeWarning, match="12:30 is taken as 2026-03-01"):
+            single = log.moment("12:30")
+        with pytest.warns(ClockTimeWarning):
+            ranged = log.span("12:30..now")[0]
+
+    assert single == ranged
+
+
+@pytest.mark.parametrize("number", [1_772_373_720, 1_772_373_720_000, 1_772_373_720_000_000])
+def test_a_number_of_another_unit_is_refused_whichever_moment_it_is(tmp_path, number):
+    with sl.create(tmp_path / "log", tz=VIENNA, clock=SteadyClock(END_NS)) as log:
+        log.add_door()
+
+    for moment in ({"at": number}, {"known_at": number}):
+        with pytest.raises(MomentError, match="seconds; multiply by"):
+            sl.read(tmp_path / "log").replay(**moment)

@@ -121,14 +121,8 @@ def refuse_reversed(since_ns: int | None, until_ns: int | None) -> None:
         raise MomentError("the first moment lies after the second; swap them.")
 
 
-def parse_range(
-    text: str,
-    *,
-    tz: str,
-    end_ns: Callable[[], int],
-    last_ns: Callable[[], int] | None = None,
-) -> tuple[Moment, Moment]:
-    """Return the two moments of `T1..T2`; the arguments are those of `parse_moment`.
+def parse_range(text: str, moment: Callable[[str], Moment]) -> tuple[Moment, Moment]:
+    """Return the two moments of `T1..T2`, each read by `moment`.
 
     Raises:
         MomentError: Not two moments with two dots between them, or the second comes first.
@@ -136,10 +130,7 @@ def parse_range(
     first, dots, last = text.partition("..")
     if not dots:
         raise MomentError(f"{text!r}: expected two moments as T1..T2, such as today..now.")
-    moments = tuple(
-        parse_moment(part, tz=tz, end_ns=end_ns, last_ns=last_ns) for part in (first, last)
-    )
-    start, end = moments
+    start, end = moment(first.strip()), moment(last.strip())
     if start.ns is not None and end.ns is not None and start.ns > end.ns:
         raise MomentError(f"{text!r}: expected T1..T2 with T1 before T2; swap them.")
     return start, end

@@ -876,14 +876,9 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             MomentError: It cannot be read.
         """
-        if isinstance(time, str) and time.startswith(PIN):
-            return self._pinned(time.removeprefix(PIN))
         if now_ns is not None:
-            return moment_of(time, tz=self.info.timezone, end_ns=lambda: now_ns)
-        if isinstance(time, int):
-            refuse_other_units(time, self.since_ever_ns() or 0)
-        end_ns, last_ns = self.end_ns, lambda: self._last_before(str(time))
-        return moment_of(time, tz=self.info.timezone, end_ns=end_ns, last_ns=last_ns)
+            return self._moment(time, lambda: now_ns)
+        return self._moment(time, self.end_ns, lambda: self._last_before(str(time)))
 
     def known_moment(self, time: Time) -> Moment:
         """Return what a recorded time means: `now` is the last commit, and `2h ago` before that.
@@ -891,10 +886,16 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             MomentError: It cannot be read.
         """
+        return self._moment(time, self._reader.last_log_time_ns)
+
+    def _moment(
+        self, time: Time, end_ns: Callable[[], int], last_ns: Callable[[], int] | None = None
+    ) -> Moment:
         if isinstance(time, str) and time.startswith(PIN):
             return self._pinned(time.removeprefix(PIN))
-        end_ns = self._reader.last_log_time_ns
-        return moment_of(time, tz=self.info.timezone, end_ns=end_ns)
+        if isinstance(time, int):
+            refuse_other_units(time, self.since_ever_ns)
+        return moment_of(time, tz=self.info.timezone, end_ns=end_ns, last_ns=last_ns)
 
     def _last_before(self, time: str) -> int:
         """Return up to when a clock time or a weekday is the last one; warn where it matters."""
@@ -935,7 +936,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             MomentError: It is not two moments, the earlier first.
         """
-        return parse_range(text, tz=self.info.timezone, end_ns=self.end_ns)
+        return parse_range(text, self.moment)
 
     def scope(self, at: Time = None, known_at: Time = None, event: int | None = None) -> Scope:
         """Return the bounds that these moments mean; `event:12` bounds the numbers.

@@ -59,20 +59,18 @@ def moment_of(
     return Moment(ns=int(time))
 
 
-def refuse_other_units(time: int, first_ns: int) -> None:
+def refuse_other_units(time: int, first_ns: Callable[[], int | None]) -> None:
     """Refuse a number that would be in January 1970 as nanoseconds, in a log that begins later.
 
     Args:
         time: Nanoseconds.
-        first_ns: When the log begins.
+        first_ns: Returns when the log begins; called only for a number of that time.
 
     Raises:
         MomentError: It is one, and says which unit it may be of.
     """
-    if first_ns < 100 * UNITS["microseconds"]:
-        return
     for unit, least in UNITS.items():
-        if least <= time < 10 * least:
+        if least <= time < 10 * least and (first_ns() or 0) > 100 * UNITS["microseconds"]:
             factor = 10**18 // least
             raise MomentError(
                 f"expected a time as whole nanoseconds since 1970, got {time}, which looks like "
