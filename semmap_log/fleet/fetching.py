@@ -71,7 +71,7 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
     total = sum(segment.size for segment in manifest.segments)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        _check_room(folder, total)
+        _check_room(url, folder, total)
         with whole_folder(folder) as part:
             part.mkdir()
             done = 0
@@ -89,7 +89,7 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
     return Fetched(manifest, total, verified.moved(part, folder))
 
 
-def _check_room(folder: Path, size: int) -> None:
+def _check_room(url: UrlPath, folder: Path, size: int) -> None:
     """Check that a log of this size can lie on the disk.
 
     Raises:
@@ -98,8 +98,8 @@ def _check_room(folder: Path, size: int) -> None:
     free = shutil.disk_usage(folder.parent).free
     if size > free:
         raise OutputError(
-            f"{folder}: expected room for {size:,} bytes, as the manifest claims, got {free:,} "
-            "free; nothing was fetched."
+            f"{folder}: expected room for {size:,} bytes, as the manifest of {url} claims, got "
+            f"{free:,} free; nothing was fetched."
         )
 
 

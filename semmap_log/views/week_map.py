@@ -159,9 +159,10 @@ def _tell(
 ) -> None:
     """Add a row for each cell; those of which too little is known have no numbers."""
     numbers = zip(places, cells.p_open, cells.low, cells.high, cells.is_known, strict=True)
+    names = _names(week)  # once: a name from a stranger's log may be long
     for place, p_open, low, high, is_known in numbers:
         known = [f"{value:.4f}" for value in (p_open, low, high)]
-        table.add(*_names(week), *place, *(known if is_known and week.is_known else [ABSENT] * 3))
+        table.add(*names, *place, *(known if is_known and week.is_known else [ABSENT] * 3))
 
 
 def _cell_width(width: int, wanted: int, *, beside: int) -> int:

@@ -71,9 +71,9 @@ def _run(arguments: tuple[str, ...], room: Path, stdin: Path | None, told: Path)
         (room / "begun").write_text(str(_mib(1)))
         _limit()
         _read_from(stdin)
-        answer = ask_verb(arguments, room, room / "out")
+        answer = ask_verb(arguments, room, room / "out", last=10_000)
         partial = told.with_suffix(".part")
-        partial.write_text(json.dumps([answer.code, answer.said[-10_000:], answer.error]))
+        partial.write_text(json.dumps([answer.code, answer.said, answer.error]))
         partial.rename(told)
         code = 0
     finally:

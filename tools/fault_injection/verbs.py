@@ -12,6 +12,7 @@ import json
 import re
 import shutil
 import sys
+import tempfile
 import traceback
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -50,7 +51,9 @@ class Answer:
 Arguments = tuple[str, ...]
 
 
-def ask_verb(arguments: Arguments, log: Path, out: Path, *, fresh: bool = True) -> Answer:
+def ask_verb(
+    arguments: Arguments, log: Path, out: Path, *, fresh: bool = True, last: int | None = None
+) -> Answer:
     """Run a verb in this process.
 
     Args:
@@ -58,6 +61,7 @@ def ask_verb(arguments: Arguments, log: Path, out: Path, *, fresh: bool = True) 
         log: The log.
         out: A folder for what is written.
         fresh: Whether that is emptied first.
+        last: Keep that many bytes of what it prints, the last ones; None: all.
     """
     if fresh:
         shutil.rmtree(out, ignore_errors=True)
@@ -66,7 +70,7 @@ def ask_verb(arguments: Arguments, log: Path, out: Path, *, fresh: bool = True) 
     stdout, stderr = _Captured(), _Captured()
     with contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
         code = _run(real)
-    said = stdout.text()
+    said = stdout.text(last)
     if arguments[0] == "info" and code == 0:
         said = _of_events(said)
     error = stderr.text()[-2000:]
@@ -79,12 +83,14 @@ class _Captured(io.TextIOWrapper):
     """A stream whose text can be had afterwards; has bytes below it, as a real one has."""
 
     def __init__(self) -> None:
-        super().__init__(io.BytesIO(), encoding="utf-8", write_through=True)
+        file = tempfile.TemporaryFile()  # noqa: SIM115 - closed with this stream
+        super().__init__(file, encoding="utf-8", write_through=True)
 
-    def text(self) -> str:
-        """Return what was written."""
-        assert isinstance(self.buffer, io.BytesIO)
-        return self.buffer.getvalue().decode("utf-8", "replace")
+    def text(self, last: int | None = None) -> str:
+        """Return what was written, or the last bytes of it."""
+        end = self.buffer.seek(0, io.SEEK_END)
+        self.buffer.seek(0 if last is None else max(0, end - last))
+        return bytes(self.buffer.read()).decode("utf-8", "replace")
 
 
 def _run(arguments: list[str]) -> int:
