@@ -9,6 +9,8 @@ import re
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -87,32 +89,54 @@ def _rank(room: str) -> int:
     return next(i for i, rooms in enumerate(ORDER) if room in rooms)
 
 
-def _imports(path: Path) -> list[tuple[int, str]]:
-    found = []
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            found += [(node.lineno, alias.name) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            found.append((node.lineno, node.module))
-    return found
-
-
 MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_imports_point_toward_the_nouns(path: Path) -> None:
+@cache
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def _statements(tree: ast.AST) -> Iterator[ast.stmt]:
+    """Yield all statements, also those inside of others."""
+    for field in ("body", "orelse", "handlers", "finalbody", "cases"):
+        for node in getattr(tree, field, ()):
+            if isinstance(node, ast.stmt):
+                yield node
+            yield from _statements(node)
+
+
+@cache
+def _imports(path: Path) -> list[tuple[str, str]]:
+    """Return where a module imports something, and its name."""
+    place, found = str(path.relative_to(PACKAGE)), []
+    for node in _statements(_tree(path)):
+        if isinstance(node, ast.Import):
+            found += [(f"{place}, line {node.lineno}", alias.name) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found.append((f"{place}, line {node.lineno}", node.module))
+    return found
+
+
+def _in(room: str) -> list[Path]:
+    return [path for path in MODULES if path.relative_to(PACKAGE).parts[0] == room]
+
+
+def _room(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def test_imports_point_toward_the_nouns() -> None:
     """
     No room imports from one that is built on it.
     """
-    room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-
     wrong = [
-        f"line {line}: {name}"
-        for line, name in _imports(path)
+        f"{place}: {name}"
+        for path in MODULES
+        for place, name in _imports(path)
         if name.startswith("semmap_log.")
-        and name.split(".")[1] != room
-        and _rank(name.split(".")[1]) >= _rank(room)
+        and name.split(".")[1] != _room(path)
+        and _rank(name.split(".")[1]) >= _rank(_room(path))
     ]
 
     assert [] == wrong
@@ -130,9 +154,9 @@ def test_the_store_knows_no_doors_and_folds_know_no_store(room: str) -> None:
     strangers = PURE | {"replay"} if room == "store" else {"store", "replay"}
 
     wrong = [
-        f"{path.relative_to(PACKAGE)}, line {line}: {name}"
-        for path in (PACKAGE / room).rglob("*.py")
-        for line, name in _imports(path)
+        f"{place}: {name}"
+        for path in _in(room)
+        for place, name in _imports(path)
         if name.startswith("semmap_log.") and name.split(".")[1] in strangers
     ]
 
@@ -151,25 +175,23 @@ def _room_in_store(module: str) -> str:
     return name if name in STORE_ORDER else ""
 
 
-@pytest.mark.parametrize(
-    "path",
-    [path for path in MODULES if path.relative_to(PACKAGE).parts[0] == "store"],
-    ids=lambda path: str(path.relative_to(PACKAGE)),
-)
-def test_inside_the_store_imports_point_one_way_too(path: Path) -> None:
+def _may_use(path: Path) -> set[str]:
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    room = _room_in_store(".".join(("semmap_log", *parts)))
+    if room == "verification":
+        return {"", room}
+    return {"", room} | set(STORE_ORDER[: STORE_ORDER.index(room)])
+
+
+def test_inside_the_store_imports_point_one_way_too() -> None:
     """
     Nothing shared leans on a room; verification leans on none: it believes not even the reader.
     """
-    parts = path.relative_to(PACKAGE).with_suffix("").parts
-    room = _room_in_store(".".join(("semmap_log", *parts)))
-    may_use = {"", room} | set(STORE_ORDER[: STORE_ORDER.index(room)])
-    if room == "verification":
-        may_use = {"", room}
-
     wrong = [
-        f"line {line}: {name}"
-        for line, name in _imports(path)
-        if name.startswith("semmap_log.store") and _room_in_store(name) not in may_use
+        f"{place}: {name}"
+        for path in _in("store")
+        for place, name in _imports(path)
+        if name.startswith("semmap_log.store") and _room_in_store(name) not in _may_use(path)
     ]
 
     assert [] == wrong
@@ -181,24 +203,18 @@ MAY_USE = {"excerpt": set[str](), "report": {"bounds", "excerpt"}, "plots": {"bo
            "rerun": {"bounds", "excerpt"}, "notebook": {"plots"}}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "path",
-    [path for path in MODULES if path.relative_to(PACKAGE).parts[0] == "views"],
-    ids=lambda path: str(path.relative_to(PACKAGE)),
-)
-def test_no_way_to_look_at_a_log_leans_on_another(path: Path) -> None:
+def test_no_way_to_look_at_a_log_leans_on_another() -> None:
     """
     The report needs nothing of rerun's recordings, nor plots: what they share is beside them.
     """
-    room = path.relative_to(PACKAGE).with_suffix("").parts[1]
-    may_use = {room} | MAY_USE.get(room, set())
+    rooms = {path: path.relative_to(PACKAGE).with_suffix("").parts[1] for path in _in("views")}
 
     wrong = [
-        f"line {line}: {name}"
-        for line, name in _imports(path)
+        f"{place}: {name}"
+        for path, room in rooms.items()
+        for place, name in _imports(path)
         if name.startswith("semmap_log.views.")
-        and name.split(".")[2] in VIEWS
-        and name.split(".")[2] not in may_use
+        and name.split(".")[2] in VIEWS - {room} - MAY_USE.get(room, set())
     ]
 
     assert [] == wrong
@@ -215,12 +231,7 @@ PROBABILITIES_ORDER = [
 """What is inside `probabilities`, in the order in which it is built on each other."""
 
 
-@pytest.mark.parametrize(
-    "path",
-    [path for path in MODULES if path.relative_to(PACKAGE).parts[0] == "probabilities"],
-    ids=lambda path: str(path.relative_to(PACKAGE)),
-)
-def test_inside_probabilities_imports_point_one_way_too(path: Path) -> None:
+def test_inside_probabilities_imports_point_one_way_too() -> None:
     """
     From evidence to chains to methods; evidence knows no method.
     """
@@ -228,12 +239,13 @@ def test_inside_probabilities_imports_point_one_way_too(path: Path) -> None:
     def rank(room: str) -> int:
         return next((i for i, rooms in enumerate(PROBABILITIES_ORDER) if room in rooms), -1)
 
-    parts = path.relative_to(PACKAGE).with_suffix("").parts
-    room = parts[1]
-
+    rooms = {
+        path: path.relative_to(PACKAGE).with_suffix("").parts[1] for path in _in("probabilities")
+    }
     wrong = [
-        f"line {line}: {name}"
-        for line, name in _imports(path)
+        f"{place}: {name}"
+        for path, room in rooms.items()
+        for place, name in _imports(path)
         if name.startswith("semmap_log.probabilities.")
         and (other := name.split(".")[2]) != room
         and rank(other) >= rank(room) >= 0
@@ -242,17 +254,15 @@ def test_inside_probabilities_imports_point_one_way_too(path: Path) -> None:
     assert [] == wrong
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_third_parties_stay_at_their_edge(path: Path) -> None:
+def test_third_parties_stay_at_their_edge() -> None:
     """
     Only one room knows MCAP, one CDR, one rerun, one YAML.
     """
-    room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-
     strangers = [
-        f"line {line}: {name}"
-        for line, name in _imports(path)
-        if room not in EDGES.get(name.split(".")[0], {room})
+        f"{place}: {name}"
+        for path in MODULES
+        for place, name in _imports(path)
+        if _room(path) not in EDGES.get(name.split(".")[0], {_room(path)})
     ]
 
     assert [] == strangers
@@ -344,7 +354,8 @@ def _loaded_by(program: str) -> list[str]:
 
 
 def _name_of(path: Path) -> str:
-    return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
 HEAVY = EDGES.keys() | {"numpy", "rich", "duckdb", "polars", "hypothesis"}
@@ -404,7 +415,7 @@ def test_no_two_public_classes_share_a_name() -> None:
         node.name
         for path in MODULES
         if path.relative_to(PACKAGE).parts[0] != "cli"
-        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        for node in _tree(path).body
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
     )
 
@@ -431,7 +442,7 @@ MAY_READ_BYTES = {"store", "replay", "door_log", "ros"}
 
 def _reaching(path: Path) -> list[str]:
     """Return where a module takes the `reader` of an object that is not itself, nor a module."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = _tree(path)
     modules = {
         alias.asname or alias.name
         for node in ast.walk(tree)
@@ -448,14 +459,13 @@ def _reaching(path: Path) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_who_asks_a_log_does_not_reach_through_it(path: Path) -> None:
+def test_who_asks_a_log_does_not_reach_through_it() -> None:
     """
     Above `door_log` a log answers questions; what it reads with is its own.
     """
-    room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+    above = [path for path in MODULES if _room(path) not in MAY_READ_BYTES]
 
-    assert room in MAY_READ_BYTES or [] == _reaching(path)
+    assert {} == {path: found for path in above if (found := _reaching(path))}
 
 
 def test_what_reaches_through_a_log_is_found(tmp_path: Path) -> None:
@@ -485,18 +495,13 @@ def test_the_reader_of_a_log_is_not_public() -> None:
 def _modules_imported(path: Path, modules: set[str]) -> set[str]:
     """Return the modules of ours that a file imports, wherever in it."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in _statements(_tree(path)):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             names = {f"{node.module}.{alias.name}" for alias in node.names}
             found |= (names & modules) or {node.module}
     return found & modules
-
-
-def _name_of(path: Path) -> str:
-    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
 def test_no_module_imports_itself_by_way_of_others() -> None:
@@ -510,6 +515,46 @@ def test_no_module_imports_itself_by_way_of_others() -> None:
         TopologicalSorter(imports).prepare()
     except CycleError as error:
         pytest.fail(" <- ".join(error.args[1]))
+
+
+def test_no_module_binds_a_name_twice() -> None:
+    """
+    A second constant or function of one name replaces the first in silence, as after a merge.
+    """
+    root = PACKAGE.parent
+    paths = [
+        path
+        for folder in (PACKAGE, root / "tools", root / "tests")
+        for path in folder.rglob("*.py")
+    ]
+
+    assert {} == {str(path): twice for path in paths if (twice := _bound_twice(_tree(path)))}
+
+
+def test_a_name_that_is_bound_twice_is_found(tmp_path: Path) -> None:
+    """
+    Overloads, properties and branches are no second binding.
+    """
+    path = tmp_path / "x.py"
+    path.write_text(
+        "A = 4\ndef f(): pass\nA: int = 6\n@overload\ndef g(): pass\ndef g(): pass\n"
+        "class f: pass\nif A:\n  B = 1\nelse:\n  B = 2\nC = 1\nC += 1\n"
+    )
+
+    assert ["A", "f"] == _bound_twice(_tree(path))
+
+
+def _bound_twice(tree: ast.Module) -> list[str]:
+    """Return the names that statements of a module itself bind more than once."""
+    names: Counter[str] = Counter()
+    for node in tree.body:
+        if isinstance(node, ast.Assign):
+            names.update(target.id for target in node.targets if isinstance(target, ast.Name))
+        elif isinstance(node, ast.AnnAssign) and node.value and isinstance(node.target, ast.Name):
+            names[node.target.id] += 1
+        elif isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.decorator_list:
+            names[node.name] += 1
+    return sorted(name for name, count in names.items() if count > 1)
 
 
 def test_every_colour_is_in_the_palette() -> None:
@@ -540,7 +585,7 @@ def test_every_error_that_a_user_can_meet_is_in_one_file() -> None:
         f"{path.relative_to(PACKAGE)}: {node.name}"
         for path in MODULES
         if path.name != "errors.py"
-        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        for node in _tree(path).body
         if isinstance(node, ast.ClassDef)
         and {base.id for base in node.bases if isinstance(base, ast.Name)}
         & (ours | {"UserWarning"})
