@@ -15,7 +15,7 @@ from scan_eval.proposal_scores import Doorway, Drive, figures
 from scan_eval.ratios import ratio
 from scan_eval.simulated_drives import seen_on
 
-from semmap_log.scans.proposing.proposals import Proposal
+from semmap_log.analysis.scans.proposing.proposals import Proposal
 from tests.patrol_sim.corridor import patrol
 from tests.test_eval_scans import packed
 

@@ -246,7 +246,7 @@ def test_inside_probabilities_imports_point_one_way_too() -> None:
         f"{place}: {name}"
         for path, room in rooms.items()
         for place, name in _imports(path)
-        if name.startswith("semmap_log.probabilities.")
+        if name.startswith("semmap_log.analysis.probabilities.")
         and (other := name.split(".")[2]) != room
         and rank(other) >= rank(room) >= 0
     ]
@@ -364,11 +364,11 @@ HEAVY = EDGES.keys() | {"numpy", "rich", "duckdb", "polars", "hypothesis"}
 
 PUBLIC = [
     "semmap_log",
-    "semmap_log.beliefs",
-    "semmap_log.costmaps",
+    "semmap_log.analysis.beliefs",
+    "semmap_log.analysis.costmaps",
     "semmap_log.events",
-    "semmap_log.planning",
-    "semmap_log.rooms",
+    "semmap_log.analysis.planning",
+    "semmap_log.analysis.rooms",
 ]
 """The modules that the reference in docs/api.md is made of."""
 
@@ -384,7 +384,7 @@ def test_a_public_module_has_all_its_names(name: str) -> None:
     assert [] == [each for each in module.__all__ if not getattr(module, each).__doc__]
 
 
-@pytest.mark.parametrize("name", ["semmap_log", "semmap_log.beliefs"])
+@pytest.mark.parametrize("name", ["semmap_log", "semmap_log.analysis.beliefs"])
 def test_a_lazy_module_shows_its_names_and_no_others(name: str) -> None:
     """
     `dir` lists them before they are loaded; a name that is not there is an AttributeError.
@@ -398,13 +398,15 @@ def test_a_lazy_module_shows_its_names_and_no_others(name: str) -> None:
 
 def test_a_name_is_what_it_is_called_also_after_a_module_of_the_same_room_was_imported() -> None:
     """
-    `semmap_log.beliefs.best_time` is the function: no module of the room bears a public name.
+    `semmap_log.analysis.beliefs.best_time` is the function: no module of the room bears a public name.
     """
-    import semmap_log.beliefs
+    import semmap_log.analysis.beliefs
 
-    folder = Path(semmap_log.beliefs.__file__).parent
+    folder = Path(semmap_log.analysis.beliefs.__file__).parent
 
-    assert set() == {path.stem for path in folder.glob("*.py")} & set(semmap_log.beliefs.__all__)
+    assert set() == {path.stem for path in folder.glob("*.py")} & set(
+        semmap_log.analysis.beliefs.__all__
+    )
 
 
 def test_no_two_public_classes_share_a_name() -> None:

@@ -33,12 +33,12 @@ from numpy.typing import NDArray
 from steady_clock import SteadyClock
 
 import semmap_log as sl
-from semmap_log.beliefs import probabilities
-from semmap_log.domain.events import DoorObserved
+from semmap_log.analysis.beliefs import probabilities
+from semmap_log.core.model.events import DoorObserved
+from semmap_log.log.trimming.repeated_sightings import Thinning
+from semmap_log.log.trimming.trim_log import trim_log
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.trimming.repeated_sightings import Thinning
-from semmap_log.trimming.trim_log import trim_log
 
 ESTIMATORS = ("filter", "schedule", "count")
 MOMENTS, MINUTE_NS, DAY_NS = 8, 60 * 10**9, 24 * 3600 * 10**9

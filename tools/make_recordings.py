@@ -24,8 +24,8 @@ from patrol_sim.journal import Entry, Journal, write
 from patrol_sim.laser_plan import plan_events
 from patrol_sim.laser_recording import OFFICE_SCANS, make_bag, words_of
 
-from semmap_log.domain.events import Event
-from semmap_log.domain.moments import parse_instant
+from semmap_log.core.model.events import Event
+from semmap_log.core.model.moments import parse_instant
 from semmap_log.errors import SemmapError
 from semmap_log.store.compaction import compact
 

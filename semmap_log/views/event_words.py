@@ -7,9 +7,8 @@ from typing import cast
 
 from typing_extensions import assert_never
 
-from semmap_log.common.texts import counted, percent
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import (
     AnyEvent,
     ClassDefined,
     DoorAdded,
@@ -32,9 +31,10 @@ from semmap_log.domain.events import (
     SightingsThinned,
     UnknownEvent,
 )
-from semmap_log.domain.meaning import PARTS, Changed
-from semmap_log.domain.moments import format_utc
-from semmap_log.domain.object_classes import DOOR, ObjectClass
+from semmap_log.core.model.meaning import PARTS, Changed
+from semmap_log.core.model.moments import format_utc
+from semmap_log.core.model.object_classes import DOOR, ObjectClass
+from semmap_log.core.texts import counted, percent
 
 
 def words_of(event: Event, of: ObjectClass = DOOR) -> str:

@@ -7,12 +7,12 @@ from collections.abc import Callable
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.beliefs.door_beliefs import DoorBelief
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.moments import format_local, format_short
-from semmap_log.domain.object_classes import DOOR, ObjectClass
-from semmap_log.door_log.explanation import Explanation, StateReason
-from semmap_log.folds.history import HistoryEntry
+from semmap_log.analysis.beliefs.door_beliefs import DoorBelief
+from semmap_log.core.folds.history import HistoryEntry
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.moments import format_local, format_short
+from semmap_log.core.model.object_classes import DOOR, ObjectClass
+from semmap_log.log.door_log.explanation import Explanation, StateReason
 from semmap_log.views.belief_words import why_unknown, with_interval
 from semmap_log.views.column_table import CellValue
 from semmap_log.views.event_words import printable

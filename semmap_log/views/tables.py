@@ -19,13 +19,13 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.common.texts import command_line, counted
-from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
-from semmap_log.domain.events import DoorUpdated, Event, FloorMap, RobotPose, field_names
-from semmap_log.domain.meaning import PART_OF
-from semmap_log.domain.moments import format_local, format_short
-from semmap_log.domain.object_classes import DOOR, ObjectClass
-from semmap_log.folds.levels import levels_of
+from semmap_log.core.folds.levels import levels_of
+from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState
+from semmap_log.core.model.events import DoorUpdated, Event, FloorMap, RobotPose, field_names
+from semmap_log.core.model.meaning import PART_OF
+from semmap_log.core.model.moments import format_local, format_short
+from semmap_log.core.model.object_classes import DOOR, ObjectClass
+from semmap_log.core.texts import command_line, counted
 from semmap_log.views.column_table import (
     Cell,
     CellValue,
@@ -38,11 +38,11 @@ from semmap_log.views.event_words import printable, words_of
 from semmap_log.views.pairs import add_pair, pairs
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.personal_data import PersonalData
-    from semmap_log.door_log.summary import LogSummary
-    from semmap_log.folds.diff import Diff, FieldChange
-    from semmap_log.folds.history import HistoryEntry
-    from semmap_log.replay.read_model.indexing import IndexState
+    from semmap_log.core.folds.diff import Diff, FieldChange
+    from semmap_log.core.folds.history import HistoryEntry
+    from semmap_log.log.door_log.personal_data import PersonalData
+    from semmap_log.log.door_log.summary import LogSummary
+    from semmap_log.log.replay.read_model.indexing import IndexState
     from semmap_log.store.clock_check import SuspectCommit
 
 ABSENT = "-"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from zoneinfo import ZoneInfo
 
-from semmap_log.domain.moments import zone
+from semmap_log.core.model.moments import zone
 
 MS_NS = 10**6
 DAY_MS = 86_400_000

@@ -12,7 +12,7 @@ from navigation.goal_orders import FAIL_S, order_of, walking_on
 from navigation.goals import Goal
 from navigation.ways import Way
 
-from semmap_log.domain.doors import DoorId
+from semmap_log.core.model.doors import DoorId
 from tests.navigation.world_of_three_rooms import (
     ALL_OPEN,
     IN_LEFT,

@@ -11,8 +11,8 @@ from navigation.move_base import Drive
 from navigation.runs import read_run, second_of
 from navigation.ways import Crossing
 
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved
 from tests.navigation.world_of_three_rooms import (
     ALL_OPEN,
     CORRIDOR,

@@ -16,8 +16,8 @@ from navigation.runs import find_runs, read_run, second_of
 from navigation.wrong_beliefs import wrong_doors, wrong_share
 
 import semmap_log as sl
-from semmap_log.domain.events import DoorObserved, DoorUpdated, RobotPose
-from semmap_log.replay.care import verify
+from semmap_log.core.model.events import DoorObserved, DoorUpdated, RobotPose
+from semmap_log.log.replay.care import verify
 from tests.navigation.corridor import CLOSED, DOORS, OPEN, drive, plan
 
 KEY = RunKey("corridor", "map", "fixed", 1)

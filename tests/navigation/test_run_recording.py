@@ -9,9 +9,9 @@ import pytest
 from navigation.records import START_NS, Outcome, RunKey
 from navigation.runs import Run, read_run
 
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import RobotPose
-from semmap_log.domain.moments import Moment
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import RobotPose
+from semmap_log.core.model.moments import Moment
 from semmap_log.views.palette import DEFAULT, packed
 from tests.navigation.corridor import DOORS, drive
 from tests.navigation.test_experiment_tables import run as run_verb

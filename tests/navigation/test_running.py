@@ -26,8 +26,8 @@ from navigation.setups import SETUPS
 from navigation.tables.experiment import tables_of
 from navigation.ways import Way
 
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved, DoorUpdated, RobotPose
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved, DoorUpdated, RobotPose
 from tests.navigation.world_of_three_rooms import floor
 from tests.patrol_sim.corridor import building
 

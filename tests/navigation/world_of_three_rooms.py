@@ -20,7 +20,7 @@ from navigation.robot import Robot, Senses
 from navigation.setups import SETUPS
 from navigation.world import World
 
-from semmap_log.domain.doors import DoorId
+from semmap_log.core.model.doors import DoorId
 from tests.patrol_sim.corridor import building
 
 LEFT, MIDDLE, RIGHT = DoorId(1), DoorId(2), DoorId(3)

@@ -85,7 +85,7 @@ def _add_kind(package: Path, later: Later) -> None:
     name, messages = later.kind, package / "messages"
     (messages / "msg" / f"{name}.msg").write_text(MESSAGE, encoding="ascii")
     mark = "changes_nothing = True" if later.is_marked else ""
-    events = package / "domain" / "events.py"
+    events = package / "core" / "model" / "events.py"
     edit(events, "\nAnyEvent: TypeAlias = (\n", KIND.format(name=name, mark=mark))
     edit(events, "    | UnknownEvent\n)", f"    | {name}\n    | UnknownEvent\n)")
 

@@ -19,7 +19,7 @@ from rosbags.highlevel import AnyReader
 
 import semmap_log as sl
 from semmap_log.errors import OutputError
-from semmap_log.importing.importing import ImportOptions, import_file
+from semmap_log.interop.importing.importing import ImportOptions, import_file
 from tests.patrol_sim.corridor import building, patrol
 
 ERROR = PoseError(0.05, 1.0)

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.beliefs import probabilities
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorObserved
+from semmap_log.analysis.beliefs import probabilities
+from semmap_log.core.folds.timeline import Timeline
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorObserved
 from semmap_log.errors import MissingExtraError
-from semmap_log.folds.timeline import Timeline
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.views import html_table
 from tests.conftest import SteadyClock

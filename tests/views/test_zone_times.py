@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime, timezone
 
-from semmap_log.domain.moments import zone
+from semmap_log.core.model.moments import zone
 from semmap_log.views.zone_times import Span, first_ms, zone_offsets
 
 

@@ -13,10 +13,10 @@ from benchmark.case import Case, Peer, Work
 from benchmark.near import Near
 from benchmark.patrol import START_NS
 from benchmark.peers import OURS, on_cores
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved
-from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
+from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence, Evidence
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved
 
 DOORS = 100
 ACCURACY = 0.9

@@ -10,10 +10,10 @@ from benchmark import plain_beliefs
 from benchmark.case import Case, Peer, Work
 from benchmark.near import Near
 from benchmark.peers import OURS, on_cores
-from semmap_log.probabilities.chain import hour_modes
-from semmap_log.probabilities.chain.hour_looks import HourLooks
-from semmap_log.probabilities.chain.looks import Looks
-from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.analysis.probabilities.chain import hour_modes
+from semmap_log.analysis.probabilities.chain.hour_looks import HourLooks
+from semmap_log.analysis.probabilities.chain.looks import Looks
+from semmap_log.core.model.local_clock import LocalClock
 
 HOUR_NS = 3600 * 10**9
 CLOCK = LocalClock("UTC")

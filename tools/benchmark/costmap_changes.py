@@ -22,9 +22,9 @@ from benchmark.costmaps import (
 )
 from benchmark.made_building import RESOLUTION_M, Building, made_building
 from benchmark.peers import OURS
-from semmap_log.costmap_2d.costs import FREE_SPACE, LETHAL
-from semmap_log.costmap_2d.door_layer import DoorLine
-from semmap_log.costmap_2d.grid import CellWindow
+from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, LETHAL
+from semmap_log.analysis.costmap_2d.door_layer import DoorLine
+from semmap_log.analysis.costmap_2d.grid import CellWindow
 
 BURST = 20
 REACH = ceil(RADIUS_M / RESOLUTION_M)

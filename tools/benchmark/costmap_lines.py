@@ -16,7 +16,7 @@ from benchmark.case import Case, Peer, Work
 from benchmark.costmaps import ROUNDS
 from benchmark.made_building import made_building
 from benchmark.peers import OURS
-from semmap_log.costmap_2d.lines import draw_lines
+from semmap_log.analysis.costmap_2d.lines import draw_lines
 
 BURST = 20
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog
+    from semmap_log.log.door_log.door_log import DoorLog
 
 TIMELINES = ("happened", "recorded", "event")
 STATE, CLEAR, ROW = "StateChange:state", "Clear:is_recursive", "rerun.controls.RowId"

@@ -9,7 +9,7 @@ GOOD, TORN = 0, 3
 
 def what_verify_says(log: Path, *, is_closed: bool) -> list[str]:
     """Return what `verify` has against a log; a torn tail only counts if it was closed."""
-    from semmap_log.replay.care import verify
+    from semmap_log.log.replay.care import verify
 
     try:
         found = verify(log)

@@ -13,8 +13,8 @@ from steady_clock import SteadyClock
 
 import semmap_log as sl
 from fault_injection.sample import FIRST, NAME, SECOND, THIRD, small_segments
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved, Event
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved, Event
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
 

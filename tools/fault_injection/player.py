@@ -13,9 +13,9 @@ from random import Random
 
 import semmap_log as sl
 from fault_injection.story import Act, SteadyClock, Story
-from semmap_log.door_log.appended import Appended
-from semmap_log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.exporting.log_files import export
+from semmap_log.interop.exporting.log_files import export
+from semmap_log.log.door_log.appended import Appended
+from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.store.compaction import compact
 
 LEVELS = ("event", "batch", "flush", "none")

@@ -21,9 +21,9 @@ import numpy as np
 from steady_clock import SteadyClock
 
 import semmap_log as sl
-from semmap_log.domain.commits import Commit, Note
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.commits import Commit, Note
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     DoorAdded,
     DoorObserved,
     Event,

@@ -24,9 +24,9 @@ from fault_injection.forking import forked
 from fault_injection.oracle_client import Oracle
 from fault_injection.sample import small_segments
 from fault_injection.subject import keep
-from semmap_log.domain.events import RobotPose
-from semmap_log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.core.model.events import RobotPose
 from semmap_log.errors import SemmapError
+from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 
 THREADS = 8
 EACH = 12

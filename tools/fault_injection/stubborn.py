@@ -13,9 +13,9 @@ from pathlib import Path
 
 from fault_injection.player import Player, Tell
 from fault_injection.story import Act, Story
-from semmap_log.domain.events import PatrolStarted
-from semmap_log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.core.model.events import PatrolStarted
 from semmap_log.errors import LogError, LogPoisonedError, SemmapError
+from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 
 MOST_TRIES = 3
 """Of one act; then the fault is one that stays, and the run is over."""

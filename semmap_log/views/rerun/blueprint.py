@@ -11,8 +11,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from semmap_log.beliefs.typical_week import TypicalWeek
-from semmap_log.domain.doors import DoorId
+from semmap_log.analysis.beliefs.typical_week import TypicalWeek
+from semmap_log.core.model.doors import DoorId
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.belief_curves import MOST_CURVES, MOST_WEEKS, BeliefsShown

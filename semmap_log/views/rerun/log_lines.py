@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import DoorEvent, Event, Retracted, RobotPose
-from semmap_log.domain.meaning import NO_EFFECT, PLACING, Presence
-from semmap_log.domain.moments import SECOND_NS
-from semmap_log.domain.object_classes import DOOR
-from semmap_log.folds.door_changes import Changes, Stamp
-from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.door_changes import Changes, Stamp
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import DoorEvent, Event, Retracted, RobotPose
+from semmap_log.core.model.local_clock import LocalClock
+from semmap_log.core.model.meaning import NO_EFFECT, PLACING, Presence
+from semmap_log.core.model.moments import SECOND_NS
+from semmap_log.core.model.object_classes import DOOR
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.drawable import drawable
@@ -24,7 +24,7 @@ from semmap_log.views.rerun.scene import Scene, SceneDoor
 from semmap_log.views.rerun.thinning import RepeatFinder, is_long
 
 if TYPE_CHECKING:
-    from semmap_log.domain.commits import Commit
+    from semmap_log.core.model.commits import Commit
 
 INFO, WARN, DEBUG = "INFO", "WARN", "DEBUG"
 """INFO: the map is another than before; WARN: look here; DEBUG: it stayed as it was."""

@@ -21,16 +21,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import RobotPose
-from semmap_log.io.disk import output_errors, refuse_own_folder, whole_file
+from semmap_log.core.io.disk import output_errors, refuse_own_folder, whole_file
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import RobotPose
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.rerun.contents import find_scene
 from semmap_log.views.rerun.thinning import LeftOut
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog, Time
+    from semmap_log.log.door_log.door_log import DoorLog, Time
     from semmap_log.views.rerun.scene import Scene
 
 LOOK_BACK_NS = 86_400 * 10**9

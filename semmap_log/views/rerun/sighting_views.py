@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.texts import counted
-from semmap_log.domain.doors import DoorId
-from semmap_log.formats.kept_scans.kept_visit import DoorLine, KeptVisit
-from semmap_log.formats.kept_scans.reading import has_kept_scans, kept_visits
-from semmap_log.scans.visit import Visit
+from semmap_log.analysis.scans.kept_visit import DoorLine, KeptVisit
+from semmap_log.analysis.scans.visit import Visit
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.texts import counted
+from semmap_log.interop.formats.kept_scans.reading import has_kept_scans, kept_visits
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import BEAM_SHORT, Palette, Rgb
 from semmap_log.views.rerun.drawable import drawable

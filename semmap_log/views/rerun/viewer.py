@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from semmap_log.core.io.disk import output_errors, replace_file
 from semmap_log.errors import ViewerError
-from semmap_log.io.disk import output_errors, replace_file
 from semmap_log.views.rerun.process import RerunProcess, running
 
 LOAD_S = 60.0

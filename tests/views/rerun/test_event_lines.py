@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.folds.door_changes import door_changes
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     KINDS,
     Changed,
     ClassDefined,
@@ -33,7 +34,6 @@ from semmap_log.domain.events import (
     RobotPose,
     SightingsThinned,
 )
-from semmap_log.folds.door_changes import door_changes
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.contents import find_scene

@@ -10,17 +10,17 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorObserved
-from semmap_log.formats.kept_scans.writing import keeping_scans
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated, DoorObserved
+from semmap_log.interop.formats.kept_scans.writing import keeping_scans
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Palette, packed
 from semmap_log.views.rerun.recording import RrdSummary, save_rrd
 from semmap_log.views.rerun.rows import MOST_ROWS
 from semmap_log.views.rerun.sighting_views import MOST_DOORS, MOST_POINTS
+from tests.analysis.scans.some_scans import LINE, SHUT, seen_visit
+from tests.analysis.scans.some_visits import START_NS, S
 from tests.conftest import SteadyClock
-from tests.formats.kept_scans.torn import chunks_at
-from tests.scans.some_scans import LINE, SHUT, seen_visit
-from tests.scans.some_visits import START_NS, S
+from tests.interop.formats.kept_scans.torn import chunks_at
 from tests.views.rerun.pictures import a_viewer, has_colour
 from tests.views.rerun.some_logs import Drawn, room
 

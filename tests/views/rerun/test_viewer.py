@@ -16,8 +16,8 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 from PIL import Image
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded, DoorAnnotated
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated
 from semmap_log.errors import ViewerError
 from semmap_log.views.palette import DEFAULT
 from semmap_log.views.rerun.process import LOCAL, explained, reserved_port

@@ -13,8 +13,8 @@ from unittest.mock import patch
 import numpy as np
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     Changed,
     ClassDefined,
     DoorAdded,

@@ -13,9 +13,9 @@ from typing import Any
 
 import semmap_log as sl
 from fault_injection.acknowledged import Tell
-from semmap_log.domain.events import RobotPose
-from semmap_log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.core.model.events import RobotPose
 from semmap_log.errors import SemmapError
+from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 
 
 @dataclass
