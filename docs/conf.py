@@ -147,8 +147,9 @@ def lead_to_public_name(
     return python.resolve_xref(env, node["refdoc"], builder, "obj", home, node, text)
 
 
-INCLUDED = {"semmap_log/live/robot_files/README.md": "/guides/robot.md", "CONTRIBUTING.md": "/contributing.md",
-            "CHANGELOG.md": "/changelog.md", "recordings/README.md": "/recordings.md"}  # fmt: skip
+INCLUDED = {"semmap_log/live/robot_files/README.md": "/guides/robot.md",
+            "CONTRIBUTING.md": "/contributing.md", "CHANGELOG.md": "/changelog.md",
+            "recordings/README.md": "/recordings.md"}  # fmt: skip
 """Files that are pages here, and lie elsewhere in the project."""
 
 

@@ -172,7 +172,10 @@ def run(
     if follow:
         _follow(opened, looks, web=web, theme=theme, browser=browser)
         return
-    with _recording(opened, save, {**looks, "scans": scans, "until": end, "at": at}) as (
+    from semmap_log.interop.formats.kept_scans.reading import kept_visits
+
+    reader = kept_visits if scans else None
+    with _recording(opened, save, {**looks, "scans": reader, "until": end, "at": at}) as (
         rrd,
         summary,
     ):

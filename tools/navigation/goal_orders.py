@@ -88,8 +88,8 @@ class NearestFirst(_Choosing):
 class PatrolOrder(_Choosing):
     """The first goal of the order in which the mean time to reach a goal is least.
 
-    It is `patrol-plan`'s order (`semmap_log.analysis.planning`) of all goals that are known. P of a goal is
-    that of all doors on the way to it from here, when one comes to them.
+    It is `patrol-plan`'s order (`semmap_log.analysis.planning`) of all goals that are known. P of a
+    goal is that of all doors on the way to it from here, when one comes to them.
     """
 
     def __init__(self, robot: Robot, move_base: MoveBase, window: int) -> None:

@@ -3,7 +3,7 @@
 Over k steps of the longer axis it has taken `(2 k minor + major - 1) // (2 major)` of the shorter:
 k minor / major, rounded to the nearest, halves down, away from the start. So the line from the
 other end hits other cells, as do `costmap_2d`'s `raytraceLine` and scikit-image's `line` in a third
-of all directions. The formula replaces the loop, cell for cell (tests/analysis/costmap_2d/test_lines.py).
+of all directions. The formula replaces the loop, cell for cell: `test_lines.py` checks it.
 """
 
 from __future__ import annotations

@@ -102,8 +102,8 @@ class DoorLayerState:
 class DoorLayerProjection:
     """The fold: `log.fold_live(DoorLayerProjection(geometry))` gives the layer as it changes.
 
-    For the layer of one moment `semmap_log.analysis.costmaps.costmap_at` is quicker: it starts at the
-    nearest keyframe.
+    For the layer of one moment `semmap_log.analysis.costmaps.costmap_at` is quicker: it starts
+    at the nearest keyframe.
     """
 
     geometry: GridGeometry

@@ -21,12 +21,15 @@ chunks overlap, as visits do: the file's index puts messages in order.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path, PurePath
+from typing import Protocol
 
 from semmap_log.analysis.scans.placed_scan import PlacedScan
 from semmap_log.analysis.scans.visit import Visit
+from semmap_log.core.model.doors import DoorId
 
 FOLDER_SUFFIX = ".scans"
 METADATA = "semmap_log_scans"
@@ -54,6 +57,27 @@ class KeptVisit:
     """Stamps ascending; empty if they were not asked for."""
     event: int | None = None
     """Number of the DoorObserved or DoorPassed that it became; None: not told, or none."""
+
+
+class VisitReader(Protocol):
+    """Reads the visits that are kept beside a log, file by file, in the order in which they ended.
+
+    See `kept_visits`, which is one.
+    """
+
+    def __call__(
+        self,
+        log: PurePath,
+        log_id: str,
+        *,
+        since_ns: int | None = None,
+        until_ns: int | None = None,
+        doors: Collection[DoorId] | None = None,
+        with_scans: Callable[[Visit], bool] | None = None,
+        tell: Callable[[str], None] | None = None,
+    ) -> Iterator[KeptVisit]:
+        """Yield the visits of these doors that ended in [since_ns, until_ns)."""
+        ...
 
 
 def visit_key(visit: Visit) -> tuple[object, ...]:

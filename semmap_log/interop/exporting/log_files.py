@@ -238,12 +238,13 @@ def _names(door_map: DoorMap) -> dict[int, str]:
 
 
 def _rrd(log: DoorLog, path: Path, scope: Scope) -> Exported:
+    from semmap_log.interop.formats.kept_scans.reading import kept_visits
     from semmap_log.views.rerun.recording import save_rrd
 
     if scope.known_at_ns is not None or scope.event is not None:
         raise CommandError("a recording shows all that is known: leave --known-at and --event out.")
     until = None if scope.at_ns is None else scope.at_ns + 1
-    summary = save_rrd(log, path, until=until)
+    summary = save_rrd(log, path, until=until, scans=kept_visits)
     return Exported(counted(summary.events, "event"))
 
 

@@ -177,7 +177,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             at: What was true then, with all that is known today.
             known_at: Only what had been recorded by then, whole commits.
             event: Only what has a number up to that.
-            checkpoint: A file to go on from, and to save to: see `semmap_log.log.replay.checkpoint`.
+            checkpoint: A file to resume from, and to save to: see `log.replay.checkpoint`.
             save_every_s: How often it is saved at most, before the end.
             progress: Told how far the reading is.
 
