@@ -222,7 +222,7 @@ def test_the_plan_leaves_sightings_out(tmp_path: Path) -> None:
 
     excerpt = Excerpt(sighted_log(tmp_path / "office", doors=8))
     scene = find_scene(excerpt)
-    shown = sightings_to_show(excerpt, scene, None)
+    shown = sightings_to_show(kept_visits, excerpt, scene, None)
 
     plans = layout(
         scene, DEFAULT, chosen=None, level=None, costmap=True, beliefs=None, rounds=(), tz="UTC",
