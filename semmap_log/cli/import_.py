@@ -96,6 +96,15 @@ def run(
         Unit | None,
         typer.Option("--time-unit", help="CSV: of times that are numbers since 1970."),
     ] = None,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(
+            "--accuracy",
+            min=0.5,
+            max=1,
+            help="CSV: of rows without one, which are then sightings; else they set the state.",
+        ),
+    ] = None,
     windows: Annotated[
         Path | None,
         typer.Option(
@@ -274,7 +283,7 @@ def run(
             at_ns=_time_ns(opened, at, "--at"),
             since_ns=_since_ns(opened, since, since_ever=since_ever), mapping=mapping, scan=scans,
             map_rules=None if map_rules is None else map_rules.value, new_doors=new_doors,
-            form=form, as_recorded=as_recorded,
+            form=form, accuracy=accuracy, as_recorded=as_recorded,
         )  # fmt: skip
 
     note = sl.Note(actor=actor, source=source, reason=reason)

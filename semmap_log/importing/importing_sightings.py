@@ -16,7 +16,7 @@ from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorEvent, DoorOb
 from semmap_log.domain.meaning import Changed
 from semmap_log.errors import UnknownDoorError, UnknownLevelError
 from semmap_log.folds.levels import resolve_level
-from semmap_log.formats.files.csv_sightings import Rows, Sightings
+from semmap_log.formats.files.csv_sightings import Rows, Sightings, accuracies_of
 from semmap_log.formats.parsing.problems import shown
 from semmap_log.importing.held_sightings import HeldSightings
 from semmap_log.importing.import_plan import ImportPlan, Present
@@ -25,6 +25,7 @@ from semmap_log.importing.import_plan import ImportPlan, Present
 def plan_sightings(
     sightings: Sightings, present: Present, *, held: HeldSightings | None = None,
     level: int | None = None, renumber: bool = False, new_doors: bool = False,
+    hints_at_accuracy: bool = False,
 ) -> ImportPlan:  # fmt: skip
     """Return how the rows of a door CSV come into the log.
 
@@ -40,6 +41,7 @@ def plan_sightings(
             any level, and new ones are on the one that is meant where none is told.
         renumber: A name that a removed door bore is that of a new one.
         new_doors: Names of no door are those of new ones, also where the log has doors.
+        hints_at_accuracy: Say how long states hold if no row has an accuracy.
 
     Raises:
         UnknownDoorError: A name that several doors bear, or a level that has no door of the name;
@@ -89,11 +91,22 @@ def plan_sightings(
                 else ""
             )
             + (f"; in the log already, by another file: {known_rows:,}" if known_rows else ""),
+            *([_UNTIL_THE_NEXT] if hints_at_accuracy and _has_no_accuracy(sightings) else []),
         ),
         warnings=sightings.warnings,
         left_out=sightings.left_out,
         nothing="" if len(sightings) else _why_nothing(sightings),
     )
+
+
+_UNTIL_THE_NEXT = (
+    "no row has an accuracy: each state holds until the door's next row; if these are a robot's "
+    "sightings, import them into a new log with --accuracy 0.9, or what its sensor has"
+)
+
+
+def _has_no_accuracy(sightings: Sightings) -> bool:
+    return all(np.isnan(accuracies_of(rows)).all() for rows in sightings.columns.parts())
 
 
 def _why_nothing(sightings: Sightings) -> str:
