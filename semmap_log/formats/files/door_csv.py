@@ -217,9 +217,7 @@ class _Reader:
             if self.problems.is_full:
                 return
             state = self.parsed_state(state_text, line)
-            accuracy = (
-                self.parsed_accuracy(accuracy_text, line) if accuracy_text else self.accuracy
-            )
+            accuracy = self.parsed_accuracy(accuracy_text, line) if accuracy_text else self.accuracy
             named = meant(name)
             door = self.names.code_of(named.encode())
             if door is None:
