@@ -193,7 +193,7 @@ def run(
 
     With --as-recorded the times of a file are also when it was known: a commit for each time. So
     --known-at can be asked about history that another program wrote. All of the file has to be
-    later than the log's last commit: import old files first. Of a map or a building, --since says
+    no earlier than the log's last commit: import old files first. Of a map or a building, --since says
     the time.
 
     \b

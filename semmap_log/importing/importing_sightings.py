@@ -82,8 +82,12 @@ def plan_sightings(
         events,
         count=len(sightings) - known_rows + 2 * len(added),
         summary=(
-            f"doors: {len(ids)}, of which {len(added)} new, without a place yet"
-            + (f": {_few(added)}" if added else ""),
+            f"doors: {len(ids)}, "
+            + (
+                f"of which {len(added)} new, without a place yet: {_few(added)}"
+                if added
+                else "none of them new"
+            ),
             f"rows: {sightings.rows_in_file:,}"
             + (
                 f", and {counted(extra, 'state')} at the ends and starts of windows"
