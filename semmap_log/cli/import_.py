@@ -192,9 +192,9 @@ def run(
     follow each other and say the same of who and why are one commit.
 
     With --as-recorded the times of a file are also when it was known: a commit for each time. So
-    --known-at can be asked about history that another program wrote. All of the file has to be
-    no earlier than the log's last commit: import old files first. Of a map or a building, --since says
-    the time.
+    --known-at can be asked about history that another program wrote. Nothing of the file may be
+    earlier than the log's last commit: import old files first. Of a map or a building, --since
+    says the time.
 
     \b
     Known by their keys:

@@ -104,8 +104,8 @@ def plan_sightings(
 
 
 _UNTIL_THE_NEXT = (
-    "no row has an accuracy: each state holds until the door's next row; if these are a robot's "
-    "sightings, import them into a new log with --accuracy 0.9, or what its sensor has"
+    "no row has an accuracy, so each state holds until the door's next row; if these are a robot's "
+    "sightings: --accuracy 0.9, into a new log"
 )
 
 

@@ -65,7 +65,8 @@ def test_the_examples_are_many() -> None:
 
 
 _MADE = re.compile(
-    r"semmap-log init (\S+)|sl\.create\(\"([^\"]+)|cp -r recordings/\S+ (\S+)|mkdir (?:-p )?([^\s;]+)"
+    r"semmap-log init (\S+)|sl\.create\(\"([^\"]+)|cp -r recordings/\S+ (\S+)"
+    r"|mkdir (?:-p )?([^\s;]+)"
 )
 
 
@@ -74,8 +75,9 @@ def test_what_a_page_makes_is_called_otherwise_than_what_others_make() -> None:
     So that they can be followed one after the other, in one folder.
     """
     makers: dict[str, set[str]] = {}
+    fenced = re.compile(r"^```\w+\n(.*?)^```$", re.DOTALL | re.MULTILINE)
     for path in PAGES:
-        for block in re.findall(r"^```\w+\n(.*?)^```$", path.read_text("utf-8"), re.DOTALL | re.M):
+        for block in fenced.findall(path.read_text(encoding="utf-8")):
             for made in _MADE.findall(block):
                 makers.setdefault("".join(made), set()).add(path.name)
 
