@@ -47,8 +47,9 @@ def write_files(folder: Path, *, seed: int) -> None:
     cells = _plan()
     height, width = cells.shape
     (folder / "plan.pgm").write_bytes(f"P5\n{width} {height}\n255\n".encode() + cells.tobytes())
+    corner_m = -MARGIN_M - CELL_M / 2  # so that walls run through the middles of cells
     (folder / "plan.yaml").write_text(
-        f"image: plan.pgm\nresolution: {CELL_M}\norigin: [-{MARGIN_M}, -{MARGIN_M}, 0.0]\n"
+        f"image: plan.pgm\nresolution: {CELL_M}\norigin: [{corner_m}, {corner_m}, 0.0]\n"
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
     )
 
@@ -87,8 +88,9 @@ def _plan() -> NDArray[np.uint8]:
     cells[_places(0.0, 0.0, WIDTH_M, HEIGHT_M)] = FLOOR
     for wall in WALLS_M:
         cells[_places(*wall)] = WALL
-    for door in DOORS_M.values():
-        cells[_places(*door)] = FLOOR
+    for x0, y0, x1, y1 in DOORS_M.values():  # their ends stand in the wall
+        along_x, along_y = (CELL_M if end > start else 0.0 for start, end in ((x0, x1), (y0, y1)))
+        cells[_places(x0 + along_x, y0 + along_y, x1 - along_x, y1 - along_y)] = FLOOR
     return cells[::-1]
 
 
