@@ -269,3 +269,15 @@ def test_missing_plans_are_named(tmp_path: Path) -> None:
     assert "office.building.yaml: expected the Open-RMF plan" in done.stderr
     assert "--maps" in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_the_tool_writes_the_files_of_the_tutorial(tmp_path: Path) -> None:
+    """
+    The same seed gives the same bytes.
+    """
+    done = make("--only", "library", "--out", tmp_path)
+
+    assert done.returncode == 0, done.stderr
+    assert {path.name: path.read_bytes() for path in (RECORDINGS / "library").iterdir()} == {
+        path.name: path.read_bytes() for path in (tmp_path / "library").iterdir()
+    }

@@ -96,6 +96,15 @@ def run(
         Unit | None,
         typer.Option("--time-unit", help="CSV: of times that are numbers since 1970."),
     ] = None,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(
+            "--accuracy",
+            min=0.5,
+            max=1,
+            help="CSV: of rows without one, which are then sightings; else they set the state.",
+        ),
+    ] = None,
     windows: Annotated[
         Path | None,
         typer.Option(
@@ -183,9 +192,9 @@ def run(
     follow each other and say the same of who and why are one commit.
 
     With --as-recorded the times of a file are also when it was known: a commit for each time. So
-    --known-at can be asked about history that another program wrote. All of the file has to be
-    later than the log's last commit: import old files first. Of a map or a building, --since says
-    the time.
+    --known-at can be asked about history that another program wrote. Nothing of the file may be
+    earlier than the log's last commit: import old files first. Of a map or a building, --since
+    says the time.
 
     \b
     Known by their keys:
@@ -274,7 +283,7 @@ def run(
             at_ns=_time_ns(opened, at, "--at"),
             since_ns=_since_ns(opened, since, since_ever=since_ever), mapping=mapping, scan=scans,
             map_rules=None if map_rules is None else map_rules.value, new_doors=new_doors,
-            form=form, as_recorded=as_recorded,
+            form=form, accuracy=accuracy, as_recorded=as_recorded,
         )  # fmt: skip
 
     note = sl.Note(actor=actor, source=source, reason=reason)

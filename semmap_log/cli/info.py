@@ -18,7 +18,9 @@ def run(
     day: Annotated[
         str | None,
         typer.Option(
-            "--day", metavar="TIME", help="The day whose states are drawn; default: the last."
+            "--day",
+            metavar="TIME",
+            help="The day whose states are drawn; default: that of the last report.",
         ),
     ] = None,
     all_doors: Annotated[

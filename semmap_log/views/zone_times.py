@@ -51,6 +51,14 @@ def zone_offsets(span: Span, tz: str) -> list[tuple[int, int]]:
     return found
 
 
+def from_utc(offset_s: int) -> str:
+    """Return how far clocks are ahead of UTC in words: `UTC+1`, `UTC-3:30`, `UTC`."""
+    hours, minutes = divmod(abs(offset_s) // 60, 60)
+    if not (hours or minutes):
+        return "UTC"
+    return f"UTC{'-' if offset_s < 0 else '+'}{hours}" + (f":{minutes:02}" if minutes else "")
+
+
 def _change_ms(before_ms: int, after_ms: int, place: ZoneInfo) -> int:
     """Return the first millisecond with the later of two offsets."""
     old_s = _offset_s(before_ms, place)

@@ -224,5 +224,5 @@ def test_why_shows_the_table_of_the_verb() -> None:
     )
     assert said == repr(told)
     rows = _Table(told._repr_html_()).rows
-    assert ["true", "OPEN since 06:55:00, for 2 h 35 min"] in rows
+    assert ["true", "OPEN since 06:55:00, for 2 hours 35 minutes"] in rows
     assert "believed" in [row[0] for row in rows]

@@ -1,7 +1,8 @@
 """Files whose times are when it was known: a commit for each time, recorded then.
 
 So history that was written by another program can be asked what was known at a moment. A log's
-recorded times only grow: all of a file has to be later than what the log has.
+recorded times only grow: none of a file may be earlier than what the log has. What is of the same
+time as the log's last commit is recorded just after it, as doors after the plan of one day.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 
 MOST_SORTED = 200_000
 """Of more events the file has to have them in order of time."""
+SAME_TIME_NS = 1_000_000
+"""By so much a file may begin before the log's end: each event of a commit takes a nanosecond."""
 TOLD_EVERY = 1000
 """Commits between two words of progress."""
 
@@ -48,6 +51,7 @@ def append_as_recorded(
     if last_recorded_ns(log) is None and not log.begin_at(first_ns - 1):
         raise FormatError(path, "--as-recorded: the log had events before, so it has begun already")
     first_event: int | None = None
+    ended_ns = last_recorded_ns(log) or 0
     done = 0
     for count, (at_ns, events) in enumerate(groupby(_in_order(path, plan), key=_time_of)):
         some = list(events)
@@ -56,8 +60,9 @@ def append_as_recorded(
         command_id = file_id if is_last else _id_at(file_id, at_ns)
         commit = log.take_over(
             _given(some), note=note, command_id=command_id, content=command_id, are_facts=False,
-            recorded_ns=at_ns,
+            recorded_ns=max(at_ns, ended_ns + 1),
         )  # fmt: skip
+        ended_ns = commit.closed_ns
         first_event = commit.first_event if first_event is None else first_event
         if progress is not None and count % TOLD_EVERY == 0:
             progress(done, plan.count)
@@ -105,9 +110,9 @@ def _check_order(log: DoorLogWriter, path: Path, first_ns: int, last_ns: int) ->
             path, f"--as-recorded: expected times up to now, got {format_local(last_ns, zone)}"
         )
     ended_ns = last_recorded_ns(log)
-    if ended_ns is not None and first_ns <= ended_ns:
+    if ended_ns is not None and first_ns < ended_ns - SAME_TIME_NS:
         raise FormatError(
-            path, "--as-recorded: recorded times only grow: expected times later than the log's "
+            path, "--as-recorded: recorded times only grow: expected no time before the log's "
             f"last commit, {format_local(ended_ns, zone)}, got {format_local(first_ns, zone)}; "
             "import it into a new log before anything else, or without --as-recorded",
         )  # fmt: skip

@@ -94,6 +94,8 @@ class ImportOptions:
     allows that."""
     form: TableForm | None = None
     """How another system writes its door log, whatever the file is called; None: as our CSV."""
+    accuracy: float | None = None
+    """CSV: of rows without one, which are then sightings; None: they set the state."""
     new_doors: bool = False
     """CSV: names of no door are those of new ones, also in a log that has doors."""
     source: str = ""
@@ -261,7 +263,7 @@ def mapping_of(path: Path, options: ImportOptions) -> RosMapping:
     if options != mine:
         raise CommandError(
             f"{path}: a bag's messages say when they were, and a mapping says how they are read; "
-            "leave out --windows, --at, --update, --renumber."
+            "leave out --windows, --at, --update, --renumber, --accuracy."
         )
     mapping = WELL_KNOWN if options.mapping is None else read_mapping(options.mapping)
     return mapping if options.level is None else replace(mapping, level=options.level)
@@ -409,15 +411,23 @@ def _plan_table(present: Present, table: DoorTable, options: ImportOptions) -> I
 
 def _plan_csv(log: DoorLog, path: Path, options: ImportOptions) -> ImportPlan:
     zone = log.info.timezone if options.tz is None else options.tz
-    sightings = read_door_csv(path, windows=options.windows, tz=zone, form=options.form)
+    sightings = read_door_csv(
+        path, windows=options.windows, tz=zone, form=options.form, accuracy=options.accuracy
+    )
     there = present(log)
     level = None if options.level is None else resolve_level(options.level, there.door_map)
     # A name that a removed door bore is that of a new one with `renumber`: then nothing is held.
     held = None if options.renumber else HeldSightings(log, source=options.source)
     return plan_sightings(
         sightings, there, held=held, level=level, renumber=options.renumber,
-        new_doors=options.new_doors,
+        new_doors=options.new_doors, hints_at_accuracy=_hints_at_accuracy(log, options),
     )  # fmt: skip
+
+
+def _hints_at_accuracy(log: DoorLog, options: ImportOptions) -> bool:
+    """Tell whether a state that is set or seen makes a difference, and nothing says which it is."""
+    is_of_changes = options.form is not None and options.form.reports_changes
+    return log.info.holds != 0 and not is_of_changes
 
 
 def _plan_lines(
@@ -444,7 +454,8 @@ def command_id_of(path: Path, options: ImportOptions) -> bytes:
     since = "" if options.since_ns is None else f" since {options.since_ns}"
     source = f" source {options.source}" if options.source else ""
     form = f" form {_told_form(options.form)}" if options.form is not None else ""
-    how = f"import {options.level} {options.tz} {options.at_ns}{since}{source}{form}"
+    accuracy = f" accuracy {options.accuracy}" if options.accuracy is not None else ""
+    how = f"import {options.level} {options.tz} {options.at_ns}{since}{source}{form}{accuracy}"
     whole = hashlib.sha256(how.encode())
     if options.map_rules is not None:
         whole.update(options.map_rules.encode())

@@ -22,7 +22,7 @@ from semmap_log.core.model.events import (
 from semmap_log.core.model.meaning import Changed
 from semmap_log.core.texts import counted
 from semmap_log.errors import UnknownDoorError, UnknownLevelError
-from semmap_log.interop.formats.files.csv_sightings import Rows, Sightings
+from semmap_log.interop.formats.files.csv_sightings import Rows, Sightings, accuracies_of
 from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.importing.held_sightings import HeldSightings
 from semmap_log.interop.importing.import_plan import ImportPlan, Present
@@ -31,6 +31,7 @@ from semmap_log.interop.importing.import_plan import ImportPlan, Present
 def plan_sightings(
     sightings: Sightings, present: Present, *, held: HeldSightings | None = None,
     level: int | None = None, renumber: bool = False, new_doors: bool = False,
+    hints_at_accuracy: bool = False,
 ) -> ImportPlan:  # fmt: skip
     """Return how the rows of a door CSV come into the log.
 
@@ -46,6 +47,7 @@ def plan_sightings(
             any level, and new ones are on the one that is meant where none is told.
         renumber: A name that a removed door bore is that of a new one.
         new_doors: Names of no door are those of new ones, also where the log has doors.
+        hints_at_accuracy: Say how long states hold if no row has an accuracy.
 
     Raises:
         UnknownDoorError: A name that several doors bear, or a level that has no door of the name;
@@ -86,8 +88,12 @@ def plan_sightings(
         events,
         count=len(sightings) - known_rows + 2 * len(added),
         summary=(
-            f"doors: {len(ids)}, of which {len(added)} new, without a place yet"
-            + (f": {_few(added)}" if added else ""),
+            f"doors: {len(ids)}, "
+            + (
+                f"of which {len(added)} new, without a place yet: {_few(added)}"
+                if added
+                else "none of them new"
+            ),
             f"rows: {sightings.rows_in_file:,}"
             + (
                 f", and {counted(extra, 'state')} at the ends and starts of windows"
@@ -95,11 +101,22 @@ def plan_sightings(
                 else ""
             )
             + (f"; in the log already, by another file: {known_rows:,}" if known_rows else ""),
+            *([_UNTIL_THE_NEXT] if hints_at_accuracy and _has_no_accuracy(sightings) else []),
         ),
         warnings=sightings.warnings,
         left_out=sightings.left_out,
         nothing="" if len(sightings) else _why_nothing(sightings),
     )
+
+
+_UNTIL_THE_NEXT = (
+    "no row has an accuracy, so each state holds until the door's next row; if these are a robot's "
+    "sightings: --accuracy 0.9, into a new log"
+)
+
+
+def _has_no_accuracy(sightings: Sightings) -> bool:
+    return all(np.isnan(accuracies_of(rows)).all() for rows in sightings.columns.parts())
 
 
 def _why_nothing(sightings: Sightings) -> str:

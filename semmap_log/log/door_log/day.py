@@ -59,14 +59,14 @@ def day_of_doors(log: DoorLog, day: Time = None) -> Day:
 
     Args:
         log: The log.
-        day: A moment of that day; None: the log's last.
+        day: A moment of that day; None: the last on which anything was said of a door's state.
 
     Raises:
         MomentError: The time cannot be read.
     """
     asked_ns = log.instant(day)
     clock = LocalClock(log.info.timezone)
-    number = clock.hour_of(np.array([log.end_ns() if asked_ns is None else asked_ns])) // 24
+    number = clock.hour_of(np.array([log.states_end_ns() if asked_ns is None else asked_ns])) // 24
     start_ns, end_ns = clock.midnights_ns(np.append(number, number + 1)).tolist()
     known_ns = max(start_ns, log.horizon_ns() + 1, 0)  # what was before is no longer kept
     found = log.timelines(since=Moment(ns=known_ns), until=Moment(ns=max(end_ns, known_ns)))

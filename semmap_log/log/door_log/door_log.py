@@ -795,6 +795,12 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             self._end_ns = latest_happened_ns(self._reader)
         return self._end_ns
 
+    def states_end_ns(self) -> int:
+        """Return when anything was last said of a door's state; the log's end if nothing was."""
+        from semmap_log.log.door_log.log_end import latest_happened_ns
+
+        return latest_happened_ns(self._reader, of_states=True) or self.end_ns()
+
     def resolve(self, door: str | int) -> DoorId:
         """Return the door of that id, name, or level/name, as of now.
 
@@ -899,11 +905,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def _last_before(self, time: str) -> int:
         """Return up to when a clock time or a weekday is the last one; warn where it matters."""
-        from semmap_log.log.door_log.log_end import latest_happened_ns
-
-        end_ns, last_ns = self.end_ns(), latest_happened_ns(self._reader, of_states=True) or None
-        if last_ns is None:
-            return end_ns
+        end_ns, last_ns = self.end_ns(), self.states_end_ns()
         tz = self.info.timezone
         taken = parse_moment(time, tz=tz, end_ns=lambda: last_ns)
         if taken.ns is not None and taken != parse_moment(time, tz=tz, end_ns=lambda: end_ns):

@@ -88,6 +88,24 @@ def test_plans_and_bags_can_be_known_then(log: sl.DoorLogWriter, tmp_path: Path)
         _take(log, tmp_path / "more.yaml")
 
 
+def test_files_since_the_same_time_are_known_one_after_the_other(
+    log: sl.DoorLogWriter, tmp_path: Path
+) -> None:
+    """
+    Nanoseconds apart, since recorded times grow: one for each event, and one for the commit.
+    """
+    for number in (1, 2, 3):
+        doors = tmp_path / f"doors{number}.yaml"
+        doors.write_text(f"{number}: {{position: {{x: 0, y: 0, theta: 0}}, width: 1}}")
+        _take(log, doors, since_ns=START, at_ns=START)
+
+    times = [commit.recorded_ns for commit in log.commits()]
+    assert START == times[0] < times[1] < times[2] < START + 10
+    known = [len(log.replay(known_at=Moment(ns=ns)).doors) for ns in (*times, START + 10)]
+    assert [1, 2, 3, 3] == known
+    assert 3 == len(log.replay(at=Moment(ns=START)).doors)
+
+
 def test_where_the_logs_order_does_not_allow_it_it_is_refused(
     log: sl.DoorLogWriter, tmp_path: Path
 ) -> None:
@@ -96,7 +114,7 @@ def test_where_the_logs_order_does_not_allow_it_it_is_refused(
     """
     log.add_door(name="a")
 
-    with pytest.raises(FormatError, match=r"later than the log's last commit, 2026-05-28 .*03-01"):
+    with pytest.raises(FormatError, match=r"before the log's last commit, 2026-05-28 .*03-01"):
         _take(log, _csv(tmp_path / "a.csv", "01T10:00,a,open"))
     (tmp_path / "b.csv").write_text("timestamp,door,state\n2027-01-01,a,open\n")
     with pytest.raises(FormatError, match="expected times up to now, got 2027-01-01"):

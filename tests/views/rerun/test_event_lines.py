@@ -176,4 +176,4 @@ def test_times_are_those_of_the_building(tmp_path: Path) -> None:
     told = [
         line.text for batch in excerpt.batches() for line in lines.of(batch, door_changes(batch))
     ]
-    assert ["03-29 01:59", "03-29 03:00"] == [text[:11] for text in told]
+    assert ["03-29 01:59:00 UTC+1", "03-29 03:00:00 UTC+2"] == [text[:20] for text in told]

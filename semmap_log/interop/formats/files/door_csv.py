@@ -1,6 +1,7 @@
 """Door logs as CSV: `timestamp,door,state[,accuracy]`, a row a change or a sighting.
 
-A row with an accuracy is a sighting, one without an update. Times without an offset are a zone's
+A row with an accuracy is a sighting, one without an update, unless the caller gives the accuracy
+of all that have none. Times without an offset are a zone's
 wall clock; in the hour that comes twice the order of the rows tells which is meant. A second file
 may say in which windows of time a door's state is known at all. How names are written that a
 spreadsheet or a terminal would obey, `csv_text` says.
@@ -37,8 +38,9 @@ MOST_NAME = 1_000
 
 
 def read_door_csv(
-    path: Path, *, windows: Path | None = None, tz: str, form: TableForm | None = None
-) -> Sightings:
+    path: Path, *, windows: Path | None = None, tz: str, form: TableForm | None = None,
+    accuracy: float | None = None,
+) -> Sightings:  # fmt: skip
     """Return the file's rows. It may be gzipped; it is never held in memory as text.
 
     Args:
@@ -46,6 +48,7 @@ def read_door_csv(
         form: How it is written, if otherwise; None: as above, with commas or semicolons.
         windows: CSV with the columns door, start, end; None: all doors are known at all times.
         tz: IANA zone of times without an offset.
+        accuracy: Of rows without one, which are then sightings; None: they are updates.
 
     Raises:
         FormatError: A file cannot be read, or a row is wrong; names the lines.
@@ -53,7 +56,7 @@ def read_door_csv(
     """
     zone(tz)
     known = None if windows is None else read_windows(windows, tz=tz)
-    reader = _Reader(Problems(path), known, tz)
+    reader = _Reader(Problems(path), known, tz, accuracy)
     left_out: tuple[str, ...] = ()
     if form is None and not _has_semicolons(path):
         _read_ours(path, reader)
@@ -118,11 +121,17 @@ class _Reader:
     """Takes rows, notes what is wrong, and keeps what is right as columns."""
 
     def __init__(
-        self, problems: Problems, windows: dict[str, list[KnownWindow]] | None, tz: str
+        self,
+        problems: Problems,
+        windows: dict[str, list[KnownWindow]] | None,
+        tz: str,
+        accuracy: float | None,
     ) -> None:
         self.problems = problems
         self.windows = windows
         self.tz = tz
+        self.accuracy = NAN if accuracy is None else accuracy
+        """Of rows without one."""
         self.order = FileOrder(tz)
         self.names = TextCodes()
         self.states = TextCodes()
@@ -162,6 +171,9 @@ class _Reader:
             return False
         self.order.pass_clear(ns)
         self.rows += len(ns)
+        if not math.isnan(self.accuracy):
+            given = np.full(len(ns), NAN) if accuracy is None else accuracy
+            accuracy = np.where(np.isnan(given), self.accuracy, given)
         self.kept.add(door, ns, state, accuracy)
         return True
 
@@ -205,7 +217,7 @@ class _Reader:
             if self.problems.is_full:
                 return
             state = self.parsed_state(state_text, line)
-            accuracy = self.parsed_accuracy(accuracy_text, line) if accuracy_text else NAN
+            accuracy = self.parsed_accuracy(accuracy_text, line) if accuracy_text else self.accuracy
             named = meant(name)
             door = self.names.code_of(named.encode())
             if door is None:

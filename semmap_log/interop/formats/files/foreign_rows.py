@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -98,7 +99,10 @@ class ForeignRows:
                     number, f"expected {len(names)} cells as in the header, got {len(cells)}"
                 )
                 continue
-            yield Row(number, ["" if at is None else cells[at] for at in places])
+            at, door, state, accuracy = ("" if at is None else cells[at] for at in places)
+            if delimiter != ",":  # in such tables a comma stands before decimals
+                accuracy = accuracy.replace(",", ".")
+            yield Row(number, [_day_first(at), door, state, accuracy])
 
     def _time(self, text: str) -> str:
         """Return a time that is a number of the form's unit as `@seconds`."""
@@ -114,6 +118,15 @@ class ForeignRows:
 
 
 MOST_DIGITS = 30
+_DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})(?:[T,; ]+(\S.*))?")
+
+
+def _day_first(text: str) -> str:
+    """Return a time such as `2.3.2026 14:02` with its day as `2026-03-02`; others as they are."""
+    if (found := _DAY_FIRST.fullmatch(text)) is None:
+        return text
+    day, month, year, clock = found.groups()
+    return f"{year}-{month:0>2}-{day:0>2}" + (f" {clock}" if clock else "")
 
 
 def _cells(line: str, delimiter: str) -> list[str]:

@@ -37,6 +37,8 @@ class TableForm:
     """Of times that are numbers since 1970; None: there are none but `@n`."""
     line: Callable[[str], tuple[str, str, str] | None] | None = None
     """Takes time, door and state out of a line; None: a table with a header."""
+    reports_changes: bool = False
+    """Its rows are changes that a sensor at the door reports: each state holds until the next."""
 
     def takes(self, door: str) -> bool:
         """Tell whether a door is one of those that are read."""
@@ -86,16 +88,20 @@ PRESETS: Mapping[str, TableForm] = MappingProxyType({
         columns={"time": "last_changed", "door": "entity_id", "state": "state"},
         states={"on": DoorState.OPEN, "off": DoorState.CLOSED},
         only=("binary_sensor.*", "cover.*"),
+        reports_changes=True,
     ),
     # The messages of contact sensors: a contact that is made is a door that is shut.
     "zigbee2mqtt": TableForm(
-        states={"true": DoorState.CLOSED, "false": DoorState.OPEN}, line=zigbee2mqtt_line
+        states={"true": DoorState.CLOSED, "false": DoorState.OPEN},
+        line=zigbee2mqtt_line,
+        reports_changes=True,
     ),
     # Washington State University's smart homes: date, time, sensor, value, perhaps an activity.
     "casas": TableForm(
         states={"open": DoorState.OPEN, "close": DoorState.CLOSED, "closed": DoorState.CLOSED},
         only=("D[0-9]*", "*Door*"),
         line=casas_line,
+        reports_changes=True,
     ),
 })  # fmt: skip
 """Published forms of other systems."""
@@ -133,8 +139,9 @@ def form_of(
             )
     told = {word.lower(): _state(name) for word, name in _pairs(states or "", "--states").items()}
     return TableForm(
-        named, {**form.states, **told}, tuple(only) or form.only, unit or form.unit, form.line
-    )
+        named, {**form.states, **told}, tuple(only) or form.only, unit or form.unit, form.line,
+        form.reports_changes,
+    )  # fmt: skip
 
 
 def _pairs(text: str, option: str) -> dict[str, str]:

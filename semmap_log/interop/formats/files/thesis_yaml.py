@@ -43,6 +43,8 @@ SAVED_SUFFIX = "_saved"
 """Of the folder beside a log where the server saves doors unless another is given."""
 PROB_KEYS = ("closed_prob", "open_prob")
 DOOR_KEYS = ("position", "width", "status", *PROB_KEYS)
+NAME = "name"
+"""What a door is called is an annotation, and needs no word."""
 POSITION_KEYS = ("x", "y", "theta")
 
 
@@ -183,6 +185,8 @@ class _Reader:
             none = f"the key {shown(key)} is none of a door's ({', '.join(DOOR_KEYS)})"
             if key and isinstance(node, Scalar) and node.value not in (None, ""):
                 found[key] = node.text
+                if key == NAME:
+                    continue
                 told = self.kept.setdefault(f"{none}; kept as an annotation", [])
             else:
                 told = self.left_out.setdefault(f"{none}, and has no single value", [])

@@ -51,6 +51,27 @@ def read(tmp_path, rows, windows=None, header="timestamp,door,state", tz=VIENNA)
     ]
 
 
+@pytest.mark.parametrize("quote", ["", '"'], ids=["whole blocks", "row by row"])
+@pytest.mark.parametrize("header", ["timestamp,door,state", "timestamp,door,state,accuracy"])
+def test_rows_without_an_accuracy_are_sightings_of_the_one_that_is_given(tmp_path, header, quote):
+    """
+    One that a row has wins; a state that a window's edge gives stays an update.
+    """
+    own = ",0.7" if header.endswith("accuracy") else ""
+    rows = f"2026-03-01T12:00,{quote}front{quote},open{own}\n"
+    rows += f"2026-03-01T13:00,front,closed{',' if own else ''}\n"
+    path = written(tmp_path, f"{header}\n{rows}")
+    window = "door,start,end\nfront,2026-03-01T11:00,2026-03-01T14:00\n"
+
+    read_plain = read_door_csv(path, tz=VIENNA, accuracy=0.9)
+    read_windows = read_door_csv(path, windows=written(tmp_path, window, "w.csv"), tz=VIENNA,
+                                 accuracy=0.9)  # fmt: skip
+
+    assert [0.7 if own else 0.9, 0.9] == read_plain.accuracy.tolist()
+    seen = [math.isnan(accuracy) for *_, accuracy in read_windows]
+    assert [False, False, True] == seen[-3:]
+
+
 def test_rows_with_an_accuracy_are_sightings(tmp_path):
     """
     Those without are updates; columns are found by name.

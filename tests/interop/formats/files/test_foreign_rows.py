@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -131,6 +132,25 @@ def test_numbers_of_a_stated_unit(tmp_path: Path, unit: Any, number: str, separa
     )  # fmt: skip
 
     assert [("10:00:00.500", "gate", "CLOSED"), ("10:00:00.500", "lab", "OPEN")] == rows
+
+
+def test_days_with_points_and_decimal_commas_as_spreadsheets_write_them(tmp_path: Path) -> None:
+    """
+    Day, month, year; a comma is no decimal point where it parts the cells.
+    """
+    path = tmp_path / "a.csv"
+    told = {"columns": "time=Zeit,door=Tür,state=Zustand,accuracy=Güte", "states": "zu=closed"}
+    text = "\ufeffZeit;Tür;Zustand;Güte\r\n02.03.2026 14:02;Büro;zu;0,9\r\n3.3.2026;Büro;open;\r\n"
+    path.write_text(text, encoding="utf-8")
+
+    rows = list(read_door_csv(path, tz="UTC", form=form_of(**told)))
+
+    times = [format_utc(row.happened_ns)[:16] for row in rows]
+    assert ["2026-03-02T14:02", "2026-03-03T00:00"] == times
+    assert [0.9, True] == [rows[0].accuracy, math.isnan(rows[1].accuracy)]
+    path.write_text(text.replace(";0,9", ",0,9").replace(";", ","), encoding="utf-8")
+    with pytest.raises(FormatError, match=r"expected a number from 0\.5 to 1, or nothing"):
+        read_door_csv(path, tz="UTC", form=form_of(**told))
 
 
 def test_semicolons_need_no_options(tmp_path: Path) -> None:
