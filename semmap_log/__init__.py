@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from semmap_log.core.io.made_logs import register_maker
-from semmap_log.core.lazy.late_answers import register_answers
-from semmap_log.core.lazy.lazily import lazy_names
+from semmap_log.core.late_answers import register_answers
+from semmap_log.core.lazily import lazy_names
 
 if TYPE_CHECKING:
     from semmap_log.analysis.sql.sql_query import sql

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import PurePath
 
-from semmap_log.core.lazy.late_dataclass import dataclass
-from semmap_log.core.lazy.lazily import late_pattern
+from semmap_log.core.lazily import late_pattern
 
 
 def counted(number: int, what: str) -> str:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import struct
 import threading
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.io.checksum import crc32
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.store import records as mcap
 from semmap_log.store.chunk_unpacking import (
     FREE_CHUNK_BYTES,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from semmap_log.core.lazy.late_dataclass import dataclass
+from dataclasses import dataclass
+
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.moments import format_utc
 

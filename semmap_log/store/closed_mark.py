@@ -19,11 +19,11 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from pathlib import PurePath
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.folder import LogFolder

@@ -51,12 +51,12 @@ from __future__ import annotations
 import re
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from semmap_log.core.io.disk import TEMPORARY_SUFFIX
-from semmap_log.core.lazy.late_dataclass import dataclass
-from semmap_log.core.lazy.lazily import late_pattern
+from semmap_log.core.lazily import late_pattern
 from semmap_log.core.messages import ros_type, type_name
 from semmap_log.core.model.events import KINDS, FloorMap
 

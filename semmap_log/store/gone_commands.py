@@ -12,10 +12,9 @@ import hashlib
 import hmac
 import struct
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.messages import OBJECT_KINDS, decode, encode, fixed_layout
 from semmap_log.core.model.commits import (
     GIVEN_EVENTS,

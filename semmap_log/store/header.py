@@ -6,7 +6,7 @@ import base64
 import hashlib
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import IntFlag
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.io.inflating import inflated
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.moments import USUAL_HOLDS
 from semmap_log.store.form import (
     DIGEST_KEY,

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import PurePath
 from typing import Any
 
-from semmap_log.core.lazy.late_dataclass import dataclass
-from semmap_log.core.lazy.lazily import late_pattern
+from semmap_log.core.lazily import late_pattern
 from semmap_log.errors import CorruptLogError, NewerLogError
 from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.form import HASH_BYTES, NO_HASH, count_events

@@ -16,7 +16,7 @@ from semmap_log.core.batches.distinct import distinct
 from semmap_log.core.batches.event_batch import EventBatch, SourcesOf
 from semmap_log.core.batches.event_columns import LazyColumns
 from semmap_log.core.batches.kind_places import places_by_kind
-from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.lazily import computed_once
 from semmap_log.core.messages import decode, fixed_layout, layout, read_message, type_name
 from semmap_log.core.model.commits import Commit, Durability, Note
 from semmap_log.core.model.events import KINDS, Event, UnknownEvent, unknown_kind

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from semmap_log.core.io.url_path import UrlPath, place_of
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import KEPT_SUFFIX, MOST_LIST_BYTES, REMOVED_NAME

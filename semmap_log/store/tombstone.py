@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.messages import read_message, type_name, write_message
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
@@ -131,7 +130,7 @@ class TakenOut:
     notes: int = 0
     commits: int = 0
     """Whole ones."""
-    reasons: TrimReason = TrimReason(0)
+    reasons: TrimReason = TrimReason(0)  # noqa: RUF009 - a flag, which never changes
     digest: Any = field(default_factory=hashlib.sha256)
     """Of the data of all, in order."""
 

@@ -9,7 +9,7 @@ column is there at any width, under a name that never changes; cells are separat
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import groupby
 
 from rich.cells import cell_len
@@ -17,7 +17,6 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderR
 from rich.table import Table
 from rich.text import Text
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.views.beside import BesideLayout, Pair, beside_or_below
 
 GAP = 1

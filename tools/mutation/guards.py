@@ -156,7 +156,7 @@ COMPUTED_ONCE = (
     guard("values that are computed without a lock", "computed_once.__init__",
           "self.lock = nullcontext()", "", "test_computed_once"),
     guard("a late dataclass's slots are shadowed by no default", "_Recipe.__init__",
-          "name not in fields", "name not in slots", "test_late_dataclass"),
+          "name not in fields", "name not in slots", "test_lazily"),
     guard("what was made, and wrapped, is not made again", "_Recipe.follow",
           "isinstance(held, _Late)", "(name in _FIRST or isinstance(held, _Late))",
           "test_keywords"),

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from semmap_log.core.lazy.lazily import lazy_names
+from semmap_log.core.lazily import lazy_names
 
 if TYPE_CHECKING:
     from semmap_log.analysis.beliefs.applying import Applied, apply_probabilities

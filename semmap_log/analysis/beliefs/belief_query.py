@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,6 @@ from semmap_log.analysis.probabilities.estimators import by_name
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.forecast import Forecast
 from semmap_log.core.io.progress import Progress
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import Door, DoorId, DoorMap
 from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.local_clock import LocalClock

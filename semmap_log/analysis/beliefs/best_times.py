@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -15,7 +16,6 @@ from semmap_log.analysis.beliefs.typical_week import WEEK_HOURS, WeekPattern, ty
 from semmap_log.analysis.probabilities.estimator import StateModel
 from semmap_log.analysis.probabilities.evidence.coverage import HOURS, WeekMask
 from semmap_log.core.io.progress import Progress
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.local_clock import HOUR_S

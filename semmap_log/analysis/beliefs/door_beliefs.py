@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,6 @@ from semmap_log.analysis.beliefs.belief_query import BeliefQuery, ask
 from semmap_log.analysis.beliefs.evidence_summary import EvidenceSummary
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.io.progress import Progress
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.moments import HOUR_NS

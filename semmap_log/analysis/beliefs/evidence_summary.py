@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from semmap_log.analysis.probabilities.evidence.coverage import Coverage
 from semmap_log.analysis.probabilities.evidence.evidence import Counts, DoorEvidence
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.local_clock import LocalClock
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -15,7 +16,6 @@ from semmap_log.analysis.probabilities.evidence.coverage import WEEK, WeekMask
 from semmap_log.analysis.probabilities.forecast import Forecast
 from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule
 from semmap_log.core.io.progress import Progress
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.log.door_log.door_log import DoorLog, Time

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
-
-from semmap_log.core.lazy.late_dataclass import dataclass
 
 Probabilities = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ events sorted by (least(happened, recorded), event) are the order of the fold.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.messages import comments_of
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import KINDS, Event, field_names, told_fields

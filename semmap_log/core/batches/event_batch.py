@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +22,6 @@ from semmap_log.core.batches.event_columns import (
     rows_of,
 )
 from semmap_log.core.batches.made_of_columns import MadeOfColumns
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.messages import OBJECT_KINDS, encode, fixed_layout
 from semmap_log.core.model.events import (
     DOOR_KINDS,

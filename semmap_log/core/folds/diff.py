@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import Any
 
 from semmap_log.core.folds.history import HistoryEntry
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model import meaning
 from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState, Level
 from semmap_log.core.model.shown_as_table import ShownAsTable

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.distinct import distinct
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import SETTING_KINDS, DoorAnnotated, DoorEvent
 from semmap_log.core.model.meaning import Presence

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.core.batches.retraction import Retractions
 from semmap_log.core.folds.value_changes import Changes, ValueChange
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.commits import NoteTexts
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorEvent, Event

@@ -9,6 +9,7 @@ stays, in whatever order they come.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -16,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.loops import compiled
 from semmap_log.core.model.events import SETTING_KINDS, DoorEvent, Event
 from semmap_log.core.model.meaning import REGISTER_OF, REGISTERS, Presence

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -24,8 +24,7 @@ from semmap_log.core.folds.door_changes import (
 from semmap_log.core.folds.sighting_hold import Hold, hold_of
 from semmap_log.core.folds.thinned_runs import sightings_of_runs
 from semmap_log.core.io.clock import MAX_TIME_NS
-from semmap_log.core.lazy.late_answers import answer_of
-from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.late_answers import answer_of
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import SightingsThinned
 from semmap_log.core.model.meaning import Presence

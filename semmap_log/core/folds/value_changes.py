@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,6 @@ import numpy as np
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.registers import NEVER, Writes, writes_of
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import DoorAnnotated
 

@@ -6,7 +6,7 @@ import re
 from pathlib import Path, PurePath, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
-from semmap_log.core.lazy.lazily import late_pattern
+from semmap_log.core.lazily import late_pattern
 from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError, NotALogError
 

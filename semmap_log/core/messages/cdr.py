@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.lazily import computed_once
 from semmap_log.core.messages.definitions import CODES, MessageField, flat_fields
 
 CDR_HEADER = b"\x00\x01\x00\x00"

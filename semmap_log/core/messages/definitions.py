@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 
-from semmap_log.core.lazy.late_dataclass import dataclass
-from semmap_log.core.lazy.lazily import late_pattern
+from semmap_log.core.lazily import late_pattern
 from semmap_log.core.model.meaning import REGISTERS
 
 PACKAGE = "semmap_msgs"

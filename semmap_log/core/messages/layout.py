@@ -8,12 +8,12 @@ strings and unbounded arrays therefore has one size for ever, and n of them are 
 from __future__ import annotations
 
 import struct
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.messages.cdr import CDR_HEADER
 from semmap_log.core.messages.definitions import CODES, flat_fields, type_name
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TypeAlias
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.keywords import knows_its_keywords
 from semmap_log.errors import InvalidEventError
 

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Iterable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import count
 from types import MappingProxyType
 from typing import Final, NewType
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.door_states import THESIS_STATES as THESIS_STATES  # noqa: PLC0414 - a door's
 from semmap_log.core.model.door_states import DoorState as DoorState  # noqa: PLC0414
 from semmap_log.core.model.door_states import reduced as reduced  # noqa: PLC0414

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from operator import attrgetter
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import MAX_DOOR_ID, DoorId
 from semmap_log.core.model.meaning import (
     NO_EFFECT,

@@ -8,14 +8,13 @@ by the log. The names and the meaning of every field are those of the `.msg` tex
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from typing import Annotated, Any, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import LEVEL_NOT_GIVEN, NAN, DoorState, is_given
 from semmap_log.core.model.doors import NO_LEVEL as NO_LEVEL  # noqa: PLC0414 - a column of events has it
 from semmap_log.core.model.event_base import DoorEvent, Event

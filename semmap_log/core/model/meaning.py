@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from enum import Enum, IntFlag
 from functools import reduce
 from operator import or_
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, TypeAlias
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import LEVEL_NOT_GIVEN, MAX_LEVEL, NAN, NO_LEVEL, DoorState
 from semmap_log.core.model.rules import FINITE, Fit, Number, Whole, marks_of, rules_of
 

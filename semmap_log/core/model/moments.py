@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from semmap_log.core.io.clock import MAX_TIME_NS
-from semmap_log.core.lazy.late_dataclass import dataclass
-from semmap_log.core.lazy.lazily import late_pattern
+from semmap_log.core.lazily import late_pattern
 from semmap_log.core.model.events import MAX_EVENT
 from semmap_log.errors import MomentError
 

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import Enum
 from typing import TypeAlias
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.door_states import DoorState
 
 CLASS = "class"

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from functools import cache, cached_property
 from inspect import get_annotations
@@ -19,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.io.clock import MAX_TIME_NS
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.commits import text_expected
 
 _Mark = TypeVar("_Mark")

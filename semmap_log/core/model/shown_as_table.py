@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from semmap_log.core.lazy.late_answers import answer_of
+from semmap_log.core.late_answers import answer_of
 
 
 class ShownAsTable:

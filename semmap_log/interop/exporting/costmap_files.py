@@ -20,7 +20,7 @@ from semmap_log.core.io.disk import (
     replace_file,
     whole_file,
 )
-from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.lazily import computed_once
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.moments import format_local
 from semmap_log.core.model.object_classes import middle_of

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import chain, islice
 
 from semmap_log.core.io.progress import Progress
-from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.lazily import computed_once
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.events import DoorAdded, DoorRemoved, Event
 from semmap_log.errors import FormatError

@@ -22,7 +22,7 @@ from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.projection import SAVE_EVERY_S, Projection
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import place_of
-from semmap_log.core.lazy.late_answers import answer_of
+from semmap_log.core.late_answers import answer_of
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DoorId, DoorMap
 from semmap_log.core.model.events import (

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 from semmap_log.core.folds.history import HistoryEntry
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import Door, DoorId, DoorState
 from semmap_log.core.model.moments import format_utc
 from semmap_log.core.model.shown_as_table import ShownAsTable

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from semmap_log.core.lazy.late_answers import answer_of
+from semmap_log.core.late_answers import answer_of
 from semmap_log.core.model.doors import DoorId
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.commits import Note
 from semmap_log.core.model.events import DoorAnnotated, PatrolStarted, RobotPose
 

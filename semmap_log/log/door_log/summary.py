@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,6 @@ from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.early_events import EarlyEvents
 from semmap_log.core.io.progress import Progress
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.commits import Durability
 from semmap_log.core.model.doors import DoorMap, suspect_units
 from semmap_log.core.model.events import KINDS

@@ -7,7 +7,7 @@ turns out to be damaged is not used, and the log itself tells the same.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING
@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 from semmap_log.core.arrow.table_columns import RETRACTED, THEN, Column
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.io.prefetch import ahead
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import DoorId
 from semmap_log.errors import StaleIndexError
 from semmap_log.log.door_log.asked_tables import event_tables, names_then

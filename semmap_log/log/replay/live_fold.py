@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
 from semmap_log.core.folds.projection import Projection
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.replay.checkpoint import Checkpoint
 from semmap_log.log.replay.running import RunningFold

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.batches.retraction import Retractions
 from semmap_log.core.io.progress import Progress
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.events import HistoryTrimmed, Retracted
 from semmap_log.store.header import TrimReason
 from semmap_log.store.kind_bits import EVENT_BITS, bits_of_kinds

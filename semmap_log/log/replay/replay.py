@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.io.progress import Progress
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.log.replay.state import state_at
 from semmap_log.store.reading.reader import LogReader, OnPage
 from semmap_log.store.reading.window import Window

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from semmap_log.core.batches.retraction import Retractions
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.io.progress import Progress
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.texts import counted
 from semmap_log.errors import KeyframeWarning
 from semmap_log.log.replay import keyframes

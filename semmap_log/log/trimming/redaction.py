@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from semmap_log.core.batches.retraction import Retractions
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.io.clock import MAX_TIME_NS
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.messages import read_message, type_name
 from semmap_log.core.model.events import ClassDefined, DoorAnnotated, Event, MomentPinned, RobotPose
 from semmap_log.core.model.object_classes import CLASS, OUTLINE

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any, overload
 
@@ -16,7 +17,6 @@ from numpy.typing import NDArray
 
 from semmap_log.core.batches.distinct import distinct
 from semmap_log.core.io.byte_source import ByteSource
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
 from semmap_log.store.chunk_unpacking import (

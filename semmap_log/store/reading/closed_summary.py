@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import PurePath
 
 from mcap.opcode import Opcode
 
 from semmap_log.core.io.byte_source import ByteSource, blocks
 from semmap_log.core.io.checksum import crc32
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
 from semmap_log.store.opening_records import Statistics

@@ -9,11 +9,11 @@ from __future__ import annotations
 import operator
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.commits import Commit
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.newer_events import unknown_kinds, without_newer

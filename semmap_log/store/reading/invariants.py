@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.commits import Durability
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.event_fields import kinds_of

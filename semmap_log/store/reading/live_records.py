@@ -7,7 +7,7 @@ are never looked at. Before a chunk with the first floor map of a level stands i
 from __future__ import annotations
 
 import struct
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import PurePath
 
 import numpy as np
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from semmap_log.core.batches.distinct import distinct
 from semmap_log.core.io.byte_source import ByteSource
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import StoredChunk, read_chunk_head
 from semmap_log.store.form import CHUNK_BYTES, FLOOR_MAP_CHANNEL, INDEX_METADATA, floor_map_topic

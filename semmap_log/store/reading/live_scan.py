@@ -11,7 +11,7 @@ writer leaves which lost its power: sectors of unsynced commits are missing, in 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import PurePath
 
 import numpy as np
@@ -19,7 +19,6 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from semmap_log.core.io.byte_source import ByteSource
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.store.chunk_unpacking import check_sizes
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.pages import Page

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import stat
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from semmap_log.core.io.byte_source import Identity
 from semmap_log.core.io.file_calls import read_into, read_page_into
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError, NotALogError, UnreadableLogError
 from semmap_log.store.folder import LogFolder

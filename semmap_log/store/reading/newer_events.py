@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import PurePath
 
 import numpy as np
 
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.events import KINDS
 from semmap_log.errors import NewerLogError, NewerLogWarning
 from semmap_log.store.event_fields import kinds_of

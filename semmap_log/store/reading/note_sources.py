@@ -6,14 +6,13 @@ Nothing is looked up before somebody asks: most folds never do.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.distinct import distinct
-from semmap_log.core.lazy.late_dataclass import dataclass
-from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.lazily import computed_once
 from semmap_log.core.messages import CDR_HEADER, read_message, type_name
 from semmap_log.core.model.commits import NO_TEXTS, Commit, NoteTexts
 from semmap_log.errors import CorruptLogError

@@ -12,7 +12,7 @@ import numpy as np
 from semmap_log.core.io.byte_source import ByteSource, Identity
 from semmap_log.core.io.inflating import inflated
 from semmap_log.core.io.url_path import UrlPath
-from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.lazily import computed_once
 from semmap_log.core.model.events import FloorMap, Retracted
 from semmap_log.errors import CorruptLogError, ElsewhereError
 from semmap_log.store.chunk_unpacking import most_unpacked

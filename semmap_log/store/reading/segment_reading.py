@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache, partial
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.io.prefetch import ahead
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.loops import compiled
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.texts import counted

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import PurePath
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CorruptLogError

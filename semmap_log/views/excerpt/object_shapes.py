@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from semmap_log.analysis.costmap_2d.door_layer import DoorLine
 from semmap_log.analysis.costmaps.door_layer_fold import cost_of_state
 from semmap_log.core.folds.door_changes import Changes
 from semmap_log.core.folds.door_map import DoorMapState
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.object_classes import (
     DOOR,

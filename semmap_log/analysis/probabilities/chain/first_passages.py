@@ -23,7 +23,7 @@ from semmap_log.analysis.probabilities.evidence.coverage import WEEK
 from semmap_log.analysis.probabilities.evidence.day_tables import HALF_LIFE_D
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.forecast import INTERVAL, NORMAL_REACH
-from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.lazily import computed_once
 from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.core.model.moments import DAY_NS, HOUR_NS
 

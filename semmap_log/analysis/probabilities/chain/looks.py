@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,6 @@ from semmap_log.analysis.probabilities.evidence.day_rows import DayRows
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.evidence.visits import MOST_ACCURACY
 from semmap_log.core.folds.sighting_hold import PASS_NS
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.local_clock import HOUR_S, LocalClock
 from semmap_log.core.model.moments import SECOND_NS
 

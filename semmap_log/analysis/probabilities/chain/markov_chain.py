@@ -7,11 +7,12 @@ that change.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.probabilities.chain.matrix_scan import states
-from semmap_log.core.lazy.late_dataclass import dataclass
 
 Reals = NDArray[np.float64]
 

@@ -6,13 +6,13 @@ A patrol by day tells nothing of the night; whoever reads a probability must be 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.core.batches.distinct import distinct, numbers_of
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.local_clock import HOUR_S, LocalClock
 from semmap_log.core.texts import counted
 

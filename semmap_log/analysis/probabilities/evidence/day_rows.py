@@ -8,12 +8,12 @@ value has a closed form. So a table costs what is known, not the time that it sp
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.local_clock import DAYS_IN_WEEK, Hours, LocalClock
 
 Days = NDArray[np.int64]

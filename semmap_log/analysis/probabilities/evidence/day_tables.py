@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 from semmap_log.analysis.probabilities.evidence.day_rows import DayRows
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.evidence.stretches import Times, covered_ns
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.local_clock import Hours, LocalClock
 from semmap_log.core.model.moments import HOUR_NS
 

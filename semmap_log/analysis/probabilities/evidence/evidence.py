@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from semmap_log.analysis.probabilities.evidence.visits import MOST_ACCURACY, llr
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_changes import are_sightings, of_presence
 from semmap_log.core.io.clock import MAX_TIME_NS
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.meaning import Presence
 

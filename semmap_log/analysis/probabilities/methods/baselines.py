@@ -6,6 +6,7 @@ They take what was read for true, know of no sensor's errors, and count all days
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from semmap_log.analysis.probabilities.evidence.samples import KnownTime
 from semmap_log.analysis.probabilities.forecast import PRIOR_P, Forecast
 from semmap_log.analysis.probabilities.methods.by_door import LearntByDoor
 from semmap_log.core.batches.distinct import distinct, numbers_of
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.local_clock import DAY_S, HOUR_S, WEEK_S, LocalClock
 

@@ -8,6 +8,7 @@ openings, however rarely it is open. Readings of noisy sensors are corrected by 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,6 @@ from semmap_log.analysis.probabilities.methods.habits import PRIOR_DAYS, slowest
 from semmap_log.analysis.probabilities.methods.schedule import LEAST_H
 from semmap_log.analysis.probabilities.methods.sensor_noise import noise_of
 from semmap_log.analysis.probabilities.methods.told_days import ToldDays
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.core.model.moments import HOUR_NS

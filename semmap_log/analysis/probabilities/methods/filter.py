@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,7 @@ from semmap_log.analysis.probabilities.methods.belief_history import NEVER, Beli
 from semmap_log.analysis.probabilities.methods.by_door import LearntByDoor
 from semmap_log.analysis.probabilities.methods.memory import Memory
 from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule
-from semmap_log.core.lazy.late_dataclass import dataclass
-from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.lazily import computed_once
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.local_clock import HOUR_S, LocalClock
 from semmap_log.core.model.moments import HOUR_NS, SECOND_NS

@@ -13,6 +13,7 @@ three years cost as much as their changes of state, not as their minutes.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,6 @@ from semmap_log.analysis.probabilities.evidence.samples import SAMPLE_S, KnownTi
 from semmap_log.analysis.probabilities.forecast import Forecast
 from semmap_log.analysis.probabilities.methods.by_door import LearntByDoor
 from semmap_log.core.batches.distinct import distinct, numbers_of
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.local_clock import DAY_S, HOUR_S, WEEK_S, LocalClock
 from semmap_log.core.model.moments import SECOND_NS

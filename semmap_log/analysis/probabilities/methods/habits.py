@@ -9,6 +9,7 @@ Old days count less, by several half-lives at once; which table is right, `avera
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +18,6 @@ from numpy.typing import NDArray
 from semmap_log.analysis.probabilities.evidence.day_rows import Days
 from semmap_log.analysis.probabilities.evidence.day_tables import DayTables
 from semmap_log.analysis.probabilities.forecast import LEAST, MOST, PRIOR_P
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.local_clock import DAYS_IN_WEEK, WORKING_DAYS
 
 Tables = NDArray[np.float64]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast, Probabilities
 from semmap_log.analysis.probabilities.methods.by_door import LearntByDoor
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.local_clock import LocalClock
 

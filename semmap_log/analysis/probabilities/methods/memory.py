@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,7 @@ from semmap_log.analysis.probabilities.evidence.day_rows import DayRows
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule
 from semmap_log.core.batches.distinct import placed
-from semmap_log.core.lazy.late_dataclass import dataclass
-from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.lazily import computed_once
 from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.core.model.moments import HOUR_NS, SECOND_NS
 

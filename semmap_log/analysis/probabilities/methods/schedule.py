@@ -7,6 +7,7 @@ tends to as the moment that it foretells moves away.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -34,8 +35,7 @@ from semmap_log.analysis.probabilities.methods.habits import (
 from semmap_log.analysis.probabilities.methods.sensor_noise import noise_of
 from semmap_log.analysis.probabilities.methods.slots import SlotRates, Slots
 from semmap_log.analysis.probabilities.methods.told_days import ToldDays
-from semmap_log.core.lazy.late_dataclass import dataclass
-from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.lazily import computed_once
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.local_clock import DAY_S, DAYS_IN_WEEK, HOUR_S, LocalClock
 

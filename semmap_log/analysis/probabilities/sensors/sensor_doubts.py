@@ -16,6 +16,7 @@ Each source of knowledge is used in the one direction in which doors cannot feig
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,6 @@ from semmap_log.analysis.probabilities.sensors.sensor_shares import (
 )
 from semmap_log.analysis.probabilities.sensors.sensor_visits import SensorVisits, Triples
 from semmap_log.core.batches.distinct import distinct, placed
-from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorPassed
 

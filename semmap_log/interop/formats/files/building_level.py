@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.lazily import computed_once
 from semmap_log.interop.formats.files.door_table import TableDoor, TablePlace
 from semmap_log.interop.formats.files.floor_plan import Outlines, Point, Segment
 from semmap_log.interop.formats.parsing.problems import Problems, shown

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.io.disk import read_own
-from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.lazily import computed_once
 from semmap_log.core.model.commits import NOTE_TEXTS, NoteTexts
 from semmap_log.core.texts import counted
 from semmap_log.errors import StaleIndexError

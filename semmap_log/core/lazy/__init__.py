@@ -1,1 +1,0 @@
-"""What is made when it is first used: names of packages, methods of classes, patterns."""
