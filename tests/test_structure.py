@@ -24,7 +24,8 @@ ROOMS = ["core", "store", "log", "analysis", "fleet", "views", "interop", "live"
 """From the plain nouns up: a room imports only from those before it, or from itself."""
 
 INSIDE: dict[str, list[set[str]]] = {
-    "core": [{"lazily", "late_answers", "loops"}, {"texts", "users_line"}, {"errors"}, {"io"}, {"model"}, {"events"},
+    "core": [{"lazily", "late_answers", "loops"}, {"texts", "users_line"}, {"errors"}, {"io"},
+             {"model"}, {"events"},
              {"messages"}, {"arrow"}, {"batches"}, {"folds"}],
     "store": [{"reading"}, {"compaction"}, {"trimming"}, {"writing"}, {"salvage"}, {"copying"}],
     "log": [{"replay"}, {"door_log"}, {"trimming"}, {"rewriting"}, {"signing"}],
