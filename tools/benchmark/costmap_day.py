@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from patrol_sim.journal import SimulatedClock
 
 import semmap_log as sl
 from benchmark.case import Case, Peer, Work
@@ -23,6 +22,7 @@ from benchmark.peers import OURS
 from semmap_log.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
 from semmap_log.costmap_2d.door_layer import DoorLine
 from semmap_log.domain.doors import DoorState
+from semmap_log.io.clock import KeptClock
 
 if TYPE_CHECKING:
     from semmap_log.costmaps import CostmapFrame
@@ -75,7 +75,7 @@ def _changes(building: Building, count: int) -> Iterator[Change]:
 def _write(path: Path, building: Building, count: int) -> None:
     from semmap_log.domain.events import DoorAdded, DoorObserved, FloorMap
 
-    clock = SimulatedClock(START_NS, bytes(16))
+    clock = KeptClock(START_NS)
     geometry = building.geometry
     occupancy = np.where(building.costs == LETHAL, np.int8(100), np.int8(0))
     occupancy[building.costs == NO_INFORMATION] = -1
@@ -95,7 +95,7 @@ def _write(path: Path, building: Building, count: int) -> None:
         log.append([floor, *doors], sync=False)
         changes = list(_changes(building, count))
         for first in range(0, count, PER_COMMIT):
-            clock.now_ns = START_NS + DAY_NS * (first + PER_COMMIT) // count
+            clock.recorded_ns = START_NS + DAY_NS * (first + PER_COMMIT) // count
             log.append([
                 DoorObserved(door_id=sl.DoorId(door), state=STATES[cost],
                              happened_ns=START_NS + DAY_NS * (first + n + 1) // count)
