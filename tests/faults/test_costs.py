@@ -22,7 +22,7 @@ TWIN = Measured(GOOD, 0.1, 5)
 def _measured(work: Callable[[], object], room: Path, monkeypatch: pytest.MonkeyPatch) -> Measured:
     """Return what is measured of a verb that does that."""
 
-    def verb(*_: object) -> Answer:
+    def verb(*_: object, **__: object) -> Answer:
         work()
         return GOOD
 

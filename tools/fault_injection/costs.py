@@ -14,19 +14,10 @@ from contextlib import closing, suppress
 from pathlib import Path
 
 from fault_injection.fault import Outcome, Plan
-from fault_injection.hostile.bags import bag_bomb, bag_liar, mcap_bomb, mcap_liar, mcap_of_many
 from fault_injection.hostile.costly import costly_log
-from fault_injection.hostile.harmless import harmless_file
-from fault_injection.hostile.logs import hostile_log
+from fault_injection.hostile.lines import ask_line, json_bomb
+from fault_injection.hostile.logs import good_log, hostile_log
 from fault_injection.hostile.stores import harmless_store, hostile_store
-from fault_injection.hostile.texts import (
-    ask_line,
-    csv_bomb,
-    gzip_bomb,
-    json_bomb,
-    picture_bomb,
-    yaml_bomb,
-)
 from fault_injection.measured import Measured, load_what_it_loads, measured, wait_for
 from fault_injection.pool import side_by_side
 from fault_injection.subject import keep
@@ -36,12 +27,8 @@ MORE_MIB = 100
 """So much more memory than for its harmless twin may a verb take for a small input."""
 MORE_S, LOG_MORE_S = 2.0, 3.0
 """So many more seconds of a processor; the second for what is asked about a log of ours."""
-MORE_MIB_FOR: dict[Callable[[Path, random.Random], str], int] = {
-    mcap_of_many: 600,
-    mcap_bomb: 400,
-    json_bomb: 300,
-}
-"""The same for files that are not small: up to 60 MB long, or with a chunk of 128 MiB."""
+MORE_MIB_FOR: dict[Callable[[Path, random.Random], str], int] = {json_bomb: 300}
+"""The same for files that are not small: up to 60 MB long."""
 OFFICE = Path(__file__).parents[2] / "recordings" / "office"
 """The harmless twin of a log: events of a day."""
 
@@ -93,26 +80,17 @@ QUESTIONS: dict[str, tuple[Ask, ...]] = {
 """Option -> what may be asked with it; verbs that lack it say so, at once."""
 
 FOREIGN: tuple[tuple[str, Callable[[Path, random.Random], str], tuple[Ask, ...]], ...] = (
-    ("made.mcap", mcap_bomb, (("import", LOG, FILE), ("info", FILE), ("verify", FILE))),
-    ("made.mcap", mcap_of_many, (("import", LOG, FILE), ("info", FILE))),
-    ("made.mcap", mcap_liar, (("import", LOG, FILE), ("info", FILE), ("verify", FILE))),
-    ("made.bag", bag_bomb, (("import", LOG, FILE), ("info", FILE))),
-    ("made.bag", bag_liar, (("import", LOG, FILE), ("info", FILE))),
-    ("made.yaml", yaml_bomb, (("import", LOG, FILE), ("import", LOG, "{bag}", "--mapping", FILE),
-                              ("costmap", LOG, "{out}/made.png", "--map", FILE))),
-    ("made.building.yaml", yaml_bomb, (("import", LOG, FILE),)),
     ("made.jsonl", json_bomb, (("import", LOG, FILE), ("record", LOG))),
-    ("made.jsonl.gz", gzip_bomb, (("import", LOG, FILE),)),
-    ("made.csv.gz", gzip_bomb, (("import", LOG, FILE), ("calibrate", LOG, "--truth", FILE))),
-    ("made.csv", csv_bomb, (("import", LOG, FILE), ("import", LOG, FILE, "--windows", FILE),
-                            ("calibrate", LOG, "--truth", FILE))),
-    ("made.map.yaml", picture_bomb, (("costmap", LOG, "{out}/made.png", "--map", FILE),)),
     ("stranger", hostile_log, (
         ("verify", FILE), ("info", FILE), ("replay", FILE, "--json"), ("history", FILE, "--json"),
         ("tail", FILE), ("replay", FILE, "--known-at", "now"), ("recover", FILE),
         ("observe", FILE, "1", "open"), ("compact", FILE))),
 )  # fmt: skip
-"""Name of a file, what makes it, and the verbs that are given it."""
+"""Name of a file, what makes it, and the verbs that are given it.
+
+Hostile bags, tables and documents are in `tests/formats`, with limits of memory and time.
+"""
+HARMLESS_LINE = '{"kind": "DoorObserved", "door": "entrance", "state": "OPEN"}\n'
 
 
 def costs(plan: Plan) -> Generator[Outcome, None, None]:
@@ -153,7 +131,7 @@ class Bench:
 
     def _placed(self, ask: Ask, file: Path = OFFICE) -> Ask:
         log = f"{self._room}/log"
-        names = {LOG: log, FILE: str(file), "{bag}": log, "{out}": f"{self._room}/out"}
+        names = {LOG: log, FILE: str(file), "{out}": f"{self._room}/out"}
         return tuple(re.sub(r"\{\w+\}", lambda found: names[found[0]], part) for part in ask)
 
     def _twin(self, ask: Ask, name: str = "") -> Measured:
@@ -163,8 +141,10 @@ class Bench:
             for look in (load_what_it_loads, measured):
                 self._fresh()
                 file = self._room / name
-                if name:
-                    harmless_file(file)
+                if name == "stranger":
+                    good_log(file)
+                elif name:
+                    file.write_text(HARMLESS_LINE)
                 found = look(self._placed(ask, file), self._room, stdin=_stdin(ask, file))
             assert found is not None
             self._twins[key] = found

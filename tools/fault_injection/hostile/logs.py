@@ -9,6 +9,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache, reduce
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -16,11 +17,11 @@ from unittest.mock import patch
 import zstandard
 
 import semmap_log as sl
-from fault_injection.hostile.packed import crc_of_zeros, zlib_zeros, zstd_zeros
 from fault_injection.subject import commit_places
 from semmap_log.store import records as mcap
 
 _CHUNK = 6
+_MIB = bytes(2**20)
 
 
 def hostile_log(path: Path, dice: random.Random) -> str:
@@ -56,9 +57,9 @@ def _chunk_of_zeros(path: Path, dice: random.Random) -> str:
     """A live segment that ends with a chunk of very many bytes, by its checksum all there."""
     mib = dice.choice((256, 1023))
     segment = good_log(path, closed=False)
-    packed = zstd_zeros(mib, says_size=True)
+    packed = _zeros_by_zstd(mib)
     data = bytearray(segment.read_bytes())
-    body = struct.pack("<QQQI", 2**61, 2**61, mib * 2**20, crc_of_zeros(mib))
+    body = struct.pack("<QQQI", 2**61, 2**61, mib * 2**20, _crc_of_zeros(mib))
     body += struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(packed)) + packed
     at = len(data)
     if dice.random() < 0.5:
@@ -86,7 +87,7 @@ def _chunk_of_messages(path: Path, dice: random.Random) -> str:
 def _index_of_zeros(path: Path, dice: random.Random) -> str:
     """A closed segment whose index of times unpacks to very many."""
     mib = dice.choice((256, 1024))
-    packed = base64.b64encode(zlib_zeros(mib)).decode()
+    packed = base64.b64encode(_zeros_by_zlib(mib)).decode()
     with _index_entries(packed, dice.choice((("events",), ("events", "greatest_happened_ns")))):
         good_log(path)
     return f"a closed log whose index unpacks to {mib} MiB"
@@ -153,3 +154,20 @@ def _huge_metadata(path: Path, dice: random.Random) -> str:
     ))  # fmt: skip
     (path / name).write_bytes(data)
     return f"a log whose {name} is {what}"
+
+
+@cache
+def _zeros_by_zstd(mib: int) -> bytes:
+    packing = zstandard.ZstdCompressor(level=1).compressobj(size=mib * 2**20)
+    return b"".join(packing.compress(_MIB) for _ in range(mib)) + packing.flush()
+
+
+@cache
+def _zeros_by_zlib(mib: int) -> bytes:
+    packing = zlib.compressobj(9)
+    return b"".join(packing.compress(_MIB) for _ in range(mib)) + packing.flush()
+
+
+@cache
+def _crc_of_zeros(mib: int) -> int:
+    return reduce(lambda crc, _: zlib.crc32(_MIB, crc), range(mib), 0)
