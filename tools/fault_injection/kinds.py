@@ -9,6 +9,7 @@ from fault_injection.cuts import cuts
 from fault_injection.fault import Kind
 from fault_injection.flips import flips
 from fault_injection.folders import folders
+from fault_injection.interleaving.schedules import threads
 from fault_injection.interrupts import interrupts
 from fault_injection.power_cuts import cuts_on_ext4, cuts_on_xfs
 from fault_injection.real_limits import real_limits
@@ -20,7 +21,6 @@ from fault_injection.signed import signed
 from fault_injection.simulated_disk import simulated_disk
 from fault_injection.syscall_errors import syscall_errors
 from fault_injection.syscall_kills import syscall_kills
-from fault_injection.threads import threads
 from fault_injection.trimmed import trimmed
 from fault_injection.unreadable import shrinking_files, unreadable_sectors
 

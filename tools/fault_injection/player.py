@@ -11,8 +11,10 @@ from itertools import accumulate
 from pathlib import Path
 from random import Random
 
+from steady_clock import SteadyClock
+
 import semmap_log as sl
-from fault_injection.story import Act, SteadyClock, Story
+from fault_injection.story import Act, Story
 from semmap_log.door_log.appended import Appended
 from semmap_log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.exporting.log_files import export

@@ -104,22 +104,11 @@ def small_segments(commits: int = COMMITS_A_SEGMENT, chunk_bytes: int = 400) -> 
 
 
 @contextmanager
-def held_back_at_most(size: int) -> Iterator[None]:
-    """Let writers with durability `none` keep so many bytes in memory before they write them."""
-    import semmap_log.store.segment as where
-
-    usual = getattr(where, "MOST_HELD_BACK_BYTES", None)
-    assert usual is not None, "the constant has another name: say it here"
-    with constants(MOST_HELD_BACK_BYTES=size):
-        yield
-
-
-@contextmanager
-def constants(**values: int) -> Iterator[None]:
-    """Give constants of the log's form other values, wherever they were imported to."""
-    modules = [m for name, m in list(sys.modules.items()) if name.startswith("semmap_log.store.")]
+def constants(*, within: str = "semmap_log.store.", **values: int) -> Iterator[None]:
+    """Give constants of the log's form other values, wherever modules within have imported them."""
+    modules = [m for name, m in list(sys.modules.items()) if name.startswith(within)]
     old = [(m, name, getattr(m, name)) for m in modules for name in values if hasattr(m, name)]
-    assert {name for _, name, _ in old} == set(values)
+    assert {name for _, name, _ in old} == set(values), "a constant has another name"
     try:
         for module, name, _ in old:
             setattr(module, name, values[name])

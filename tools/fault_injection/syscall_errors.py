@@ -9,21 +9,18 @@ from __future__ import annotations
 import errno
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
-from random import Random
+from functools import partial
 
-from fault_injection import shim
-from fault_injection.examiner import Examiner
 from fault_injection.fault import Outcome, Plan
-from fault_injection.forking import Ended, forked
-from fault_injection.player import LEVELS, Tell
+from fault_injection.forking import Ended
+from fault_injection.player import LEVELS
 from fault_injection.pool import under_shim
 from fault_injection.shim import FOR_EVER, Action, Call
-from fault_injection.story import small_limits, story
+from fault_injection.story import small_limits
+from fault_injection.story_bench import EMPTY, StoryBench
 from fault_injection.stubborn import StubbornPlayer
-from fault_injection.trees import Tree, keep, read_tree, write_tree
+from fault_injection.trees import keep, read_tree
 
-EMPTY: Tree = {"out": {}}
 SYNCS = Call.FSYNC | Call.FDATASYNC
 USUAL_FAULTS = 1_000
 
@@ -91,32 +88,29 @@ def _can_be_left_out(fault: _Fault) -> bool:
 
 
 def _errors(plan: Plan, share: int, shares: int) -> Iterator[Outcome]:
-    bench = _Bench(plan, plan.folder / f"errors_{share}")
+    bench = _Bench(plan, plan.folder / f"errors_{share}", plan.seed)
     with small_limits():
         for fault in bench.drawn()[share::shares]:
             yield bench.tried(fault)
 
 
-class _Bench:
-    """A story that is disturbed again and again."""
+class _Bench(StoryBench):
+    """A story in which calls fail, played by one who does not give up."""
 
-    def __init__(self, plan: Plan, root: Path) -> None:
-        self._plan = plan
-        self._root = root
-        self._story = story(plan.seed)
-        self._examiner = Examiner(self._story)
-        self._random = Random(plan.seed)
+    player = StubbornPlayer
 
     def drawn(self) -> list[_Fault]:
         """Return the faults to try: all that are not to be sampled, and some of the others."""
         every = [fault for level in LEVELS for fault in self._faults(level)]
-        self._random.shuffle(every)
+        self.random.shuffle(every)
         chosen = sorted(every, key=_can_be_left_out)[:USUAL_FAULTS]
-        self._random.shuffle(chosen)
+        self.random.shuffle(chosen)
         return chosen
 
     def _faults(self, level: str) -> Iterator[_Fault]:
-        calls = self._calls(level)
+        entries = self.recorded(level)
+        assert entries[-1].data.decode() == "finished", "the story cannot be told"
+        calls = [entry.call for entry in entries]
         for way in WAYS:
             for first in range(sum(call in way.calls for call in calls)):
                 yield _Fault(level, way, first, 1)
@@ -125,12 +119,16 @@ class _Bench:
 
     def tried(self, fault: _Fault) -> Outcome:
         """Return what became of the log."""
-        name = f"story {self._plan.seed} {fault}"
-        ended = self._played(fault)
-        left = read_tree(self._root)
+        name, way = f"{self.name} {fault}", fault.way
+        play = partial(self.play, level=fault.level)
+        ended = self.disturbed(
+            play, EMPTY, calls=way.calls, action=way.action, first=fault.first, count=fault.count,
+            error=way.error,
+        )  # fmt: skip
+        left = read_tree(self.root)
         outcome = self._outcome(name, fault, ended)
         return outcome if outcome.is_good else replace(
-            outcome, kept=keep(self._plan.keep, name, left)
+            outcome, kept=keep(self.plan.keep, name, left)
         )  # fmt: skip
 
     def _outcome(self, name: str, fault: _Fault, ended: Ended) -> Outcome:
@@ -149,23 +147,4 @@ class _Bench:
             return Outcome(name, problem=f"one call failed, and the run ended: {failures}")
         told = ended.told
         must = told.durable if fault.level == "none" else told.accepted
-        return self._examiner.examine(name, self._root / "log", told, must=must)
-
-    def _calls(self, level: str) -> list[Call]:
-        """Return the calls of a run that nothing disturbs."""
-        write_tree(self._root, EMPTY)
-        with shim.recorded(self._root) as entries:
-            StubbornPlayer(self._root / "log", self._story, shim.note, level).play()
-        assert entries[-1].data.decode() == "finished", "the story cannot be told"
-        return [entry.call for entry in entries]
-
-    def _played(self, fault: _Fault) -> Ended:
-        """Play the story in a child, while calls fail."""
-
-        def play(tell: Tell) -> None:
-            shim.watch(self._root)
-            shim.arm(fault.way.calls, fault.way.action, fault.first, fault.count, fault.way.error)
-            StubbornPlayer(self._root / "log", self._story, tell, fault.level).play()
-
-        write_tree(self._root, EMPTY)
-        return forked(play)
+        return self.examiner.examine(name, self.log, told, must=must)
