@@ -1,4 +1,4 @@
-"""`tools/ask_load.py` on a few doors: every figure is there, every answer right; times are not
+"""`ask_load.py` on a few doors: every figure is there, every answer right; times are not
 judged.
 """
 

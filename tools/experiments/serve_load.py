@@ -1,7 +1,7 @@
 """The ROS server under load: goals a second, how long one takes, how far the door map is behind.
 
-    python tools/serve_load.py                           ROS 1, Jazzy and Kilted, 500 doors
-    python tools/serve_load.py --legs ros1 --goals 1000
+    python tools/experiments/serve_load.py  ROS 1, Jazzy and Kilted, 500 doors
+    python tools/experiments/serve_load.py --legs ros1 --goals 1000
 
 Stock clients add doors, one goal at a time and eight at once, to a server that syncs each goal
 (`event`), one that syncs them together (`batch`), one that does not sync (`none`), and to a plain
@@ -20,7 +20,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import semmap_log as sl  # noqa: E402

@@ -1,7 +1,7 @@
 """The recorder under load: a sensor that speaks a thousand times a second, in a real ROS.
 
-    python tools/record_load.py                        ROS 1 and Jazzy, durability event and batch
-    python tools/record_load.py --legs ros1 --rate 2000 --messages 20000
+    python tools/experiments/record_load.py  ROS 1 and Jazzy, durability event and batch
+    python tools/experiments/record_load.py --legs ros1 --rate 2000 --messages 20000
 
 It needs what the tests of a real ROS need: `python tools/set_up_ros.py`. The exit code is 1 if a
 message was lost.
@@ -15,7 +15,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import semmap_log as sl  # noqa: E402

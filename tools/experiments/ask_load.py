@@ -1,7 +1,7 @@
 """The server of questions under load: questions a second, actions, waits, memory.
 
-    python tools/ask_load.py                     500 doors; the log lies in the current folder
-    python tools/ask_load.py --questions 20000
+    python tools/experiments/ask_load.py  500 doors; the log lies in the current folder
+    python tools/experiments/ask_load.py --questions 20000
 
 One client asks over a Unix socket, one question at a time, and checks each answer; then it sends
 them ahead. Actions that last (`event`) are set beside `observe` in a Python program, on the same
@@ -26,7 +26,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import semmap_log as sl  # noqa: E402
