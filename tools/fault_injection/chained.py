@@ -13,6 +13,7 @@ from steady_clock import SteadyClock
 
 import semmap_log as sl
 from fault_injection.sample import FIRST, NAME, SECOND, THIRD, small_segments
+from fault_injection.subject import TELL_THE_END, remove_all
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import DoorAdded, DoorObserved, Event
 from semmap_log.store.compaction import compact
@@ -49,15 +50,17 @@ class Chain:
     """File name -> closed versions of that segment with fewer commits, and of other files."""
     diverged: Path | None
     """The same log, gone on differently: the same event numbers, times and sizes."""
+    foreign: Path
+    """Another log, whose segments have the same names."""
 
     @property
     def is_live(self) -> bool:
-        """Whether its last segment is one that a writer was killed at."""
-        return self.title == "live"
+        """Whether nothing tells where its last segment ends: a writer was killed, or marks went."""
+        return self.title in {"live", "untold"}
 
 
 def make_chains(folder: Path) -> list[Chain]:
-    """Write the logs into that folder: closed, live, compacted, and the office recording."""
+    """Write the logs: closed, live, without marks, compacted, and the office recording."""
     closed, live = folder / "closed" / NAME, folder / "live" / NAME
     early = _write(closed, live, folder / "early")
     diverged = _diverged(closed, folder)
@@ -66,14 +69,30 @@ def make_chains(folder: Path) -> list[Chain]:
     compact(compacted, merge=False)
     shutil.copytree(diverged, packed, ignore=shutil.ignore_patterns(".lock"))
     compact(packed, merge=False)
+    untold = folder / "untold" / NAME
+    shutil.copytree(closed, untold, ignore=shutil.ignore_patterns(".lock"))
+    remove_all(untold, TELL_THE_END)
     office = folder / "office" / "office"
     shutil.copytree(OFFICE, office)
+    foreign = _another_log(folder / "foreign" / NAME)
     return [
-        Chain("closed", closed, early, diverged),
-        Chain("live", live, early, diverged),
-        Chain("compacted", compacted, early, packed),
-        Chain("office", office, {}, None),
+        Chain("closed", closed, early, diverged, foreign),
+        Chain("live", live, early, diverged, foreign),
+        Chain("untold", untold, early, diverged, foreign),
+        Chain("compacted", compacted, early, packed, foreign),
+        Chain("office", office, {}, None, foreign),
     ]
+
+
+def _another_log(path: Path) -> Path:
+    """Write a log with the same names and numbers, that is another one."""
+    with (
+        small_segments(COMMITS_A_SEGMENT),
+        sl.create(path, tz="UTC", compact=False, clock=SteadyClock()) as log,
+    ):
+        for _ in range(4 * COMMITS_A_SEGMENT):
+            log.add_door()
+    return path
 
 
 def _write(path: Path, live: Path, early: Path) -> dict[str, tuple[Path, ...]]:

@@ -14,8 +14,6 @@ from fault_injection.interrupts import interrupts
 from fault_injection.power_cuts import cuts_on_ext4, cuts_on_xfs
 from fault_injection.real_limits import real_limits
 from fault_injection.rivals import rivals
-from fault_injection.sectors import sectors
-from fault_injection.segments import segments
 from fault_injection.signals import signals
 from fault_injection.signed import signed
 from fault_injection.simulated_disk import simulated_disk
@@ -33,10 +31,8 @@ KINDS: dict[str, Kind] = {
     "power-xfs": cuts_on_xfs,
     "cuts": cuts,
     "flips": flips,
-    "sectors-damaged": sectors,
     "sectors-unreadable": unreadable_sectors,
     "sectors-shrinking": shrinking_files,
-    "segments": segments,
     "rivals": rivals,
     "clocks": clocks,
     "interrupts": interrupts,

@@ -73,19 +73,6 @@ class Subject:
         is_closed = self.files[-1].read_bytes().endswith(MAGIC)
         return is_closed and bool(marks_of(self.log))
 
-    def may_lose(self, name: str, data: bytes) -> int:
-        """Return how many commits at the end may be taken for torn if a segment has these bytes.
-
-        Only commits of the last segment, and only if every commit from the first touched one on is
-        touched: a whole one behind it proves that what lies before it was on disk. None of a closed
-        segment, if a mark tells where it ended.
-        """
-        if name != self.files[-1].name or self.is_end_known:
-            return 0
-        whole = (self.log / name).read_bytes()
-        touched = [whole[a:b] != data[a:b] for a, b in self.places]
-        return len(touched) - touched.index(True) if any(touched) and _is_tail(touched) else 0
-
     def outcome(
         self, plan: Plan, fault: str, judged: Callable[[], Verdict], log: Path | None = None
     ) -> Outcome:
@@ -137,10 +124,6 @@ def commit_places(path: Path) -> tuple[tuple[int, int], ...]:
             places.append((start, chunk.offset + chunk.length))
             start = None
     return tuple(places)
-
-
-def _is_tail(touched: list[bool]) -> bool:
-    return all(touched[touched.index(True) :])
 
 
 def marks_of(log: Path) -> list[Path]:
