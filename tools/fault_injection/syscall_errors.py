@@ -88,13 +88,13 @@ def _can_be_left_out(fault: _Fault) -> bool:
 
 
 def _errors(plan: Plan, share: int, shares: int) -> Iterator[Outcome]:
-    bench = _Bench(plan, plan.folder / f"errors_{share}", plan.seed)
+    bench = _ErrorBench(plan, plan.folder / f"errors_{share}", plan.seed)
     with small_limits():
         for fault in bench.drawn()[share::shares]:
             yield bench.tried(fault)
 
 
-class _Bench(StoryBench):
+class _ErrorBench(StoryBench):
     """A story in which calls fail, played by one who does not give up."""
 
     player = StubbornPlayer

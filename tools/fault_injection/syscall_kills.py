@@ -53,13 +53,13 @@ class _Kill:
 
 
 def _kills(plan: Plan, share: int, shares: int) -> Iterator[Outcome]:
-    bench = _Bench(plan, plan.folder / f"kills_{share}", plan.seed)
+    bench = _KillBench(plan, plan.folder / f"kills_{share}", plan.seed)
     with small_limits():
         for number, kill in enumerate(bench.drawn()[share::shares]):
             yield from bench.tried(kill, whole_recovery=number % WHOLE_RECOVERY_EVERY == 0)
 
 
-class _Bench(StoryBench):
+class _KillBench(StoryBench):
     """A story that is ended again and again."""
 
     def drawn(self) -> list[_Kill]:
