@@ -32,11 +32,10 @@ from benchmark.frame_cases import frame_cases
 from benchmark.importing import import_cases
 from benchmark.logs import Workshop
 from benchmark.moments import moment_cases
-from benchmark.opening import crash_case, open_cases
-from benchmark.promises import Result
+from benchmark.opening import crash_case, open_cases, start_cases
 from benchmark.questions import day_cases, history_cases, index_cases
+from benchmark.report import Result
 from benchmark.sql_cases import sql_cases
-from benchmark.starting import start_cases
 from benchmark.store_cases import store_cases
 from benchmark.trimming_cases import trimming_cases
 from benchmark.view_cases import view_cases
@@ -72,8 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace, shop: Workshop, given: Sequence[str]) -> int:
-    from benchmark.report import file_system, machine_of, to_json
-    from benchmark.table import show
+    from benchmark.report import file_system, machine_of, show, to_json
 
     if args.plot:
         pass  # said now, not after seven minutes

@@ -10,10 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fault_injection.flips import flipped, text_bytes
-from fault_injection.judging import Judge, Verdict, WrongAnswerError
+from fault_injection.damaged_bytes import flipped, text_bytes
+from fault_injection.judging import Judge, Subject, Verdict, WrongAnswerError
 from fault_injection.sample import Sample
-from fault_injection.subject import Subject
 
 from semmap_log.errors import CorruptLogError
 from tests.faults.running import faults, is_tried

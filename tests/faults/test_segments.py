@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 from fault_injection.closed import BESIDE
+from fault_injection.judging import TELL_THE_END, remove_all
 from fault_injection.sample import Sample
-from fault_injection.subject import TELL_THE_END, remove_all
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, LogAccessError, NotALogError

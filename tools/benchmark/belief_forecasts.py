@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 import semmap_log as sl
 from benchmark import plain_beliefs
-from benchmark.case import Case, Peer, Work
-from benchmark.near import Near
+from benchmark.case import Case, Near, Peer, Work
 from benchmark.peers import OURS, on_cores
 from semmap_log.batches.event_batch import EventBatch
 from semmap_log.beliefs.belief_query import ask

@@ -12,12 +12,12 @@ from collections.abc import Callable, Generator, Iterator
 from functools import cache, partial
 from pathlib import Path
 
-from fault_injection.chained import Chain, make_chains
 from fault_injection.examined import Damage, Examined
 from fault_injection.fault import Outcome, Plan
+from fault_injection.judging import commit_places, keep
 from fault_injection.oracle_client import Oracle
 from fault_injection.pool import side_by_side
-from fault_injection.subject import commit_places, keep
+from fault_injection.sample import Chain, make_chains
 from semmap_log.store.record_scan import frames
 from semmap_log.store.records import MAGIC
 

@@ -16,11 +16,8 @@ from typing import Any, Protocol
 
 import semmap_log as sl
 from fault_injection.forking import forked
-from fault_injection.oracle_answers import disagreements
-from fault_injection.oracle_client import Oracle
-from fault_injection.questions import answer as answered
-from fault_injection.questions import questions
-from fault_injection.verbs import (
+from fault_injection.oracle_client import Oracle, disagreements
+from fault_injection.questions import (
     LOG,
     OUT,
     TRACEBACK,
@@ -28,9 +25,11 @@ from fault_injection.verbs import (
     Arguments,
     ask_verb,
     heard_answers,
+    questions,
     tell_answers,
     what_is_wrong,
 )
+from fault_injection.questions import answer as answered
 from semmap_log.errors import SemmapError
 
 ALWAYS = ("replay", "history", "tail -n 5", "info", "verify")
@@ -269,7 +268,7 @@ class Examined:
 
 def _take_off(log: Path, commits: int) -> None:
     """Cut the last commits off the live segment."""
-    from fault_injection.subject import commit_places
+    from fault_injection.judging import commit_places
 
     last = max(log.glob("*.mcap"))
     places = commit_places(last)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from fault_injection.clocks import clocks
 from fault_injection.closed import closed
 from fault_injection.costs import costs
-from fault_injection.cuts import cuts
+from fault_injection.damaged_bytes import cuts, flips
 from fault_injection.fault import Kind
-from fault_injection.flips import flips
 from fault_injection.folders import folders
 from fault_injection.interleaving.schedules import threads
 from fault_injection.interrupts import interrupts
@@ -17,8 +16,7 @@ from fault_injection.rivals import rivals
 from fault_injection.signals import signals
 from fault_injection.signed import signed
 from fault_injection.simulated_disk import simulated_disk
-from fault_injection.syscall_errors import syscall_errors
-from fault_injection.syscall_kills import syscall_kills
+from fault_injection.syscalls import syscall_errors, syscall_kills
 from fault_injection.trimmed import trimmed
 from fault_injection.unreadable import shrinking_files, unreadable_sectors
 

@@ -7,15 +7,13 @@ import os
 import resource
 import signal
 import sys
-import time
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import NoReturn
 
-from fault_injection.verbs import TRACEBACK, Answer, ask_verb
+from fault_injection.questions import TRACEBACK, Answer, ask_verb
 
 ROOM_MIB = 1024
 """Address space beyond what there is: more is refused by the kernel."""
@@ -35,22 +33,18 @@ class Measured:
     """So much more memory it had at once than when it began."""
 
 
-def measured(arguments: tuple[str, ...], room: Path, *, stdin: Path | None = None,
-             meanwhile: Callable[[int], None] = lambda _: None) -> Measured:  # fmt: skip
+def measured(arguments: tuple[str, ...], room: Path) -> Measured:
     """Run a verb in a child process, with little room and time.
 
     Args:
         arguments: Of the command line.
         room: A folder for what it writes.
-        stdin: Is its standard input.
-        meanwhile: Called with the child's process id.
     """
     told, begun = room / "told.json", room / "begun"
     told.unlink(missing_ok=True)
     pid = os.fork()
     if pid == 0:
-        _run(arguments, room, stdin, told)
-    meanwhile(pid)
+        _run(arguments, room, told)
     _, status, used = os.wait4(pid, 0)
     code = os.waitstatus_to_exitcode(status)
     answer = Answer(TRACEBACK, "", f"ended by {_end(code)}")
@@ -64,13 +58,12 @@ def _end(code: int) -> str:
     return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
 
 
-def _run(arguments: tuple[str, ...], room: Path, stdin: Path | None, told: Path) -> NoReturn:
+def _run(arguments: tuple[str, ...], room: Path, told: Path) -> NoReturn:
     """For the child: it never returns."""
     code = 3
     try:
         (room / "begun").write_text(str(_mib(1)))
         _limit()
-        _read_from(stdin)
         answer = ask_verb(arguments, room, room / "out", last=10_000)
         partial = told.with_suffix(".part")
         partial.write_text(json.dumps([answer.code, answer.said, answer.error]))
@@ -78,12 +71,6 @@ def _run(arguments: tuple[str, ...], room: Path, stdin: Path | None, told: Path)
         code = 0
     finally:
         os._exit(code)
-
-
-def _read_from(stdin: Path | None) -> None:
-    if stdin is not None:
-        os.dup2(os.open(stdin, os.O_RDONLY), 0)
-        sys.stdin = os.fdopen(0, encoding="utf-8", errors="surrogateescape")
 
 
 def _mib(place: int) -> int:
@@ -101,22 +88,18 @@ def _limit() -> None:
     signal.alarm(DEADLINE_S)
 
 
-def load_what_it_loads(
-    arguments: tuple[str, ...], room: Path, *, stdin: Path | None = None
-) -> None:
+def load_what_it_loads(arguments: tuple[str, ...], room: Path) -> None:
     """Run a verb in a child process, and import here what it imported: it costs others nothing.
 
     Args:
         arguments: Of the command line.
         room: A folder for what it writes.
-        stdin: Is its standard input.
     """
     names = room / "names"
     pid = os.fork()
     if pid == 0:
         with suppress(BaseException):
             before = set(sys.modules)
-            _read_from(stdin)
             ask_verb(arguments, room, room / "out")
             names.write_text("\n".join(name for name in sys.modules if name not in before))
         os._exit(0)
@@ -125,13 +108,3 @@ def load_what_it_loads(
         with suppress(Exception):
             import_module(name)
     names.unlink(missing_ok=True)
-
-
-def wait_for(path: Path, pid: int, longest_s: float = 30.0) -> bool:
-    """Wait until a process has made a file; False: it ended, or took too long."""
-    end = time.monotonic() + longest_s
-    while not path.exists():
-        if time.monotonic() > end or not Path(f"/proc/{pid}/fd").exists():
-            return False
-        time.sleep(0.005)
-    return True

@@ -18,12 +18,11 @@ from pathlib import Path
 from random import Random
 
 from fault_injection.examiner import Examiner
-from fault_injection.fault import Outcome, Plan
+from fault_injection.fault import Outcome, Plan, Tree, keep, read_tree, write_tree
 from fault_injection.forking import Child
 from fault_injection.loop_device import LoopDevice, mounted
 from fault_injection.player import Player, Tell, Told
 from fault_injection.story import Story, small_limits, story
-from fault_injection.trees import Tree, keep, read_tree, write_tree
 from semmap_log.io.disk import sync_folder
 
 USUAL_CUTS = {"ext4": 200, "xfs": 50}

@@ -15,13 +15,12 @@ from itertools import islice
 
 from fault_injection import shim
 from fault_injection.disk_model import Disk
-from fault_injection.fault import Outcome, Plan
+from fault_injection.fault import Outcome, Plan, Tree, read_tree, write_tree
 from fault_injection.player import LEVELS, Told
 from fault_injection.pool import under_shim
 from fault_injection.shim import Call, Entry
 from fault_injection.story import small_limits
 from fault_injection.story_bench import EMPTY, StoryBench
-from fault_injection.trees import Tree, read_tree, write_tree
 
 USUAL_STATES = 10_400
 STATES_PER_STORY = 1_300

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import random
 import struct
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,7 +17,6 @@ from typing import Literal
 
 import numpy as np
 
-from fault_injection.sample import constants
 from semmap_log.domain.commits import Note
 from semmap_log.domain.doors import DoorId, DoorState
 from semmap_log.domain.events import (
@@ -199,3 +199,18 @@ def small_limits() -> Iterator[None]:
     """Make logs roll and split after a few commits, wherever these limits have been imported."""
     with constants(within="semmap_log.", **SMALL_LIMITS):
         yield
+
+
+@contextmanager
+def constants(*, within: str = "semmap_log.store.", **values: int) -> Iterator[None]:
+    """Give constants of the log's form other values, wherever modules within have imported them."""
+    modules = [m for name, m in list(sys.modules.items()) if name.startswith(within)]
+    old = [(m, name, getattr(m, name)) for m in modules for name in values if hasattr(m, name)]
+    assert {name for _, name, _ in old} == set(values), "a constant has another name"
+    try:
+        for module, name, _ in old:
+            setattr(module, name, values[name])
+        yield
+    finally:
+        for module, name, value in old:
+            setattr(module, name, value)

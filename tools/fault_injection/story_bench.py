@@ -9,12 +9,11 @@ from random import Random
 
 from fault_injection import shim
 from fault_injection.examiner import Examiner
-from fault_injection.fault import Outcome, Plan
+from fault_injection.fault import Outcome, Plan, Tree, keep, write_tree
 from fault_injection.forking import Ended, forked
 from fault_injection.player import Player, Tell, Told
 from fault_injection.shim import Action, Call, Entry
 from fault_injection.story import story
-from fault_injection.trees import Tree, keep, write_tree
 
 EMPTY: Tree = {"out": {}}
 

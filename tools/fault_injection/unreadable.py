@@ -13,13 +13,13 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from fault_injection.chained import Chain, make_chains
 from fault_injection.examined import Examined, Findings
 from fault_injection.fault import Outcome, Plan
+from fault_injection.judging import keep
 from fault_injection.loop_device import LoopDevice, mounted
 from fault_injection.oracle_client import Oracle
 from fault_injection.pool import side_by_side
-from fault_injection.subject import keep
+from fault_injection.sample import Chain, make_chains
 
 USUAL = 60
 IMAGE_MIB = 16

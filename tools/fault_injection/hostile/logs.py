@@ -17,7 +17,7 @@ from unittest.mock import patch
 import zstandard
 
 import semmap_log as sl
-from fault_injection.subject import commit_places
+from fault_injection.judging import commit_places
 from semmap_log.store import records as mcap
 
 _CHUNK = 6

@@ -19,14 +19,21 @@ from fault_injection.acknowledged import Said, Tell, lost_and_invented
 from fault_injection.fault import Outcome, Plan
 from fault_injection.forking import forked
 from fault_injection.interleaving import primitives
-from fault_injection.interleaving.choosers import LINE, Parking, Priorities, RandomWalk
-from fault_injection.interleaving.control import controlled
+from fault_injection.interleaving.primitives import controlled
 from fault_injection.interleaving.programs import PROGRAMS, Run, play
-from fault_injection.interleaving.scheduler import Chooser, Scheduler, StuckError
+from fault_injection.interleaving.scheduler import (
+    LINE,
+    Chooser,
+    Parking,
+    Priorities,
+    RandomWalk,
+    Scheduler,
+    StuckError,
+)
+from fault_injection.judging import keep
 from fault_injection.oracle_client import Oracle
 from fault_injection.pool import side_by_side
-from fault_injection.sample import constants
-from fault_injection.subject import keep
+from fault_injection.story import constants
 from semmap_log.replay.care import verify
 from semmap_log.store.verification.findings import EXIT_GOOD, EXIT_TORN
 
