@@ -51,7 +51,8 @@ SIZED = {
     "store": store_cases, "care": trimming_cases,
 }  # fmt: skip
 """Group -> its cases, for each size."""
-GROUPS = ("append", *SIZED, "fleet", "costmap", "beliefs", "view", "start")
+UNSIZED = {"fleet": fleet_cases, "costmap": costmap_cases, "view": view_cases}
+GROUPS = ("append", *SIZED, *UNSIZED, "beliefs", "start")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -115,16 +116,14 @@ def _cases(args: argparse.Namespace, shop: Workshop) -> Iterator[Case]:
             if group in args.only:
                 yield from cases(shop, count, args.rounds)
         shop.clear()
+    tries_out = max(args.events) < SMALL
     if "open" in args.only:
-        yield crash_case(shop, args.rounds, tries_out=max(args.events) < SMALL)
-    if "fleet" in args.only:
-        yield from fleet_cases(shop, args.rounds, tries_out=max(args.events) < SMALL)
-    if "costmap" in args.only:
-        yield from costmap_cases(shop, args.rounds, tries_out=max(args.events) < SMALL)
+        yield crash_case(shop, args.rounds, tries_out=tries_out)
+    for group, cases in UNSIZED.items():
+        if group in args.only:
+            yield from cases(shop, args.rounds, tries_out=tries_out)
     if "beliefs" in args.only:
-        yield from belief_cases(args.rounds, tries_out=max(args.events) < SMALL)
-    if "view" in args.only:
-        yield from view_cases(shop, args.rounds, tries_out=max(args.events) < SMALL)
+        yield from belief_cases(args.rounds, tries_out=tries_out)
     if "start" in args.only:
         yield from start_cases(args.rounds)
     shop.look()

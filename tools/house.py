@@ -3,7 +3,6 @@
     python tools/house.py                 this checkout: baseline, now, and their ratio
     python tools/house.py PATH            another checkout
     python tools/house.py --json [PATH]   one document; `house_baseline.json` is such a one
-    python tools/house.py --twice         also the names that two classes, or two files, share
 
 The baseline is commit 766f04a3, measured by these rules, with Python 3.11 and the `dev` extra:
 
@@ -192,9 +191,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(json.dumps(document | {"figures": found}, indent=1))
         return 0
     _print_table(json.loads(BASELINE.read_text(encoding="utf-8")), found)
-    if args.twice:
-        for title, names in (("classes", classes_twice(modules)), ("files", files_twice(modules))):
-            print(f"{title}: {', '.join(sorted(names)) or 'none'}")
     return 0
 
 
@@ -232,8 +228,6 @@ def figures(modules: Mapping[str, Module]) -> dict[str, float]:
         "import lines, % of code": _rounded(100 * sum(m.import_lines for m in every) / code),
         "private functions called once": sum(module.called_once() for module in every),
         "public names": sum(1 for module in every for _ in _public(module.tree)),
-        "names of two classes": len(classes_twice(modules)),
-        "names of two files": len(files_twice(modules)),
     }
     prose = " ".join(str(text.value) for module in every for text in module.docstrings)
     words = len(re.findall(r"[A-Za-z']+", prose)) or 1
@@ -278,30 +272,6 @@ def _walk(checkout: Path, verb: Sequence[str]) -> tuple[int, int]:
         raise HouseError(f"`{' '.join(verb)}` fails in {checkout}: {done.stderr.strip()[-200:]}")
     functions, files = done.stderr.split()[-2:]
     return int(functions), int(files)
-
-
-def classes_twice(modules: Mapping[str, Module]) -> list[str]:
-    """Return the names that two public classes have, those of the command line left out."""
-    names = Counter(
-        node.name
-        for module in modules.values()
-        if module.room != "cli"
-        for node in module.tree.body
-        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
-    )
-    return [name for name, count in names.items() if count > 1]
-
-
-def files_twice(modules: Mapping[str, Module]) -> list[str]:
-    """Return the names that two files have, those of the command line and the root left out.
-
-    A file may be called as its own package.
-    """
-    parts = [
-        name.split(".") for name, module in modules.items() if module.room not in {None, "cli"}
-    ]
-    names = Counter(part[-1] for part in parts if part[-1] != part[-2])
-    return [name for name, count in names.items() if count > 1]
 
 
 def _arrows(
@@ -350,7 +320,6 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("checkout", type=Path, nargs="?", default=ROOT, help="default: this one")
     parser.add_argument("--json", action="store_true", help="one JSON document")
-    parser.add_argument("--twice", action="store_true", help="also the names that stand twice")
     return parser.parse_args(arguments)
 
 

@@ -7,10 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fault_injection import measured as measuring
-from fault_injection.costs import MORE_MIB, MORE_S, Bench, too_much
+from fault_injection import costs as measuring
+from fault_injection.costs import MORE_MIB, MORE_S, Bench, Measured, measured, too_much
 from fault_injection.fault import Plan
-from fault_injection.measured import Measured, measured
 from fault_injection.questions import Answer
 
 from tests.faults.running import faults, is_tried

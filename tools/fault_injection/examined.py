@@ -199,9 +199,9 @@ class Examined:
             before.replay()
         damage(self.copy)
         readers = {
-            "held": _Lazy(lambda: held),
-            "before": _Lazy(partial(_refreshed, before)),
-            "anew": _Lazy(partial(sl.read, self.copy)),
+            "held": lambda: held,
+            "before": partial(_refreshed, before),
+            "anew": partial(sl.read, self.copy),
         }
         out = self._folder / "out"
         asked: dict[str, Callable[[], Answer]] = {}
@@ -279,35 +279,14 @@ def _take_off(log: Path, commits: int) -> None:
     last.write_bytes(data)
 
 
-class _Lazy:
-    """Something that is made when it is first wanted; what it raises, it raises each time."""
-
-    def __init__(self, make: Callable[[], sl.DoorLog]) -> None:
-        self._make = make
-        self._made: sl.DoorLog | None = None
-        self._error: Exception | None = None
-
-    def get(self) -> sl.DoorLog:
-        """Return it."""
-        if self._error is not None:
-            raise self._error
-        if self._made is None:
-            try:
-                self._made = self._make()
-            except Exception as error:
-                self._error = error
-                raise
-        return self._made
-
-
 def _refreshed(log: sl.DoorLog) -> sl.DoorLog:
     log.refresh()
     return log
 
 
-def _ask_reader(who: _Lazy, ask: Callable[[sl.DoorLog], Any]) -> Answer:
+def _ask_reader(opened: Callable[[], sl.DoorLog], ask: Callable[[sl.DoorLog], Any]) -> Answer:
     try:
-        return Answer(0, repr(answered(ask, who.get())))
+        return Answer(0, repr(answered(ask, opened())))
     except SemmapError as error:
         return Answer(1, "", str(error))
     except Exception as error:  # noqa: BLE001 - whatever it is, it is the finding

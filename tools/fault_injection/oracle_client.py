@@ -7,21 +7,17 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from datetime import datetime, timezone
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fault_injection.questions import Answer, Arguments
-
-if TYPE_CHECKING:
-    from typing_extensions import Self
-
 
 PROGRAM = Path(__file__).parent / "oracle"
 
 
-class Oracle:
+class Oracle(AbstractContextManager["Oracle"]):
     """The oracle's process, to be asked about many logs, one after the other."""
 
     def __init__(self) -> None:
@@ -29,15 +25,7 @@ class Oracle:
             [sys.executable, PROGRAM], stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def ask(self, log: Path, *moments: dict[str, int]) -> dict[str, Any]:
