@@ -119,9 +119,9 @@ def _cases(args: argparse.Namespace, shop: Workshop) -> Iterator[Case]:
     tries_out = max(args.events) < SMALL
     if "open" in args.only:
         yield crash_case(shop, args.rounds, tries_out=tries_out)
-    for group, cases in UNSIZED.items():
-        if group in args.only:
-            yield from cases(shop, args.rounds, tries_out=tries_out)
+    for name, unsized in UNSIZED.items():
+        if name in args.only:
+            yield from unsized(shop, args.rounds, tries_out=tries_out)
     if "beliefs" in args.only:
         yield from belief_cases(args.rounds, tries_out=tries_out)
     if "start" in args.only:

@@ -26,7 +26,9 @@ def draw(document: Document, path: Path) -> None:
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
-    drawn = ((_draw_bars, _bars(document)), (_draw_lines, _lines(document)))
+    drawn: tuple[tuple[Any, Any], ...] = (
+        (_draw_bars, _bars(document)), (_draw_lines, _lines(document)),
+    )  # fmt: skip
     panels = [(work, found) for work, found in drawn if found]
     if not panels:
         raise ValueError("nothing to draw: measure fold or moment.")
@@ -85,7 +87,7 @@ def _draw_lines(axes: Any, lines: dict[str, list[tuple[int, float]]]) -> None:
 
 
 def _colour(name: str) -> str:
-    return next(colour for start, colour in COLOURS.items() if name.startswith(start))
+    return next((c for start, c in COLOURS.items() if name.startswith(start)), "#8a8a8a")
 
 
 def _measured(case: Document) -> list[Document]:
