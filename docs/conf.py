@@ -85,8 +85,8 @@ class MessageTexts(Directive):
 
     def run(self) -> list[nodes.Node]:
         """Return a block for each text, with its name."""
+        from semmap_log.core.messages import message_text
         from semmap_log.events import KINDS, FloorMap
-        from semmap_log.messages import message_text
 
         events = [kind.__name__ for kind in KINDS if kind is not FloorMap]
         found: list[nodes.Node] = []
@@ -104,7 +104,7 @@ class ParquetColumns(Directive):
 
     def run(self) -> list[nodes.Node]:
         """Return a table."""
-        from semmap_log.arrow.table_columns import HISTORY_COLUMNS
+        from semmap_log.core.arrow.table_columns import HISTORY_COLUMNS
 
         lines = ["| column | type | means |", "| --- | --- | --- |"]
         for one in HISTORY_COLUMNS:
@@ -118,10 +118,10 @@ class ParquetColumns(Directive):
 PUBLIC = (
     "semmap_log",
     "semmap_log.events",
-    "semmap_log.beliefs",
-    "semmap_log.costmaps",
-    "semmap_log.rooms",
-    "semmap_log.planning",
+    "semmap_log.analysis.beliefs",
+    "semmap_log.analysis.costmaps",
+    "semmap_log.analysis.rooms",
+    "semmap_log.analysis.planning",
     "semmap_log.errors",
 )
 """The modules that api.md documents."""
@@ -139,7 +139,7 @@ def homes() -> dict[str, str]:
 def lead_to_public_name(
     _app: Sphinx, env: BuildEnvironment, node: addnodes.pending_xref, text: nodes.Element
 ) -> nodes.Element | None:
-    """Let `semmap_log.domain.doors.Door` in a signature lead to `semmap_log.Door`."""
+    """Let `semmap_log.core.model.doors.Door` in a signature lead to `semmap_log.Door`."""
     home = homes().get(node.get("reftarget", "").rpartition(".")[2])
     if node.get("refdomain") != "py" or home is None:
         return None
@@ -147,8 +147,9 @@ def lead_to_public_name(
     return python.resolve_xref(env, node["refdoc"], builder, "obj", home, node, text)
 
 
-INCLUDED = {"semmap_log/ros/README.md": "/guides/robot.md", "CONTRIBUTING.md": "/contributing.md",
-            "CHANGELOG.md": "/changelog.md", "recordings/README.md": "/recordings.md"}  # fmt: skip
+INCLUDED = {"semmap_log/live/robot_files/README.md": "/guides/robot.md",
+            "CONTRIBUTING.md": "/contributing.md", "CHANGELOG.md": "/changelog.md",
+            "recordings/README.md": "/recordings.md"}  # fmt: skip
 """Files that are pages here, and lie elsewhere in the project."""
 
 

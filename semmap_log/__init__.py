@@ -17,26 +17,26 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from semmap_log.common.late_answers import register_answers
-from semmap_log.common.lazily import lazy_names
-from semmap_log.io.made_logs import register_maker
+from semmap_log.core.io.made_logs import register_maker
+from semmap_log.core.lazy.late_answers import register_answers
+from semmap_log.core.lazy.lazily import lazy_names
 
 if TYPE_CHECKING:
-    from semmap_log.batches.event_batch import EventBatch
-    from semmap_log.domain.commits import Note
-    from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
-    from semmap_log.domain.object_classes import Geometry, ObjectClass
-    from semmap_log.door_log.appended import Appended
-    from semmap_log.door_log.door_log import DoorLog
-    from semmap_log.door_log.door_log_writer import DoorLogWriter
-    from semmap_log.door_log.opening import append, create
-    from semmap_log.door_log.read_log import read
+    from semmap_log.analysis.sql.sql_query import sql
+    from semmap_log.core.batches.event_batch import EventBatch
+    from semmap_log.core.folds.projection import Projection
+    from semmap_log.core.io.made_logs import MadeLog
+    from semmap_log.core.model.commits import Note
+    from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState
+    from semmap_log.core.model.object_classes import Geometry, ObjectClass
     from semmap_log.errors import SemmapError
     from semmap_log.fleet.jobs.fleet_run import fleet
     from semmap_log.fleet.join.joining_logs import join
-    from semmap_log.folds.projection import Projection
-    from semmap_log.io.made_logs import MadeLog
-    from semmap_log.queries.sql_query import sql
+    from semmap_log.log.door_log.appended import Appended
+    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+    from semmap_log.log.door_log.opening import append, create
+    from semmap_log.log.door_log.read_log import read
 
 __all__ = [
     "Appended",
@@ -61,19 +61,19 @@ __all__ = [
 ]
 
 _HOMES = {
-    "batches.event_batch": ("EventBatch",),
-    "domain.commits": ("Note",),
-    "domain.doors": ("Door", "DoorId", "DoorMap", "DoorState"),
-    "domain.object_classes": ("Geometry", "ObjectClass"),
-    "door_log.appended": ("Appended",),
-    "door_log.door_log": ("DoorLog",),
-    "door_log.door_log_writer": ("DoorLogWriter",),
-    "door_log.opening": ("append", "create"),
-    "door_log.read_log": ("read",),
+    "core.batches.event_batch": ("EventBatch",),
+    "core.model.commits": ("Note",),
+    "core.model.doors": ("Door", "DoorId", "DoorMap", "DoorState"),
+    "core.model.object_classes": ("Geometry", "ObjectClass"),
+    "log.door_log.appended": ("Appended",),
+    "log.door_log.door_log": ("DoorLog",),
+    "log.door_log.door_log_writer": ("DoorLogWriter",),
+    "log.door_log.opening": ("append", "create"),
+    "log.door_log.read_log": ("read",),
     "errors": ("SemmapError",),
     "fleet.join.joining_logs": ("join",),
-    "folds.projection": ("Projection",),
-    "queries.sql_query": ("sql",),
+    "core.folds.projection": ("Projection",),
+    "analysis.sql.sql_query": ("sql",),
 }
 
 _load = lazy_names(__name__, _HOMES)
@@ -96,8 +96,8 @@ register_answers(
         "html": "semmap_log.views.notebook:html_of",
         "plot of a log": "semmap_log.views.notebook:plot_log",
         "plot of a timeline": "semmap_log.views.notebook:plot_timeline",
-        "sql": "semmap_log.queries.sql_query:sql_of_log",
-        "why": "semmap_log.beliefs.explaining:explain",
+        "sql": "semmap_log.analysis.sql.sql_query:sql_of_log",
+        "why": "semmap_log.analysis.beliefs.explaining:explain",
     }
 )
 

@@ -56,7 +56,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path, PurePath
 
-from semmap_log.common.texts import MOST_TOLD, Repeats
+from semmap_log.core.texts import MOST_TOLD, Repeats
 
 
 class SemmapError(Exception):

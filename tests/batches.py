@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import Event
-from semmap_log.messages import OBJECT_KINDS, decode, encode
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.messages import OBJECT_KINDS, decode, encode
+from semmap_log.core.model.events import Event
 
 
 def batch_of(

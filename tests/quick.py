@@ -139,7 +139,7 @@ class Costs:
     def __init__(self) -> None:
         self._own: dict[str, float] = {}
         """Id of a test -> seconds, without the fixtures that it shares."""
-        self._fixtures: Counter[str] = Counter()
+        self._fixtures: defaultdict[str, float] = defaultdict(float)
         """Name of a shared fixture -> seconds."""
         self._users: defaultdict[str, set[str]] = defaultdict(set)
         """Name of a shared fixture -> ids of the tests that use it."""

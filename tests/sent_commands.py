@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 import semmap_log as sl
-from semmap_log.domain.events import DoorAdded, DoorObserved, DoorUpdated, FloorMap, LevelAdded
-from semmap_log.domain.meaning import Changed
+from semmap_log.core.model.events import DoorAdded, DoorObserved, DoorUpdated, FloorMap, LevelAdded
+from semmap_log.core.model.meaning import Changed
 
 ROUND = sl.Note(actor="robot", source="camera", reason="round 4", correlation="4")
 DAY_NS = 1_772_323_200 * 10**9

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from hypothesis import strategies as st
 
-from semmap_log.domain.doors import MAX_DOOR_ID, MAX_LEVEL, DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import MAX_DOOR_ID, MAX_LEVEL, DoorId, DoorState
+from semmap_log.core.model.events import (
     Changed,
     ClassDefined,
     DoorAdded,
@@ -29,7 +29,7 @@ from semmap_log.domain.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.domain.meaning import ALL_CHANGED
+from semmap_log.core.model.meaning import ALL_CHANGED
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 lengths = st.floats(0, 1e6)

@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,
@@ -28,7 +28,6 @@ from semmap_log.domain.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.door_log.commands import Events
 from semmap_log.errors import (
     CommandReusedError,
     DoorExistsError,
@@ -37,6 +36,7 @@ from semmap_log.errors import (
     SemmapError,
     UnknownDoorError,
 )
+from semmap_log.log.door_log.commands import Events
 from tests.conftest import SteadyClock
 
 DOORS = 5

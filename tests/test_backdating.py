@@ -10,16 +10,16 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.beliefs.belief_query import learn
+from semmap_log.analysis.beliefs.belief_query import learn
 from semmap_log.cli import main
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved, Retracted
-from semmap_log.domain.moments import parse_instant
-from semmap_log.door_log.summary import open_any, summarize
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved, Retracted
+from semmap_log.core.model.moments import parse_instant
 from semmap_log.errors import DoorExistsError, DoorRemovedError, EarlyEventsWarning
-from semmap_log.importing.earlier_doors import backdate
-from semmap_log.importing.importing import ImportOptions, import_file
-from semmap_log.replay.state import state_at
+from semmap_log.interop.importing.earlier_doors import backdate
+from semmap_log.interop.importing.importing import ImportOptions, import_file
+from semmap_log.log.door_log.summary import open_any, summarize
+from semmap_log.log.replay.state import state_at
 from tests.conftest import SteadyClock
 
 Run = Callable[..., tuple[int, str, str]]

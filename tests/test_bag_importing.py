@@ -13,23 +13,23 @@ from rosbags.rosbag2 import Writer
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.common.texts import counted
-from semmap_log.domain.doors import reduced
-from semmap_log.domain.events import LevelAdded, RobotPose
+from semmap_log.core.model.doors import reduced
+from semmap_log.core.model.events import LevelAdded, RobotPose
+from semmap_log.core.texts import counted
 from semmap_log.errors import CommandError, FormatError
-from semmap_log.formats.ros.ros_types import RMF_DOOR_STATE, ros_types
-from semmap_log.importing import bag_importing
-from semmap_log.importing.importing import ImportOptions, import_file
-from semmap_log.ros_mapping.topic_rules import WELL_KNOWN
-from tests.exporting.lively import END, lively_log
-from tests.formats.bags.bags_of_others import (
+from semmap_log.interop.formats.ros.ros_types import RMF_DOOR_STATE, ros_types
+from semmap_log.interop.importing import bag_importing
+from semmap_log.interop.importing.importing import ImportOptions, import_file
+from semmap_log.interop.topics.topic_rules import WELL_KNOWN
+from tests.interop.exporting.lively import END, lively_log
+from tests.interop.formats.bags.bags_of_others import (
     Said,
     write_mcap,
     write_ros1,
     write_ros2,
     write_with_rosbag,
 )
-from tests.ros_mapping.robots import START, Robot, S
+from tests.interop.topics.robots import START, Robot, S
 from tests.views.rerun.some_logs import START as LIVELY_START
 
 ROBOT = Robot()

@@ -12,10 +12,10 @@ from typing import Any
 import build_loops
 import pytest
 
-from semmap_log import loops
+from semmap_log.core import loops
 
 ROOT = Path(__file__).parents[1]
-SOURCE = ROOT / "semmap_log" / "loops" / "native.pyx"
+SOURCE = ROOT / "semmap_log" / "core" / "loops" / "native.pyx"
 
 
 class _Said:
@@ -33,7 +33,7 @@ class _Said:
 @pytest.fixture
 def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The part of a checkout that is looked at, with loops that an older version left behind."""
-    folder = tmp_path / "semmap_log" / "loops"
+    folder = tmp_path / "semmap_log" / "core" / "loops"
     folder.mkdir(parents=True)
     shutil.copy(SOURCE, folder)
     (tmp_path / build_loops._MODULE).write_bytes(b"older")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.beliefs import probabilities
+from semmap_log.analysis.beliefs import probabilities
 from semmap_log.cli import main
 from semmap_log.errors import ClockWarning
 from semmap_log.views.report.content import report

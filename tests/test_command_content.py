@@ -14,8 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.domain.commits import GIVEN_EVENTS, NO_CONTENT
-from semmap_log.domain.events import (
+from semmap_log.core.messages import decode, encode
+from semmap_log.core.model.commits import GIVEN_EVENTS, NO_CONTENT
+from semmap_log.core.model.events import (
     DoorAdded,
     DoorAnnotated,
     DoorObserved,
@@ -23,9 +24,8 @@ from semmap_log.domain.events import (
     FloorMap,
     RobotPose,
 )
-from semmap_log.door_log.command_content import are_same
 from semmap_log.errors import CommandReusedError, LogError, UnexpectedEventError
-from semmap_log.messages import decode, encode
+from semmap_log.log.door_log.command_content import are_same
 from tests.conftest import SteadyClock
 from tests.sent_commands import send
 from tests.strategies import events

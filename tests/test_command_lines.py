@@ -12,12 +12,12 @@ from steady_clock import SteadyClock
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.common.texts import command_line
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, LevelAdded
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated, LevelAdded
+from semmap_log.core.texts import command_line
 from semmap_log.errors import CommandError, CorruptLogError, FormatError, NotALogError
-from semmap_log.formats.bags.mcap_reading import own_log
-from semmap_log.importing.importing import import_file
+from semmap_log.interop.formats.bags.mcap_reading import own_log
+from semmap_log.interop.importing.importing import import_file
 from tests.marks import marks
 
 AWKWARD = 'my robot\'s "log" $HOME; `x` ä'

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorState
-from semmap_log.door_log.day import SLOT_NS, day_of_doors
+from semmap_log.core.model.doors import DoorState
+from semmap_log.log.door_log.day import SLOT_NS, day_of_doors
 from tests.conftest import SteadyClock
 from tests.test_replay import random_log
 
@@ -101,6 +101,22 @@ def test_before_and_after_what_is_known(tmp_path: Path, clock: SteadyClock) -> N
     assert [1] * 7 == only.shares.opened.tolist()[24:31]
     assert np.isnan(only.shares.opened[31:36]).all()
     assert 2 == only.changes
+
+
+def test_the_last_day_is_that_of_the_last_report(tmp_path: Path, clock: SteadyClock) -> None:
+    """
+    Not that of a place or a note which somebody added to an old log.
+    """
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
+        door = log.add_door(state="closed", at="2026-02-20T06:00")
+        log.observe(door, "open", at="2026-02-20T12:00")
+        log.update_door(door, x=1, y=2, theta=0, width=1)
+        log.annotate(door, "note", "new lock")
+
+        day = day_of_doors(log)
+
+    assert "2026-02-20" == day.date
+    assert 1 == day.doors[0].changes
 
 
 def test_a_day_begins_as_the_one_before_ended(tmp_path: Path, clock: SteadyClock) -> None:

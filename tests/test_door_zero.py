@@ -16,11 +16,11 @@ from steady_clock import SteadyClock
 
 import semmap_log as sl
 from semmap_log.cli.show import run
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorEvent, PatrolStarted, RobotPose
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorEvent, PatrolStarted, RobotPose
 from semmap_log.errors import UnknownDoorError
-from semmap_log.replay.care import verify
-from semmap_log.ros_mapping.known import Known
+from semmap_log.interop.topics.known import Known
+from semmap_log.log.replay.care import verify
 from semmap_log.store.compaction.compacting import compact
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.taken_back import taken_back

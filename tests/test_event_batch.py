@@ -11,10 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.batches.event_columns import check_rows, event_of_row
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.batches.event_columns import check_rows, event_of_row
+from semmap_log.core.messages import OBJECT_KINDS, fixed_layout
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     KINDS,
     Changed,
     DoorAdded,
@@ -27,7 +28,6 @@ from semmap_log.domain.events import (
     PatrolStarted,
 )
 from semmap_log.errors import InvalidEventError
-from semmap_log.messages import OBJECT_KINDS, fixed_layout
 from tests.strategies import events, fixed_size, same
 
 FIXED = [kind for kind in KINDS if kind.kind not in OBJECT_KINDS]

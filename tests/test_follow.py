@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.events import DoorAnnotated, DoorObserved
+from semmap_log.core.model.events import DoorAnnotated, DoorObserved
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.following import FollowedCommit

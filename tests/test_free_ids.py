@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.doors import MAX_DOOR_ID, DoorId, next_door_id
-from semmap_log.importing.importing import ImportOptions, import_file
-from semmap_log.ros_mapping.known import Known
+from semmap_log.core.model.doors import MAX_DOOR_ID, DoorId, next_door_id
+from semmap_log.interop.importing.importing import ImportOptions, import_file
+from semmap_log.interop.topics.known import Known
 
 
 @pytest.mark.parametrize(

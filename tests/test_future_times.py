@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorObserved
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorObserved
 from semmap_log.errors import FutureTimesWarning
-from semmap_log.importing.importing import import_file
+from semmap_log.interop.importing.importing import import_file
 from tests.conftest import SteadyClock
 
 MINUTE_NS = 60 * 10**9

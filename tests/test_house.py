@@ -68,7 +68,7 @@ def test_figures_are_those_counted_by_hand(checkout: Path) -> None:
             "import lines, % of code": round(100 * 5 / 13, 1),
             "private functions called once": 1,
             "public names": 2,
-                '"told", of 10,000 words': round(10_000 / 14, 1),
+            '"told", of 10,000 words': round(10_000 / 14, 1),
             '"what", of 10,000 words': round(10_000 / 14, 1),
         }
         == found

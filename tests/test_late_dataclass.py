@@ -15,8 +15,8 @@ from typing import Any, ClassVar
 
 import pytest
 
-from semmap_log.common.late_dataclass import _Late
-from semmap_log.common.late_dataclass import dataclass as late
+from semmap_log.core.lazy.late_dataclass import _Late
+from semmap_log.core.lazy.late_dataclass import dataclass as late
 
 Maker = Callable[..., Callable[[type], type]]
 

@@ -15,10 +15,12 @@ import pytest
 from steady_clock import SteadyClock
 
 import semmap_log as sl
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.costmaps import CostmapOptions, costmap_at
-from semmap_log.domain.doors import LEVEL_NOT_GIVEN, DoorId, DoorState, is_given
-from semmap_log.domain.events import (
+from semmap_log.analysis.costmaps import CostmapOptions, costmap_at
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.folds.levels import level_shown, levels_of, resolve_level
+from semmap_log.core.model.doors import LEVEL_NOT_GIVEN, DoorId, DoorState, is_given
+from semmap_log.core.model.events import (
     Changed,
     DoorAdded,
     DoorObserved,
@@ -28,10 +30,8 @@ from semmap_log.domain.events import (
     RobotPose,
 )
 from semmap_log.errors import InvalidEventError, LevelNameWarning, UnknownLevelError
-from semmap_log.folds.door_map import DoorMapState
-from semmap_log.folds.levels import level_shown, levels_of, resolve_level
-from semmap_log.importing.importing import ImportOptions, import_file
-from semmap_log.live.line_recorder import LineAnswer, LineRecorder
+from semmap_log.interop.importing.importing import ImportOptions, import_file
+from semmap_log.live.ros.line_recorder import LineAnswer, LineRecorder
 
 PLACE = {"x": 1.0, "y": 2.0, "theta": 0.0, "width": 0.9}
 POSE = {"x": 1.0, "y": 2.0, "theta": 0.0}
@@ -373,7 +373,7 @@ def test_an_old_log_comes_back_as_it_was(tmp_path: Path) -> None:
     """
     Its poses and sensors on level 0, beside a building's levels: exported lines tell the level.
     """
-    from semmap_log.exporting.log_files import export
+    from semmap_log.interop.exporting.log_files import export
 
     with new_log(tmp_path, "L1", "L2") as log:
         log.append([RobotPose(level=0, **POSE), DoorAdded(door_id=DoorId(1), level=0),

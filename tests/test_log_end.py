@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.domain.events import DoorObserved, Retracted
+from semmap_log.core.model.events import DoorObserved, Retracted
 from tests.calls import calls_of
 from tests.conftest import SteadyClock
 

@@ -13,9 +13,9 @@ import pyarrow as pa
 import pytest
 
 import semmap_log as sl
-from semmap_log.arrow.table_columns import COLUMNS, HISTORY_COLUMNS
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.arrow.table_columns import COLUMNS, HISTORY_COLUMNS
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     DoorAnnotated,
     DoorObserved,
     LevelAdded,
@@ -24,8 +24,8 @@ from semmap_log.domain.events import (
 from semmap_log.errors import CommandError, SemmapError, UnknownKeywordError
 from semmap_log.store.compaction import compact
 from semmap_log.store.writing import segment_chain
-from tests.arrow.rows import history_rows, rows_of
 from tests.conftest import SteadyClock
+from tests.core.arrow.rows import history_rows, rows_of
 
 HOUR_NS = 3600 * 10**9
 

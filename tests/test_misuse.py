@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved, RobotPose
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved, RobotPose
 from semmap_log.errors import (
     CommandError,
     InvalidEventError,
@@ -23,7 +23,7 @@ from semmap_log.errors import (
     MomentError,
     SemmapError,
 )
-from semmap_log.importing.importing import import_file
+from semmap_log.interop.importing.importing import import_file
 from tests.conftest import SteadyClock
 
 

@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.domain.moments import (
+from semmap_log.core.model.moments import (
     Moment,
     both_instants,
     format_local,

@@ -60,8 +60,8 @@ FELT = """\
 APPEND_KIND = """
 import sys
 import semmap_log as sl
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import DoorTouched
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.events import DoorTouched
 
 with sl.create(sys.argv[1], tz="UTC") as log:
     door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, name="front", at="2026-03-01T12:00")
@@ -77,7 +77,7 @@ with sl.create(sys.argv[1], tz="UTC") as log:
 COUNT_FRAMES = """
 import sys
 import semmap_log as sl
-from semmap_log.costmaps.over_time import costmap_frames
+from semmap_log.analysis.costmaps.over_time import costmap_frames
 
 with sl.read(sys.argv[1]) as log:
     print([frame.event for frame in costmap_frames(log)])
@@ -91,8 +91,8 @@ HEIGHT = "    height: Annotated[float, Number(0, or_nan=True), Changed.HEIGHT] =
 APPEND_FIELD = """
 import sys
 import semmap_log as sl
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import Changed, DoorAdded, DoorUpdated
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.events import Changed, DoorAdded, DoorUpdated
 
 with sl.create(sys.argv[1], tz="UTC") as log:
     happened_ns = log.instant("2026-03-01T12:00")
@@ -147,9 +147,11 @@ def test_a_kind_that_sets_the_state_is_told_in_five_files(tmp_path: Path) -> Non
     Its message, its class, the format's minor version, its words.
     """
     program = Program(tmp_path / "program")
-    (program.package / "messages/msg/DoorTouched.msg").write_text(TOUCHED_MSG, encoding="ascii")
+    (program.package / "core/messages/msg/DoorTouched.msg").write_text(
+        TOUCHED_MSG, encoding="ascii"
+    )
     program.edit(
-        "domain/events.py",
+        "core/model/events.py",
         ("\nAnyEvent: TypeAlias = (\n", TOUCHED),
         ("    | UnknownEvent\n)", "    | DoorTouched\n    | UnknownEvent\n)"),
     )
@@ -199,12 +201,12 @@ def test_a_field_of_a_door_is_told_in_four_files(tmp_path: Path) -> None:
     for kind in ("DoorAdded", "DoorUpdated"):
         program.edit(f"messages/msg/{kind}.msg", (FIELD_MSG, HEIGHT_MSG))
     program.edit(
-        "domain/meaning.py",
+        "core/model/meaning.py",
         ("    PROB_CLOSED = 16\n", "    PROB_CLOSED = 16\n    HEIGHT = 32\n"),
         (LAST_FIELD, LAST_FIELD + HEIGHT),
     )
     program.edit(
-        "domain/doors.py",
+        "core/model/doors.py",
         ("    prob_closed: float\n", "    prob_closed: float\n    height: float = NAN\n"),
     )
     assert len(program.edited) == 4

@@ -10,11 +10,11 @@ from PIL import Image
 from steady_clock import SteadyClock
 
 import semmap_log as sl
+from semmap_log.analysis.costmaps import CostmapOptions, costmap_at
+from semmap_log.analysis.planning.door_trip import door_trip
+from semmap_log.analysis.rooms.rooms_at import rooms_of
 from semmap_log.cli import main
-from semmap_log.costmaps import CostmapOptions, costmap_at
-from semmap_log.importing.importing import ImportOptions, import_file
-from semmap_log.planning.door_trip import door_trip
-from semmap_log.rooms.rooms_at import rooms_of
+from semmap_log.interop.importing.importing import ImportOptions, import_file
 
 NOW_NS = 1_780_000_000 * 10**9
 JANUARY, MARCH = "2026-01-01", "2026-03-02"

@@ -12,13 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.costmaps import CostmapOptions, costmap_at, costmap_frames
-from semmap_log.domain.doors import Door
-from semmap_log.domain.events import FloorMap, LevelAdded, RobotPose
-from semmap_log.door_log.rebasing import MeasuredDoor
+from semmap_log.analysis.costmaps import CostmapOptions, costmap_at, costmap_frames
+from semmap_log.analysis.planning.asked_round import begun_round
+from semmap_log.core.model.doors import Door
+from semmap_log.core.model.events import FloorMap, LevelAdded, RobotPose
 from semmap_log.errors import CommandError, CommandReusedError, UnknownDoorError
-from semmap_log.planning.asked_round import begun_round
-from semmap_log.replay.care import verify
+from semmap_log.log.door_log.rebasing import MeasuredDoor
+from semmap_log.log.replay.care import verify
 from tests.conftest import SteadyClock
 from tests.store.logs import segment_files
 from tests.turned_maps import MOVED_AT, OFFICE, office_mapped_anew, turned

@@ -13,9 +13,9 @@ import pytest
 from mcap.reader import make_reader
 
 import semmap_log as sl
-from semmap_log.domain.doors import Door
-from semmap_log.domain.events import KINDS, DoorObserved, RobotPose
-from semmap_log.domain.moments import format_utc
+from semmap_log.core.model.doors import Door
+from semmap_log.core.model.events import KINDS, DoorObserved, RobotPose
+from semmap_log.core.model.moments import format_utc
 from semmap_log.store.form import KINDS_OF_MINOR
 
 ROOT = Path(__file__).resolve().parent.parent

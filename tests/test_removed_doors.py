@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.beliefs.best_times import best_time
-from semmap_log.beliefs.door_beliefs import probabilities
-from semmap_log.domain.doors import DoorId
+from semmap_log.analysis.beliefs.best_times import best_time
+from semmap_log.analysis.beliefs.door_beliefs import probabilities
+from semmap_log.core.model.doors import DoorId
 from semmap_log.errors import DoorRemovedError, UnknownDoorError
 
 Verb = Callable[[sl.DoorLogWriter, str], object]

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.common.texts import MOST_KEPT, Repeats, told_once
+from semmap_log.core.texts import MOST_KEPT, Repeats, told_once
 from semmap_log.errors import FormatError
-from semmap_log.formats.parsing.problems import MOST_KINDS, Problems
+from semmap_log.interop.formats.parsing.problems import MOST_KINDS, Problems
 
 
 def test_texts_that_differ_in_values_only_are_one_kind() -> None:

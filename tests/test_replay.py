@@ -13,9 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.beliefs.door_beliefs import probabilities
-from semmap_log.domain.doors import DoorId, DoorMap, DoorState
-from semmap_log.domain.events import (
+from semmap_log.analysis.beliefs.door_beliefs import probabilities
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.model.doors import DoorId, DoorMap, DoorState
+from semmap_log.core.model.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,
@@ -28,13 +29,12 @@ from semmap_log.domain.events import (
     PatrolStarted,
     Retracted,
 )
-from semmap_log.domain.meaning import ALL_CHANGED
-from semmap_log.door_log.validator import Validator
+from semmap_log.core.model.meaning import ALL_CHANGED
 from semmap_log.errors import CommandError, InvalidEventError
-from semmap_log.folds.door_map import DoorMapState
-from semmap_log.replay.keyframes import decode, encode
+from semmap_log.log.door_log.validator import Validator
+from semmap_log.log.replay.keyframes import decode, encode
 from tests.conftest import SteadyClock
-from tests.folds.dictionary_model import ALL, Told, model
+from tests.core.folds.dictionary_model import ALL, Told, model
 
 START_NS = 1_772_400_000 * 10**9
 

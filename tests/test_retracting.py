@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     Changed,
     DoorObserved,
     DoorUpdated,
@@ -17,7 +17,6 @@ from semmap_log.domain.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.door_log.retracting import newly_hidden
 from semmap_log.errors import (
     CommandError,
     CommandReusedError,
@@ -26,8 +25,9 @@ from semmap_log.errors import (
     UnexpectedEventError,
     UnknownDoorError,
 )
+from semmap_log.log.door_log.retracting import newly_hidden
 from tests.conftest import SteadyClock
-from tests.replay.test_fold import expected_numbers
+from tests.log.replay.test_fold import expected_numbers
 from tests.test_replay import random_log
 
 

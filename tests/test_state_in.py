@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.events import DoorObserved
-from semmap_log.replay.replay import Scope
+from semmap_log.core.model.events import DoorObserved
+from semmap_log.log.replay.replay import Scope
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.events import RobotPose
-from semmap_log.door_log.summary import open_any, summarize
+from semmap_log.core.model.events import RobotPose
+from semmap_log.log.door_log.summary import open_any, summarize
 from tests.cli.test_verify import semmap
 from tests.conftest import SteadyClock
 

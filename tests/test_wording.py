@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 PACKAGE = Path(__file__).parents[1] / "semmap_log"
 NOUNS = (
@@ -19,9 +19,9 @@ A_LIMIT = re.compile(r"(at most|expected|expected an? [a-z ]+ of|got|of|holds?|a
 """What stands before a number that somebody set, or that a file tells."""
 NEVER_ONE = {
     "cli/compact.py: would merge {len(files)} segments",
-    "door_log/door_names.py:  can mean {len(doors)} doors",
-    "importing/import_plan.py: : the log has {len(found)} doors",
-    "importing/line_reading.py: {len(found)} doors",
+    "log/door_log/door_names.py:  can mean {len(doors)} doors",
+    "interop/importing/import_plan.py: : the log has {len(found)} doors",
+    "interop/importing/line_reading.py: {len(found)} doors",
     "views/rerun/blueprint.py: {level.name} doors",
 }
 """Told where there are several, or none; the last is no number."""

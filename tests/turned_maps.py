@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import semmap_log as sl
-from semmap_log.domain.events import FloorMap
-from semmap_log.exporting.json_lines import write_event_lines
-from semmap_log.importing.importing import import_file
-from semmap_log.replay.replay import Scope
+from semmap_log.core.model.events import FloorMap
+from semmap_log.interop.exporting.json_lines import write_event_lines
+from semmap_log.interop.importing.importing import import_file
+from semmap_log.log.replay.replay import Scope
 
 OFFICE = Path(__file__).parents[1] / "recordings" / "office"
 SHIFT_M = (40.0, -7.5)

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from semmap_log.domain.events import KINDS, Event, defaults_of, field_names
-from semmap_log.messages import OBJECT_KINDS
+from semmap_log.core.messages import OBJECT_KINDS
+from semmap_log.core.model.events import KINDS, Event, defaults_of, field_names
 
-MODULE = Path(__file__).parents[1] / "semmap_log" / "batches" / "made_of_columns.py"
-IMPORT, END_OF_IMPORT = "from semmap_log.domain.events import (\n", ")\n"
+MODULE = Path(__file__).parents[1] / "semmap_log" / "core" / "batches" / "made_of_columns.py"
+IMPORT, END_OF_IMPORT = "from semmap_log.core.model.events import (\n", ")\n"
 FIRST, END = "    @overload\n", "    @classmethod\n    def of(\n        cls, kind: type[Event], *,"
 
 

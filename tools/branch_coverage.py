@@ -2,7 +2,7 @@
 
     python tools/branch_coverage.py                 run the tests that matter, then the table
     python tools/branch_coverage.py -k torn         the same with arguments for pytest
-    python tools/branch_coverage.py tests/messages  only these tests
+    python tools/branch_coverage.py tests/core/messages  only these tests
 
 The exit code is 1 if a line or a branch of one of these files was never taken. Child processes
 are counted, too (`patch = subprocess` of coverage 7.10).
@@ -30,8 +30,8 @@ MEASURED = (
     "semmap_log/store/writing/writer_opening.py",
     "semmap_log/store/writing/keyframe_source.py",
     "semmap_log/store/lock.py",
-    "semmap_log/io/disk.py",
-    "semmap_log/messages/codec.py",
+    "semmap_log/core/io/disk.py",
+    "semmap_log/core/messages/codec.py",
 )
 TESTS = (
     "tests/store/writing",
@@ -39,13 +39,13 @@ TESTS = (
     "tests/store/test_folder.py",
     "tests/store/test_closing.py",
     "tests/store/test_elsewhere.py",
-    "tests/io/test_disk.py",
+    "tests/core/io/test_disk.py",
     "tests/store/test_guards.py",
-    "tests/messages",
+    "tests/core/messages",
     "tests/test_command_content.py",
     "tests/test_appending_batches.py",
-    "tests/exporting/test_lines_round_trip.py",
-    "tests/exporting/test_log_files.py",
+    "tests/interop/exporting/test_lines_round_trip.py",
+    "tests/interop/exporting/test_log_files.py",
 )
 """Enough for all of them, in a minute; others take the same ways, and longer."""
 SETTINGS = """

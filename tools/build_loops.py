@@ -21,7 +21,7 @@ try:
 except ImportError:  # not needed for `build` alone
     BuildHookInterface = object
 
-PACKAGE = "semmap_log/loops"
+PACKAGE = "semmap_log/core/loops"
 NAME = "native"
 PLAIN = "SEMMAP_LOG_PLAIN"
 CYTHON = "cython>=3.1,<4"

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from semmap_log.errors import SemmapError
-from semmap_log.oprs.oprs_package import write_oprs_package
+from semmap_log.live.oprs.oprs_package import write_oprs_package
 
 VARIABLE = "SEMMAP_OPRS"
 KERNEL = "src/oprs"

@@ -1,6 +1,6 @@
 """Compare costmaps with what ROS's own costmap_2d made of the same doors, cell by cell.
 
-    python tools/check_costmap.py tests/costmap_2d/cases
+    python tools/check_costmap.py tests/analysis/costmap_2d/cases
     python tools/check_costmap.py FOLDER --json
 
 FOLDER holds cases.json (the inputs) and cases.npz (the grids that are expected); its README tells
@@ -21,12 +21,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION, static_costs
-from semmap_log.costmap_2d.door_layer import DoorLayer, DoorLine
-from semmap_log.costmap_2d.grid import GridGeometry
-from semmap_log.costmap_2d.inflation import InflationLayer
-from semmap_log.costmap_2d.layered import CostmapLayer, LayeredCostmap
-from semmap_log.costmap_2d.static_layer import StaticLayer
+from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION, static_costs
+from semmap_log.analysis.costmap_2d.door_layer import DoorLayer, DoorLine
+from semmap_log.analysis.costmap_2d.grid import GridGeometry
+from semmap_log.analysis.costmap_2d.inflation import InflationLayer
+from semmap_log.analysis.costmap_2d.layered import CostmapLayer, LayeredCostmap
+from semmap_log.analysis.costmap_2d.static_layer import StaticLayer
 
 COSTS = {"CLOSED": LETHAL, "OPEN": FREE_SPACE}
 MOST_NAMED = 20

@@ -11,8 +11,8 @@ What is run depends on a block's language:
 
 In outputs `...` stands for anything, and times of the last minutes stand for each other. Other
 blocks (bash, text, yaml, json) are not run. All that a page runs, it runs in one new folder with a
-copy of the recordings. Where a command would open the viewer (`semmap-log view`), the recording is
-written to a file instead.
+copy of the recordings; a `cd` holds for the blocks after it. Where a command would open the viewer
+(`semmap-log view`), the recording is written to a file instead.
 """
 
 from __future__ import annotations
@@ -97,6 +97,7 @@ class Runner:
             "NO_COLOR": "1",
             "TERM": "xterm",
             "COLUMNS": str(COLUMNS),
+            "LEFT_IN": str(bin_folder / "left_in"),
         }
         self._names: dict[str, object] = {"__name__": "__main__"}
 
@@ -115,10 +116,10 @@ class Runner:
         elif block.language == "pycon":
             self._run_session(block)
         else:
-            shell = ["bash", "-euo", "pipefail", "-c", _shown(block.text)]
+            shell = ["bash", "-euo", "pipefail", "-c", _script(block.text)]
             line = shell if block.language == "sh" else [sys.executable, "-c", block.text]
             done = subprocess.run(
-                line, cwd=self.folder, env=self._environment, capture_output=True, text=True,
+                line, cwd=self._here(), env=self._environment, capture_output=True, text=True,
                 check=False,
             )  # fmt: skip
             if done.returncode:
@@ -130,8 +131,8 @@ class Runner:
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 50, COLUMNS, 0, 0))
         with tempfile.TemporaryFile() as errors:
             running = subprocess.Popen(
-                ["bash", "-uo", "pipefail", "-c", _shown(command)],
-                cwd=self.folder, env=self._environment, stdin=subprocess.DEVNULL, stdout=slave,
+                ["bash", "-uo", "pipefail", "-c", _script(command)],
+                cwd=self._here(), env=self._environment, stdin=subprocess.DEVNULL, stdout=slave,
                 stderr=errors,
             )  # fmt: skip
             os.close(slave)
@@ -142,6 +143,11 @@ class Runner:
         lines = _STYLE.sub("", said.decode()).replace("\r\n", "\n").splitlines()
         return "\n".join(line.rstrip() for line in lines)
 
+    def _here(self) -> Path:
+        """Return the folder that the last block has gone to."""
+        left_in = Path(self._environment["LEFT_IN"])
+        return Path(left_in.read_text().rstrip("\n")) if left_in.exists() else self.folder
+
     def _run_session(self, block: Block) -> None:
         name = f"line {block.line}"
         test = doctest.DocTestParser().get_doctest(block.text, self._names, name, name, block.line)
@@ -149,7 +155,7 @@ class Runner:
         runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS, verbose=False)
         said: list[str] = []
         before = Path.cwd()
-        os.chdir(self.folder)
+        os.chdir(self._here())
         try:
             runner.run(test, out=said.append, clear_globs=False)
         finally:
@@ -199,9 +205,13 @@ _TIME = re.compile(
 )
 
 
-def _shown(command: str) -> str:
-    """Return the command; a viewer's recording goes to a file, since there may be no screen."""
-    return _VIEW.sub(r"semmap-log view \1 --save shown.rrd", command)
+def _script(command: str) -> str:
+    """Return the command, which then says in which folder it ends.
+
+    A viewer's recording goes to a file, since there may be no screen.
+    """
+    shown = _VIEW.sub(r"semmap-log view \1 --save shown.rrd", command)
+    return f"trap 'pwd > \"$LEFT_IN\"' EXIT\n{shown}"
 
 
 def _all_of(terminal: int) -> bytes:

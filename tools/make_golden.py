@@ -27,7 +27,7 @@ from steady_clock import SteadyClock
 
 import semmap_log as sl
 from semmap_log.cli import main as run
-from semmap_log.domain.events import (
+from semmap_log.core.model.events import (
     DoorObserved,
     DoorRequested,
     FloorMap,

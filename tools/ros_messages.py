@@ -1,6 +1,6 @@
 """Build ROS messages for the Python that runs this, without catkin, CMake or colcon.
 
-    .ros/ros1/bin/python tools/ros_messages.py semmap_log/ros/lta_semantic_map
+    .ros/ros1/bin/python tools/ros_messages.py semmap_log/live/robot_files/lta_semantic_map
     .ros/jazzy/bin/python tools/ros_messages.py FOLDER FOLDER …
 
 Each folder is a package, with its definitions in msg, srv and action; they may build on each other
@@ -52,7 +52,7 @@ def _builder() -> Callable[[InterfacePackage], None]:
 
 
 def _build_for_ros1(package: InterfacePackage) -> None:
-    from semmap_log.live.ros1_messages import generate
+    from semmap_log.live.ros.ros1_messages import generate
 
     generate(package.folder, into=Path(sysconfig.get_paths()["purelib"]))
 

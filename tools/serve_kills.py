@@ -25,11 +25,11 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 import semmap_log as sl  # noqa: E402
-from semmap_log.domain.events import DoorAdded  # noqa: E402
-from tests.live.ros_world import NAMES, RosWorld, open_world  # noqa: E402
-from tests.live.running import Running  # noqa: E402
-from tests.live.serving.goals import DOOR  # noqa: E402
-from tests.live.stock_client import StockClient  # noqa: E402
+from semmap_log.core.model.events import DoorAdded  # noqa: E402
+from tests.live.ros.ros_world import NAMES, RosWorld, open_world  # noqa: E402
+from tests.live.ros.running import Running  # noqa: E402
+from tests.live.ros.serving.goals import DOOR  # noqa: E402
+from tests.live.ros.stock_client import StockClient  # noqa: E402
 
 IN_A_ROUND = 50
 """Goals that wait when a server starts: it is killed among them."""

@@ -11,7 +11,7 @@ from semmap_log.cli.common import AsJson, WritableLog, print_json, refuse_nan, s
 from semmap_log.cli.geometry import End, Line, Start, Theta, Width, X, Y, corners_of, line_of
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log_writer import About
+    from semmap_log.log.door_log.door_log_writer import About
 
 
 @takes_about
@@ -60,7 +60,7 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.cli.states import a_state_typed
-    from semmap_log.domain.doors import suspect_units
+    from semmap_log.core.model.doors import suspect_units
 
     refuse_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
     line = line_of(Line(x, y, theta, width), start, end)

@@ -21,7 +21,7 @@ def _version(asked: bool) -> None:  # noqa: FBT001 - typer's callback
     if asked:
         from importlib.metadata import version
 
-        from semmap_log.loops import compiled
+        from semmap_log.core.loops import compiled
 
         loops = "without compiled loops" if compiled() is None else "with compiled loops"
         typer.echo(f"semmap-log {version('semmap-log')} ({loops})")

@@ -13,10 +13,10 @@ from semmap_log.cli import plain_streams
 from semmap_log.cli.asking import chosen_address, chosen_token
 from semmap_log.cli.common import say
 from semmap_log.cli.plain_streams import write_line
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
-    from semmap_log.planners.line_protocol.ask_client import AskClient
+    from semmap_log.live.planners.line_protocol.ask_client import AskClient
 
 
 def run(
@@ -60,7 +60,7 @@ def run(
       semmap-log ask tcp:robot1:5300 HELP --token-file ~/doors.token
     """
     from semmap_log.errors import QuestionError
-    from semmap_log.planners.line_protocol.ask_client import AskClient
+    from semmap_log.live.planners.line_protocol.ask_client import AskClient
 
     where, token = chosen_address(address, "ADDRESS"), chosen_token(token_file)
     if not questions and sys.stdin.isatty():
@@ -82,7 +82,7 @@ def run(
 
 def _lines_of_stdin() -> Iterator[str]:
     """Yield its lines; of one that is too long only the beginning, which the server refuses."""
-    from semmap_log.planners.question_lines import MOST_LINE_BYTES
+    from semmap_log.live.planners.question_lines import MOST_LINE_BYTES
 
     while line := sys.stdin.readline(MOST_LINE_BYTES):
         yield line.rstrip("\r\n")
@@ -95,7 +95,7 @@ def _answers(
 ) -> Iterable[tuple[str, str | None]]:
     """Yield the line that answers each question, and what is wrong with it; None: nothing."""
     from semmap_log.errors import QuestionError
-    from semmap_log.planners.question_lines import as_json_line, problem_of, write_error
+    from semmap_log.live.planners.question_lines import as_json_line, problem_of, write_error
 
     for line in lines:
         try:
@@ -109,7 +109,7 @@ def _answers(
 
 def _print(answer: str, questions: list[str] | None) -> None:
     """Print an answer; a person gets all that HELP lists on lines of their own."""
-    from semmap_log.planners.question_lines import split_words
+    from semmap_log.live.planners.question_lines import split_words
 
     if questions == ["HELP"] and plain_streams.is_for_people() and answer.startswith("("):
         for line in split_words(answer[1:-1]):

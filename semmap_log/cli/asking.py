@@ -15,9 +15,9 @@ import typer
 from semmap_log.cli.common import say
 
 if TYPE_CHECKING:
-    from semmap_log.planners.addresses import Address
-    from semmap_log.planners.line_protocol.ask_server import AskServer
-    from semmap_log.planners.oracle import Oracle
+    from semmap_log.live.planners.addresses import Address
+    from semmap_log.live.planners.line_protocol.ask_server import AskServer
+    from semmap_log.live.planners.oracle import Oracle
 
 ASKED_S = 0.01
 """How often a log that another process writes is looked at: somebody may wait for a door."""
@@ -65,7 +65,7 @@ def chosen_address(text: str, option: str) -> Address:
         typer.BadParameter: It is none.
     """
     from semmap_log.errors import AddressError
-    from semmap_log.planners.addresses import read_address
+    from semmap_log.live.planners.addresses import read_address
 
     try:
         return read_address(text)
@@ -80,7 +80,7 @@ def chosen_token(token_file: Path | None) -> str | None:
         typer.BadParameter: There is none in it.
     """
     from semmap_log.errors import AddressError
-    from semmap_log.planners.line_protocol.tokens import read_token
+    from semmap_log.live.planners.line_protocol.tokens import read_token
 
     try:
         return None if token_file is None else read_token(token_file)
@@ -103,7 +103,7 @@ class Asking:
         Raises:
             typer.BadParameter: It cannot be.
         """
-        from semmap_log.planners.addresses import TcpAddress
+        from semmap_log.live.planners.addresses import TcpAddress
 
         given = {"--ask-any-host": any_host, "--token-file": token_file is not None}
         if address is None:
@@ -132,8 +132,8 @@ class Asking:
         Raises:
             AddressError: Questions cannot be taken there.
         """
-        from semmap_log.planners.addresses import listen
-        from semmap_log.planners.line_protocol.ask_server import AskServer
+        from semmap_log.live.planners.addresses import listen
+        from semmap_log.live.planners.line_protocol.ask_server import AskServer
 
         listener = listen(self.address, any_host=self.any_host)
         before_s = sys.getswitchinterval()

@@ -24,7 +24,7 @@ from semmap_log.cli.probabilities import Estimator, Zone
 
 
 class State(str, Enum):
-    """`semmap_log.beliefs.best_times.State`, as typer wants its choices."""
+    """`semmap_log.analysis.beliefs.best_times.State`, as typer wants its choices."""
 
     open = "open"
     closed = "closed"
@@ -61,9 +61,9 @@ def run(
       semmap-log best-time office front --at "yesterday 14:00" --json
     """
     import semmap_log as sl
-    from semmap_log.beliefs.best_times import best_time
+    from semmap_log.analysis.beliefs.best_times import best_time
     from semmap_log.errors import UnknownDoorError
-    from semmap_log.formats.json.beliefs_json import best_time_to_json
+    from semmap_log.interop.formats.json.beliefs_json import best_time_to_json
     from semmap_log.views.best_time_table import best_time_table
 
     opened = sl.read(log)

@@ -11,9 +11,9 @@ import typer
 from semmap_log.cli.common import AsJson, LogPath, console, print_json
 
 if TYPE_CHECKING:
-    from semmap_log.beliefs.trials import StateIntervals
-    from semmap_log.domain.doors import DoorId
-    from semmap_log.door_log.door_log import DoorLog
+    from semmap_log.analysis.beliefs.trials import StateIntervals
+    from semmap_log.core.model.doors import DoorId
+    from semmap_log.log.door_log.door_log import DoorLog
 
 
 def run(
@@ -54,8 +54,8 @@ def run(
       semmap-log calibrate office --truth contact.csv --source lidar --door front
     """
     import semmap_log as sl
-    from semmap_log.beliefs.sensor_calibration import calibrate
-    from semmap_log.formats.json.evaluation_json import calibration_to_json
+    from semmap_log.analysis.beliefs.sensor_calibration import calibrate
+    from semmap_log.interop.formats.json.evaluation_json import calibration_to_json
     from semmap_log.views.calibration_table import calibration_table
 
     opened = sl.read(log)
@@ -73,8 +73,8 @@ def _truths(
     log: DoorLog, file: Path, windows: Path | None, tz: str, chosen: Collection[DoorId] | None
 ) -> Mapping[DoorId, StateIntervals]:
     """Return what a file says was true of the doors of a log."""
-    from semmap_log.beliefs.sensor_calibration import truths_of_rows
-    from semmap_log.formats.files.door_csv import read_door_csv
+    from semmap_log.analysis.beliefs.sensor_calibration import truths_of_rows
+    from semmap_log.interop.formats.files.door_csv import read_door_csv
 
     told = read_door_csv(file, windows=windows, tz=tz)
     ids = {name: log.resolve_ever(name) for name in told.doors}

@@ -13,9 +13,9 @@ from semmap_log.cli.geometry import End, Line, Start, Theta, Width, X, Y, line_o
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 
 if TYPE_CHECKING:
-    from semmap_log.domain.doors import DoorState
-    from semmap_log.live.client import DoorClient, DoorFields
-    from semmap_log.live.ros_node import GoalAnswer
+    from semmap_log.core.model.doors import DoorState
+    from semmap_log.live.ros.client import DoorClient, DoorFields
+    from semmap_log.live.ros.ros_node import GoalAnswer
 
 DoorNumber = Annotated[
     int, typer.Argument(metavar="ID", min=0, max=2**64 - 1, help="The door's id.")
@@ -128,7 +128,7 @@ def update(
       semmap-log call update 3 --ros2 --x 2.1
       semmap-log call update 3 --ros2 --prob-open 0.3 --prob-closed 0.7
     """
-    from semmap_log.live.client import DoorFields
+    from semmap_log.live.ros.client import DoorFields
 
     line = line_of(Line(x, y, theta, width), start, end)
     door = _fields(line, state, prob_open, prob_closed)
@@ -219,7 +219,7 @@ class _Asked:
             call: Sends the goal.
             told: Says the result in words.
         """
-        from semmap_log.live.client import DoorClient
+        from semmap_log.live.ros.client import DoorClient
 
         # Two nodes of one name: the second would end the first.
         node = open_node(self._context, self._version, f"semmap_log_client_{os.getpid()}")
@@ -246,7 +246,7 @@ class _Asked:
 def _fields(
     line: Line, state: str | None, prob_open: float | None, prob_closed: float | None
 ) -> DoorFields:
-    from semmap_log.live.client import DoorFields
+    from semmap_log.live.ros.client import DoorFields
 
     refuse_nan(x=line.x, y=line.y, theta=line.theta, width=line.width, prob_open=prob_open,
                prob_closed=prob_closed)  # fmt: skip
@@ -256,7 +256,7 @@ def _fields(
 
 def _state(text: str) -> DoorState:
     """Return one of the three states that the thesis's messages know."""
-    from semmap_log.domain.doors import DoorState, reduced
+    from semmap_log.core.model.doors import DoorState, reduced
 
     known = {str(reduced(state).name) for state in DoorState}
     if text.strip().upper() not in known:

@@ -20,11 +20,11 @@ from semmap_log.cli.plain_streams import json_text
 
 if TYPE_CHECKING:
     from semmap_log.cli.printer import Printer
-    from semmap_log.domain.doors import DoorId
-    from semmap_log.door_log.door_log import DoorLog, Time
-    from semmap_log.door_log.door_log_writer import About
-    from semmap_log.io.progress import Progress
-    from semmap_log.io.url_path import UrlPath
+    from semmap_log.core.io.progress import Progress
+    from semmap_log.core.io.url_path import UrlPath
+    from semmap_log.core.model.doors import DoorId
+    from semmap_log.log.door_log.door_log import DoorLog, Time
+    from semmap_log.log.door_log.door_log_writer import About
     from semmap_log.views.palette import Palette
 
 
@@ -45,8 +45,8 @@ def a_local_log(path: Path) -> Path:
     Raises:
         typer.BadParameter: It is one.
     """
+    from semmap_log.core.io.url_path import local_path
     from semmap_log.errors import LogError
-    from semmap_log.io.url_path import local_path
 
     try:
         return local_path(path)
@@ -60,8 +60,8 @@ def a_url(text: str) -> UrlPath:
     Raises:
         typer.BadParameter: It is none.
     """
+    from semmap_log.core.io.url_path import UrlPath, place_of
     from semmap_log.errors import LogError
-    from semmap_log.io.url_path import UrlPath, place_of
 
     try:
         place = place_of(text)
@@ -224,7 +224,7 @@ def tell_of_later(
     opened: DoorLog, at: str | None, known_at: str | None, *, door: DoorId | None = None
 ) -> None:
     """Say so if what had happened by a moment was told later, as what was imported is."""
-    from semmap_log.door_log.known_later import known_later
+    from semmap_log.log.door_log.known_later import known_later
 
     if later := known_later(opened, at, known_at, door=door):
         say(later)
@@ -250,8 +250,8 @@ def refuse_untold(
     Raises:
         UnknownDoorError: Why no door is in the map then, and what to do.
     """
-    from semmap_log.door_log.known_later import AT_ALONE, known_later
     from semmap_log.errors import UnknownDoorError
+    from semmap_log.log.door_log.known_later import AT_ALONE, known_later
 
     if later := known_later(opened, at, known_at, door=door, remedy=remedy or AT_ALONE):
         who = (
@@ -262,7 +262,7 @@ def refuse_untold(
 
 def as_happened_line(verb: str, *words: str | PurePath) -> str:
     """Return what to do where beliefs of a time were asked for that was told of later."""
-    from semmap_log.common.texts import command_line
+    from semmap_log.core.texts import command_line
 
     return (
         "for what would have been believed had each event been recorded when it happened, type: "

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog, print_json, progress
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from semmap_log.common.lazily import late_pattern
+from semmap_log.core.lazy.lazily import late_pattern
 
 if TYPE_CHECKING:
-    from semmap_log.domain.doors import DoorMap
+    from semmap_log.core.model.doors import DoorMap
 
 Offers = list[tuple[str, str]]
 """Each a word, and what it means, for shells that show it."""
@@ -34,7 +34,7 @@ def levels(ctx: Any, incomplete: str) -> Offers:
 
 def states(_: Any, incomplete: str) -> Offers:
     """Offer the states of a door, in the letters that were begun with."""
-    from semmap_log.domain.doors import DoorState
+    from semmap_log.core.model.doors import DoorState
 
     names = (state.name for state in DoorState)
     if not incomplete.isupper():
@@ -44,7 +44,7 @@ def states(_: Any, incomplete: str) -> Offers:
 
 def kinds(_: Any, incomplete: str) -> Offers:
     """Offer the kinds of events."""
-    from semmap_log.domain.events import KINDS
+    from semmap_log.core.model.events import KINDS
 
     said = ((kind.__name__, (kind.__doc__ or "").splitlines()[0]) for kind in KINDS)
     return _beginning(incomplete, said)

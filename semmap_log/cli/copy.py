@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, print_json, progress
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.store.copying import Copied
@@ -44,7 +44,7 @@ def run(
       semmap-log copy office /mnt/backup/office --full
       semmap-log copy office.zip office --json
     """
-    from semmap_log.replay.care import copy
+    from semmap_log.log.replay.care import copy
 
     with progress("Copying") as told:
         done = copy(log, target, full=full, progress=told)

@@ -29,15 +29,15 @@ from semmap_log.cli.common import (
     size_of,
     tell_how_to_begin,
 )
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
-    from semmap_log.costmaps import Costmap, CostmapOptions
-    from semmap_log.domain.doors import Door, DoorMap
-    from semmap_log.domain.events import FloorMap
-    from semmap_log.door_log.door_log import DoorLog, Time
-    from semmap_log.exporting.costmap_files import Part
-    from semmap_log.exporting.costmap_recording import RecordedCostmap
+    from semmap_log.analysis.costmaps import Costmap, CostmapOptions
+    from semmap_log.core.model.doors import Door, DoorMap
+    from semmap_log.core.model.events import FloorMap
+    from semmap_log.interop.exporting.costmap_files import Part
+    from semmap_log.interop.exporting.costmap_recording import RecordedCostmap
+    from semmap_log.log.door_log.door_log import DoorLog, Time
 
 
 MOST_NAMED = 3
@@ -52,7 +52,7 @@ class Layer(str, Enum):
 
 
 class By(str, Enum):
-    """`semmap_log.folds.door_layer_fold.By`, as typer wants its choices."""
+    """`semmap_log.analysis.costmaps.door_layer_fold.By`, as typer wants its choices."""
 
     state = "state"
     belief = "belief"
@@ -150,11 +150,11 @@ def run(
       semmap-log costmap office day.mcap --since 08:00 --until 18:00 --inflate 0.4
     """
     import semmap_log as sl
-    from semmap_log.costmaps import CostmapOptions, costmap_at
-    from semmap_log.exporting.costmap_files import write_costmap
-    from semmap_log.formats.bags.bag_writing import tells_a_bag
-    from semmap_log.formats.files.map_server import read_map
-    from semmap_log.formats.json.costmap_json import costmap_to_json
+    from semmap_log.analysis.costmaps import CostmapOptions, costmap_at
+    from semmap_log.interop.exporting.costmap_files import write_costmap
+    from semmap_log.interop.formats.bags.bag_writing import tells_a_bag
+    from semmap_log.interop.formats.files.map_server import read_map
+    from semmap_log.interop.formats.json.costmap_json import costmap_to_json
 
     refuse_nan(inflate=inflate, door_inflate=door_inflate, scaling=scaling, inscribed=inscribed,
                resolution=resolution, every=every)  # fmt: skip
@@ -226,7 +226,7 @@ def _record(
     updates: bool,
     floor: FloorMap | None,
 ) -> RecordedCostmap:
-    from semmap_log.exporting.costmap_recording import record_costmap
+    from semmap_log.interop.exporting.costmap_recording import record_costmap
 
     with progress("Drawing", unit="ns") as told:
         return record_costmap(
@@ -275,7 +275,7 @@ def _refuse_useless(
 
 def _tell_left_out(left_out: Sequence[tuple[Door, str]], door_map: DoorMap) -> None:
     """Say a line for each reason, with the first of the doors."""
-    from semmap_log.door_log.door_labels import labels_of
+    from semmap_log.log.door_log.door_labels import labels_of
 
     labels = labels_of(door_map)
     reasons = dict.fromkeys(why for _, why in left_out)

@@ -10,11 +10,11 @@ import typer
 from semmap_log.cli.common import AsJson, WritableLog, takes_about
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log_writer import About
+    from semmap_log.log.door_log.door_log_writer import About
 
 
 class GeometryChoice(str, Enum):
-    """`semmap_log.domain.object_classes.Geometry`, as typer wants its choices."""
+    """`semmap_log.core.model.object_classes.Geometry`, as typer wants its choices."""
 
     segment = "segment"
     polygon = "polygon"

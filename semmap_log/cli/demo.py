@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, console, print_json, say
-from semmap_log.common.texts import PROGRAM, command_line, counted
+from semmap_log.core.texts import PROGRAM, command_line, counted
 
 if TYPE_CHECKING:
-    from semmap_log.demonstration.demo import Demo
-    from semmap_log.demonstration.demo_scans import SeenByLaser
+    from semmap_log.cli.demonstration.demo import Demo
+    from semmap_log.cli.demonstration.demo_scans import SeenByLaser
     from semmap_log.views.column_table import ColumnTable
 
 
@@ -38,8 +38,8 @@ def run(
       semmap-log demo
       semmap-log demo /tmp/look
     """
-    from semmap_log.demonstration.demo import run_demo
-    from semmap_log.domain.moments import format_short
+    from semmap_log.cli.demonstration.demo import run_demo
+    from semmap_log.core.model.moments import format_short
     from semmap_log.views.belief_table import belief_table
     from semmap_log.views.tables import door_table
 
@@ -88,7 +88,7 @@ def run(
 
 def _seen_table(seen: SeenByLaser, tz: str) -> ColumnTable:
     """Return what the scans said and what was true, a row a visit."""
-    from semmap_log.domain.moments import format_short
+    from semmap_log.core.model.moments import format_short
     from semmap_log.views.column_table import ColumnTable, TableColumn
 
     columns = ("time", "door", "scans say", "accuracy", "truth")

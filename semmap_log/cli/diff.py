@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, LogPath, console, print_json, range_of
-from semmap_log.common.texts import command_line
+from semmap_log.core.texts import command_line
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog, Time
+    from semmap_log.log.door_log.door_log import DoorLog, Time
 
 
 def run(
@@ -47,7 +47,7 @@ def run(
       semmap-log diff office event:100 event:200 --json
     """
     import semmap_log as sl
-    from semmap_log.formats.json.door_json import diff_to_json
+    from semmap_log.interop.formats.json.door_json import diff_to_json
 
     _refuse_twice(log, first, second, since, until)
     opened = sl.read(log)
@@ -75,7 +75,7 @@ def _refuse_twice(
     if first is not None and ".." in first and (second or until):
         raise typer.BadParameter(f"{first} names both ends; leave T2 out", param_hint="T2")
     if first is None and since is None:
-        from semmap_log.io.url_path import place_of
+        from semmap_log.core.io.url_path import place_of
 
         line = command_line("diff", place_of(log), "yesterday")
         raise typer.BadParameter(f"expected the earlier moment, as in: {line}", param_hint="T1")

@@ -20,7 +20,7 @@ from semmap_log.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.beliefs.patrol import Patrol
+    from semmap_log.analysis.beliefs.patrol import Patrol
 
 
 def run(
@@ -84,12 +84,12 @@ def run(
       semmap-log evaluate lab --patrol 30m --accuracy 0.9 --seed 7 --json
     """
     import semmap_log as sl
-    from semmap_log.beliefs.evaluation import evaluate
-    from semmap_log.beliefs.protocol import Protocol
-    from semmap_log.domain.moments import parse_duration
-    from semmap_log.formats.json.evaluation_json import evaluation_to_json
-    from semmap_log.io.disk import log_name, refuse_own_folder
-    from semmap_log.probabilities.estimators import ESTIMATORS, by_name
+    from semmap_log.analysis.beliefs.evaluation import evaluate
+    from semmap_log.analysis.beliefs.protocol import Protocol
+    from semmap_log.analysis.probabilities.estimators import ESTIMATORS, by_name
+    from semmap_log.core.io.disk import log_name, refuse_own_folder
+    from semmap_log.core.model.moments import parse_duration
+    from semmap_log.interop.formats.json.evaluation_json import evaluation_to_json
     from semmap_log.views.evaluation_table import evaluation_table
 
     protocol = Protocol(
@@ -122,8 +122,8 @@ def run(
 
 
 def _patrol(every: str | None, accuracy: float | None, seed: int | None) -> Patrol | None:
-    from semmap_log.beliefs.patrol import Patrol
-    from semmap_log.domain.moments import parse_duration
+    from semmap_log.analysis.beliefs.patrol import Patrol
+    from semmap_log.core.model.moments import parse_duration
 
     if every is None:
         given = [name for name, v in (("--accuracy", accuracy), ("--seed", seed)) if v is not None]

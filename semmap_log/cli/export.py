@@ -29,10 +29,10 @@ from semmap_log.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog, Time
-    from semmap_log.exporting.log_bag import RecordedBag
-    from semmap_log.exporting.stream import StreamOptions
-    from semmap_log.replay.replay import Scope
+    from semmap_log.interop.exporting.log_bag import RecordedBag
+    from semmap_log.interop.exporting.stream import StreamOptions
+    from semmap_log.log.door_log.door_log import DoorLog, Time
+    from semmap_log.log.replay.replay import Scope
 
 MOST_NAMED = 3
 """So many of the doors that are left out are named."""
@@ -164,11 +164,11 @@ def run(
       semmap-log export office morning.bag --since 06:00 --until 12:00
     """
     import semmap_log as sl
-    from semmap_log.common.texts import told_once
-    from semmap_log.exporting.log_files import export
-    from semmap_log.formats.bags.bag_writing import tells_a_bag
-    from semmap_log.formats.files.pddl import Wishes
-    from semmap_log.io.disk import refuse_own_folder
+    from semmap_log.core.io.disk import refuse_own_folder
+    from semmap_log.core.texts import told_once
+    from semmap_log.interop.exporting.log_files import export
+    from semmap_log.interop.formats.bags.bag_writing import tells_a_bag
+    from semmap_log.interop.formats.files.pddl import Wishes
 
     is_bag = markers or tells_a_bag(out)
     if out.suffix.lower() not in OF_ONE_CLASS:
@@ -224,7 +224,7 @@ def run(
 @contextmanager
 def _without_names(log: DoorLog, scope: Scope, *, with_tracks: bool) -> Iterator[DoorLog]:
     """Hand out a copy of a log without names, and say what is not in it."""
-    from semmap_log.pseudonyms.pseudonymous_log import pseudonymous
+    from semmap_log.interop.pseudonyms.pseudonymous_log import pseudonymous
 
     with ExitStack() as copies:
         with progress("Leaving out names") as told:
@@ -245,7 +245,7 @@ def _absolute(log: DoorLog, span: tuple[Time, Time]) -> tuple[Time, Time]:
 def _write_bag(
     log: DoorLog, out: Path, options: StreamOptions, span: tuple[Time, Time], *, as_json: bool
 ) -> None:
-    from semmap_log.exporting.log_bag import record_bag
+    from semmap_log.interop.exporting.log_bag import record_bag
 
     with progress("Exporting", unit="events") as told:
         done = record_bag(log, out, options, since=span[0], until=span[1], progress=told)
@@ -264,7 +264,7 @@ def _write_bag(
 def _stream_options(
     palette: PaletteName | None, default_prob: float | None, every: float | None, *, markers: bool
 ) -> StreamOptions:
-    from semmap_log.exporting.stream import StreamOptions
+    from semmap_log.interop.exporting.stream import StreamOptions
 
     refuse_nan(default_prob=default_prob, every=every)
     if default_prob is not None and not 0 <= default_prob <= 1:

@@ -18,7 +18,7 @@ from typing import Any
 import typer
 
 from semmap_log.cli.plain_streams import PlainStream, json_text
-from semmap_log.common.texts import Repeats
+from semmap_log.core.texts import Repeats
 from semmap_log.errors import FormatError
 
 _USAGE_ERROR: type[Exception]

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, a_url, print_json, progress
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 
 def run(

@@ -168,7 +168,7 @@ _TAKES = {
 
 def _question(job: FleetJob, told: Mapping[str, Any], out: Path | None) -> Question:
     """Return what a command line asks of the logs."""
-    from semmap_log.domain.moments import parse_duration
+    from semmap_log.core.model.moments import parse_duration
     from semmap_log.fleet.jobs.fold_job import projection_of
 
     for name, value in told.items():
@@ -199,7 +199,7 @@ def _question(job: FleetJob, told: Mapping[str, Any], out: Path | None) -> Quest
 
 
 def _seconds(timeout: str) -> float:
-    from semmap_log.domain.moments import parse_duration
+    from semmap_log.core.model.moments import parse_duration
 
     found = parse_duration(timeout) / 1e9
     if found <= 0:
@@ -217,7 +217,7 @@ def _check_out(job: FleetJob, out: Path | None) -> None:
 
 
 def _asked(many: Fleet, question: Question) -> FleetAnswer:
-    from semmap_log.common.texts import counted
+    from semmap_log.core.texts import counted
     from semmap_log.fleet.jobs.fleet_answer import FleetProgress
 
     started, now = time.monotonic(), FleetProgress(0, len(many.places), 0, 0)

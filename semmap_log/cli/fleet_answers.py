@@ -17,10 +17,10 @@ MOST_ROWS = 40
 
 def write_rows(found: FleetAnswer, out: Path) -> None:
     """Write the rows of an answer as a file; its name tells whether CSV or Parquet."""
-    from semmap_log.arrow.parquet import write_parquet
-    from semmap_log.arrow.plain_rows import write_csv
-    from semmap_log.common.texts import counted
-    from semmap_log.io.disk import output_errors, whole_file
+    from semmap_log.core.arrow.parquet import write_parquet
+    from semmap_log.core.arrow.plain_rows import write_csv
+    from semmap_log.core.io.disk import output_errors, whole_file
+    from semmap_log.core.texts import counted
 
     with output_errors(out), whole_file(out) as temporary:
         if out.suffix == ".csv":
@@ -32,7 +32,7 @@ def write_rows(found: FleetAnswer, out: Path) -> None:
 
 def tell_answer(found: FleetAnswer, out: Path | None) -> None:
     """Print an answer for people: the first rows, unless they went to a file, and what is bad."""
-    from semmap_log.common.texts import counted
+    from semmap_log.core.texts import counted
     from semmap_log.views.fleet_tables import arrow_rows_table, bad_logs_table, outcomes_in_words
 
     if out is None:
@@ -49,7 +49,7 @@ def tell_answer(found: FleetAnswer, out: Path | None) -> None:
 
 def answer_to_json(found: FleetAnswer) -> dict[str, Any]:
     """Return a fleet's answer as `--json` prints it; times are nanoseconds UTC."""
-    from semmap_log.arrow.plain_rows import plain_rows
+    from semmap_log.core.arrow.plain_rows import plain_rows
     from semmap_log.fleet.jobs.fleet_answer import FoldAnswer
 
     states = found.states if isinstance(found, FoldAnswer) else None

@@ -51,8 +51,8 @@ def run(
       semmap-log go office front room:3 --json
     """
     import semmap_log as sl
-    from semmap_log.formats.json.trip_json import trip_to_json
-    from semmap_log.planning.door_trip import door_trip
+    from semmap_log.analysis.planning.door_trip import door_trip
+    from semmap_log.interop.formats.json.trip_json import trip_to_json
     from semmap_log.views.trip_table import trip_table
 
     opened = sl.read(log)

@@ -73,8 +73,8 @@ def run(
       semmap-log history office --since yesterday --plot lanes.svg
     """
     import semmap_log as sl
-    from semmap_log.domain.events import KIND_BY_NAME, KINDS, RobotPose, UnknownEvent
-    from semmap_log.formats.json.door_json import entry_to_json
+    from semmap_log.core.model.events import KIND_BY_NAME, KINDS, RobotPose, UnknownEvent
+    from semmap_log.interop.formats.json.door_json import entry_to_json
 
     for name in kind or []:
         if name not in KIND_BY_NAME:
@@ -91,7 +91,7 @@ def run(
                 "draws the states; it goes with DOOR, --since, --until and --palette only",
                 param_hint="--plot",
             )
-        from semmap_log.io.disk import refuse_own_folder
+        from semmap_log.core.io.disk import refuse_own_folder
         from semmap_log.views.plots.lanes import Lanes  # needs matplotlib
 
         refuse_own_folder(opened.path, plot)

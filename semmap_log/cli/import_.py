@@ -39,13 +39,13 @@ from semmap_log.cli.proposing import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from semmap_log.domain.commits import Note
-    from semmap_log.door_log.door_log import DoorLog
-    from semmap_log.importing.importing import ImportOptions
+    from semmap_log.core.model.commits import Note
+    from semmap_log.interop.importing.importing import ImportOptions
+    from semmap_log.log.door_log.door_log import DoorLog
 
 
 class Preset(str, Enum):
-    """`semmap_log.formats.files.table_forms.PRESETS`, as typer wants its choices."""
+    """`semmap_log.interop.formats.files.table_forms.PRESETS`, as typer wants its choices."""
 
     home_assistant = "home-assistant"
     zigbee2mqtt = "zigbee2mqtt"
@@ -95,6 +95,15 @@ def run(
     time_unit: Annotated[
         Unit | None,
         typer.Option("--time-unit", help="CSV: of times that are numbers since 1970."),
+    ] = None,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(
+            "--accuracy",
+            min=0.5,
+            max=1,
+            help="CSV: of rows without one, which are then sightings; else they set the state.",
+        ),
     ] = None,
     windows: Annotated[
         Path | None,
@@ -183,9 +192,9 @@ def run(
     follow each other and say the same of who and why are one commit.
 
     With --as-recorded the times of a file are also when it was known: a commit for each time. So
-    --known-at can be asked about history that another program wrote. All of the file has to be
-    later than the log's last commit: import old files first. Of a map or a building, --since says
-    the time.
+    --known-at can be asked about history that another program wrote. Nothing of the file may be
+    earlier than the log's last commit: import old files first. Of a map or a building, --since
+    says the time.
 
     \b
     Known by their keys:
@@ -241,11 +250,11 @@ def run(
       semmap-log import office patrol.bag --scan --propose-doors --yes --only 4
     """
     import semmap_log as sl
-    from semmap_log.formats.files.table_forms import form_of
-    from semmap_log.formats.kept_scans.kept_visit import folder_beside
-    from semmap_log.importing.earlier_doors import backdate
-    from semmap_log.importing.importing import ImportOptions, import_file
-    from semmap_log.importing.scan_topics import ScanOptions
+    from semmap_log.analysis.scans.kept_visit import folder_beside
+    from semmap_log.interop.formats.files.table_forms import form_of
+    from semmap_log.interop.importing.earlier_doors import backdate
+    from semmap_log.interop.importing.importing import ImportOptions, import_file
+    from semmap_log.interop.importing.scan_topics import ScanOptions
 
     files = files or []
     check_scan(scan, pose_topic, heights)
@@ -274,7 +283,7 @@ def run(
             at_ns=_time_ns(opened, at, "--at"),
             since_ns=_since_ns(opened, since, since_ever=since_ever), mapping=mapping, scan=scans,
             map_rules=None if map_rules is None else map_rules.value, new_doors=new_doors,
-            form=form, as_recorded=as_recorded,
+            form=form, accuracy=accuracy, as_recorded=as_recorded,
         )  # fmt: skip
 
     note = sl.Note(actor=actor, source=source, reason=reason)
@@ -348,7 +357,7 @@ def _since_ns(log: DoorLog, since: str | None, *, since_ever: bool) -> int | Non
         MomentError: It is no time, or is to come.
     """
     from semmap_log.errors import MomentError
-    from semmap_log.importing.present_log import now_ns
+    from semmap_log.interop.importing.present_log import now_ns
 
     log_now_ns = now_ns(log)
     if since_ever:
@@ -388,9 +397,9 @@ def _show(opened: DoorLog, files: list[Path], options: ImportOptions, note: Note
     Raises:
         FormatError: A file cannot be read, or nothing of it can be imported.
     """
-    from semmap_log.formats.bags.bag_reading import is_bag
-    from semmap_log.importing.importing import command_id_of, plan_file, plan_scan_import
-    from semmap_log.importing.line_numbers import NumberMap
+    from semmap_log.interop.formats.bags.bag_reading import is_bag
+    from semmap_log.interop.importing.importing import command_id_of, plan_file, plan_scan_import
+    from semmap_log.interop.importing.line_numbers import NumberMap
 
     options = replace(options, source=note.source)
     for file in files:
@@ -418,7 +427,7 @@ def _show(opened: DoorLog, files: list[Path], options: ImportOptions, note: Note
 
 
 def _tell(file: Path, imported: Any) -> None:
-    from semmap_log.common.texts import counted, told_once
+    from semmap_log.core.texts import counted, told_once
 
     plan = imported.plan
     if imported.known_before:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog, print_json, progress
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 
 def run(
@@ -28,7 +28,7 @@ def run(
       semmap-log index office
       semmap-log index office --anew --json
     """
-    from semmap_log.replay.read_model.indexing import index
+    from semmap_log.log.replay.read_model.indexing import index
 
     with progress("Indexing") as told:
         done = index(log, anew=anew, progress=told)

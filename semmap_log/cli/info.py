@@ -18,7 +18,9 @@ def run(
     day: Annotated[
         str | None,
         typer.Option(
-            "--day", metavar="TIME", help="The day whose states are drawn; default: the last."
+            "--day",
+            metavar="TIME",
+            help="The day whose states are drawn; default: that of the last report.",
         ),
     ] = None,
     all_doors: Annotated[
@@ -37,11 +39,11 @@ def run(
       semmap-log info office/office_000000.mcap --json
     """
     import semmap_log as sl
-    from semmap_log.door_log.day import day_of_doors
-    from semmap_log.door_log.summary import open_any, summarize
-    from semmap_log.formats.json.door_json import day_to_json
-    from semmap_log.io.made_logs import is_called_as_made
-    from semmap_log.io.url_path import place_of
+    from semmap_log.core.io.made_logs import is_called_as_made
+    from semmap_log.core.io.url_path import place_of
+    from semmap_log.interop.formats.json.door_json import day_to_json
+    from semmap_log.log.door_log.day import day_of_doors
+    from semmap_log.log.door_log.summary import open_any, summarize
 
     with progress("Reading") as told:
         summary = summarize(open_any(log), progress=told)
@@ -70,7 +72,7 @@ def run(
 def _to_json(summary: Any) -> dict[str, Any]:
     from dataclasses import fields
 
-    from semmap_log.domain.moments import format_utc
+    from semmap_log.core.model.moments import format_utc
 
     def span(times: tuple[int, int] | None) -> list[str] | None:
         return None if times is None else [format_utc(time) for time in times]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, a_local_log, console, print_json, progress, say
-from semmap_log.common.texts import command_line, counted
+from semmap_log.core.texts import command_line, counted
 
 if TYPE_CHECKING:
     from semmap_log.fleet.join.door_plan import DoorPlan

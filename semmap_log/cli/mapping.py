@@ -10,16 +10,16 @@ import typer
 
 from semmap_log.cli.common import say
 from semmap_log.cli.plain_streams import json_text
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from semmap_log.batches.event_batch import EventBatch
-    from semmap_log.domain.commits import Note
-    from semmap_log.domain.events import Event
-    from semmap_log.importing.import_plan import ImportPlan
-    from semmap_log.importing.scan_importing import ScanImport
+    from semmap_log.core.batches.event_batch import EventBatch
+    from semmap_log.core.model.commits import Note
+    from semmap_log.core.model.events import Event
+    from semmap_log.interop.importing.import_plan import ImportPlan
+    from semmap_log.interop.importing.scan_importing import ScanImport
 
 MappingFile = Annotated[
     Path | None,
@@ -95,7 +95,7 @@ MAPPING_HELP = """\
         /scan: scan                    a laser: what it sees of the doors
         /clicked_point: clicked_points two clicks in RViz are a door
       repeats: 60                      s; sightings of the same are left out
-    Every key, with examples: semmap_log/ros_mapping/README.md
+    Every key, with examples: semmap_log/interop/topics/README.md
 """
 
 
@@ -130,7 +130,7 @@ def check_keep_scans(*, keep_scans: bool, dry_run: bool) -> None:
 
 def tell_scan_import(file: Path, found: ScanImport) -> None:
     """Print the events that a bag would bring, those of visits with their notes."""
-    from semmap_log.importing.import_plan import ImportPlan
+    from semmap_log.interop.importing.import_plan import ImportPlan
 
     for plan in (found.topics, found.earlier):
         show_events(plan.events)
@@ -146,8 +146,8 @@ def tell_scan_import(file: Path, found: ScanImport) -> None:
 
 def show_events(events: Iterable[Event | EventBatch], note: Note | None = None) -> None:
     """Print events, a JSON line each, with who saw them where that is told."""
-    from semmap_log.batches.event_batch import one_by_one
-    from semmap_log.formats.json.event_json import event_to_json
+    from semmap_log.core.batches.event_batch import one_by_one
+    from semmap_log.interop.formats.json.event_json import event_to_json
 
     said = {"actor": note.actor, "source": note.source, "reason": note.reason} if note else None
     for event in one_by_one(events):
@@ -156,7 +156,7 @@ def show_events(events: Iterable[Event | EventBatch], note: Note | None = None) 
 
 def tell_plan(file: Path, plan: ImportPlan) -> None:
     """Print a plan's events, a JSON line each, and say what else there is to it."""
-    from semmap_log.common.texts import told_once
+    from semmap_log.core.texts import told_once
 
     show_events(plan.events)
     say(f"{file}: {counted(plan.count, 'event')}; nothing was written.")

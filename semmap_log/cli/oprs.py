@@ -11,9 +11,9 @@ import typer
 from semmap_log.cli.common import say
 
 if TYPE_CHECKING:
-    from semmap_log.planners.actions import AskedDoors
-    from semmap_log.planners.kernels.kernel_service import Kernels, KernelService
-    from semmap_log.planners.oracle import Oracle
+    from semmap_log.live.planners.actions import AskedDoors
+    from semmap_log.live.planners.kernels.kernel_service import Kernels, KernelService
+    from semmap_log.live.planners.oracle import Oracle
 
 PORT = 3300
 """Of a message passer that was not told another."""
@@ -48,8 +48,8 @@ def chosen_kernels(
         typer.BadParameter: They cannot be.
     """
     from semmap_log.errors import AddressError, PasserError
-    from semmap_log.planners.addresses import TcpAddress, read_address
-    from semmap_log.planners.kernels.kernel_service import Kernels
+    from semmap_log.live.planners.addresses import TcpAddress, read_address
+    from semmap_log.live.planners.kernels.kernel_service import Kernels
 
     if address is None:
         for option, given in {"--oprs-name": name, "--oprs-to": told}.items():
@@ -86,7 +86,7 @@ def kernels_served(
         doors: What they are told of.
         changes: Called after each change of the doors.
     """
-    from semmap_log.planners.kernels.kernel_service import KernelService
+    from semmap_log.live.planners.kernels.kernel_service import KernelService
 
     service = KernelService(oracle, doors, kernels, say=say)
     changes.append(service.wake)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, print_json, say
-from semmap_log.common.texts import command_line
+from semmap_log.core.texts import command_line
 
 
 def run(
@@ -32,7 +32,7 @@ def run(
       semmap-log oprs-package ~/robot
       make -C ~/robot/semantic_map_oprs OPRS=~/OpenPRS
     """
-    from semmap_log.oprs.oprs_package import write_oprs_package
+    from semmap_log.live.oprs.oprs_package import write_oprs_package
 
     package, is_new = write_oprs_package(folder)
     if as_json:

@@ -9,7 +9,7 @@ import typer
 from semmap_log.cli.common import print_json
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.appended import Appended
+    from semmap_log.log.door_log.appended import Appended
 
 
 def tell(appended: Appended, *, as_json: bool, **more: Any) -> None:

@@ -11,9 +11,9 @@ from semmap_log.cli.plain_streams import is_nobody_reading, json_text, write_lin
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from semmap_log.door_log.door_log import DoorLog
-    from semmap_log.planning.followed_round import FollowedRound, RoundStep
-    from semmap_log.planning.round_planner import BegunRound
+    from semmap_log.analysis.planning.followed_round import FollowedRound, RoundStep
+    from semmap_log.analysis.planning.round_planner import BegunRound
+    from semmap_log.log.door_log.door_log import DoorLog
 
 
 def follow(opened: DoorLog, begun: BegunRound, *, as_json: bool) -> None:
@@ -23,7 +23,7 @@ def follow(opened: DoorLog, begun: BegunRound, *, as_json: bool) -> None:
         LogError: The log is damaged, or was exchanged.
         BrokenPipeError: Nobody reads any more.
     """
-    from semmap_log.planning.followed_round import FollowedRound, events_since
+    from semmap_log.analysis.planning.followed_round import FollowedRound, events_since
     from semmap_log.views.round_lines import over_line
 
     round_ = FollowedRound(begun, opened.opened_anew)
@@ -47,7 +47,7 @@ def _shown(
 ) -> Callable[[RoundStep], None]:
     """Return what prints a step, and lets go of it at once."""
     from semmap_log.cli.plain_streams import is_for_people
-    from semmap_log.formats.json.plan_json import step_to_json
+    from semmap_log.interop.formats.json.plan_json import step_to_json
     from semmap_log.views.column_table import line_of
     from semmap_log.views.round_lines import STEP_ROW, step_line, step_row
 

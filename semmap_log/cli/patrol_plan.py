@@ -21,8 +21,8 @@ from semmap_log.cli.plain_streams import json_text, write_line
 from semmap_log.cli.probabilities import PLOTS, Estimator, Zone
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog
-    from semmap_log.planning.patrol_plan import PatrolPlan
+    from semmap_log.analysis.planning.patrol_plan import PatrolPlan
+    from semmap_log.log.door_log.door_log import DoorLog
 
 Speed = Annotated[
     float, typer.Option("--speed", metavar="M/S", help="How fast the robot is, metres a second.")
@@ -119,12 +119,12 @@ def run(
       semmap-log patrol-plan office --rooms 2,3 --follow
     """
     import semmap_log as sl
-    from semmap_log.formats.json.plan_json import plan_to_json
-    from semmap_log.io.disk import refuse_own_folder
-    from semmap_log.planning.asked_round import begun_round
-    from semmap_log.planning.door_chances import SkipRule
-    from semmap_log.planning.named_places import listed
-    from semmap_log.planning.patrol_plan import PatrolOptions
+    from semmap_log.analysis.planning.asked_round import begun_round
+    from semmap_log.analysis.planning.door_chances import SkipRule
+    from semmap_log.analysis.planning.named_places import listed
+    from semmap_log.analysis.planning.patrol_plan import PatrolOptions
+    from semmap_log.core.io.disk import refuse_own_folder
+    from semmap_log.interop.formats.json.plan_json import plan_to_json
     from semmap_log.views.patrol_plan_table import patrol_plan_table
 
     if everything and (rooms or doors):
@@ -175,7 +175,7 @@ def seconds_of(text: str, option: str) -> float:
     Raises:
         MomentError: It is none.
     """
-    from semmap_log.domain.moments import SECOND_NS, parse_duration
+    from semmap_log.core.model.moments import SECOND_NS, parse_duration
     from semmap_log.errors import MomentError
 
     if text.strip() == "0":
@@ -187,10 +187,10 @@ def seconds_of(text: str, option: str) -> float:
 
 
 def _plot(opened: DoorLog, plan: PatrolPlan, path: Path) -> None:
-    from semmap_log.common.texts import counted
-    from semmap_log.planning.patrol_ways import patrol_ways
-    from semmap_log.planning.ways_between import WaysBetween
-    from semmap_log.rooms import room_plan
+    from semmap_log.analysis.planning.patrol_ways import patrol_ways
+    from semmap_log.analysis.planning.ways_between import WaysBetween
+    from semmap_log.analysis.rooms import room_plan
+    from semmap_log.core.texts import counted
     from semmap_log.views.plots.patrol_route import plot_patrol
 
     at = None if plan.start_ns > plan.known_ns else f"@{plan.start_ns}"

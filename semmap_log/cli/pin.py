@@ -9,7 +9,7 @@ import typer
 from semmap_log.cli.common import AsJson, WritableLog, takes_about
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log_writer import About
+    from semmap_log.log.door_log.door_log_writer import About
 
 
 @takes_about

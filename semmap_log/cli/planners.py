@@ -14,11 +14,11 @@ import typer
 from semmap_log.cli.asking import Asking, Now
 from semmap_log.cli.common import say
 from semmap_log.cli.oprs import kernels_served
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
-    from semmap_log.planners.actions import AskedDoors
-    from semmap_log.planners.kernels.kernel_service import Kernels
+    from semmap_log.live.planners.actions import AskedDoors
+    from semmap_log.live.planners.kernels.kernel_service import Kernels
 
 TICK_S = 0.1
 """How often a server without ROS looks whether it is to end."""
@@ -62,7 +62,7 @@ class Planners:
         Raises:
             AddressError: Questions cannot be taken there.
         """
-        from semmap_log.planners.oracle import Oracle
+        from semmap_log.live.planners.oracle import Oracle
 
         clock_ns = time.time_ns if self.now == Now.clock else _no_clock
         oracle = Oracle(doors, say=say, clock_ns=clock_ns)

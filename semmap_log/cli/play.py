@@ -22,11 +22,11 @@ from semmap_log.cli.common import (
 )
 from semmap_log.cli.plain_streams import plain, steering
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
-    from semmap_log.exporting.stream import LogStream
-    from semmap_log.live.player import Told
+    from semmap_log.interop.exporting.stream import LogStream
+    from semmap_log.live.ros.player import Told
 
 NODE = "semmap_log_player"
 
@@ -110,10 +110,10 @@ def run(
       semmap-log play office --ros2 --since 14:00 --ros-args -r __ns:=/replayed
     """
     import semmap_log as sl
+    from semmap_log.core.io.url_path import place_of
     from semmap_log.errors import CommandError
-    from semmap_log.exporting.stream import StreamOptions, log_stream
-    from semmap_log.io.url_path import place_of
-    from semmap_log.live.player import PlayOptions, play
+    from semmap_log.interop.exporting.stream import StreamOptions, log_stream
+    from semmap_log.live.ros.player import PlayOptions, play
 
     version = chosen_ros(ros1=ros1, ros2=ros2)
     refuse_nan(rate=rate, default_prob=default_prob, skip_empty=skip_empty, clock_hz=clock_hz)
@@ -161,7 +161,7 @@ def run(
 
 def _status_line(stream: LogStream, rate: float) -> Told:
     """Return what draws where in the log it is, and how long nothing will come."""
-    from semmap_log.domain.moments import format_short
+    from semmap_log.core.model.moments import format_short
     from semmap_log.views.timeline_table import duration
 
     begin_ns, end_ns = stream.span_ns or (0, 0)

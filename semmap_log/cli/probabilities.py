@@ -28,18 +28,18 @@ from semmap_log.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.beliefs.applying import Applied
-    from semmap_log.beliefs.typical_week import TypicalWeek
-    from semmap_log.domain.doors import DoorId
-    from semmap_log.door_log.door_log import DoorLog
-    from semmap_log.door_log.door_log_writer import About
+    from semmap_log.analysis.beliefs.applying import Applied
+    from semmap_log.analysis.beliefs.typical_week import TypicalWeek
+    from semmap_log.core.model.doors import DoorId
+    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log.door_log.door_log_writer import About
 
 
 PLOTS = (".png", ".svg")
 
 
 class By(str, Enum):
-    """`semmap_log.formats.json.beliefs_json.By`, as typer wants its choices."""
+    """`semmap_log.interop.formats.json.beliefs_json.By`, as typer wants its choices."""
 
     hour = "hour"
     weekday = "weekday"
@@ -125,9 +125,9 @@ def run(
       semmap-log probabilities office --apply --actor night-job
     """
     import semmap_log as sl
-    from semmap_log.beliefs.door_beliefs import probabilities
-    from semmap_log.domain.moments import parse_duration
-    from semmap_log.formats.json.beliefs_json import beliefs_to_json
+    from semmap_log.analysis.beliefs.door_beliefs import probabilities
+    from semmap_log.core.model.moments import parse_duration
+    from semmap_log.interop.formats.json.beliefs_json import beliefs_to_json
 
     if when is not None and (by is not None or plot is not None):
         raise typer.BadParameter("shows one hour; leave it out, or --by and --plot",
@@ -181,7 +181,7 @@ def _of_class(opened: DoorLog, object_class: str, asked: Mapping[str, Any]) -> l
         typer.BadParameter: Doors are named, too.
         CommandError: There is no such class.
     """
-    from semmap_log.folds.doors_of_class import of_class
+    from semmap_log.core.folds.doors_of_class import of_class
 
     if asked["doors"]:
         raise typer.BadParameter("name doors, or a class of them, not both", param_hint="--class")
@@ -196,8 +196,8 @@ def _refuse_untold(opened: DoorLog, asked: Mapping[str, Any]) -> None:
     Raises:
         UnknownDoorError: Why there was none, and what to type.
     """
-    from semmap_log.common.texts import command_line
-    from semmap_log.domain.moments import format_local
+    from semmap_log.core.model.moments import format_local
+    from semmap_log.core.texts import command_line
     from semmap_log.errors import UnknownDoorError
 
     moment = asked["at"] or asked["known_at"]
@@ -242,10 +242,10 @@ def _show_typical(
     as_json: bool,
 ) -> None:
     import semmap_log as sl
-    from semmap_log.beliefs.typical_week import typical_weeks
-    from semmap_log.domain.moments import parse_weekday
-    from semmap_log.formats.json.beliefs_json import weeks_to_json
-    from semmap_log.io.disk import refuse_own_folder
+    from semmap_log.analysis.beliefs.typical_week import typical_weeks
+    from semmap_log.core.io.disk import refuse_own_folder
+    from semmap_log.core.model.moments import parse_weekday
+    from semmap_log.interop.formats.json.beliefs_json import weeks_to_json
 
     hour = None if when is None else parse_weekday(when)
     if when is not None and hour is None:
@@ -298,7 +298,7 @@ def _print_weeks(weeks: Sequence[TypicalWeek], by: By, hour: tuple[int, int] | N
 
 def _apply(log: Path, asked: dict[str, Any], about: About, told: Any) -> Applied:
     import semmap_log as sl
-    from semmap_log.beliefs.applying import apply_probabilities
+    from semmap_log.analysis.beliefs.applying import apply_probabilities
 
     note = sl.Note(actor=about["actor"], source=about["source"], reason=about["reason"],
                    correlation=about["correlation"])  # fmt: skip

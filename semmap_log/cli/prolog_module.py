@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, print_json, say
-from semmap_log.common.texts import command_line
+from semmap_log.core.texts import command_line
 
 
 def run(
@@ -30,7 +30,7 @@ def run(
       semmap-log prolog-module .
       swipl -g "use_module(semmap_log), door_server('unix:doors.sock')"
     """
-    from semmap_log.planners.prolog.prolog_module import write_prolog_module
+    from semmap_log.live.planners.prolog.prolog_module import write_prolog_module
 
     module, is_new = write_prolog_module(folder)
     if as_json:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from semmap_log.cli.common import console, print_json, progress, say
-from semmap_log.common.texts import command_line, counted
+from semmap_log.core.texts import command_line, counted
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog
-    from semmap_log.importing.door_proposing import ProposedDoors
-    from semmap_log.importing.importing import ImportOptions
+    from semmap_log.interop.importing.door_proposing import ProposedDoors
+    from semmap_log.interop.importing.importing import ImportOptions
+    from semmap_log.log.door_log.door_log import DoorLog
 
 ProposeDoors = Annotated[
     bool,
@@ -90,7 +90,7 @@ def propose(
     """
     import semmap_log as sl
     from semmap_log.errors import CommandError
-    from semmap_log.importing.door_proposing import append_proposed, propose_doors
+    from semmap_log.interop.importing.door_proposing import append_proposed, propose_doors
 
     opened = sl.read(log)
     with progress(f"Reading {file.name}", unit="messages") as told:
@@ -132,7 +132,7 @@ def _plot(log: DoorLog, file: Path, found: ProposedDoors, path: Path) -> None:
 
 
 def _print_json(file: Path, found: ProposedDoors, added: list[int]) -> None:
-    from semmap_log.importing.door_proposing import name_of
+    from semmap_log.interop.importing.door_proposing import name_of
     from semmap_log.views.proposal_table import proposal_to_json
 
     print_json({

@@ -18,12 +18,12 @@ from semmap_log.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.domain.rigid_transform import RigidTransform
-    from semmap_log.door_log.door_log import DoorLog
-    from semmap_log.door_log.door_log_writer import About
-    from semmap_log.door_log.map_fit import MapFit
-    from semmap_log.door_log.rebasing import RebasePlan
-    from semmap_log.importing.rebase_files import RebaseMoment
+    from semmap_log.core.model.rigid_transform import RigidTransform
+    from semmap_log.interop.importing.rebase_files import RebaseMoment
+    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log.door_log.door_log_writer import About
+    from semmap_log.log.door_log.map_fit import MapFit
+    from semmap_log.log.door_log.rebasing import RebasePlan
 
 
 @takes_about
@@ -103,9 +103,9 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.cli.outcome import tell
-    from semmap_log.door_log.map_fit import MOST_RESIDUAL_M
-    from semmap_log.formats.files.map_server import read_map
-    from semmap_log.formats.json.rebase_json import rebase_to_json
+    from semmap_log.interop.formats.files.map_server import read_map
+    from semmap_log.interop.formats.json.rebase_json import rebase_to_json
+    from semmap_log.log.door_log.map_fit import MOST_RESIDUAL_M
 
     _check_together(by, pairs, most_residual)
     most_m = MOST_RESIDUAL_M if most_residual is None else most_residual
@@ -141,9 +141,9 @@ def _check_together(by: str | None, pairs: Path | None, most_residual: float | N
 def _moment(log: DoorLog, level: str | None, about: About) -> RebaseMoment:
     """Return what the log holds when the new map comes; of a command sent again, as it was then."""
     import semmap_log as sl
-    from semmap_log.door_log.times import happened_ns_of
-    from semmap_log.importing.rebase_files import RebaseMoment
-    from semmap_log.io.clock import SystemClock
+    from semmap_log.core.io.clock import SystemClock
+    from semmap_log.interop.importing.rebase_files import RebaseMoment
+    from semmap_log.log.door_log.times import happened_ns_of
 
     now_ns, before, command_id = SystemClock().wall_ns(), None, about.get("command_id")
     if isinstance(log, sl.DoorLogWriter):
@@ -162,8 +162,8 @@ def _transform(
     Raises:
         CommandError: A pair does not fit.
     """
-    from semmap_log.domain.rigid_transform import RigidTransform
-    from semmap_log.door_log.map_fit import check_fit
+    from semmap_log.core.model.rigid_transform import RigidTransform
+    from semmap_log.log.door_log.map_fit import check_fit
     from semmap_log.views.rebase_table import pairs_table
 
     if pairs is None:

@@ -40,7 +40,7 @@ from semmap_log.cli.verb import HELP_MADE_LATE
 
 
 def _kinds_of_lines() -> str:
-    from semmap_log.formats.json.event_json_keys import help_text
+    from semmap_log.interop.formats.json.event_json_keys import help_text
 
     return help_text()
 
@@ -49,7 +49,7 @@ HELP_MADE_LATE["record"] = _kinds_of_lines
 
 
 class SyncChoice(str, Enum):
-    """`semmap_log.domain.commits.Durability`, as typer wants its choices."""
+    """`semmap_log.core.model.commits.Durability`, as typer wants its choices."""
 
     event = "event"
     batch = "batch"
@@ -192,8 +192,8 @@ def run(
     if ack and as_json:
         raise typer.BadParameter("answers each line as JSON already", param_hint="--ack")
     import semmap_log as sl
-    from semmap_log.common.texts import MOST_TOLD, Repeats, counted
-    from semmap_log.live.line_recorder import LineAnswer, LineRecorder
+    from semmap_log.core.texts import MOST_TOLD, Repeats, counted
+    from semmap_log.live.ros.line_recorder import LineAnswer, LineRecorder
 
     refused = Repeats()
 

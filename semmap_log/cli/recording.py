@@ -17,15 +17,15 @@ from semmap_log.cli.ros import open_node
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from semmap_log.domain.commits import Note
-    from semmap_log.domain.events import Event
-    from semmap_log.door_log.door_log import DoorLog
-    from semmap_log.door_log.door_log_writer import DoorLogWriter
-    from semmap_log.formats.ros.ros_types import RosVersion
-    from semmap_log.live.ros_recorder import EventSink
-    from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
-    from semmap_log.ros_mapping.topic_rules import RosMapping
-    from semmap_log.signing.sign_beside import SignBeside
+    from semmap_log.core.model.commits import Note
+    from semmap_log.core.model.events import Event
+    from semmap_log.interop.formats.ros.ros_types import RosVersion
+    from semmap_log.interop.topics.lasers.scan_keeper import ScanKeeper
+    from semmap_log.interop.topics.topic_rules import RosMapping
+    from semmap_log.live.ros.ros_recorder import EventSink
+    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+    from semmap_log.log.signing.sign_beside import SignBeside
 
 NODE = "semmap_log_recorder"
 
@@ -80,9 +80,9 @@ def record_topics(
         typer.Exit: Messages were dropped.
     """
     import semmap_log as sl
-    from semmap_log.live.ros_recorder import LogSink, PrintedSink
-    from semmap_log.ros_mapping.mapping_file import read_mapping
-    from semmap_log.ros_mapping.topic_rules import WELL_KNOWN
+    from semmap_log.interop.topics.mapping_file import read_mapping
+    from semmap_log.interop.topics.topic_rules import WELL_KNOWN
+    from semmap_log.live.ros.ros_recorder import LogSink, PrintedSink
 
     with stopped_for_good():
         mapping = WELL_KNOWN if read.mapping is None else read_mapping(read.mapping)
@@ -115,8 +115,8 @@ def record_topics(
 
 def _check_level(log: DoorLog | None, level: str | None) -> None:
     """Refuse a level that is not there, before ROS is asked."""
-    from semmap_log.domain.doors import DoorMap
-    from semmap_log.folds.levels import resolve_level
+    from semmap_log.core.folds.levels import resolve_level
+    from semmap_log.core.model.doors import DoorMap
 
     if level is not None:
         with stopped_for_good():
@@ -126,8 +126,8 @@ def _check_level(log: DoorLog | None, level: str | None) -> None:
 @contextmanager
 def _keeping(log: DoorLogWriter, *, wanted: bool) -> Iterator[ScanKeeper | None]:
     """Hand out what keeps scans, if they are wanted; if they cannot be kept, recording goes on."""
-    from semmap_log.formats.kept_scans.writing import keeping_scans
-    from semmap_log.ros_mapping.lasers.scan_keeper import ScanKeeper
+    from semmap_log.interop.formats.kept_scans.writing import keeping_scans
+    from semmap_log.interop.topics.lasers.scan_keeper import ScanKeeper
 
     if not wanted:
         yield None
@@ -142,7 +142,7 @@ def _record(
     context: typer.Context, version: RosVersion, mapping: RosMapping, sink: EventSink, where: str,
     *, keeper: ScanKeeper | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
-    from semmap_log.live.ros_recorder import RosRecorder
+    from semmap_log.live.ros.ros_recorder import RosRecorder
 
     recorder = RosRecorder(open_node(context, version, NODE), mapping, sink, tell, keeper)
 
@@ -162,7 +162,7 @@ def _record(
 
 
 def _show(event: Event, note: Note) -> None:
-    from semmap_log.formats.json.event_json import event_to_json
+    from semmap_log.interop.formats.json.event_json import event_to_json
 
     said = {"actor": note.actor, "source": note.source, "reason": note.reason}
     typer.echo(json_text(event_to_json(event, note=said)))

@@ -35,7 +35,7 @@ def run(log: WritableLog, *, out: Out = None, yes: Yes = False, as_json: AsJson 
       semmap-log recover office --yes
       semmap-log recover office --out office-saved --yes
     """
-    from semmap_log.replay.care import plan_recovery, recover, recover_into
+    from semmap_log.log.replay.care import plan_recovery, recover, recover_into
     from semmap_log.views.health import recovery_report
 
     with progress("Reading") as told:
@@ -53,7 +53,7 @@ def run(log: WritableLog, *, out: Out = None, yes: Yes = False, as_json: AsJson 
 
 
 def _to_json(found: Any, done: Any) -> dict[str, Any]:
-    from semmap_log.domain.moments import format_utc
+    from semmap_log.core.model.moments import format_utc
 
     def when(ns: int | None) -> str | None:
         return None if ns is None else format_utc(ns)

@@ -11,8 +11,8 @@ from semmap_log.cli.signing_keys import TrimKey
 from semmap_log.cli.trimming import By, DryRun, Reason, trim
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog
-    from semmap_log.trimming.redaction import Part
+    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log.trimming.redaction import Part
 
 
 def run(
@@ -66,9 +66,9 @@ def run(
       semmap-log redact office --door 3 --key name --dry-run
     """
     import semmap_log as sl
-    from semmap_log.domain.commits import Note
+    from semmap_log.core.model.commits import Note
+    from semmap_log.log.trimming.redaction import Redaction
     from semmap_log.store.reading.reader import LogReader
-    from semmap_log.trimming.redaction import Redaction
 
     if (door is None) == bool(key):
         raise typer.BadParameter("expected both, got one", param_hint="--door and --key")
@@ -85,7 +85,7 @@ def run(
 
 
 def _notes(actors: list[str] | None, *, all_of_them: bool) -> list[Part]:
-    from semmap_log.trimming.redaction import Notes
+    from semmap_log.log.trimming.redaction import Notes
 
     return [Notes()] if all_of_them else [Notes(actor) for actor in actors or ()]
 
@@ -93,7 +93,7 @@ def _notes(actors: list[str] | None, *, all_of_them: bool) -> list[Part]:
 def _others(
     opened: DoorLog, door: str | None, keys: list[str] | None, *, tracks: bool
 ) -> list[Part]:
-    from semmap_log.trimming.redaction import Annotation, Tracks
+    from semmap_log.log.trimming.redaction import Annotation, Tracks
 
     parts: list[Part] = [Tracks()] if tracks else []
     if door is not None:

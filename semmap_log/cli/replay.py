@@ -45,8 +45,8 @@ def run(
       semmap-log replay office --class dock
     """
     import semmap_log as sl
-    from semmap_log.domain.doors import DoorState
-    from semmap_log.formats.json.door_json import door_map_to_json
+    from semmap_log.core.model.doors import DoorState
+    from semmap_log.interop.formats.json.door_json import door_map_to_json
 
     opened = sl.read(log)
     tell_how_to_begin(opened)
@@ -55,7 +55,7 @@ def run(
     if not door_map.doors and event is None:
         refuse_untold(opened, at, known_at)
     if object_class is not None:
-        from semmap_log.folds.doors_of_class import of_class
+        from semmap_log.core.folds.doors_of_class import of_class
 
         door_map = of_class(door_map, object_class)
     if as_json:

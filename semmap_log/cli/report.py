@@ -56,8 +56,8 @@ def run(
       semmap-log report office two.html --door front --palette colour-blind
     """
     import semmap_log as sl
-    from semmap_log.common.texts import counted
-    from semmap_log.exporting.html_report import write_report
+    from semmap_log.core.texts import counted
+    from semmap_log.interop.exporting.html_report import write_report
 
     opened = sl.read(log)
     tell_how_to_begin(opened)

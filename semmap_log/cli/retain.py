@@ -11,7 +11,7 @@ from semmap_log.cli.signing_keys import TrimKey
 from semmap_log.cli.trimming import By, DryRun, Reason, trim
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog
+    from semmap_log.log.door_log.door_log import DoorLog
 
 
 def run(
@@ -60,10 +60,10 @@ def run(
       semmap-log retain office --keep 2026-01-01
     """
     import semmap_log as sl
-    from semmap_log.domain.commits import Note
+    from semmap_log.core.model.commits import Note
+    from semmap_log.log.trimming.repeated_sightings import Thinning
+    from semmap_log.log.trimming.retention import Retention
     from semmap_log.store.reading.reader import LogReader
-    from semmap_log.trimming.repeated_sightings import Thinning
-    from semmap_log.trimming.retention import Retention
 
     if (keep is None) == (thin is None):
         raise typer.BadParameter("expected --keep or --thin", param_hint="what to keep")
@@ -81,9 +81,9 @@ def _until_ns(log: DoorLog, told: str) -> int:
         MomentError: It is neither.
         typer.BadParameter: It is still to come.
     """
-    from semmap_log.domain.moments import format_local, parse_duration
+    from semmap_log.core.io.clock import SystemClock, believable_ns
+    from semmap_log.core.model.moments import format_local, parse_duration
     from semmap_log.errors import MomentError
-    from semmap_log.io.clock import SystemClock, believable_ns
 
     now_ns = believable_ns(SystemClock())
     try:

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog, console, say, takes_about
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog
-    from semmap_log.door_log.door_log_writer import About
-    from semmap_log.folds.history import HistoryEntry
+    from semmap_log.core.folds.history import HistoryEntry
+    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log.door_log.door_log_writer import About
 
 MOST_SHOWN = 20
 
@@ -44,7 +44,7 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.cli.outcome import tell
-    from semmap_log.door_log.retracting import newly_hidden
+    from semmap_log.log.door_log.retracting import newly_hidden
 
     first, last = _range(events)
     with sl.append(log) as opened:
@@ -52,7 +52,7 @@ def run(
     read = sl.read(log)
     hidden = newly_hidden(read, appended.first_event)
     if as_json:
-        from semmap_log.formats.json.door_json import entry_to_json
+        from semmap_log.interop.formats.json.door_json import entry_to_json
 
         entries = [entry_to_json(entry) for entry in hidden]
         tell(appended, as_json=True, first_event=first, last_event=last, hidden=entries)

@@ -21,8 +21,8 @@ from semmap_log.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog
-    from semmap_log.rooms import RoomPlan
+    from semmap_log.analysis.rooms import RoomPlan
+    from semmap_log.log.door_log.door_log import DoorLog
 
 
 def run(
@@ -63,9 +63,9 @@ def run(
       semmap-log annotate clinic front rooms "lobby,corridor"
     """
     import semmap_log as sl
-    from semmap_log.folds.levels import resolve_level
-    from semmap_log.formats.json.rooms_json import rooms_to_json
-    from semmap_log.rooms import room_plan
+    from semmap_log.analysis.rooms import room_plan
+    from semmap_log.core.folds.levels import resolve_level
+    from semmap_log.interop.formats.json.rooms_json import rooms_to_json
     from semmap_log.views.room_table import room_table
     from semmap_log.views.room_words import RoomWords
 
@@ -95,7 +95,7 @@ def _refuse_no_plan(plan: RoomPlan, level: int | None) -> None:
     Raises:
         CommandError: No level has a floor plan, or the one that is asked for has none.
     """
-    from semmap_log.common.texts import command_line
+    from semmap_log.core.texts import command_line
     from semmap_log.errors import CommandError
 
     if plan.levels and level in (None, *plan.levels):
@@ -110,15 +110,15 @@ def _refuse_no_plan(plan: RoomPlan, level: int | None) -> None:
 
 
 def _write(log: DoorLog, plan: RoomPlan, out: Path, level: int | None) -> None:
-    from semmap_log.exporting.room_files import write_rooms
+    from semmap_log.interop.exporting.room_files import write_rooms
 
     write_rooms(log, plan, out, level=level)
     say(f"{out}: written.")
 
 
 def _plot(log: DoorLog, plan: RoomPlan, plot: Path, level: int | None) -> None:
-    from semmap_log.domain.moments import format_short
-    from semmap_log.io.disk import refuse_own_folder
+    from semmap_log.core.io.disk import refuse_own_folder
+    from semmap_log.core.model.moments import format_short
     from semmap_log.views.plots.matplotlib_sdk import letters_of, save_figure
     from semmap_log.views.plots.room_plans import draw_rooms
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from semmap_log.formats.ros.ros_types import RosVersion
-    from semmap_log.live.ros_node import RosNode
+    from semmap_log.interop.formats.ros.ros_types import RosVersion
+    from semmap_log.live.ros.ros_node import RosNode
 
 VERBS = ("serve", "record", "play", "call")
 
@@ -63,6 +63,6 @@ def open_node(context: typer.Context, version: RosVersion, name: str) -> RosNode
     Raises:
         RosError: It is not installed, or does not answer.
     """
-    from semmap_log.live import joining
+    from semmap_log.live.ros import joining
 
     return joining.open_node(version, name, context.obj or [])

@@ -24,8 +24,8 @@ from semmap_log.cli.common import (
 from semmap_log.cli.mapping import Heights, PoseTopic, RobotLevel, Scan, heights_of
 
 if TYPE_CHECKING:
-    from semmap_log.importing.scan_reporting import SeenVisits
-    from semmap_log.scans.scan_report import ScanReport
+    from semmap_log.analysis.scans.scan_report import ScanReport
+    from semmap_log.interop.importing.scan_reporting import SeenVisits
     from semmap_log.views.palette import Palette
 
 PLOTS = (".png", ".svg")
@@ -88,11 +88,11 @@ def run(
         )
 
     import semmap_log as sl
-    from semmap_log.formats.json.scan_report_json import scan_report_to_json
-    from semmap_log.importing.importing import ImportOptions
-    from semmap_log.importing.scan_reporting import seen_visits
-    from semmap_log.importing.scan_topics import ScanOptions
-    from semmap_log.io.disk import refuse_own_folder
+    from semmap_log.core.io.disk import refuse_own_folder
+    from semmap_log.interop.formats.json.scan_report_json import scan_report_to_json
+    from semmap_log.interop.importing.importing import ImportOptions
+    from semmap_log.interop.importing.scan_reporting import seen_visits
+    from semmap_log.interop.importing.scan_topics import ScanOptions
 
     opened = sl.read(log)
     tell_how_to_begin(opened)
@@ -130,7 +130,7 @@ def _check_plot(plot: Path | None) -> None:
 
 
 def _tell(report: ScanReport) -> None:
-    from semmap_log.common.texts import told_once
+    from semmap_log.core.texts import told_once
     from semmap_log.views.scan_report_table import scan_report_table, warning_lines
 
     console().print(scan_report_table(report))
@@ -141,7 +141,7 @@ def _tell(report: ScanReport) -> None:
 
 
 def _plot(seen: SeenVisits, report: ScanReport, out: Path, palette: Palette) -> None:
-    from semmap_log.common.texts import counted
+    from semmap_log.core.texts import counted
     from semmap_log.views.plots.sighting_panels import (
         MOST_OF_EACH,
         MOST_OF_ONE,
@@ -170,7 +170,7 @@ def _plot(seen: SeenVisits, report: ScanReport, out: Path, palette: Palette) -> 
 
 
 def _make_folder(folder: Path) -> None:
-    from semmap_log.io.disk import output_errors
+    from semmap_log.core.io.disk import output_errors
 
     with output_errors(folder):
         folder.mkdir(exist_ok=True)

@@ -42,11 +42,11 @@ from semmap_log.cli.signing_keys import (
     signed_beside,
     signer_of,
 )
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
-    from semmap_log.domain.doors import DoorMap
-    from semmap_log.domain.events import FloorMap
+    from semmap_log.core.model.doors import DoorMap
+    from semmap_log.core.model.events import FloorMap
 
 NODE = "lta_semantic_map_server"
 
@@ -243,14 +243,14 @@ def run(
       semmap-log serve office --oprs 127.0.0.1:3300 --oprs-to K1 --oprs-to K2
     """
     import semmap_log as sl
-    from semmap_log.costmaps.level_costmap import CostmapOptions
-    from semmap_log.live.serving.door_follower import POLL_S, DoorFollower
-    from semmap_log.live.serving.door_server import DoorServer
-    from semmap_log.live.serving.saving import DoorSaver
-    from semmap_log.live.serving.served_plan import PatrolWish
-    from semmap_log.live.serving.server import ServeOptions, Server
-    from semmap_log.live.serving.yaml_start import start_with_yaml
-    from semmap_log.planning.named_places import listed
+    from semmap_log.analysis.costmaps.level_costmap import CostmapOptions
+    from semmap_log.analysis.planning.named_places import listed
+    from semmap_log.live.ros.serving.door_follower import POLL_S, DoorFollower
+    from semmap_log.live.ros.serving.door_server import DoorServer
+    from semmap_log.live.ros.serving.saving import DoorSaver
+    from semmap_log.live.ros.serving.served_plan import PatrolWish
+    from semmap_log.live.ros.serving.server import ServeOptions, Server
+    from semmap_log.live.ros.serving.yaml_start import start_with_yaml
 
     asking = Asking.of(ask, token_file, any_host=ask_any_host)
     planners = Planners.of(asking, chosen_kernels(oprs, oprs_name, oprs_to), ask_now)
@@ -384,7 +384,7 @@ def _chosen_log(
         FormatError: The file that is to fill it cannot be read: nothing is made.
         OutputError: It cannot be made.
     """
-    from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
+    from semmap_log.interop.formats.files.thesis_yaml import read_thesis_yaml
 
     if (log is None) == (log_option is None):
         raise typer.BadParameter("give the log: LOG, or --log LOG", param_hint="LOG")
@@ -408,8 +408,8 @@ def _floors(
     Raises:
         UnknownLevelError: The level is not there: better told now than to who adds a door.
     """
-    from semmap_log.folds.levels import resolve_level
-    from semmap_log.formats.files.map_server import read_map
+    from semmap_log.core.folds.levels import resolve_level
+    from semmap_log.interop.formats.files.map_server import read_map
 
     if level is None and floor_map is None:
         return {}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog, a_url, print_json, progress, refuse_nan
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.fleet.keeping import RemovedHere
@@ -139,8 +139,8 @@ def run(
 
 
 def _remove_here(log: Path, done: Shipped, days: float) -> RemovedHere:
+    from semmap_log.core.io.object_store import ObjectStore
     from semmap_log.fleet.keeping import remove_shipped
-    from semmap_log.io.object_store import ObjectStore
 
     before_ns = time.time_ns() - int(min(days, MOST_DAYS) * DAY_NS)
     with progress("Reading back") as told:
@@ -148,8 +148,8 @@ def _remove_here(log: Path, done: Shipped, days: float) -> RemovedHere:
 
 
 def _remove_superseded(done: Shipped, days: float) -> Removed:
+    from semmap_log.core.io.object_store import ObjectStore
     from semmap_log.fleet.removing import remove_superseded
-    from semmap_log.io.object_store import ObjectStore
 
     older_ns = int(min(days, MOST_DAYS) * DAY_NS)
     return remove_superseded(ObjectStore(done.url), done.manifest.info.log_id, older_ns)

@@ -11,7 +11,7 @@ import typer
 from semmap_log.cli.common import a_url, say
 from semmap_log.cli.failures import tell
 from semmap_log.cli.told_at_end import told_at_end
-from semmap_log.common.texts import command_line
+from semmap_log.core.texts import command_line
 
 if TYPE_CHECKING:
     from semmap_log.fleet.ship_beside import ShipBeside

@@ -22,7 +22,7 @@ def run(
       semmap-log show office 42
     """
     import semmap_log as sl
-    from semmap_log.formats.json.door_json import entry_to_json
+    from semmap_log.interop.formats.json.door_json import entry_to_json
 
     opened = sl.read(log)
     entry = opened.entry(number)

@@ -13,11 +13,11 @@ import typer
 from semmap_log.cli.common import say, stopped_for_good
 from semmap_log.cli.failures import tell
 from semmap_log.cli.told_at_end import told_at_end
-from semmap_log.common.texts import command_line
+from semmap_log.core.texts import command_line
 
 if TYPE_CHECKING:
-    from semmap_log.signing.ed25519_sdk import SigningKey
-    from semmap_log.signing.sign_beside import SignBeside
+    from semmap_log.log.signing.ed25519_sdk import SigningKey
+    from semmap_log.log.signing.sign_beside import SignBeside
 
 EVERY, LEAST_S = "1m", 0.1
 """How often a recorder signs; and how often it can at most."""
@@ -55,7 +55,7 @@ def key_to_sign(log: Path, path: Path) -> SigningKey:
         SigningError: It cannot be used, or lies in the log's folder.
         MissingExtraError: A package is not installed.
     """
-    from semmap_log.signing.private_keys import read_key
+    from semmap_log.log.signing.private_keys import read_key
 
     return read_key(path, log=log, passphrase=lambda: _passphrase(path))
 
@@ -84,7 +84,7 @@ def signer_of(log: Path, path: Path | None, every: str, *, adopt: bool) -> SignB
         MissingExtraError: A package is not installed.
         typer.BadParameter: `every` is no length of time, or there is no key.
     """
-    from semmap_log.domain.moments import SECOND_NS, parse_duration
+    from semmap_log.core.model.moments import SECOND_NS, parse_duration
     from semmap_log.errors import MomentError
 
     if path is None:
@@ -97,7 +97,7 @@ def signer_of(log: Path, path: Path | None, every: str, *, adopt: bool) -> SignB
         raise typer.BadParameter(str(error), param_hint="--sign-every") from None
     with stopped_for_good():
         key = key_to_sign(log, path)
-    from semmap_log.signing.sign_beside import SignBeside
+    from semmap_log.log.signing.sign_beside import SignBeside
 
     return SignBeside(log, key, adopt=adopt, tell=tell, every_s=max(every_s, LEAST_S))
 

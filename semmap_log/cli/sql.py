@@ -10,11 +10,11 @@ import typer
 
 from semmap_log.cli.common import AsJson, LogPath, a_file, console, print_json_list, say, size_of
 from semmap_log.cli.plain_streams import steering
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
-    from semmap_log.arrow.arrow_sdk import pa
-    from semmap_log.door_log.door_log import DoorLog
+    from semmap_log.core.arrow.arrow_sdk import pa
+    from semmap_log.log.door_log.door_log import DoorLog
 
 
 def run(
@@ -67,10 +67,10 @@ def run(
         except select name from west.doors"
     """
     import semmap_log as sl
-    from semmap_log.io.disk import refuse_own_folder
-    from semmap_log.queries.answer_files import csv_lines, write_answer, writer_for
-    from semmap_log.queries.answer_rows import json_rows
-    from semmap_log.queries.sql_query import table_of_query
+    from semmap_log.analysis.sql.answer_files import csv_lines, write_answer, writer_for
+    from semmap_log.analysis.sql.answer_rows import json_rows
+    from semmap_log.analysis.sql.sql_query import table_of_query
+    from semmap_log.core.io.disk import refuse_own_folder
 
     if as_csv and as_json:
         raise typer.BadParameter("expected one of --csv and --json, got both", param_hint="--csv")
@@ -111,7 +111,7 @@ def _show(answer: pa.Table, log: DoorLog) -> None:
 
 def _columns() -> pa.Table:
     """Return the views' columns, as the answer of a query about them."""
-    from semmap_log.queries.view_words import columns_table
+    from semmap_log.analysis.sql.view_words import columns_table
 
     return columns_table()
 
@@ -128,7 +128,7 @@ def _query(query: str | None, file: Path | None) -> str | None:
     if query != "-" and file is None:
         return query
     from semmap_log.errors import FormatError
-    from semmap_log.formats.parsing.foreign_file import MIB, decode_utf8, read_capped
+    from semmap_log.interop.formats.parsing.foreign_file import MIB, decode_utf8, read_capped
 
     if file is None:
         text = sys.stdin.read(MIB + 1)

@@ -14,10 +14,10 @@ from semmap_log.cli.common import LogPath, say, tell_how_to_begin
 from semmap_log.cli.plain_streams import is_nobody_reading, json_text, write_line
 
 if TYPE_CHECKING:
-    from semmap_log.batches.event_batch import RecordedEvent
-    from semmap_log.domain.commits import Note
-    from semmap_log.domain.doors import DoorId
-    from semmap_log.door_log.door_log import DoorLog
+    from semmap_log.core.batches.event_batch import RecordedEvent
+    from semmap_log.core.model.commits import Note
+    from semmap_log.core.model.doors import DoorId
+    from semmap_log.log.door_log.door_log import DoorLog
     from semmap_log.store.reading.following import FollowedCommit
 
     Told = tuple[RecordedEvent, Note]
@@ -96,7 +96,7 @@ def run(
 
 def _filter(opened: DoorLog, door: str | None, *, poses: bool) -> Callable[[RecordedEvent], bool]:
     """Return what tells which events are shown."""
-    from semmap_log.domain.events import DoorEvent, RobotPose, UnknownEvent
+    from semmap_log.core.model.events import DoorEvent, RobotPose, UnknownEvent
 
     if door is not None:
         door_id = opened.resolve_ever(door)
@@ -159,7 +159,7 @@ def _say_why_nothing(opened: DoorLog, door: str | None, after: int | None) -> No
 
 
 def _json_line(recorded: RecordedEvent, note: Note) -> str:
-    from semmap_log.formats.json.event_json import NOTE_KEYS, event_to_json
+    from semmap_log.interop.formats.json.event_json import NOTE_KEYS, event_to_json
 
     said = {key: getattr(note, key) for key in NOTE_KEYS}
     return json_text(event_to_json(recorded, note=said))
@@ -167,8 +167,8 @@ def _json_line(recorded: RecordedEvent, note: Note) -> str:
 
 def _words(opened: DoorLog, *, for_people: bool) -> Callable[[RecordedEvent, Note], str]:
     """Return what makes a line of an event; doors that are named meanwhile get their names."""
-    from semmap_log.domain.events import ClassDefined, DoorAnnotated
-    from semmap_log.domain.object_classes import CLASS
+    from semmap_log.core.model.events import ClassDefined, DoorAnnotated
+    from semmap_log.core.model.object_classes import CLASS
     from semmap_log.views.column_table import line_of
     from semmap_log.views.tail_lines import event_line, event_row
 

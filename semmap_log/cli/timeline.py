@@ -43,8 +43,8 @@ def run(
       semmap-log timeline office 17 --known-at 2026-03-01T14:02 --json
     """
     import semmap_log as sl
-    from semmap_log.domain.doors import DoorState
-    from semmap_log.formats.json.door_json import timeline_to_json
+    from semmap_log.core.model.doors import DoorState
+    from semmap_log.interop.formats.json.door_json import timeline_to_json
 
     opened = sl.read(log)
     start, end = range_of(opened, since, until)
@@ -56,7 +56,7 @@ def run(
     if as_json:
         print_json(timeline_to_json(found, name=opened.door_names().get(door_id)))
         return
-    from semmap_log.domain.object_classes import DOOR
+    from semmap_log.core.model.object_classes import DOOR
     from semmap_log.views.timeline_table import timeline_pages, timeline_totals
 
     out, of = console(), opened.objects().get(door_id, DOOR)

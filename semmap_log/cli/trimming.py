@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import print_json, progress
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
-    from semmap_log.copies.copies_of_log import Copy
-    from semmap_log.domain.commits import Note
-    from semmap_log.signing.ed25519_sdk import SigningKey
-    from semmap_log.trimming.trim_log import TrimmedLog, TrimRule
+    from semmap_log.core.model.commits import Note
+    from semmap_log.interop.copies.copies_of_log import Copy
+    from semmap_log.log.signing.ed25519_sdk import SigningKey
+    from semmap_log.log.trimming.trim_log import TrimmedLog, TrimRule
 
 DryRun = Annotated[
     bool, typer.Option("--dry-run", help="Only say what would be taken out; nothing is written.")
@@ -40,10 +40,10 @@ def trim(
         dry_run: Whether it is only counted.
         as_json: Whether it is told as JSON.
     """
-    from semmap_log.copies.copies_of_log import plan_copies, take_out_of_copies
-    from semmap_log.copies.going import Going
+    from semmap_log.interop.copies.copies_of_log import plan_copies, take_out_of_copies
+    from semmap_log.interop.copies.going import Going
+    from semmap_log.log.trimming.trim_log import plan_trimming, trim_log
     from semmap_log.store.reading.reader import LogReader
-    from semmap_log.trimming.trim_log import plan_trimming, trim_log
 
     key = None if sign_key is None or dry_run else _checked_key(log, sign_key)
     going = Going.of(rule, LogReader(log))
@@ -69,7 +69,7 @@ def trim(
 def _checked_key(log: Path, path: Path) -> SigningKey:
     """Return the key that vouches for what goes, once the log is known to be what it has signed."""
     from semmap_log.cli.signing_keys import key_to_sign
-    from semmap_log.signing.log_signing import check_before_trimming
+    from semmap_log.log.signing.log_signing import check_before_trimming
 
     key = key_to_sign(log, path)
     with progress("Verifying") as told:
@@ -78,7 +78,7 @@ def _checked_key(log: Path, path: Path) -> SigningKey:
 
 
 def _sign(log: Path, key: SigningKey) -> None:
-    from semmap_log.signing.log_signing import sign
+    from semmap_log.log.signing.log_signing import sign
 
     with progress("Verifying") as told:
         sign(log, key, trimmed=True, progress=told)
@@ -92,7 +92,7 @@ _UNKNOWN = (
 
 def _told_of(copy: Copy, *, dry_run: bool) -> str:
     """Return what became of a copy, or would."""
-    from semmap_log.copies.copies_of_log import Action
+    from semmap_log.interop.copies.copies_of_log import Action
 
     if copy.action is Action.LEFT:
         return f"{copy.path}: {copy.text}"

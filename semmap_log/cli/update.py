@@ -11,7 +11,7 @@ from semmap_log.cli.geometry import End, Line, Start, Theta, Width, X, Y, line_o
 from semmap_log.cli.states import StateOption, a_state_typed, state_given
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log_writer import About
+    from semmap_log.log.door_log.door_log_writer import About
 
 
 @takes_about

@@ -18,7 +18,7 @@ from typer.core import TyperCommand
 from semmap_log.cli.completion import OFFERS, Offers
 from semmap_log.cli.failures import CLICK_ERROR
 from semmap_log.cli.plain_values import with_plain_readers
-from semmap_log.common.lazily import late_pattern
+from semmap_log.core.lazy.lazily import late_pattern
 
 OLD_SPELLINGS = {"--from": "--since", "--to": "--until"}
 """Of ranges of time: still taken by every verb that has no such option of its own."""

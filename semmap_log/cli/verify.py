@@ -10,7 +10,7 @@ import typer
 from semmap_log.cli.common import AnyLogPath, AsJson, console, print_json, progress
 
 if TYPE_CHECKING:
-    from semmap_log.signing.signed_log import SignedVerification
+    from semmap_log.log.signing.signed_log import SignedVerification
 
 HEAD_BYTES = 32
 
@@ -74,8 +74,8 @@ def run(
       semmap-log verify office --public-key k.pub
       semmap-log verify office --public-key k.pub --signatures /backup/office
     """
-    from semmap_log.io.made_logs import is_called_as_made
-    from semmap_log.replay.care import verify
+    from semmap_log.core.io.made_logs import is_called_as_made
+    from semmap_log.log.replay.care import verify
     from semmap_log.views.health import verification_report
 
     wanted = _hash(head) if head else None
@@ -106,15 +106,15 @@ def _verify_signed(
     as_json: bool,
 ) -> None:
     """Verify a log and its signatures, and leave with the exit code."""
-    from semmap_log.io.made_logs import is_called_as_made
+    from semmap_log.core.io.made_logs import is_called_as_made
     from semmap_log.views.health import signed_verification_report
 
     if not keys:
         raise typer.BadParameter("say whom to believe: --public-key", param_hint="--signatures")
     if log.suffix == ".mcap" or is_called_as_made(log):
         raise typer.BadParameter("ask of one whole log", param_hint="--public-key")
-    from semmap_log.signing.public_keys import read_public_keys
-    from semmap_log.signing.signed_log import verify_signed
+    from semmap_log.log.signing.public_keys import read_public_keys
+    from semmap_log.log.signing.signed_log import verify_signed
 
     believed = read_public_keys(keys)
     with progress("Verifying") as told:
@@ -144,7 +144,7 @@ def _signed_to_json(done: SignedVerification) -> dict[str, Any]:
 def _verify_joined(log: Path, head: bytes | None, *, as_json: bool) -> None:
     """Verify each log of a join: the join has no bytes of its own."""
     from semmap_log.fleet.join.joined_logs import flat_definition
-    from semmap_log.replay.care import verify
+    from semmap_log.log.replay.care import verify
     from semmap_log.views.health import verification_report
 
     if head is not None:

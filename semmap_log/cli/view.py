@@ -31,11 +31,11 @@ from semmap_log.cli.common import (
     size_of,
     tell_how_to_begin,
 )
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
-    from semmap_log.domain.doors import DoorId
-    from semmap_log.door_log.door_log import DoorLog
+    from semmap_log.core.model.doors import DoorId
+    from semmap_log.log.door_log.door_log import DoorLog
     from semmap_log.views.rerun.recording import RrdSummary
     from semmap_log.views.rerun.web import WebViewer
 
@@ -153,7 +153,7 @@ def run(
     pixels = (1920, 1080) if size is None else _pixels(size)
 
     import semmap_log as sl
-    from semmap_log.io.disk import refuse_own_folder
+    from semmap_log.core.io.disk import refuse_own_folder
 
     opened = sl.read(log)
     tell_how_to_begin(opened)
@@ -172,7 +172,10 @@ def run(
     if follow:
         _follow(opened, looks, web=web, theme=theme, browser=browser)
         return
-    with _recording(opened, save, {**looks, "scans": scans, "until": end, "at": at}) as (
+    from semmap_log.interop.formats.kept_scans.reading import kept_visits
+
+    reader = kept_visits if scans else None
+    with _recording(opened, save, {**looks, "scans": reader, "until": end, "at": at}) as (
         rrd,
         summary,
     ):
@@ -257,7 +260,7 @@ def _recording(
     opened: DoorLog, save: Path | None, looks: dict[str, Any]
 ) -> Iterator[tuple[Path, RrdSummary]]:
     """Write the recording, to be kept or to be gone at the end; hand out path and summary."""
-    from semmap_log.io.disk import log_name
+    from semmap_log.core.io.disk import log_name
     from semmap_log.views.rerun.recording import save_rrd
 
     with tempfile.TemporaryDirectory(prefix="semmap-log-") as folder:

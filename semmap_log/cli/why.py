@@ -55,8 +55,8 @@ def run(
       semmap-log why office L1/front --at 2026-03-01T14:02 --near 1h --json
     """
     import semmap_log as sl
-    from semmap_log.domain.moments import parse_duration
-    from semmap_log.formats.json.explanation_json import explanation_to_json
+    from semmap_log.core.model.moments import parse_duration
+    from semmap_log.interop.formats.json.explanation_json import explanation_to_json
 
     opened = sl.read(log)
     tell_how_to_begin(opened)

@@ -8,6 +8,10 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
+from semmap_log.core.io.disk import whole_folder
+from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import (
     CorruptLogError,
     LogExistsError,
@@ -15,11 +19,7 @@ from semmap_log.errors import (
     OutputError,
     SemmapError,
 )
-from semmap_log.io.disk import whole_folder
-from semmap_log.io.object_store import ObjectStatus, ObjectStore
-from semmap_log.io.progress import Progress
-from semmap_log.io.url_path import UrlPath
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 from semmap_log.store.bag_metadata import write_bag_metadata
 from semmap_log.store.closed_mark import write_mark
 from semmap_log.store.folder import LogFolder

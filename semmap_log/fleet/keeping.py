@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
 
+from semmap_log.core.io.byte_source import BLOCK_BYTES, blocks
+from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.core.io.progress import Progress
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError
 from semmap_log.fleet.shipping import check_same_way, shipped_before
-from semmap_log.io.byte_source import BLOCK_BYTES, blocks
-from semmap_log.io.object_store import ObjectStatus, ObjectStore
-from semmap_log.io.progress import Progress
 from semmap_log.store.bag_metadata import write_bag_metadata
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.lock import WriterLock

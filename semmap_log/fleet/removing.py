@@ -19,9 +19,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
+from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.errors import LogError
 from semmap_log.fleet.shipping import since_when
-from semmap_log.io.object_store import ObjectStore
 from semmap_log.store.form import MANIFEST_NAME
 from semmap_log.store.log_objects import KeptManifest, read_manifest
 from semmap_log.store.manifest import Manifest, Superseded

@@ -14,12 +14,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from semmap_log.common.texts import command_line, counted
-from semmap_log.common.work_beside import AbandonedWork, WorkBeside
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath, place_of
+from semmap_log.core.io.work_beside import AbandonedWork, WorkBeside
+from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import NotALogError
 from semmap_log.fleet.shipping import Shipped, ship
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath, place_of
 from semmap_log.store.closed_mark import listed_marks
 from semmap_log.store.folder import LogFolder, Version
 from semmap_log.store.form import BAG_METADATA_NAME

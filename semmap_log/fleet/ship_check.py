@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from semmap_log.core.io.byte_source import blocks
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import LogAccessError
 from semmap_log.fleet.shipping import (
     check_conditions,
@@ -16,9 +19,6 @@ from semmap_log.fleet.shipping import (
     shipped_before,
     waiting_events,
 )
-from semmap_log.io.byte_source import blocks
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.log_objects import read_manifest
 from semmap_log.store.manifest import Manifest, ShippedSegment

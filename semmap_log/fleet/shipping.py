@@ -16,12 +16,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from semmap_log.common.texts import command_line, counted
+from semmap_log.core.io.made_logs import refuse_made
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.io.url_path import UrlPath
+from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import LogAccessError, LogError
-from semmap_log.io.made_logs import refuse_made
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.progress import Progress
-from semmap_log.io.url_path import UrlPath
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import MANIFEST_NAME, MOST_LIST_BYTES
 from semmap_log.store.log_objects import KeptManifest, read_manifest

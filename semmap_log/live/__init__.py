@@ -1,1 +1,1 @@
-"""The log while it happens: each way in from the outside world is one file here."""
+"""Programs that run beside a robot: ROS 1, ROS 2, planners."""

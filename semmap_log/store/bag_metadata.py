@@ -11,9 +11,9 @@ from pathlib import PurePath
 
 from mcap.records import Statistics
 
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.common.lazily import late_pattern
-from semmap_log.messages import type_hash
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.lazy.lazily import late_pattern
+from semmap_log.core.messages import type_hash
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import (
     BAG_METADATA_NAME,

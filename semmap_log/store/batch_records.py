@@ -11,10 +11,10 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.batches.event_columns import NO_TIME
-from semmap_log.domain.events import KINDS
-from semmap_log.messages import CDR_HEADER, OBJECT_KINDS, fixed_layout
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.batches.event_columns import NO_TIME
+from semmap_log.core.messages import CDR_HEADER, OBJECT_KINDS, fixed_layout
+from semmap_log.core.model.events import KINDS
 from semmap_log.store import records as mcap
 
 _LOW_32_BITS = 0xFFFF_FFFF

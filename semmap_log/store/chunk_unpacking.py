@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 
 from mcap.opcode import Opcode
 
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 from semmap_log.store import records as mcap
 from semmap_log.store.record_scan import ChunkDamage
 

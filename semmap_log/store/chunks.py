@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.io.checksum import crc32
+from semmap_log.core.io.checksum import crc32
+from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.store import records as mcap
 from semmap_log.store.chunk_unpacking import (
     FREE_CHUNK_BYTES,

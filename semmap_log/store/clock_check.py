@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.domain.commits import Commit
-from semmap_log.domain.moments import format_utc
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.model.commits import Commit
+from semmap_log.core.model.moments import format_utc
 
 JUMP_NS = 60 * 10**9
 """A wall clock that moves by more than this against the monotonic clock of its boot is suspect."""

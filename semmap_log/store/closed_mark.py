@@ -23,8 +23,8 @@ from functools import partial
 from itertools import pairwise
 from pathlib import PurePath
 
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.common.texts import command_line
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.texts import command_line
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import HASH_BYTES, OLD_MARK_NAME, mark_name, mark_names

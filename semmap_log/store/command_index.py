@@ -18,7 +18,7 @@ import numpy as np
 from mcap.records import Attachment
 from numpy.typing import NDArray
 
-from semmap_log.messages import layout
+from semmap_log.core.messages import layout
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.form import COMMAND_ATTACHMENT, COMMIT_CHANNEL, TOMBSTONE_CHANNEL

@@ -12,11 +12,8 @@ from typing import Any
 import numpy as np
 from mcap.opcode import Opcode
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.commits import NO_CONTENT, Commit, Durability, Note
-from semmap_log.domain.events import DoorAnnotated, Event, FloorMap
-from semmap_log.errors import CommandError, InvalidEventError
-from semmap_log.messages import (
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.messages import (
     CDR_HEADER,
     OBJECT_KINDS,
     encode,
@@ -26,6 +23,9 @@ from semmap_log.messages import (
     type_name,
     write_message,
 )
+from semmap_log.core.model.commits import NO_CONTENT, Commit, Durability, Note
+from semmap_log.core.model.events import DoorAnnotated, Event, FloorMap
+from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.store import records as mcap
 from semmap_log.store.batch_records import Start, block_of, is_columns, record_size, sizes_of
 from semmap_log.store.chunk_builder import ChunkBuilder, wider

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.loops import compiled
+from semmap_log.core.loops import compiled
 from semmap_log.store import records as mcap
 from semmap_log.store.event_fields import (
     ABOUT_A_DOOR,

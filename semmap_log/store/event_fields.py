@@ -8,8 +8,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.events import DOOR_KINDS, KINDS, FloorMap
-from semmap_log.messages import OBJECT_KINDS, fixed_layout
+from semmap_log.core.messages import OBJECT_KINDS, fixed_layout
+from semmap_log.core.model.events import DOOR_KINDS, KINDS, FloorMap
 from semmap_log.store import records as mcap
 from semmap_log.store.form import FLOOR_MAP_CHANNEL, kind_of_channel
 

@@ -21,10 +21,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
+from semmap_log.core.io.disk import TEMPORARY_SUFFIX
+from semmap_log.core.io.file_calls import FOLDER, NO_LINK, PLAIN, check_can_write
+from semmap_log.core.io.made_logs import MadeLog, made_log
 from semmap_log.errors import LogAccessError
-from semmap_log.io.disk import TEMPORARY_SUFFIX
-from semmap_log.io.file_calls import FOLDER, NO_LINK, PLAIN, check_can_write
-from semmap_log.io.made_logs import MadeLog, made_log
 from semmap_log.store.form import LOCK_NAME, is_temporary
 from semmap_log.store.zip_files import is_zip, refuse_zip
 

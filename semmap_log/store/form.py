@@ -54,11 +54,11 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.common.lazily import late_pattern
-from semmap_log.domain.events import KINDS, FloorMap
-from semmap_log.io.disk import TEMPORARY_SUFFIX
-from semmap_log.messages import ros_type, type_name
+from semmap_log.core.io.disk import TEMPORARY_SUFFIX
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.lazy.lazily import late_pattern
+from semmap_log.core.messages import ros_type, type_name
+from semmap_log.core.model.events import KINDS, FloorMap
 
 NAMES_OF_FILES = (".mcap", ".zip")
 """How the name of a segment ends, and of a log that was packed; no folder of a log is called so."""

@@ -15,8 +15,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.domain.commits import (
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.messages import OBJECT_KINDS, decode, encode, fixed_layout
+from semmap_log.core.model.commits import (
     GIVEN_EVENTS,
     NO_CONTENT,
     NOTE_TEXTS,
@@ -24,8 +25,7 @@ from semmap_log.domain.commits import (
     Durability,
     Note,
 )
-from semmap_log.domain.events import DoorAnnotated, Event, FloorMap, RobotPose
-from semmap_log.messages import OBJECT_KINDS, decode, encode, fixed_layout
+from semmap_log.core.model.events import DoorAnnotated, Event, FloorMap, RobotPose
 from semmap_log.store.form import COMMIT_CHANNEL, NO_HASH
 from semmap_log.store.tombstone import LostPart, Tombstone
 

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.domain.moments import USUAL_HOLDS
-from semmap_log.io.inflating import inflated
+from semmap_log.core.io.inflating import inflated
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.model.moments import USUAL_HOLDS
 from semmap_log.store.form import (
     DIGEST_KEY,
     FORMAT_MINOR,

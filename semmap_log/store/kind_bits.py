@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.events import (
+from semmap_log.core.model.events import (
     KINDS,
     DoorObserved,
     DoorPassed,

@@ -20,8 +20,8 @@ import stat
 from contextlib import suppress
 from typing import Any
 
+from semmap_log.core.io.lock_holders import is_held_by_strangers
 from semmap_log.errors import LogAccessError, LogLockedError
-from semmap_log.io.lock_holders import is_held_by_strangers
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import LOCK_NAME, NEW_LOCK_NAME
 

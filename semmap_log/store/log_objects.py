@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-from semmap_log.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.store.bag_metadata import listed_names
 from semmap_log.store.form import (
     BAG_METADATA_NAME,

@@ -14,8 +14,8 @@ from itertools import pairwise
 from pathlib import PurePath
 from typing import Any
 
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.common.lazily import late_pattern
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.lazy.lazily import late_pattern
 from semmap_log.errors import CorruptLogError, NewerLogError
 from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.form import HASH_BYTES, NO_HASH, count_events

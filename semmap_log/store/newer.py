@@ -13,7 +13,7 @@ from typing import Any
 
 from mcap.opcode import Opcode
 
-from semmap_log.domain.events import KINDS
+from semmap_log.core.model.events import KINDS
 from semmap_log.store import records as mcap
 from semmap_log.store.form import CHANGES_KEY, LAST_EVENT_CHANNEL, NOTHING
 

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.batches.event_batch import EventBatch, SourcesOf
-from semmap_log.batches.event_columns import LazyColumns
-from semmap_log.batches.kind_places import places_by_kind
-from semmap_log.common.distinct import distinct
-from semmap_log.common.lazily import computed_once
-from semmap_log.domain.commits import Commit, Durability, Note
-from semmap_log.domain.events import KINDS, Event, UnknownEvent, unknown_kind
+from semmap_log.core.batches.distinct import distinct
+from semmap_log.core.batches.event_batch import EventBatch, SourcesOf
+from semmap_log.core.batches.event_columns import LazyColumns
+from semmap_log.core.batches.kind_places import places_by_kind
+from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.messages import decode, fixed_layout, layout, read_message, type_name
+from semmap_log.core.model.commits import Commit, Durability, Note
+from semmap_log.core.model.events import KINDS, Event, UnknownEvent, unknown_kind
 from semmap_log.errors import CorruptLogError
-from semmap_log.messages import decode, fixed_layout, layout, read_message, type_name
 from semmap_log.store import records as mcap
 from semmap_log.store.event_fields import (
     ABOUT_A_DOOR,

@@ -9,8 +9,8 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from semmap_log.loops import compiled
-from semmap_log.messages import CDR_HEADER
+from semmap_log.core.loops import compiled
+from semmap_log.core.messages import CDR_HEADER
 from semmap_log.store import records as mcap
 from semmap_log.store.event_fields import EventFields
 

@@ -12,9 +12,9 @@ import json
 import os
 from typing import TYPE_CHECKING
 
-from semmap_log.common.late_dataclass import dataclass
+from semmap_log.core.io.url_path import UrlPath, place_of
+from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.errors import CorruptLogError, LogError
-from semmap_log.io.url_path import UrlPath, place_of
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import KEPT_SUFFIX, MOST_LIST_BYTES, REMOVED_NAME
 from semmap_log.store.sealed_json import sealed, unsealed

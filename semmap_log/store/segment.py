@@ -28,10 +28,10 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from semmap_log.io.checksum import crc32
-from semmap_log.io.disk import write_all
-from semmap_log.io.reserved_blocks import ReservedBlocks
-from semmap_log.messages import schema_text, type_hash
+from semmap_log.core.io.checksum import crc32
+from semmap_log.core.io.disk import write_all
+from semmap_log.core.io.reserved_blocks import ReservedBlocks
+from semmap_log.core.messages import schema_text, type_hash
 from semmap_log.store import records as mcap
 from semmap_log.store.bag_metadata import ClosedSegment
 from semmap_log.store.chunks import BuiltChunk, ChunkFacts

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.common.late_dataclass import dataclass
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.messages import read_message, type_name, write_message
 from semmap_log.errors import CorruptLogError
-from semmap_log.messages import read_message, type_name, write_message
 from semmap_log.store import records as mcap
 from semmap_log.store.form import HASH_BYTES, NO_HASH, TOMBSTONE_CHANNEL
 from semmap_log.store.header import TrimReason

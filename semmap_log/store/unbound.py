@@ -12,7 +12,7 @@ import hashlib
 import json
 import struct
 
-from semmap_log.domain.moments import USUAL_HOLDS
+from semmap_log.core.model.moments import USUAL_HOLDS
 from semmap_log.store.header import LogInfo, SegmentHeader
 
 _ITEM = struct.Struct("<cQ")

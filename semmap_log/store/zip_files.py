@@ -5,8 +5,8 @@ from __future__ import annotations
 import stat
 from pathlib import Path
 
+from semmap_log.core.io.made_logs import refuse_made
 from semmap_log.errors import LogAccessError
-from semmap_log.io.made_logs import refuse_made
 
 _MAGIC = (b"PK\3\4", b"PK\5\6")
 """Of a zip that holds something, and of one that holds nothing."""

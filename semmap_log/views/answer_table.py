@@ -8,9 +8,9 @@ from typing import Any
 
 from rich.text import Text
 
-from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.domain.moments import format_local
-from semmap_log.queries.answer_rows import answer_rows, column_names, instants_ns
+from semmap_log.analysis.sql.answer_rows import answer_rows, column_names, instants_ns
+from semmap_log.core.arrow.arrow_sdk import pa
+from semmap_log.core.model.moments import format_local
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT

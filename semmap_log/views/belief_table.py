@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.beliefs.door_beliefs import DoorBelief
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.moments import format_local
+from semmap_log.analysis.beliefs.door_beliefs import DoorBelief
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.moments import format_local
 from semmap_log.views.belief_words import (
     CARRIED_OVER,
     labels_in,

@@ -7,12 +7,12 @@ from typing import Protocol
 
 import numpy as np
 
-from semmap_log.beliefs.evidence_summary import EvidenceSummary
-from semmap_log.common.texts import counted
-from semmap_log.domain.doors import Door
-from semmap_log.domain.moments import format_short
-from semmap_log.door_log.door_labels import told_apart
-from semmap_log.probabilities.evidence.coverage import WEEK, spans_in_short
+from semmap_log.analysis.beliefs.evidence_summary import EvidenceSummary
+from semmap_log.analysis.probabilities.evidence.coverage import WEEK, spans_in_short
+from semmap_log.core.model.doors import Door
+from semmap_log.core.model.moments import format_short
+from semmap_log.core.texts import counted
+from semmap_log.log.door_log.door_labels import told_apart
 from semmap_log.views.event_words import printable
 
 MOST_GROUPS = 3

@@ -11,7 +11,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from semmap_log.common.late_dataclass import dataclass
+from semmap_log.core.lazy.late_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.beliefs.best_times import BestTime, LikelyHours
-from semmap_log.domain.moments import SECOND_NS, format_short
-from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_short
+from semmap_log.analysis.beliefs.best_times import BestTime, LikelyHours
+from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_short
+from semmap_log.core.model.moments import SECOND_NS, format_short
 from semmap_log.views.belief_words import moment_in_words, why_unknown, with_interval
 from semmap_log.views.column_table import ColumnTable, TableColumn
 from semmap_log.views.event_words import printable

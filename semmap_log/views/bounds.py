@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.events import FloorMap
+from semmap_log.core.model.events import FloorMap
 
 MARGIN_M = 1.0
 SMALLEST_SIDE_M = 4.0

@@ -9,9 +9,9 @@ from types import MappingProxyType
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.beliefs.sensor_calibration import Calibration, DoorCalibration, SensorHits
-from semmap_log.common.texts import command_line
-from semmap_log.domain.doors import DoorId
+from semmap_log.analysis.beliefs.sensor_calibration import Calibration, DoorCalibration, SensorHits
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.texts import command_line
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
 from semmap_log.views.health import pasteable, plain_lines

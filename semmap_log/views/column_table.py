@@ -17,7 +17,7 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderR
 from rich.table import Table
 from rich.text import Text
 
-from semmap_log.common.late_dataclass import dataclass
+from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.views.beside import BesideLayout, Pair, beside_or_below
 
 GAP = 1

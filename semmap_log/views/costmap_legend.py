@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from semmap_log.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
-from semmap_log.domain.doors import DoorState
+from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
+from semmap_log.core.model.doors import DoorState
 from semmap_log.views.costmap_shading import shaded
 from semmap_log.views.palette import COST_DOORS, COST_INK
 

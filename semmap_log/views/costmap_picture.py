@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from semmap_log.costmap_2d.grid import GridGeometry
-from semmap_log.domain.doors import DoorState, reduced
+from semmap_log.analysis.costmap_2d.grid import GridGeometry
+from semmap_log.core.model.doors import DoorState, reduced
 from semmap_log.errors import CostmapError
 from semmap_log.views.costmap_legend import (
     LEGEND_PX,

@@ -9,7 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION, to_occupancy
+from semmap_log.analysis.costmap_2d.costs import (
+    FREE_SPACE,
+    INSCRIBED,
+    LETHAL,
+    NO_INFORMATION,
+    to_occupancy,
+)
 from semmap_log.views.palette import (
     COST_FREE,
     COST_HATCH,

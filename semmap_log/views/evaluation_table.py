@@ -8,10 +8,10 @@ from types import MappingProxyType
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.beliefs.evaluation import Evaluation
-from semmap_log.common.texts import counted, percent
-from semmap_log.domain.doors import DoorId
-from semmap_log.probabilities.scores import Scores
+from semmap_log.analysis.beliefs.evaluation import Evaluation
+from semmap_log.analysis.probabilities.scores import Scores
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.texts import counted, percent
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn, TextPicture
 from semmap_log.views.event_words import printable
 from semmap_log.views.timeline_table import duration

@@ -7,9 +7,8 @@ from typing import cast
 
 from typing_extensions import assert_never
 
-from semmap_log.common.texts import counted, percent
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import (
     AnyEvent,
     ClassDefined,
     DoorAdded,
@@ -32,17 +31,19 @@ from semmap_log.domain.events import (
     SightingsThinned,
     UnknownEvent,
 )
-from semmap_log.domain.meaning import PARTS, Changed
-from semmap_log.domain.moments import format_utc
-from semmap_log.domain.object_classes import DOOR, ObjectClass
+from semmap_log.core.model.meaning import PARTS, Changed
+from semmap_log.core.model.moments import format_utc
+from semmap_log.core.model.object_classes import DOOR, ObjectClass
+from semmap_log.core.texts import counted, percent
 
 
-def words_of(event: Event, of: ObjectClass = DOOR) -> str:
+def words_of(event: Event, of: ObjectClass = DOOR, *, in_full: bool = False) -> str:
     """Return what happened, such as `seen OPEN (90 %)`.
 
     Args:
         event: The event.
         of: What it is about: its states are called as that class has it.
+        in_full: As part of a sentence: `seen OPEN (accuracy 90 %)`.
     """
     known = cast("AnyEvent", event)
     match known:
@@ -54,11 +55,13 @@ def words_of(event: Event, of: ObjectClass = DOOR) -> str:
         case DoorRemoved():
             return "removed from the map"
         case DoorObserved():
-            return f"seen {of.word(known.state)}{_accuracy(known)}{_opening(known)}"
+            seen = f"seen {of.word(known.state)}"
+            return f"{seen}{_accuracy(known, in_full=in_full)}{_opening(known)}"
         case DoorRequested():
             return f"asked to be {of.word(known.state)}"
         case DoorPassed():
-            waited = "" if math.isnan(known.waited_s) else f" after {known.waited_s:.0f} s"
+            unit = "seconds of waiting" if in_full else "s"
+            waited = "" if math.isnan(known.waited_s) else f" after {known.waited_s:.0f} {unit}"
             return f"passed{waited}" if known.passed else f"given up{waited}"
         case PatrolStarted():
             return f"patrol {known.patrol} started"
@@ -129,7 +132,7 @@ def _probabilities(event: DoorAdded) -> str:
     return said + ("" if math.isnan(event.prob_closed) else f", P(closed) {event.prob_closed:.2f}")
 
 
-def _accuracy(event: DoorObserved) -> str:
+def _accuracy(event: DoorObserved, *, in_full: bool) -> str:
     """Return how often the sensor reads such a state right, where it is not without fault."""
     match event.state:
         case DoorState.OPEN:
@@ -138,7 +141,9 @@ def _accuracy(event: DoorObserved) -> str:
             right = event.accuracy_closed
         case _:
             return ""
-    return "" if right == 1 else f" ({percent(right)})"
+    if right == 1:
+        return ""
+    return f" ({'accuracy ' if in_full else ''}{percent(right)})"
 
 
 def _opening(event: DoorObserved) -> str:

@@ -1,4 +1,4 @@
-"""Why a door was in a state, for people: a fact a row, all on one screen."""
+"""Why a door was in a state, for people: a fact a row, in whole words, all on one screen."""
 
 from __future__ import annotations
 
@@ -7,22 +7,30 @@ from collections.abc import Callable
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.beliefs.door_beliefs import DoorBelief
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.moments import format_local, format_short
-from semmap_log.domain.object_classes import DOOR, ObjectClass
-from semmap_log.door_log.explanation import Explanation, StateReason
-from semmap_log.folds.history import HistoryEntry
-from semmap_log.views.belief_words import why_unknown, with_interval
+from semmap_log.analysis.beliefs.door_beliefs import DoorBelief
+from semmap_log.core.folds.history import HistoryEntry
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.moments import format_local, format_short
+from semmap_log.core.model.object_classes import DOOR, ObjectClass
+from semmap_log.log.door_log.explanation import Explanation, StateReason
+from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.column_table import CellValue
-from semmap_log.views.event_words import printable
+from semmap_log.views.event_words import printable, words_of
 from semmap_log.views.pairs import PairTable, add_pair, pairs
-from semmap_log.views.tables import OTHER_STATE_COLOUR, STATE_COLOURS, words_of_entry
+from semmap_log.views.tables import (
+    LATE_NS,
+    OTHER_STATE_COLOUR,
+    STATE_COLOURS,
+    taken_back,
+    values_before,
+)
 from semmap_log.views.timeline_table import duration
 
 MOST_OTHERWISE = 5
 """So many events that say otherwise are shown, those nearest to the moment; `--json` has all."""
 LIKELY = 0.5
+OTHERS = "other reports"
+UNIT_WORDS = {"d": "day", "h": "hour", "min": "minute", "s": "second"}
 
 When = Callable[[int], str]
 """How a time is written."""
@@ -37,13 +45,13 @@ def explanation_table(told: Explanation, *, tz: str) -> RenderableType:
     """
     rows = _Rows(told, tz)
     rows.add("door", lambda _: Text(_called(told)))
-    rows.add("at", lambda _: Text(format_local(told.time_ns, tz)))
+    rows.add("moment", lambda _: Text(format_local(told.time_ns, tz)))
     rows.add_state("true", told.true)
     if told.known_event is not None:
         _add_believed(rows, told)
     _add_otherwise(rows, told)
     rows.add("P(open)", lambda _: _p_open(told))
-    rows.add("next", lambda when: _next(told, when))
+    rows.add("next change", lambda when: _next(told, when))
     return Group(rows.table, Text(_caption(told, rows), style="dim"))
 
 
@@ -71,14 +79,12 @@ class _Rows:
         if known.begun_by is None or known.last is None:
             return
         begun, last = known.begun_by, known.last
-        self.add("by", lambda _: _event(begun, self._of), under=name)
+        self.add("begun by", lambda _: _event(begun, self._of), under=name)
         if last.number != begun.number:
-            before = duration(told.time_ns - last.folds_ns)
-            times = f"; told {known.times_told} times"
+            before = _length(told.time_ns - last.folds_ns)
+            count = f"the last of {known.times_told} reports, {before} earlier"
             self.add(
-                "last by",
-                lambda _: _event(last, self._of).append(f", {before} before{times}"),
-                under=name,
+                "last report", lambda _: _event(last, self._of).append(f"; {count}"), under=name
             )
 
     def drawn(self, ns: int) -> str:
@@ -113,10 +119,10 @@ def _state(known: StateReason, told: Explanation, when: When) -> Text:
     if known.state is None:
         if known.since_ns is None:
             return Text("not yet in the map", style=OTHER_STATE_COLOUR)
-        gone = duration(told.time_ns - known.since_ns)
+        gone = _length(told.time_ns - known.since_ns)
         return Text(f"removed at {when(known.since_ns)}, {gone} before", style=OTHER_STATE_COLOUR)
     assert known.since_ns is not None, "a door that is there has a state since some time"
-    lasted = duration(told.time_ns - known.since_ns)
+    lasted = _length(told.time_ns - known.since_ns)
     said = f" since {when(known.since_ns)}, for {lasted}"
     return _coloured(known.state, _class_told(told)).append(said)
 
@@ -127,10 +133,27 @@ def _coloured(state: DoorState, of: ObjectClass, said: str = "") -> Text:
 
 
 def _event(entry: HistoryEntry, of: ObjectClass) -> Text:
-    """Return an event in a sentence: its number, what it says, who and why."""
-    ahead = " (its clock was ahead)" if entry.happened_ns > entry.recorded_ns else ""
-    said = words_of_entry(entry, of)
-    return Text(f"event {entry.number}, ").append(said).append(f"{ahead}{_who(entry)}")
+    """Return an event in a sentence: its number, what it says, who and why, what was before."""
+    said = [f"{words_of(entry.event, of, in_full=True)}{taken_back(entry)}{_who(entry)}"]
+    known = values_before(entry, of)
+    if len(known) == 1:
+        said.append(f"before that {known[0][1]}")
+    elif known:
+        before = ", ".join(f"{field} {value}" for field, value in known)
+        said.append(f"before that {before}")
+    late_ns = entry.recorded_ns - entry.happened_ns
+    if late_ns > LATE_NS:
+        said.append(f"recorded {_length(late_ns)} later")
+    elif late_ns < 0:
+        said.append("its clock was ahead")
+    return Text(f"event {entry.number}: {printable('; '.join(said))}")
+
+
+def _length(ns: int) -> str:
+    """Return a length of time in whole words: `2 days 3 hours`, `1 minute`."""
+    parts = iter(duration(ns).split())
+    return " ".join(f"{count} {UNIT_WORDS[unit]}{'s' * (count != '1')}" for count, unit in
+                    zip(parts, parts, strict=True))  # fmt: skip
 
 
 def _who(entry: HistoryEntry) -> str:
@@ -166,7 +189,7 @@ def _was_taken_back(told: Explanation, wrong: HistoryEntry, when: When) -> Text:
 
 
 def _was_told_late(late: HistoryEntry, when: When) -> Text:
-    after = duration(late.recorded_ns - late.folds_ns)
+    after = _length(late.recorded_ns - late.folds_ns)
     return Text(
         f"event {late.number} was recorded later, at {when(late.recorded_ns)}, {after} after it "
         "happened"
@@ -178,22 +201,22 @@ def _add_otherwise(rows: _Rows, told: Explanation) -> None:
     if told.true.state is None:
         return
     if not told.otherwise:
-        rows.add("otherwise", lambda _: Text("nothing"))
+        rows.add(OTHERS, lambda _: Text("none"))
         return
     nearest = sorted(told.otherwise, key=lambda entry: abs(entry.folds_ns - told.time_ns))
     shown = nearest[:MOST_OTHERWISE]
-    name = "otherwise"
+    name = OTHERS
     for entry in told.otherwise:
         if entry in shown:
             _add_one_otherwise(rows, name, entry, _class_told(told))
             name = ""
     if len(told.otherwise) > len(shown):
-        more = f"… and {len(told.otherwise) - len(shown)} more, farther away; all: --json"
-        rows.add("", lambda _: Text(more), under="otherwise")
+        more = f"… and {len(told.otherwise) - len(shown)} more, farther away; --json has all"
+        rows.add("", lambda _: Text(more), under=OTHERS)
 
 
 def _add_one_otherwise(rows: _Rows, name: str, entry: HistoryEntry, of: ObjectClass) -> None:
-    under = "" if name else "otherwise"
+    under = "" if name else OTHERS
     rows.add(
         name, lambda when: Text(f"{when(entry.folds_ns)} ").append(_event(entry, of)), under=under
     )
@@ -210,10 +233,18 @@ def _p_open(told: Explanation) -> Text:
         return Text(f"UNKNOWN{why}", style=OTHER_STATE_COLOUR)
     likely = DoorState.OPEN if belief.p_open >= LIKELY else DoorState.CLOSED
     of = _class_told(told)
-    said = _coloured(likely, of, with_interval(belief.p_open, belief.low, belief.high))
+    said = _coloured(likely, of, _number(belief.p_open))
+    if _number(belief.low) != _number(belief.high):
+        said.append(f", with 90 % certainty {belief.low:.2f} to {belief.high:.2f}")
     is_against = told.believed.state in STATE_COLOURS and told.believed.state is not likely
-    doubt = f": rather {of.word(likely)}, against the state that was believed" if is_against else ""
-    return said.append(doubt)
+    return said.append("; against what was believed" if is_against else "")
+
+
+def _number(probability: float) -> str:
+    """Return a probability in two digits, or that it is below or above what these can say."""
+    if probability < 0.005:
+        return "less than 0.01"
+    return "more than 0.99" if probability >= 0.995 else f"{probability:.2f}"
 
 
 def _next(told: Explanation, when: When) -> Text:
@@ -221,14 +252,14 @@ def _next(told: Explanation, when: When) -> Text:
     change, of = told.next, _class_told(told)
     if change is not None:
         named = Text("removed") if change.state is None else _coloured(change.state, of)
-        later = duration(change.time_ns - told.time_ns)
+        later = _length(change.time_ns - told.time_ns)
         return named.append(f" at {when(change.time_ns)}, {later} later; ").append(
             _event(change.entry, of)
         )
     if told.time_ns > told.end_ns:
-        before = duration(told.time_ns - told.end_ns)
+        before = _length(told.time_ns - told.end_ns)
         return Text(f"not known: the log ends {before} before, at {when(told.end_ns)}")
-    return Text(f"no other up to the log's end, {when(told.end_ns)}")
+    return Text(f"none up to the log's end, {when(told.end_ns)}")
 
 
 def _caption(told: Explanation, rows: _Rows) -> str:
@@ -237,8 +268,8 @@ def _caption(told: Explanation, rows: _Rows) -> str:
     notes = ["true: by all that is known today"]
     if told.known_event is not None:
         known = "" if told.known_event < 0 else f", up to event {told.known_event}"
-        notes.append(f"believed: by what was recorded then{known}")
+        notes.append(f"believed: by what had been recorded at the moment{known}")
     if told.true.state is not None:
-        notes.append(f"otherwise: what told another state from {span}")
-    notes.append("P(open): by what was known then; in brackets the 90 % interval")
+        notes.append(f"other reports: events that say another state, from {span}")
+    notes.append("P(open): the probability that it was open, by what was known at the moment")
     return "\n".join(notes)

@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
-from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.arrow.plain_rows import plain_rows
-from semmap_log.common.texts import counted
+from semmap_log.core.arrow.arrow_sdk import pa
+from semmap_log.core.arrow.plain_rows import plain_rows
+from semmap_log.core.texts import counted
 from semmap_log.fleet.jobs.log_outcome import AskedLog
 from semmap_log.views.column_table import ColumnTable, TableColumn
 

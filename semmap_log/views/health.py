@@ -9,15 +9,15 @@ from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from semmap_log.common.texts import command_line, counted
-from semmap_log.domain.moments import format_local
-from semmap_log.io.url_path import UrlPath
+from semmap_log.core.io.url_path import UrlPath
+from semmap_log.core.model.moments import format_local
+from semmap_log.core.texts import command_line, counted
 from semmap_log.store.verification.findings import Finding, Severity, Verification
 
 if TYPE_CHECKING:
     from pathlib import PurePath
 
-    from semmap_log.signing.signed_log import SignedVerification
+    from semmap_log.log.signing.signed_log import SignedVerification
     from semmap_log.store.salvage import Loss, Recovered, RecoveryPlan
 
 VERDICTS = {0: "good", 3: "torn tail", 4: "damaged", 5: "not a log", 6: "unsigned end"}

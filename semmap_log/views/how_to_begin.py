@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from semmap_log.common.texts import command_line
+from semmap_log.core.texts import command_line
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog
+    from semmap_log.log.door_log.door_log import DoorLog
 
 NOT_IN_THIS_PART = (
     "No door is in this part of the log. To see more of it, leave out --since, --until or --door."

@@ -8,7 +8,7 @@ from html import escape
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 from semmap_log.views.column_table import ColumnTable, TableColumn, TextPicture, drawn_text
 from semmap_log.views.pairs import PairTable
 

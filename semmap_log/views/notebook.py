@@ -13,17 +13,17 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.beliefs.door_beliefs import DoorBelief, DoorBeliefs
-from semmap_log.common.texts import counted
-from semmap_log.domain.doors import DoorId, DoorMap
-from semmap_log.domain.moments import format_local
-from semmap_log.door_log.appended import Appended
-from semmap_log.door_log.door_log import DoorLog, Time
-from semmap_log.door_log.explanation import Explanation
-from semmap_log.folds.diff import Diff
-from semmap_log.folds.history import HistoryEntry
-from semmap_log.folds.timeline import Timeline
-from semmap_log.io.progress import Progress
+from semmap_log.analysis.beliefs.door_beliefs import DoorBelief, DoorBeliefs
+from semmap_log.core.folds.diff import Diff
+from semmap_log.core.folds.history import HistoryEntry
+from semmap_log.core.folds.timeline import Timeline
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.model.doors import DoorId, DoorMap
+from semmap_log.core.model.moments import format_local
+from semmap_log.core.texts import counted
+from semmap_log.log.door_log.appended import Appended
+from semmap_log.log.door_log.door_log import DoorLog, Time
+from semmap_log.log.door_log.explanation import Explanation
 from semmap_log.views import html_table
 from semmap_log.views.belief_table import belief_table
 from semmap_log.views.event_words import printable

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from semmap_log.domain.doors import DoorState, reduced
+from semmap_log.core.model.doors import DoorState, reduced
 
 Rgb = tuple[int, int, int]
 

@@ -7,12 +7,12 @@ from collections.abc import Iterable
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.common.texts import counted
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.moments import SECOND_NS, format_local, format_short
-from semmap_log.planning.patrol_plan import PatrolPlan, PlannedStop
-from semmap_log.planning.patrol_round import EXPECTED_P
-from semmap_log.planning.patrol_targets import NotVisited
+from semmap_log.analysis.planning.patrol_plan import PatrolPlan, PlannedStop
+from semmap_log.analysis.planning.patrol_round import EXPECTED_P
+from semmap_log.analysis.planning.patrol_targets import NotVisited
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.moments import SECOND_NS, format_local, format_short
+from semmap_log.core.texts import counted
 from semmap_log.views.belief_words import MOST_NAMED, named, with_interval
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable

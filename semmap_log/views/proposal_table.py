@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import degrees
 from typing import Any
 
-from semmap_log.scans.proposing.proposals import Proposal
+from semmap_log.analysis.scans.proposing.proposals import Proposal
 from semmap_log.views.column_table import ColumnTable, TableColumn
 
 UNKNOWN_KIND = "unknown"

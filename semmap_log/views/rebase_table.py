@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 
 from rich.text import Text
 
-from semmap_log.common.texts import counted
-from semmap_log.domain.doors import Door, DoorId
-from semmap_log.door_log.map_fit import MapFit
-from semmap_log.door_log.rebasing import MovedDoor, RebasePlan
+from semmap_log.core.model.doors import Door, DoorId
+from semmap_log.core.texts import counted
+from semmap_log.log.door_log.map_fit import MapFit
+from semmap_log.log.door_log.rebasing import MovedDoor, RebasePlan
 from semmap_log.views.column_table import ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT, SHORTEST_NAME

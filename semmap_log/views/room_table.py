@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from semmap_log.rooms import Room, RoomPlan
+from semmap_log.analysis.rooms import Room, RoomPlan
 from semmap_log.views.column_table import CellValue, ColumnTable, TableColumn
 from semmap_log.views.room_words import RoomWords, first_of
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.rooms import RoomId
-from semmap_log.rooms.level_rooms import LevelRooms
+from semmap_log.analysis.rooms import RoomId
+from semmap_log.analysis.rooms.level_rooms import LevelRooms
 from semmap_log.views.palette import ROOM_TINTS
 
 BESIDE_CELLS = 9

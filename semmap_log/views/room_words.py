@@ -6,12 +6,12 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from semmap_log.common.texts import command_line, counted
-from semmap_log.domain.events import FloorMap
-from semmap_log.door_log.door_labels import labels_of
-from semmap_log.folds.levels import told
-from semmap_log.rooms import OUTSIDE, Doorway, RoomId, RoomPlan
-from semmap_log.rooms.level_rooms import OCCUPIED_FROM
+from semmap_log.analysis.rooms import OUTSIDE, Doorway, RoomId, RoomPlan
+from semmap_log.analysis.rooms.level_rooms import OCCUPIED_FROM
+from semmap_log.core.folds.levels import told
+from semmap_log.core.model.events import FloorMap
+from semmap_log.core.texts import command_line, counted
+from semmap_log.log.door_log.door_labels import labels_of
 
 MOST_NAMED = 5
 """So many of one kind are named; --json has all."""

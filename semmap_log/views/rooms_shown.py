@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from semmap_log.costmap_2d.grid import GridGeometry
-from semmap_log.domain.doors import DoorMap
-from semmap_log.domain.events import FloorMap
-from semmap_log.door_log.door_log import DoorLog
+from semmap_log.analysis.costmap_2d.grid import GridGeometry
+from semmap_log.analysis.rooms import RoomPlan, plan_of
+from semmap_log.core.model.doors import DoorMap
+from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import CostmapError
-from semmap_log.rooms import RoomPlan, plan_of
+from semmap_log.log.door_log.door_log import DoorLog
 
 
 def rooms_shown(log: DoorLog, door_map: DoorMap) -> RoomPlan:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from semmap_log.domain.moments import format_local, format_short
-from semmap_log.planning.followed_round import FollowedRound, RoundStep
-from semmap_log.planning.patrol_plan import PlannedStop
+from semmap_log.analysis.planning.followed_round import FollowedRound, RoundStep
+from semmap_log.analysis.planning.patrol_plan import PlannedStop
+from semmap_log.core.model.moments import format_local, format_short
 from semmap_log.views.belief_words import named, with_interval
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT

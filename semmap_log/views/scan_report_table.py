@@ -7,9 +7,9 @@ from math import isfinite
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.common.texts import counted
-from semmap_log.scans.door_figures import DoorFigures
-from semmap_log.scans.scan_report import ScanReport
+from semmap_log.analysis.scans.door_figures import DoorFigures
+from semmap_log.analysis.scans.scan_report import ScanReport
+from semmap_log.core.texts import counted
 from semmap_log.views.column_table import CellValue, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
 from semmap_log.views.sightings.visit_words import share

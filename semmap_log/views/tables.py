@@ -19,13 +19,13 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.common.texts import command_line, counted
-from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
-from semmap_log.domain.events import DoorUpdated, Event, FloorMap, RobotPose, field_names
-from semmap_log.domain.meaning import PART_OF
-from semmap_log.domain.moments import format_local, format_short
-from semmap_log.domain.object_classes import DOOR, ObjectClass
-from semmap_log.folds.levels import levels_of
+from semmap_log.core.folds.levels import levels_of
+from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState
+from semmap_log.core.model.events import DoorUpdated, Event, FloorMap, RobotPose, field_names
+from semmap_log.core.model.meaning import PART_OF
+from semmap_log.core.model.moments import format_local, format_short
+from semmap_log.core.model.object_classes import DOOR, ObjectClass
+from semmap_log.core.texts import command_line, counted
 from semmap_log.views.column_table import (
     Cell,
     CellValue,
@@ -38,11 +38,11 @@ from semmap_log.views.event_words import printable, words_of
 from semmap_log.views.pairs import add_pair, pairs
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.personal_data import PersonalData
-    from semmap_log.door_log.summary import LogSummary
-    from semmap_log.folds.diff import Diff, FieldChange
-    from semmap_log.folds.history import HistoryEntry
-    from semmap_log.replay.read_model.indexing import IndexState
+    from semmap_log.core.folds.diff import Diff, FieldChange
+    from semmap_log.core.folds.history import HistoryEntry
+    from semmap_log.log.door_log.personal_data import PersonalData
+    from semmap_log.log.door_log.summary import LogSummary
+    from semmap_log.log.replay.read_model.indexing import IndexState
     from semmap_log.store.clock_check import SuspectCommit
 
 ABSENT = "-"
@@ -223,7 +223,7 @@ def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> ColumnTable:
         name: What the door is called.
     """
     table = pairs([
-        ("event", f"{entry.number}{_taken_back(entry)}"),
+        ("event", f"{entry.number}{taken_back(entry)}"),
         ("kind", entry.kind),
     ])  # fmt: skip
     if entry.door_id is not None:
@@ -437,10 +437,10 @@ def words_of_entry(entry: HistoryEntry, of: ObjectClass = DOOR) -> Text:
     late_ns = entry.recorded_ns - entry.happened_ns
     if late_ns > LATE_NS:
         said += f" (told {age(0, late_ns)} later)"
-    return _text(said + _before(entry, of) + _taken_back(entry))
+    return _text(said + _before(entry, of) + taken_back(entry))
 
 
-def _taken_back(entry: HistoryEntry) -> str:
+def taken_back(entry: HistoryEntry) -> str:
     """Return that an event was retracted; by which other, where that is known."""
     if not entry.retracted:
         return ""
@@ -450,11 +450,17 @@ def _taken_back(entry: HistoryEntry) -> str:
 
 def _before(entry: HistoryEntry, of: ObjectClass) -> str:
     """Return what the fields that an event changed had been, such as `, was CLOSED`."""
-    known = [change for change in entry.changes if not _is_absent(change.before)]
+    known = values_before(entry, of)
     if len(known) == 1:
-        return f", was {_short(known[0].before, of)}"
-    said = ", ".join(f"{change.field} {_short(change.before, of)}" for change in known)
+        return f", was {known[0][1]}"
+    said = ", ".join(f"{field} {value}" for field, value in known)
     return f"; was: {said}" if said else ""
+
+
+def values_before(entry: HistoryEntry, of: ObjectClass) -> list[tuple[str, str]]:
+    """Return (field, value before) of the fields that an event changed and that had a value."""
+    known = [change for change in entry.changes if not _is_absent(change.before)]
+    return [(change.field, _short(change.before, of)) for change in known]
 
 
 def _is_absent(value: object) -> bool:

@@ -8,11 +8,11 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
-from semmap_log.batches.event_batch import RecordedEvent
-from semmap_log.domain.commits import Note
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorEvent
-from semmap_log.domain.moments import format_local
+from semmap_log.core.batches.event_batch import RecordedEvent
+from semmap_log.core.model.commits import Note
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorEvent
+from semmap_log.core.model.moments import format_local
 from semmap_log.views.event_words import printable, words_of
 from semmap_log.views.tables import ABSENT, NO_OBJECTS, Objects, class_in
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from datetime import date
 from functools import partial
 
-from semmap_log.probabilities.evidence.coverage import DAY_NAMES
+from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES
 
 SECOND_MS = 1000
 MINUTE_MS = 60 * SECOND_MS

@@ -10,12 +10,12 @@ from itertools import islice
 
 from rich.text import Text
 
-from semmap_log.common.texts import counted
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.moments import DAY_NS, SECOND_NS, format_local, format_short
-from semmap_log.domain.object_classes import DOOR, ObjectClass
-from semmap_log.folds.sighting_hold import Hold
-from semmap_log.folds.timeline import Interval, Timeline
+from semmap_log.core.folds.sighting_hold import Hold
+from semmap_log.core.folds.timeline import Interval, Timeline
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.moments import DAY_NS, SECOND_NS, format_local, format_short
+from semmap_log.core.model.object_classes import DOOR, ObjectClass
+from semmap_log.core.texts import counted
 from semmap_log.views.column_table import CellValue, ColumnTable, TableColumn, with_line_end
 from semmap_log.views.tables import state_in_words
 

@@ -7,11 +7,11 @@ import math
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.moments import SECOND_NS, format_local, format_short
-from semmap_log.planning.door_trip import DoorTrip, TripStop
-from semmap_log.planning.patrol_round import EXPECTED_P
-from semmap_log.planning.trip_policy import AtShutDoor, ShutDoorChoice
+from semmap_log.analysis.planning.door_trip import DoorTrip, TripStop
+from semmap_log.analysis.planning.patrol_round import EXPECTED_P
+from semmap_log.analysis.planning.trip_policy import AtShutDoor, ShutDoorChoice
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.moments import SECOND_NS, format_local, format_short
 from semmap_log.views.belief_words import named, with_interval
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable

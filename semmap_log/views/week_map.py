@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.beliefs.typical_week import TypicalWeek, WeekPattern
-from semmap_log.probabilities.evidence.coverage import DAY_NAMES, HOURS
+from semmap_log.analysis.beliefs.typical_week import TypicalWeek, WeekPattern
+from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, HOURS
 from semmap_log.views.belief_words import (
     interval,
     moment_in_words,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from zoneinfo import ZoneInfo
 
-from semmap_log.domain.moments import zone
+from semmap_log.core.model.moments import zone
 
 MS_NS = 10**6
 DAY_MS = 86_400_000
@@ -49,6 +49,14 @@ def zone_offsets(span: Span, tz: str) -> list[tuple[int, int]]:
         if (offset_s := _offset_s(day_ms, place)) != found[-1][1]:
             found.append((_change_ms(max(day_ms - DAY_MS, span.begin_ms), day_ms, place), offset_s))
     return found
+
+
+def from_utc(offset_s: int) -> str:
+    """Return how far clocks are ahead of UTC in words: `UTC+1`, `UTC-3:30`, `UTC`."""
+    hours, minutes = divmod(abs(offset_s) // 60, 60)
+    if not (hours or minutes):
+        return "UTC"
+    return f"UTC{'-' if offset_s < 0 else '+'}{hours}" + (f":{minutes:02}" if minutes else "")
 
 
 def _change_ms(before_ms: int, after_ms: int, place: ZoneInfo) -> int:

@@ -18,13 +18,13 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.errors import AddressError
-from semmap_log.live import joining
-from semmap_log.live.action_names import DEFAULTS
-from semmap_log.planners.addresses import UnixAddress
-from semmap_log.planners.line_protocol.ask_client import AskClient
-from tests.live.collecting_node import CollectingNode
-from tests.live.running import DEADLINE_S, Running, wait_until
-from tests.live.serving.goals import goal_of
+from semmap_log.live.planners.addresses import UnixAddress
+from semmap_log.live.planners.line_protocol.ask_client import AskClient
+from semmap_log.live.ros import joining
+from semmap_log.live.ros.action_names import DEFAULTS
+from tests.live.ros.collecting_node import CollectingNode
+from tests.live.ros.running import DEADLINE_S, Running, wait_until
+from tests.live.ros.serving.goals import goal_of
 
 ID = "#" + "5c" * 16
 
@@ -194,7 +194,7 @@ def test_beside_ros(office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 KILLED_BEFORE_ITS_ANSWER = """
 import os, signal
-from semmap_log.planners import oracle
+from semmap_log.live.planners import oracle
 
 act = oracle.act
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from semmap_log.cli import main
-from tests.beliefs.patrolled import patrolled
+from tests.analysis.beliefs.patrolled import patrolled
 
 pytestmark = pytest.mark.usefixtures("terminal")
 

@@ -18,7 +18,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.cli.verb_table import FIRST_WEEK, SHOWN
-from tests.live.running import DEADLINE_S
+from tests.live.ros.running import DEADLINE_S
 from tests.views.rerun.some_logs import small_log
 
 VERBS = [
@@ -688,7 +688,7 @@ def test_a_warning_is_one_line_on_stderr(tmp_path: Path) -> None:
     """
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log, pytest.MonkeyPatch.context() as patch:
-        patch.setattr("semmap_log.replay.keyframes.STATE_VERSION", 99)
+        patch.setattr("semmap_log.log.replay.keyframes.STATE_VERSION", 99)
         patch.setattr("semmap_log.store.writing.segment_chain.ROLL_COMMITS", 1)
         log.add_door(name="front")
         log.add_door(name="back")
@@ -712,7 +712,7 @@ WAITS_HALF_WAY = """
 import time
 from itertools import islice
 from semmap_log.cli import main
-from semmap_log.exporting.stream import LogStream
+from semmap_log.interop.exporting.stream import LogStream
 
 def some(stream, progress=None, messages=LogStream.messages):
     yield from islice(messages(stream, progress), 100)

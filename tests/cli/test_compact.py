@@ -17,7 +17,7 @@ import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.writing import segment_chain
-from tests.live.running import DEADLINE_S
+from tests.live.ros.running import DEADLINE_S
 from tests.store.logs import digest_of_records, segment_files, write_log
 
 Run = Callable[..., tuple[int, str, str]]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.events import LevelAdded
+from semmap_log.core.model.events import LevelAdded
 
 
 @pytest.fixture

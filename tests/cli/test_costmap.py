@@ -14,8 +14,8 @@ from rosbags.typesys import Stores, get_typestore
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.domain.events import FloorMap, LevelAdded
-from semmap_log.formats.files.map_server import read_map
+from semmap_log.core.model.events import FloorMap, LevelAdded
+from semmap_log.interop.formats.files.map_server import read_map
 
 Run = Callable[..., tuple[int, str, str]]
 

@@ -10,7 +10,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.importing.importing import import_file
+from semmap_log.interop.importing.importing import import_file
 
 pytestmark = pytest.mark.usefixtures("terminal")
 

@@ -9,10 +9,10 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.domain.events import DoorAdded
+from semmap_log.core.model.events import DoorAdded
 from tests.conftest import SteadyClock
-from tests.formats.bags.marked import doors_in, shown_after
-from tests.formats.bags.played import Played, played
+from tests.interop.formats.bags.marked import doors_in, shown_after
+from tests.interop.formats.bags.played import Played, played
 from tests.views.rerun.some_logs import SECOND, START, small_log
 
 Run = Callable[..., tuple[int, str, str]]
@@ -115,7 +115,7 @@ def test_many_changes_are_thinned_out_and_that_is_said(
     """
     And how to have all of them.
     """
-    monkeypatch.setattr("semmap_log.exporting.stream_plan.MOST_DOORS_SENT", 6)
+    monkeypatch.setattr("semmap_log.interop.exporting.stream_plan.MOST_DOORS_SENT", 6)
 
     code, _, err = run("export", "office", "x.mcap", "--markers")
 

@@ -10,7 +10,7 @@ from PIL import Image
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.domain.events import FloorMap, LevelAdded
+from semmap_log.core.model.events import FloorMap, LevelAdded
 
 MAP = """image: m.{ending}
 resolution: 0.1

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.shipping import ship
-from semmap_log.io.url_path import UrlPath
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 from tests.bucket import bucket, environment
 from tests.cli.test_verify import semmap
 

@@ -15,11 +15,11 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import INTERRUPTED, main
-from semmap_log.domain.events import DoorPassed, Event
-from semmap_log.domain.moments import SECOND_NS, parse_instant
+from semmap_log.core.model.events import DoorPassed, Event
+from semmap_log.core.model.moments import SECOND_NS, parse_instant
+from tests.analysis.planning.ward import FRONT, HALL, LAB, SIDE, TZ, ward
 from tests.conftest import SteadyClock
-from tests.live.running import wait_until
-from tests.planning.ward import FRONT, HALL, LAB, SIDE, TZ, ward
+from tests.live.ros.running import wait_until
 
 FOLLOW = ("--from", HALL, "--start", "2026-03-23T10:00", "--rooms", "lab,2", "--follow")
 START_NS = parse_instant("2026-03-23T10:00", tz=TZ)

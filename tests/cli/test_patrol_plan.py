@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from semmap_log.cli import main
-from tests.planning.ward import HALL, ward
+from tests.analysis.planning.ward import HALL, ward
 
 pytestmark = pytest.mark.usefixtures("terminal")
 

@@ -11,7 +11,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.cli.play import _status_line
-from semmap_log.exporting.stream import log_stream
+from semmap_log.interop.exporting.stream import log_stream
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START, small_log
 

@@ -13,7 +13,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.errors import EarlyEventsWarning
-from tests.beliefs.patrolled import patrolled
+from tests.analysis.beliefs.patrolled import patrolled
 from tests.conftest import SteadyClock
 
 pytestmark = pytest.mark.usefixtures("terminal")

@@ -12,10 +12,10 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.domain.events import DoorAdded
-from tests.formats.bags.bags_of_others import write_mcap
-from tests.ros_mapping.laser_room import DOOR, LaserRoom, moved, turned
-from tests.ros_mapping.robots import START
+from semmap_log.core.model.events import DoorAdded
+from tests.interop.formats.bags.bags_of_others import write_mcap
+from tests.interop.topics.laser_room import DOOR, LaserRoom, moved, turned
+from tests.interop.topics.robots import START
 
 
 @pytest.fixture

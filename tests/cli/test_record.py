@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.commits import Durability
-from semmap_log.exporting.log_files import export
-from semmap_log.importing.importing import import_file
-from tests.live.running import DEADLINE_S
+from semmap_log.core.model.commits import Durability
+from semmap_log.interop.exporting.log_files import export
+from semmap_log.interop.importing.importing import import_file
+from tests.live.ros.running import DEADLINE_S
 
 LINE = '{"kind": "DoorObserved", "door": "front", "state": "OPEN"}\n'
 ID = "0123456789abcdef" * 2

@@ -10,9 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from tests.live.running import DEADLINE_S
+from tests.live.ros.running import DEADLINE_S
 
-LAUNCH = Path(__file__).parents[2] / "semmap_log" / "ros" / "lta_semantic_map" / "launch"
+LAUNCH = (
+    Path(__file__).parents[2]
+    / "semmap_log"
+    / "live"
+    / "robot_files"
+    / "lta_semantic_map"
+    / "launch"
+)
 
 
 def start(*arguments: str, respawned: bool) -> subprocess.Popen[str]:

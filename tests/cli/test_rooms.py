@@ -12,8 +12,8 @@ import yaml
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.domain.events import FloorMap, LevelAdded
-from tests.rooms.buildings import drawn
+from semmap_log.core.model.events import FloorMap, LevelAdded
+from tests.analysis.rooms.buildings import drawn
 
 SECOND = 10**9
 FLOOR = drawn(

@@ -9,15 +9,15 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorAnnotated
-from semmap_log.formats.kept_scans.writing import keeping_scans
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated
+from semmap_log.interop.formats.kept_scans.writing import keeping_scans
+from tests.analysis.scans.some_scans import LINE, seen_visit
+from tests.analysis.scans.some_visits import START_NS
 from tests.conftest import SteadyClock
-from tests.formats.bags.bags_of_others import write_mcap
-from tests.ros_mapping.laser_room import DOOR, SHUT, LaserRoom
-from tests.ros_mapping.robots import START, S
-from tests.scans.some_scans import LINE, seen_visit
-from tests.scans.some_visits import START_NS
+from tests.interop.formats.bags.bags_of_others import write_mcap
+from tests.interop.topics.laser_room import DOOR, SHUT, LaserRoom
+from tests.interop.topics.robots import START, S
 
 pytestmark = pytest.mark.usefixtures("terminal")
 

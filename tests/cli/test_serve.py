@@ -13,8 +13,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.errors import RosError
-from semmap_log.live import joining
-from tests.live.running import DEADLINE_S
+from semmap_log.live.ros import joining
+from tests.live.ros.running import DEADLINE_S
 
 YAML = "1:\n  position: {x: 1.0, y: 2.0, theta: 0.0}\n  width: 0.5\n  status: OPEN\n"
 

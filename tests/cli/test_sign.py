@@ -15,10 +15,10 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.signing.private_keys import make_key
+from semmap_log.log.signing.private_keys import make_key
 from tests.cli.test_verify import semmap
-from tests.live.running import wait_until
-from tests.signing.authority import Authority, needs_openssl, served
+from tests.live.ros.running import wait_until
+from tests.log.signing.authority import Authority, needs_openssl, served
 from tests.store.eventful import eventful_log, flip
 
 LINE = '{"kind": "DoorObserved", "door": "front", "state": "OPEN"}\n'

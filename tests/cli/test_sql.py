@@ -17,8 +17,8 @@ import pytest
 pytest.importorskip("duckdb")
 
 import semmap_log as sl
+from semmap_log.analysis.sql.view_words import COLUMNS_OF
 from semmap_log.cli import INTERRUPTED, main
-from semmap_log.queries.view_words import COLUMNS_OF
 
 COUNT = "select name, count(*) as n, max(last_seen) as seen from doors group by all order by all"
 DEADLINE_S = 60
@@ -227,7 +227,7 @@ def test_an_error_for_machines(office: Path, capsys: pytest.CaptureFixture[str])
 WAITS = """
 import os, sys, threading, time
 from semmap_log.cli import main
-from semmap_log.queries import sql_query
+from semmap_log.analysis.sql import sql_query
 
 def tell(relation=sql_query.Query.table):
     def table(self, limit=None):

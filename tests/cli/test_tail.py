@@ -16,8 +16,8 @@ from rich.cells import cell_len
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.cli.plain_streams import READER_GONE
-from semmap_log.domain.events import RobotPose
-from tests.live.running import DEADLINE_S
+from semmap_log.core.model.events import RobotPose
+from tests.live.ros.running import DEADLINE_S
 
 
 @pytest.fixture

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.events import HistoryTrimmed, RobotPose
+from semmap_log.core.model.events import HistoryTrimmed, RobotPose
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.writing import segment_chain
 from tests.cli.test_verify import semmap
+from tests.log.trimming.logs import MinuteClock
 from tests.store.trimming.plain_chain import all_bytes
-from tests.trimming.logs import MinuteClock
 
 HOUR_NS = 3600 * 10**9
 

@@ -21,7 +21,7 @@ import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT
 from tests.browser import a_page
-from tests.live.running import DEADLINE_S
+from tests.live.ros.running import DEADLINE_S
 from tests.views.rerun.pictures import a_viewer, colours_of, has_colour
 from tests.views.rerun.some_logs import room
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -42,9 +43,10 @@ def run(*arguments: str) -> int:
 def _rows(capsys: pytest.CaptureFixture[str]) -> dict[str, str]:
     """Return what is drawn: name -> value, folded lines joined, the notes left out."""
     found: dict[str, str] = {}
-    name = ""
-    for line in capsys.readouterr().out.splitlines():
-        head, value = line[:9].strip(), line[9:].strip()
+    name, lines = "", capsys.readouterr().out.splitlines()
+    width = re.match(r"door\s+", lines[0]).end()  # type: ignore[union-attr]
+    for line in lines:
+        head, value = line[:width].strip(), line[width:].strip()
         name = head or name
         found[name] = f"{found[name]} {value}" if name in found else value
     return found
@@ -76,13 +78,13 @@ def test_what_was_told_years_later(lab: Path, capsys: pytest.CaptureFixture[str]
 
     rows = _rows(capsys)
     assert 0 == code
-    assert rows["true"].startswith("OPEN since 09:00:00, for 10 min")
-    assert "with front.csv" in rows["by"]
+    assert rows["true"].startswith("OPEN since 09:00:00, for 10 minutes")
+    assert "with front.csv" in rows["begun by"]
     assert "nothing: no event had been recorded by then" == rows["believed"]
     assert rows["because"].startswith("event 2 was recorded later, at 20")
-    assert "event 3, asked to be CLOSED" in rows["otherwise"]
-    assert "by porter: cold" in rows["otherwise"]
-    assert "event 4, given up" in rows["otherwise"]
+    assert "event 3: asked to be CLOSED" in rows["other reports"]
+    assert "by porter: cold" in rows["other reports"]
+    assert "event 4: given up" in rows["other reports"]
     assert "UNKNOWN: the door was not known then" == rows["P(open)"]
 
 
@@ -99,12 +101,14 @@ def test_a_door_without_a_name_that_was_removed(
     before, between, after = found
 
     assert "not yet in the map" == before["true"]
-    assert before["next"].startswith("UNKNOWN at 10:00:00, 30 min later; event 5, added")
+    assert before["next change"].startswith("UNKNOWN at 10:00:00, 30 minutes later; event 5: added")
     assert between["true"].startswith("UNKNOWN since 10:00:00")
-    assert between["next"].startswith("removed at 11:00:00, 30 min later; event 6, removed")
-    assert after["true"].startswith("removed at 11:00:00, 1 h before")
-    assert "walled up" in after["by"]
-    assert after["next"].startswith("not known: the log ends 1 h before")
+    assert between["next change"].startswith(
+        "removed at 11:00:00, 30 minutes later; event 6: removed"
+    )
+    assert after["true"].startswith("removed at 11:00:00, 1 hour before")
+    assert "walled up" in after["begun by"]
+    assert after["next change"].startswith("not known: the log ends 1 hour before")
 
 
 def test_now_is_told_once(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -116,7 +120,7 @@ def test_now_is_told_once(lab: Path, capsys: pytest.CaptureFixture[str]) -> None
     rows = _rows(capsys)
     assert "1 (front), unplaced" == rows["door"]
     assert "believed" not in rows
-    assert rows["next"].startswith("no other up to the log's end")
+    assert rows["next change"].startswith("none up to the log's end")
 
 
 def test_a_pipe_gets_a_row_a_line(
@@ -130,7 +134,7 @@ def test_a_pipe_gets_a_row_a_line(
     assert 0 == run("why", OFFICE, "coe_door", "--at", "13:30")
 
     rows = dict(line.split("\t") for line in capsys.readouterr().out.splitlines())
-    assert "OPEN since 2026-03-02 13:10:00+01:00, for 20 min" == rows["true"]
+    assert "OPEN since 2026-03-02 13:10:00+01:00, for 20 minutes" == rows["true"]
     assert "event 122 was recorded later" in rows["believed: because"]
 
 

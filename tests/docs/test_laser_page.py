@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from doc_pages import ROOT, Runner, blocks_of
 
-from semmap_log.ros_mapping.mapping_file import read_mapping
-from semmap_log.ros_mapping.topic_rules import ReadScan
-from tests.formats.bags.bags_of_others import write_ros1
-from tests.ros_mapping.laser_room import drives_by
+from semmap_log.interop.topics.mapping_file import read_mapping
+from semmap_log.interop.topics.topic_rules import ReadScan
+from tests.interop.formats.bags.bags_of_others import write_ros1
+from tests.interop.topics.laser_room import drives_by
 
 PAGE = (ROOT / "docs" / "guides" / "doors_from_a_laser.md").read_text(encoding="utf-8")
 

@@ -25,15 +25,15 @@ from doc_pages import ROOT, blocks_of
 from steady_clock import SteadyClock
 
 import semmap_log as sl
-from semmap_log.domain.events import DoorAdded, FloorMap, LevelAdded
+from semmap_log.core.messages import layout
+from semmap_log.core.model.events import DoorAdded, FloorMap, LevelAdded
 from semmap_log.errors import EarlyEventsWarning, HorizonError
-from semmap_log.messages import layout
+from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Tracks
+from semmap_log.log.trimming.retention import Retention
+from semmap_log.log.trimming.trim_log import TrimRule, trim_log
 from semmap_log.store.form import trimmed_topics
 from semmap_log.store.header import LogInfo, SegmentHeader, Trimmed, TrimReason
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.trimming.redaction import Annotation, Notes, Redaction, Tracks
-from semmap_log.trimming.retention import Retention
-from semmap_log.trimming.trim_log import TrimRule, trim_log
 
 PAGE = (ROOT / "docs" / "log_format.md").read_text(encoding="utf-8")
 (READER,) = [block.text for block in blocks_of(PAGE) if block.language == "python"]

@@ -64,6 +64,27 @@ def test_the_examples_are_many() -> None:
     assert 8 < languages.count("pycon") + languages.count("python")
 
 
+_MADE = re.compile(
+    r"semmap-log init (\S+)|sl\.create\(\"([^\"]+)|cp -r recordings/\S+ (\S+)"
+    r"|mkdir (?:-p )?([^\s;]+)"
+)
+
+
+def test_what_a_page_makes_is_called_otherwise_than_what_others_make() -> None:
+    """
+    So that they can be followed one after the other, in one folder.
+    """
+    makers: dict[str, set[str]] = {}
+    fenced = re.compile(r"^```\w+\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+    for path in PAGES:
+        for block in fenced.findall(path.read_text(encoding="utf-8")):
+            for made in _MADE.findall(block):
+                makers.setdefault("".join(made), set()).add(path.name)
+
+    assert {"office", "house", "library", "museum"} <= makers.keys()
+    assert {} == {name: pages for name, pages in makers.items() if len(pages) > 1}
+
+
 def _lines(path: Path) -> list[str]:
     """Return the commands of a page's blocks that are not run, as shell words can be told."""
     text = path.read_text(encoding="utf-8")

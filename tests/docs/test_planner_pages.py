@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 from doc_pages import ROOT, Block, Runner, WrongOutput, blocks_of
 
-from tests.live.running import Running
+from tests.live.ros.running import Running
 
 GUIDES = ROOT / "docs" / "guides"
 NEEDS = {

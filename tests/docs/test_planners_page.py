@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from doc_pages import ROOT, Runner, blocks_of
 
-from tests.live.running import Running
+from tests.live.ros.running import Running
 
 PAGE = (ROOT / "docs" / "guides" / "planners.md").read_text(encoding="utf-8")
 (SERVE,) = re.findall(r"^```bash\nsemmap-log (serve .*)$", PAGE, flags=re.MULTILINE)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.events import DoorAdded, RobotPose
+from semmap_log.core.model.events import DoorAdded, RobotPose
 
 
 def _interrupt_behind(log: sl.DoorLogWriter, monkeypatch: pytest.MonkeyPatch) -> None:

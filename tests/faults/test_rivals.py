@@ -17,8 +17,8 @@ from fault_injection.fault import Outcome
 from fault_injection.rivals import race, read_during_everything
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded, RobotPose
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded, RobotPose
 from semmap_log.errors import LogError, LogLockedError
 
 APPEND = "import sys, semmap_log as sl; sl.append(sys.argv[1]).close()"

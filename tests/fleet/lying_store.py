@@ -10,8 +10,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath
 
 Answer = tuple[int, bytes, int]
 """Status, body, and how many bytes of it are said to come."""

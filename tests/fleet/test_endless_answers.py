@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 
 from semmap_log.cli import main
+from semmap_log.core.io.object_source import MOST_READ_BYTES, ObjectSource
+from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, OutputError
 from semmap_log.fleet import shipping
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.jobs.lake_folder import LakeFolder
 from semmap_log.fleet.shipping import ship
-from semmap_log.io.object_source import MOST_READ_BYTES, ObjectSource
-from semmap_log.io.object_store import ObjectStatus, ObjectStore
-from semmap_log.io.url_path import UrlPath
 from semmap_log.store.form import MANIFEST_NAME, MOST_LIST_BYTES
 from semmap_log.store.log_objects import read_manifest
 from tests.fleet.endless_store import (
@@ -100,8 +100,8 @@ def test_what_is_said_to_be_one_long_piece_is_not_fetched() -> None:
 _ASK = """
 import sys
 from semmap_log.errors import LogAccessError
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath
 store = ObjectStore(UrlPath(sys.argv[1]))
 for ask in (store.list, lambda: store.status("x"), lambda: store.whole("x", most_bytes=9)):
     try:

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from semmap_log.cli import main
+from semmap_log.core.io import object_source
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.fleet.shipping import ship
-from semmap_log.io import object_source
-from semmap_log.io.url_path import UrlPath
 from tests.fleet.jobs.fleets import make_log
 from tests.fleet.lying_store import Answer, Lie, honest, lying_store, objects_below
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
+from semmap_log.core.io.object_source import _kept
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import LogError
 from semmap_log.fleet.shipping import ship
-from semmap_log.io.object_source import _kept
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath
 from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader
 from tests.fleet.lying_store import Answer, Lie, honest, lying_store, objects_below

@@ -13,18 +13,18 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.fleet.shipping import ship
-from semmap_log.io.object_store import ObjectStatus, ObjectStore
-from semmap_log.io.url_path import UrlPath
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.form import MANIFEST_NAME
 from semmap_log.store.reading.following import FollowedCommit
 from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader
 from tests.fleet.test_shipping import RECORDINGS, a_log
-from tests.live.running import DEADLINE_S
+from tests.live.ros.running import DEADLINE_S
 
 
 class WatchedStore(ObjectStore):

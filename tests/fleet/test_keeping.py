@@ -19,14 +19,14 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.events import PatrolStarted
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath
+from semmap_log.core.model.events import PatrolStarted
 from semmap_log.errors import CorruptLogError, ElsewhereError, LogError, LogLockedError
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.keeping import remove_shipped
 from semmap_log.fleet.shipping import ship
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.reader import LogReader
@@ -309,8 +309,8 @@ KILLED = """
 import os, signal, sys, time
 from pathlib import Path
 from semmap_log.fleet.keeping import remove_shipped
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath
 left = int(sys.argv[3])
 def counted(call):
     def counting(*args, **more):

@@ -16,12 +16,12 @@ from typer.main import get_command
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.cli.app import app
+from semmap_log.core.io.object_cache import VARIABLE, ObjectCache
+from semmap_log.core.io.object_source import _kept
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import LogAccessError, LogError
 from semmap_log.fleet.shipping import ship
-from semmap_log.io.object_cache import VARIABLE, ObjectCache
-from semmap_log.io.object_source import _kept
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath
 from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader
 from tests.bucket import put_folder

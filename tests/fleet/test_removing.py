@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import LogAccessError, LogError
 from semmap_log.fleet import shipping
 from semmap_log.fleet.removing import Removed, remove_superseded
 from semmap_log.fleet.shipping import ship
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.form import MANIFEST_NAME
 from semmap_log.store.log_objects import KeptManifest, read_manifest

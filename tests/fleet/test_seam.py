@@ -16,12 +16,12 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.shipping import check_conditions, ship
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 from semmap_log.store.form import DIGEST_KEY
 from tests.bucket import NAME
 from tests.fleet.test_shipping import RECORDINGS, events_of

@@ -14,18 +14,18 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.common.texts import command_line
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath
+from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError
 from semmap_log.fleet.ship_beside import ShipBeside, ShippingPauses
 from semmap_log.fleet.shipping import ship
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath
 from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
 from tests.fleet.lying_store import Answer, lying_store
 from tests.fleet.test_shipping import events_of
-from tests.live.running import DEADLINE_S
+from tests.live.ros.running import DEADLINE_S
 
 SOON = ShippingPauses(look_s=0.02, settle_s=0.0, first_retry_s=0.02, longest_retry_s=0.05)
 LINE = '{"kind": "DoorObserved", "door": "front", "state": "OPEN"}\n'

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import SigningError
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.keeping import remove_shipped
 from semmap_log.fleet.shipping import ship
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath
-from semmap_log.signing.log_signing import sign
-from semmap_log.signing.signed_log import verify_signed
+from semmap_log.log.signing.log_signing import sign
+from semmap_log.log.signing.signed_log import verify_signed
 from tests.fleet.test_shipping import a_log
-from tests.signing.signed_logs import a_key, believed, is_good
+from tests.log.signing.signed_logs import a_key, believed, is_good
 
 
 def test_a_shipped_log_is_checked_where_it_lies(bucket: str, tmp_path: Path) -> None:

@@ -11,12 +11,12 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.shipping import check_conditions, ship
-from semmap_log.io.object_store import ObjectStatus, ObjectStore
-from semmap_log.io.url_path import UrlPath
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader

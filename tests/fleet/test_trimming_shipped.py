@@ -8,19 +8,19 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import LogError
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.keeping import remove_shipped
 from semmap_log.fleet.shipping import ship
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
+from semmap_log.log.trimming.redaction import Notes, Redaction
+from semmap_log.log.trimming.repeated_sightings import Thinning
+from semmap_log.log.trimming.trim_log import plan_trimming, trim_log
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.trimming.redaction import Notes, Redaction
-from semmap_log.trimming.repeated_sightings import Thinning
-from semmap_log.trimming.trim_log import plan_trimming, trim_log
+from tests.log.trimming.logs import random_log
 from tests.store.trimming.plain_chain import all_bytes
-from tests.trimming.logs import random_log
 
 
 @pytest.fixture

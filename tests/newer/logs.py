@@ -26,7 +26,7 @@ UNKNOWN = 3
 
 WRITE = """
 import os, sys, semmap_log as sl
-from semmap_log.domain import events
+from semmap_log.core.model import events
 path, kind, is_closed = sys.argv[1], sys.argv[2], sys.argv[3] == "closed"
 log = sl.create(path, tz="Europe/Vienna", robot="tug1")
 door = log.add_door(x=2.0, y=1.5, theta=0.0, width=0.9, state="closed", name="front", actor="ada")
@@ -39,7 +39,7 @@ log.close() if is_closed else os._exit(0)
 
 ASK = """
 import json, sys, semmap_log as sl
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 log, found = sl.read(sys.argv[1]), verify(__import__("pathlib").Path(sys.argv[1]))
 print(json.dumps({
     "kinds": [type(e.event).__name__ for e in log.history()],

@@ -48,7 +48,7 @@ class Later:
 def install(folder: Path, later: Later) -> Path:
     """Make such a program in a folder, and return that."""
     package = folder / "semmap_log"
-    ignored = shutil.ignore_patterns("__pycache__", "ros", "cli", "views")
+    ignored = shutil.ignore_patterns("__pycache__", "robot_files", "cli", "views")
     shutil.copytree(Path(semmap_log.__file__).parent, package, ignore=ignored)
     if later.kind:
         _add_kind(package, later)
@@ -82,10 +82,10 @@ def run(program: Path, script: str, *arguments: object) -> str:
 
 
 def _add_kind(package: Path, later: Later) -> None:
-    name, messages = later.kind, package / "messages"
+    name, messages = later.kind, package / "core" / "messages"
     (messages / "msg" / f"{name}.msg").write_text(MESSAGE, encoding="ascii")
     mark = "changes_nothing = True" if later.is_marked else ""
-    events = package / "domain" / "events.py"
+    events = package / "core" / "model" / "events.py"
     edit(events, "\nAnyEvent: TypeAlias = (\n", KIND.format(name=name, mark=mark))
     edit(events, "    | UnknownEvent\n)", f"    | {name}\n    | UnknownEvent\n)")
 

@@ -9,12 +9,12 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import NewerLogError
-from semmap_log.replay.care import plan_recovery, recover, verify
+from semmap_log.log.replay.care import plan_recovery, recover, verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.form import FORMAT_MINOR
 from semmap_log.store.records import MESSAGE
+from tests.log.signing.signed_logs import a_key, is_good, sign
 from tests.newer.logs import UNKNOWN, NewerLogs
-from tests.signing.signed_logs import a_key, is_good, sign
 from tests.store.logs import digest_of_records, segment_files
 
 STRENGTH = b"\0\0\0\0\0\0\x08@"
@@ -230,7 +230,7 @@ def test_recovery_keeps_marked_events_that_keep_their_numbers(
 
 _GO_ON = """
 import sys, semmap_log as sl
-from semmap_log.domain.events import DoorWeighed
+from semmap_log.core.model.events import DoorWeighed
 with sl.append(sys.argv[1]) as log:
     log.append([DoorWeighed(door_id=1, strength=3.0)])
 """

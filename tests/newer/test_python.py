@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.events import DoorObserved, RobotPose, UnknownEvent
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.model.events import DoorObserved, RobotPose, UnknownEvent
 from semmap_log.errors import InvalidEventError, NewerLogError, NewerLogWarning
-from semmap_log.folds.door_map import DoorMapState
 from semmap_log.store.form import FORMAT_MINOR
 from semmap_log.store.reading.newer_events import NewerEvents
 from tests.newer.logs import UNKNOWN, NewerLogs

@@ -6,8 +6,8 @@ import hashlib
 
 import pytest
 
-from semmap_log.domain.events import KINDS
-from semmap_log.messages import schema_text
+from semmap_log.core.messages import schema_text
+from semmap_log.core.model.events import KINDS
 from semmap_log.store.form import (
     COMMIT_CHANNEL,
     FORMAT_MINOR,

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
-from semmap_log.costmaps import CostmapOptions, costmap_at, costmap_frames, costmap_live
-from semmap_log.domain.events import FloorMap
+from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
+from semmap_log.analysis.costmaps import CostmapOptions, costmap_at, costmap_frames, costmap_live
+from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import CommandError
-from semmap_log.exporting.costmap_files import write_costmap
+from semmap_log.interop.exporting.costmap_files import write_costmap
 
 ROOM = FloorMap(
     level=0, resolution=0.25, origin_x=0.0, origin_y=-1.0, cells=np.zeros((24, 32), np.int8)

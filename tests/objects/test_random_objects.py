@@ -10,14 +10,14 @@ import pytest
 from steady_clock import SteadyClock
 
 import semmap_log as sl
-from semmap_log.domain.events import ClassDefined, DoorAdded, DoorAnnotated, DoorObserved, Event
-from semmap_log.domain.object_classes import outline_text
-from semmap_log.replay.care import verify
+from semmap_log.core.model.events import ClassDefined, DoorAdded, DoorAnnotated, DoorObserved, Event
+from semmap_log.core.model.object_classes import outline_text
+from semmap_log.log.replay.care import verify
+from semmap_log.log.trimming.retention import Retention
+from semmap_log.log.trimming.trim_log import trim_log
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
-from semmap_log.trimming.retention import Retention
-from semmap_log.trimming.trim_log import trim_log
 
 pytestmark = pytest.mark.filterwarnings("ignore::semmap_log.errors.HorizonWarning")
 SECOND_NS, EVER_NS = 10**9, 10**19

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.events import FloorMap, Retracted
+from semmap_log.core.model.events import FloorMap, Retracted
 from semmap_log.store.writing import segment_chain
 from tests.conftest import SteadyClock
 

@@ -11,10 +11,10 @@ import pytest
 from mcap.records import Metadata
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorObserved, Event
-from semmap_log.folds.door_map import DoorMapState
-from semmap_log.replay.keyframes import encode
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorObserved, Event
+from semmap_log.log.replay.keyframes import encode
 from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.compaction import compact
 from semmap_log.store.form import DIGEST_KEY, INDEX_METADATA, KEYFRAME_CHANNEL

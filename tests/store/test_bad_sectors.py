@@ -13,7 +13,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, UnreadableLogError
-from semmap_log.replay.care import recover_into, verify
+from semmap_log.log.replay.care import recover_into, verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.reading.window import numbers_of

@@ -15,9 +15,9 @@ import pytest
 import zstandard
 
 import semmap_log as sl
-from semmap_log.domain.events import FloorMap
+from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import CorruptLogError
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 from semmap_log.store import chunk_unpacking, record_scan
 from semmap_log.store import records as mcap
 from semmap_log.store.chunk_unpacking import (

@@ -14,7 +14,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError
-from semmap_log.replay.care import recover, verify
+from semmap_log.log.replay.care import recover, verify
 from semmap_log.store.closed_mark import MOST_BYTES, read_mark
 from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder

@@ -13,9 +13,9 @@ from mcap.reader import SeekingReader
 from mcap.records import Attachment, Metadata
 
 import semmap_log as sl
-from semmap_log.domain.events import DoorAnnotated
+from semmap_log.core.model.events import DoorAnnotated
 from semmap_log.errors import CorruptLogError
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.form import DIGEST_KEY
 from semmap_log.store.header import _signed, index_metadata

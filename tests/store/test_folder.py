@@ -19,7 +19,7 @@ from semmap_log.errors import (
     LogExistsError,
     LogPoisonedError,
 )
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.compaction.compacting import compact_segment, install_over
 from semmap_log.store.folder import MOST_BYTES, LogFolder

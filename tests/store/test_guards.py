@@ -16,14 +16,14 @@ import pytest
 from mcap.records import ChunkIndex
 
 import semmap_log as sl
-from semmap_log.domain.commits import MOST_NOTE_CHARACTERS, Note
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded, DoorObserved
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.messages import layout
+from semmap_log.core.model.commits import MOST_NOTE_CHARACTERS, Note
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded, DoorObserved
 from semmap_log.errors import CorruptLogError, LogPoisonedError
-from semmap_log.folds.door_map import DoorMapState
-from semmap_log.formats.files.floor_plan import MOST_CELLS
-from semmap_log.messages import layout
-from semmap_log.replay import keyframes
+from semmap_log.interop.formats.files.floor_plan import MOST_CELLS
+from semmap_log.log.replay import keyframes
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import (
     FREE_CHUNK_BYTES,

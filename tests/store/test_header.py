@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.moments import USUAL_HOLDS
+from semmap_log.core.model.moments import USUAL_HOLDS
 from semmap_log.errors import InvalidEventError
 from semmap_log.store.form import NO_HASH
 from semmap_log.store.header import LogInfo, SegmentHeader

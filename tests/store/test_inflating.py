@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
+from semmap_log.core.io.inflating import inflated
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError
-from semmap_log.io.inflating import inflated
-from semmap_log.io.url_path import UrlPath
-from semmap_log.replay.pins import unpacked
+from semmap_log.log.replay.pins import unpacked
 from semmap_log.store import chunk_unpacking
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.removed_source import RemovedSource

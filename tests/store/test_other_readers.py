@@ -18,8 +18,8 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2.metadata import dump_qos_v9
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     Changed,
     ClassDefined,
     DoorAdded,

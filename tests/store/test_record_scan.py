@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.domain.events import KINDS, DoorEvent, Event
-from semmap_log.messages import OBJECT_KINDS, fixed_layout
+from semmap_log.core.messages import OBJECT_KINDS, fixed_layout
+from semmap_log.core.model.events import KINDS, DoorEvent, Event
 from semmap_log.store import records as mcap
 from semmap_log.store.record_scan import HEAD_DTYPE, heads_of, walk
 

@@ -15,9 +15,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.errors import CheckpointError, OutputError
-from semmap_log.formats.files.map_server_out import write_map
-from semmap_log.io.disk import (
+from semmap_log.core.io.disk import (
     TEMPORARY_SUFFIX,
     NotOursError,
     left_by_killed,
@@ -28,9 +26,11 @@ from semmap_log.io.disk import (
     whole_file,
     whole_folder,
 )
+from semmap_log.errors import CheckpointError, OutputError
+from semmap_log.interop.formats.files.map_server_out import write_map
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import BAG_METADATA_NAME, MOST_NAME_BYTES
-from tests.replay.projections import Numbers
+from tests.log.replay.projections import Numbers
 
 THREADS, ROUNDS = 6, 15
 
@@ -133,7 +133,7 @@ def test_threads_that_write_one_map(tmp_path: Path) -> None:
     """
     import numpy as np
 
-    from semmap_log.costmap_2d.grid import GridGeometry
+    from semmap_log.analysis.costmap_2d.grid import GridGeometry
 
     geometry = GridGeometry(width=3, height=2, resolution=0.05, origin_x=0, origin_y=0)
     cells = np.zeros((2, 3), np.int8)
@@ -180,7 +180,7 @@ def test_a_temporary_file_that_was_exchanged_is_not_written_to(
         temporary.symlink_to("precious")
         return temporary
 
-    from semmap_log.io import disk
+    from semmap_log.core.io import disk
 
     made = disk.new_beside
     monkeypatch.setattr(disk, "new_beside", give_link)
@@ -336,7 +336,7 @@ def test_leftovers_are_known_by_who_made_them(tmp_path: Path) -> None:
     """
     path = tmp_path / "checkpoint"
     script = (
-        "import os, sys; from pathlib import Path; from semmap_log.io.disk import whole_file\n"
+        "import os, sys; from pathlib import Path; from semmap_log.core.io.disk import whole_file\n"
         "with whole_file(Path(sys.argv[1])): os._exit(0)"
     )
     subprocess.run([sys.executable, "-c", script, path], check=True)
@@ -387,7 +387,7 @@ resource.setrlimit(resource.RLIMIT_AS, (2**30, 2**30))
 resource.setrlimit(resource.RLIMIT_CPU, (100, 100))
 import semmap_log as sl
 from semmap_log.errors import CheckpointError
-from tests.replay.projections import Numbers
+from tests.log.replay.projections import Numbers
 try:
     sl.read(sys.argv[1]).fold(Numbers(), checkpoint=sys.argv[2])
 except CheckpointError as error:
@@ -421,7 +421,7 @@ import resource, sys
 resource.setrlimit(resource.RLIMIT_AS, (2**30, 2**30))
 resource.setrlimit(resource.RLIMIT_CPU, (100, 100))
 import semmap_log as sl
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 print([finding.kind for finding in verify(Path(sys.argv[1])).findings])
 with sl.append(sys.argv[1]) as log:
     log.add_door()

@@ -15,7 +15,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.errors import LogAccessError, LogError, NotALogError
-from semmap_log.replay.care import plan_recovery, recover, verify
+from semmap_log.log.replay.care import plan_recovery, recover, verify
 from semmap_log.store import zipped
 from semmap_log.store.zipped import FREE_BYTES, MOST_LIST_BYTES, MOST_RATIO
 from tests.store.logs import answers, segment_files

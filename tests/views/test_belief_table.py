@@ -8,8 +8,8 @@ from pathlib import Path
 from rich.console import Console
 
 import semmap_log as sl
-from semmap_log.beliefs.door_beliefs import probabilities
-from semmap_log.domain.events import LevelAdded
+from semmap_log.analysis.beliefs.door_beliefs import probabilities
+from semmap_log.core.model.events import LevelAdded
 from semmap_log.views.belief_table import belief_table
 
 

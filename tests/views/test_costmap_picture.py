@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from semmap_log.costmap_2d.grid import GridGeometry
-from semmap_log.domain.doors import DoorState
+from semmap_log.analysis.costmap_2d.grid import GridGeometry
+from semmap_log.core.model.doors import DoorState
 from semmap_log.errors import CostmapError
 from semmap_log.views.costmap_picture import MARGIN_PX, DoorMark, costmap_png
 from semmap_log.views.palette import COST_DOORS

@@ -10,8 +10,8 @@ from steady_clock import SteadyClock
 
 import semmap_log as sl
 from semmap_log.cli.plain_console import PlainConsole
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, LevelAdded, RobotPose
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated, LevelAdded, RobotPose
 from semmap_log.views.excerpt.shown_levels import home_of_0
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.report.content import report

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.beliefs import probabilities
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorObserved
+from semmap_log.analysis.beliefs import probabilities
+from semmap_log.core.folds.timeline import Timeline
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorObserved
 from semmap_log.errors import MissingExtraError
-from semmap_log.folds.timeline import Timeline
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.views import html_table
 from tests.conftest import SteadyClock
@@ -224,5 +224,5 @@ def test_why_shows_the_table_of_the_verb() -> None:
     )
     assert said == repr(told)
     rows = _Table(told._repr_html_()).rows
-    assert ["true", "OPEN since 06:55:00, for 2 h 35 min"] in rows
+    assert ["true", "OPEN since 06:55:00, for 2 hours 35 minutes"] in rows
     assert "believed" in [row[0] for row in rows]

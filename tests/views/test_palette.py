@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from semmap_log.domain.doors import DoorState
+from semmap_log.core.model.doors import DoorState
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, PALETTES, Palette, Rgb, packed
 
 BLACK, WHITE = (13, 13, 13), (255, 255, 255)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given
 
-from semmap_log.rooms import plan_of
+from semmap_log.analysis.rooms import plan_of
 from semmap_log.views.palette import ROOM_TINTS
 from semmap_log.views.room_tints import room_tints, rooms_image, sampled
-from tests.rooms.buildings import Building, buildings
+from tests.analysis.rooms.buildings import Building, buildings
 
 
 @given(buildings())

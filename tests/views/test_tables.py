@@ -10,8 +10,14 @@ import pytest
 from rich.console import Console, RenderableType
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorObserved, LevelAdded, Retracted
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    LevelAdded,
+    Retracted,
+)
 from semmap_log.views.tables import (
     age,
     diff_table,

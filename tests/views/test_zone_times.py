@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from datetime import datetime, timezone
 
-from semmap_log.domain.moments import zone
-from semmap_log.views.zone_times import Span, first_ms, zone_offsets
+from semmap_log.core.model.moments import zone
+from semmap_log.views.zone_times import Span, first_ms, from_utc, zone_offsets
 
 
 def test_what_counts_from_a_nanosecond_on_counts_from_the_next_millisecond_on() -> None:
@@ -27,6 +27,15 @@ def test_the_clocks_change_at_the_right_millisecond() -> None:
     found = zone_offsets(Span(begin, end), "Europe/Vienna")
 
     assert [(begin, 3600), (spring, 7200), (autumn, 3600)] == found
+
+
+def test_an_offset_in_words() -> None:
+    """
+    Minutes where there are any.
+    """
+    shown = [from_utc(round(hours * 3600)) for hours in (0, 1, -3.5, 5.75, -10)]
+
+    assert ["UTC", "UTC+1", "UTC-3:30", "UTC+5:45", "UTC-10"] == shown
 
 
 def test_a_moment_has_one_offset() -> None:

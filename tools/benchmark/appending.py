@@ -16,7 +16,7 @@ from benchmark.patrol import grouped, sightings
 
 if TYPE_CHECKING:
     import semmap_log as sl
-    from semmap_log.domain.events import DoorObserved
+    from semmap_log.core.model.events import DoorObserved
 
 PROMISES = {1: ("≥ 0.87x", "≥ 0.9x"), 100: ("≥ 0.77x", "≥ 1x")}
 """Events a commit -> what is promised against bare write + fdatasync and against SQLite."""
@@ -82,8 +82,8 @@ def _bytes_of_commits(path: Path, commits: int, per_commit: int) -> list[bytes]:
 def _new_log(path: Path) -> sl.DoorLogWriter:
     """Make a log that has the doors which `sightings` sees, from before the first of these on."""
     import semmap_log as sl
-    from semmap_log.domain.doors import DoorId
-    from semmap_log.domain.events import DoorAdded
+    from semmap_log.core.model.doors import DoorId
+    from semmap_log.core.model.events import DoorAdded
 
     log = sl.create(path, tz="UTC")
     doors = range(1, 101)
@@ -94,7 +94,7 @@ def _new_log(path: Path) -> sl.DoorLogWriter:
 
 def _ours(path: Path, commits: int, per_commit: int) -> Work:
     import semmap_log as sl
-    from semmap_log.domain.events import DoorObserved
+    from semmap_log.core.model.events import DoorObserved
 
     log = _new_log(path)
 
@@ -120,7 +120,7 @@ def _ours_in_threads(path: Path, turns: int) -> Work:
     from concurrent.futures import ThreadPoolExecutor
 
     import semmap_log as sl
-    from semmap_log.domain.events import DoorObserved
+    from semmap_log.core.model.events import DoorObserved
 
     log = _new_log(path)
     pool = ThreadPoolExecutor(THREADS)

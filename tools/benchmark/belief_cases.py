@@ -14,14 +14,14 @@ from benchmark.belief_forecasts import clinic_case, minutes_case
 from benchmark.case import Case, Near, Peer, Work
 from benchmark.patrol import START_NS
 from benchmark.peers import OURS, on_cores
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved
-from semmap_log.probabilities.chain import hour_modes
-from semmap_log.probabilities.chain.hour_looks import HourLooks
-from semmap_log.probabilities.chain.looks import Looks
-from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
-from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.analysis.probabilities.chain import hour_modes
+from semmap_log.analysis.probabilities.chain.hour_looks import HourLooks
+from semmap_log.analysis.probabilities.chain.looks import Looks
+from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence, Evidence
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved
+from semmap_log.core.model.local_clock import LocalClock
 
 HOUR_NS = 3600 * 10**9
 CLOCK = LocalClock("UTC")

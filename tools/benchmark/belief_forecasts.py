@@ -13,14 +13,14 @@ import semmap_log as sl
 from benchmark import plain_beliefs
 from benchmark.case import Case, Near, Peer, Work
 from benchmark.peers import OURS, on_cores
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.beliefs.belief_query import ask
-from semmap_log.beliefs.door_beliefs import DoorBelief, belief, probabilities
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import Changed, DoorAdded, DoorUpdated
-from semmap_log.probabilities.estimators import by_name
-from semmap_log.probabilities.evidence.evidence import Evidence
-from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.analysis.beliefs.belief_query import ask
+from semmap_log.analysis.beliefs.door_beliefs import DoorBelief, belief, probabilities
+from semmap_log.analysis.probabilities.estimators import by_name
+from semmap_log.analysis.probabilities.evidence.evidence import Evidence
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import Changed, DoorAdded, DoorUpdated
+from semmap_log.core.model.local_clock import LocalClock
 
 CLINIC = Path(__file__).resolve().parents[2] / "recordings" / "clinic_week"
 MINUTE_NS = 60 * 10**9

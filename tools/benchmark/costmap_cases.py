@@ -32,14 +32,14 @@ from benchmark.logs import DAY_NS, Workshop
 from benchmark.made_building import Building, made_building
 from benchmark.patrol import START_NS
 from benchmark.peers import OURS
-from semmap_log.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
-from semmap_log.costmap_2d.door_layer import DoorLine
-from semmap_log.costmap_2d.lines import draw_lines
-from semmap_log.domain.doors import DoorState
-from semmap_log.io.clock import KeptClock
+from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
+from semmap_log.analysis.costmap_2d.door_layer import DoorLine
+from semmap_log.analysis.costmap_2d.lines import draw_lines
+from semmap_log.core.io.clock import KeptClock
+from semmap_log.core.model.doors import DoorState
 
 if TYPE_CHECKING:
-    from semmap_log.costmaps import CostmapFrame
+    from semmap_log.analysis.costmaps import CostmapFrame
 
 
 BURST = 20
@@ -185,7 +185,7 @@ def _changes(building: Building, count: int) -> Iterator[Change]:
 
 
 def _write(path: Path, building: Building, count: int) -> None:
-    from semmap_log.domain.events import DoorAdded, DoorObserved, FloorMap
+    from semmap_log.core.model.events import DoorAdded, DoorObserved, FloorMap
 
     clock = KeptClock(START_NS)
     geometry = building.geometry
@@ -217,7 +217,7 @@ def _write(path: Path, building: Building, count: int) -> None:
 
 
 def _ours(path: Path) -> Work:
-    from semmap_log.costmaps import CostmapOptions, costmap_frames
+    from semmap_log.analysis.costmaps import CostmapOptions, costmap_frames
 
     options = CostmapOptions(inflate_m=RADIUS_M, scaling=SCALING, inscribed_m=INSCRIBED_M)
 

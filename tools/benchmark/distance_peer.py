@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark import plain_costmap
-from semmap_log.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
+from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
 
 
 def inflated(

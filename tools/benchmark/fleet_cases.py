@@ -64,8 +64,8 @@ def fleet_cases(shop: Workshop, rounds: int | None, *, tries_out: bool = False) 
 def _make(folder: Path, seed: int) -> Sightings:
     """Make a log of a week, a commit an hour; return what was seen."""
     import semmap_log as sl
-    from semmap_log.batches.event_batch import EventBatch
-    from semmap_log.domain.events import DoorObserved
+    from semmap_log.core.batches.event_batch import EventBatch
+    from semmap_log.core.model.events import DoorObserved
 
     rng, clock = np.random.default_rng(seed), SteadyClock(START_NS)
     count = EVENTS_A_LOG // (DAYS * 14)
@@ -101,8 +101,8 @@ def _plain_answer(fleet: list[Sightings]) -> tuple[Any, Any]:
 
 
 def _ship_all(folder: Path, url: str) -> None:
+    from semmap_log.core.io.url_path import UrlPath
     from semmap_log.fleet.shipping import ship
-    from semmap_log.io.url_path import UrlPath
 
     for log in sorted(folder.iterdir()):
         ship(log, UrlPath(f"{url}/{log.name}"))

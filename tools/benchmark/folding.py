@@ -126,7 +126,7 @@ def _limit(log: BenchLog, form: str) -> Peer:
 
 def _fold(path: Path) -> Work:
     import semmap_log as sl
-    from semmap_log.folds.door_map import DoorMapState
+    from semmap_log.core.folds.door_map import DoorMapState
 
     def once(_: None) -> DoorMapState:
         state = DoorMapState()

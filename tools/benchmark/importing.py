@@ -108,7 +108,7 @@ def _write_csv(path: Path, count: int) -> Last:
 
 def _import(csv: Path, path: Path) -> Path:
     import semmap_log as sl
-    from semmap_log.importing.importing import import_file
+    from semmap_log.interop.importing.importing import import_file
 
     with sl.create(path, tz="UTC") as log:
         import_file(log, csv)
@@ -117,7 +117,7 @@ def _import(csv: Path, path: Path) -> Path:
 
 def _ours(csv: Path, folder: Path) -> Work:
     import semmap_log as sl
-    from semmap_log.importing.importing import import_file  # noqa: F401 - not timed
+    from semmap_log.interop.importing.importing import import_file  # noqa: F401 - not timed
 
     def answer(path: Path) -> Last:
         doors = sl.read(path).replay().doors.values()
@@ -132,9 +132,9 @@ def _ours(csv: Path, folder: Path) -> Work:
 
 def _ours_columns(count: int, folder: Path) -> Work:
     import semmap_log as sl
-    from semmap_log.batches.event_batch import EventBatch
-    from semmap_log.domain.doors import DoorId
-    from semmap_log.domain.events import DoorAdded, DoorObserved
+    from semmap_log.core.batches.event_batch import EventBatch
+    from semmap_log.core.model.doors import DoorId
+    from semmap_log.core.model.events import DoorAdded, DoorObserved
 
     def logs() -> Iterator[sl.DoorLogWriter]:
         for i in counting():
@@ -163,8 +163,8 @@ def _limit(count: int, folder: Path) -> Work:
     import numpy as np
     import zstandard
 
-    from semmap_log.domain.events import DoorObserved
-    from semmap_log.messages import fixed_layout
+    from semmap_log.core.messages import fixed_layout
+    from semmap_log.core.model.events import DoorObserved
     from semmap_log.store.form import CHUNK_BYTES, ZSTD_LEVEL
 
     whole = [("head", f"V{_MESSAGE.size}"), ("body", fixed_layout(DoorObserved.kind).dtype)]

@@ -189,7 +189,7 @@ def _check_form(path: Path, form: str) -> None:
 def write_patrol(path: Path, count: int, per_commit: int) -> None:
     """Write a patrol's log as a robot would, without waiting for the disk at each commit."""
     import semmap_log as sl
-    from semmap_log.io.clock import KeptClock
+    from semmap_log.core.io.clock import KeptClock
 
     clock = KeptClock(START_NS)
     entropy = random.Random(count).randbytes
@@ -203,7 +203,7 @@ def write_patrol(path: Path, count: int, per_commit: int) -> None:
 def write_days(path: Path, days: int) -> None:
     """Write a log of a few sightings a day, a segment a day, and leave it as a kill does."""
     import semmap_log as sl
-    from semmap_log.io.clock import KeptClock
+    from semmap_log.core.io.clock import KeptClock
 
     clock = KeptClock(START_NS)
     source = path.with_name("running") / path.name

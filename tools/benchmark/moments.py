@@ -37,7 +37,7 @@ from benchmark.plain_fold import (
 from benchmark.worker import drop_from_memory
 
 if TYPE_CHECKING:
-    from semmap_log.domain.doors import DoorMap
+    from semmap_log.core.model.doors import DoorMap
 
 MOMENTS = 50
 """So many different ones are asked for, in turn."""

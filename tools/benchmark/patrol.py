@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from semmap_log.domain.events import DoorObserved, Event
+    from semmap_log.core.model.events import DoorObserved, Event
 
 START_NS = 1_772_406_000 * 10**9
 """Monday 2 March 2026, 00:00 in Vienna."""
@@ -118,8 +118,8 @@ def _build(rows: Rows, doors: int) -> None:
 
 def _makers() -> dict[int, Callable[[dict[str, Any]], Event]]:
     """Return what makes an event of a row."""
-    from semmap_log.domain.doors import DoorState
-    from semmap_log.domain.events import (
+    from semmap_log.core.model.doors import DoorState
+    from semmap_log.core.model.events import (
         Changed,
         DoorAdded,
         DoorAnnotated,
@@ -178,8 +178,8 @@ def name_of(door_id: int) -> str:
 
 def sightings(count: int) -> Iterator[DoorObserved]:
     """Yield that many sightings of the doors 1 to 100."""
-    from semmap_log.domain.doors import DoorId, DoorState
-    from semmap_log.domain.events import DoorObserved
+    from semmap_log.core.model.doors import DoorId, DoorState
+    from semmap_log.core.model.events import DoorObserved
 
     draw = np.random.default_rng(1).random(2 * count).tolist()
     states = (DoorState.CLOSED, DoorState.OPEN)

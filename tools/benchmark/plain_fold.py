@@ -30,7 +30,7 @@ from benchmark.patrol import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.domain.doors import DoorMap
+    from semmap_log.core.model.doors import DoorMap
 
 TOPICS = (
     "/semmap/door_added", "/semmap/door_updated", "/semmap/door_removed", "/semmap/door_observed",

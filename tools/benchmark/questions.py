@@ -27,8 +27,8 @@ from benchmark.peers import (
 from benchmark.plain_fold import states, writers
 
 if TYPE_CHECKING:
-    from semmap_log.batches.event_batch import EventBatch
-    from semmap_log.domain.doors import DoorId
+    from semmap_log.core.batches.event_batch import EventBatch
+    from semmap_log.core.model.doors import DoorId
 
 DOOR = 17
 DAYS = 365
@@ -42,7 +42,7 @@ Stamps = list[tuple[int, int]]
 
 def history_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Case]:
     """Yield: all events about a door, as objects and as columns, without an index and with one."""
-    from semmap_log.domain.doors import DoorId
+    from semmap_log.core.model.doors import DoorId
 
     per_commit = commit_sizes(count)[-1]
     log = shop.log(count, per_commit, ZSTD)
@@ -93,8 +93,8 @@ def index_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Case
 
 def indexed_log(shop: Workshop, count: int, per_commit: int) -> Path | None:
     """Return a second folder of a patrol's compacted log, with an index; None: no pyarrow."""
-    from semmap_log.replay.read_model.indexing import index
-    from semmap_log.replay.read_model.segment_tables import has_pyarrow
+    from semmap_log.log.replay.read_model.indexing import index
+    from semmap_log.log.replay.read_model.segment_tables import has_pyarrow
 
     path = shop.log(count, per_commit, ZSTD).path
     indexed = path.with_name("indexed") / path.name
@@ -204,7 +204,7 @@ def _timeline(path: Path, door: DoorId) -> Work:
 
 
 def _indexing(path: Path) -> Work:
-    from semmap_log.replay.read_model.indexing import Indexed, index
+    from semmap_log.log.replay.read_model.indexing import Indexed, index
 
     def note(done: Indexed) -> str:
         return f"{done.size / done.log_size:.0%} of the log's bytes"

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from benchmark.patrol import START_NS
 
 if TYPE_CHECKING:
-    from semmap_log.batches.event_batch import EventBatch
-    from semmap_log.domain.events import FloorMap
+    from semmap_log.core.batches.event_batch import EventBatch
+    from semmap_log.core.model.events import FloorMap
 
 SECOND_NS = 10**9
 STEP_NS = 4 * SECOND_NS
@@ -46,7 +46,7 @@ class Rounds:
     def write(self, path: Path) -> None:
         """Write the log, a round at a time, without waiting for the disk at each commit."""
         import semmap_log as sl
-        from semmap_log.io.clock import KeptClock
+        from semmap_log.core.io.clock import KeptClock
 
         clock = KeptClock(START_NS)
         entropy = random.Random(self.events).randbytes
@@ -61,7 +61,7 @@ class Rounds:
             log.sync()
 
     def _plan(self) -> FloorMap:
-        from semmap_log.domain.events import FloorMap
+        from semmap_log.core.model.events import FloorMap
 
         height_m = self._rows * (2 * ROOM_M + CORRIDOR_M)
         cells = np.zeros((_cells(height_m), _cells(IN_A_ROW * ROOM_M)), np.int8)
@@ -78,8 +78,8 @@ class Rounds:
                         happened_ns=START_NS)  # fmt: skip
 
     def _doors(self) -> EventBatch:
-        from semmap_log.batches.event_batch import EventBatch
-        from semmap_log.domain.events import DoorAdded
+        from semmap_log.core.batches.event_batch import EventBatch
+        from semmap_log.core.model.events import DoorAdded
 
         x, y = self._places()
         return EventBatch.of(DoorAdded, happened_ns=START_NS, door_id=np.arange(1, self.doors + 1),
@@ -123,9 +123,9 @@ class _Round:
 
 def _events(rng: np.random.Generator, driven: _Round, states: NDArray[np.uint8]) -> EventBatch:
     """Return a round's events; `states` is what each door was last seen as, and goes on."""
-    from semmap_log.batches.event_batch import EventBatch
-    from semmap_log.domain.doors import DoorState
-    from semmap_log.domain.events import (
+    from semmap_log.core.batches.event_batch import EventBatch
+    from semmap_log.core.model.doors import DoorState
+    from semmap_log.core.model.events import (
         Changed,
         DoorObserved,
         DoorUpdated,

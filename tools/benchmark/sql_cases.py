@@ -56,7 +56,7 @@ def sql_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Case]:
 
 def _indexed(shop: Workshop, log: Path, count: int) -> Path:
     """Return a copy of a log that has its tables: other cases are asked without."""
-    from semmap_log.replay.read_model.indexing import index
+    from semmap_log.log.replay.read_model.indexing import index
 
     shop.say(f"indexing {count:,} events")
     copy = shop.folder_for(f"{count}_indexed") / log.name
@@ -68,7 +68,7 @@ def _indexed(shop: Workshop, log: Path, count: int) -> Path:
 def _export(log: Path) -> tuple[str, Path]:
     """Return a log's zone, and the file that it is exported to."""
     import semmap_log as sl
-    from semmap_log.exporting.log_files import export
+    from semmap_log.interop.exporting.log_files import export
 
     opened, out = sl.read(log), log.parent / "exported.parquet"
     export(opened, out)

@@ -69,8 +69,8 @@ def _cases(log: BenchLog, url: str, rounds: int) -> Iterator[Case]:
 
 
 def _ship(log: Path, url: str) -> None:
+    from semmap_log.core.io.url_path import UrlPath
     from semmap_log.fleet.shipping import ship
-    from semmap_log.io.url_path import UrlPath
 
     ship(log, UrlPath(url))
 
@@ -191,7 +191,7 @@ def _watched() -> _Counted:
 
 def _forget() -> None:
     """Forget the blocks that this process has fetched."""
-    from semmap_log.io import object_source
+    from semmap_log.core.io import object_source
 
     object_source._kept.clear()  # noqa: SLF001  # as a process that has just begun
 

@@ -20,7 +20,7 @@ from benchmark.peers import OURS
 from benchmark.plain_fold import answer_of, plain_answer
 
 if TYPE_CHECKING:
-    from semmap_log.trimming.trim_log import TrimRule
+    from semmap_log.log.trimming.trim_log import TrimRule
 
 POSES = "/semmap/robot_pose"
 ROUNDS, LONG = 3, 1_000_000
@@ -56,22 +56,22 @@ def _poses(count: int, before: int) -> int:
 
 
 def _tracks(log: Path, count: int) -> TrimRule:
-    from semmap_log.trimming.redaction import Redaction, Tracks
+    from semmap_log.log.trimming.redaction import Redaction, Tracks
 
     del log
     return Redaction([Tracks()], count)
 
 
 def _thinned(log: Path, count: int) -> TrimRule:
+    from semmap_log.log.trimming.repeated_sightings import Thinning
     from semmap_log.store.reading.reader import LogReader
-    from semmap_log.trimming.repeated_sightings import Thinning
 
     return Thinning(LogReader(log), START_NS + count * STEP_NS)
 
 
 def _half(log: Path, count: int) -> TrimRule:
+    from semmap_log.log.trimming.retention import Retention
     from semmap_log.store.reading.reader import LogReader
-    from semmap_log.trimming.retention import Retention
 
     return Retention(LogReader(log), START_NS + count * STEP_NS // 2)
 
@@ -86,8 +86,8 @@ def _copies(log: Path, folder: Path) -> Iterator[Path]:
 
 def _ours(log: Path, folder: Path, count: int, rule: MakeRule) -> Work:
     import semmap_log as sl
-    from semmap_log.replay.care import verify
-    from semmap_log.trimming.trim_log import trim_log
+    from semmap_log.log.replay.care import verify
+    from semmap_log.log.trimming.trim_log import trim_log
 
     def once(copy: Path) -> tuple[Path, int]:
         return copy, trim_log(copy, rule(copy, count)).done.events

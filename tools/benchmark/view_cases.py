@@ -15,8 +15,8 @@ from benchmark.peers import OURS
 from benchmark.rounds import Rounds
 
 if TYPE_CHECKING:
-    from semmap_log.batches.event_batch import RecordedEvent
-    from semmap_log.door_log.door_log import DoorLog
+    from semmap_log.core.batches.event_batch import RecordedEvent
+    from semmap_log.log.door_log.door_log import DoorLog
 
 
 TIMELINES = ("happened", "recorded", "event")
@@ -124,7 +124,7 @@ def log_rows(log: DoorLog, rrd: Path, count: int) -> None:
 
 
 def _log_row(rr: Any, recording: Any, recorded: RecordedEvent) -> None:
-    from semmap_log.domain.events import DoorAdded, DoorObserved, DoorUpdated, RobotPose
+    from semmap_log.core.model.events import DoorAdded, DoorObserved, DoorUpdated, RobotPose
     from semmap_log.views.event_words import words_of
 
     event = recorded.event

@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import semmap_log as sl  # noqa: E402
-from tests.live.running import Running  # noqa: E402
+from tests.live.ros.running import Running  # noqa: E402
 
 LEAST_A_SECOND = 5000
 AT_ONCE = 8

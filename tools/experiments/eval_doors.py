@@ -51,20 +51,20 @@ from door_eval.peers import Peer
 from door_eval.tables import SetScores, legend, print_tables
 
 import semmap_log as sl
-from semmap_log.beliefs.evaluation import evaluate, evaluate_all
-from semmap_log.beliefs.patrol import Patrol
-from semmap_log.beliefs.protocol import Protocol
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.moments import SECOND_NS
+from semmap_log.analysis.beliefs.evaluation import evaluate, evaluate_all
+from semmap_log.analysis.beliefs.patrol import Patrol
+from semmap_log.analysis.beliefs.protocol import Protocol
+from semmap_log.analysis.probabilities.estimator import Estimator
+from semmap_log.analysis.probabilities.estimators import by_name
+from semmap_log.analysis.probabilities.methods.baselines import CONSTANT
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.local_clock import LocalClock
+from semmap_log.core.model.moments import SECOND_NS
 from semmap_log.errors import FormatError, SemmapError
-from semmap_log.formats.files.csv_windows import read_windows
-from semmap_log.formats.files.door_csv import read_door_csv
-from semmap_log.importing.importing import ImportOptions, import_file
-from semmap_log.io.progress import Progress
-from semmap_log.probabilities.estimator import Estimator
-from semmap_log.probabilities.estimators import by_name
-from semmap_log.probabilities.local_clock import LocalClock
-from semmap_log.probabilities.methods.baselines import CONSTANT
+from semmap_log.interop.formats.files.csv_windows import read_windows
+from semmap_log.interop.formats.files.door_csv import read_door_csv
+from semmap_log.interop.importing.importing import ImportOptions, import_file
 
 ESTIMATORS = (
     "count", "schedule", "filter", "fremen5", "last", "constant", "hour_of_day", "hour_of_week",

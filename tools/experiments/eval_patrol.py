@@ -46,7 +46,7 @@ from patrol_eval.patrol_report import print_report, report
 from patrol_eval.patrol_trials import TrialOptions, tried
 from patrol_eval.patrol_world import RoundRules
 
-from semmap_log.planning.door_chances import SkipRule
+from semmap_log.analysis.planning.door_chances import SkipRule
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -43,10 +43,10 @@ from scan_eval.visit_scores import (
     wrong_share,
 )
 
+from semmap_log.analysis.scans.door_watcher import DoorWatcher
+from semmap_log.analysis.scans.placed_scan import DoorPlaces, PlacedScan
+from semmap_log.analysis.scans.visit import Visit
 from semmap_log.errors import SemmapError
-from semmap_log.scans.door_watcher import DoorWatcher
-from semmap_log.scans.placed_scan import DoorPlaces, PlacedScan
-from semmap_log.scans.visit import Visit
 
 AT_ONCE = 256
 Scores = dict[str, Any]

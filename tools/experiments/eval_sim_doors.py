@@ -39,14 +39,14 @@ from door_sim.week_chain import MONDAY_NS, WeekChain
 from numpy.typing import NDArray
 from patrol_sim.habits import HOUR_NS
 
-from semmap_log.beliefs.best_times import best_runs
-from semmap_log.beliefs.patrol import Patrol
-from semmap_log.beliefs.trials import StateIntervals
-from semmap_log.probabilities.estimator import StateModel
-from semmap_log.probabilities.estimators import by_name
-from semmap_log.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.probabilities.forecast import LEAST, MOST
-from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.analysis.beliefs.best_times import best_runs
+from semmap_log.analysis.beliefs.patrol import Patrol
+from semmap_log.analysis.beliefs.trials import StateIntervals
+from semmap_log.analysis.probabilities.estimator import StateModel
+from semmap_log.analysis.probabilities.estimators import by_name
+from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.analysis.probabilities.forecast import LEAST, MOST
+from semmap_log.core.model.local_clock import LocalClock
 
 CLOCK = LocalClock("UTC")
 WEEK_NS = 7 * 24 * HOUR_NS

@@ -36,12 +36,12 @@ from patrol_sim.laser_sensor import Laser
 from patrol_sim.laser_world import START_NS, Patrol, World, simulated
 
 import semmap_log as sl
-from semmap_log.beliefs.door_beliefs import probabilities
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorObserved, DoorPassed, Event
+from semmap_log.analysis.beliefs.door_beliefs import probabilities
+from semmap_log.analysis.scans.door_watcher import DoorWatcher
+from semmap_log.analysis.scans.visit import Visit
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorObserved, DoorPassed, Event
 from semmap_log.errors import SemmapError
-from semmap_log.scans.door_watcher import DoorWatcher
-from semmap_log.scans.visit import Visit
 
 ROOT = Path(__file__).resolve().parents[2]
 TZ = "Europe/Vienna"

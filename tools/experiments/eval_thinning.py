@@ -32,13 +32,13 @@ from door_eval.paired import standard_error
 from numpy.typing import NDArray
 
 import semmap_log as sl
-from semmap_log.beliefs import probabilities
-from semmap_log.domain.events import DoorObserved
-from semmap_log.io.clock import KeptClock
+from semmap_log.analysis.beliefs import probabilities
+from semmap_log.core.io.clock import KeptClock
+from semmap_log.core.model.events import DoorObserved
+from semmap_log.log.trimming.repeated_sightings import Thinning
+from semmap_log.log.trimming.trim_log import trim_log
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.trimming.repeated_sightings import Thinning
-from semmap_log.trimming.trim_log import trim_log
 
 ESTIMATORS = ("filter", "schedule", "count")
 MOMENTS, MINUTE_NS, DAY_NS = 8, 60 * 10**9, 24 * 3600 * 10**9

@@ -18,14 +18,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from patrol_sim import clinic, office
+from patrol_sim import clinic, library, office
 from patrol_sim.expected import Moment, expected_json
 from patrol_sim.journal import Entry, Journal, write
 from patrol_sim.laser_plan import plan_events
 from patrol_sim.laser_recording import OFFICE_SCANS, make_bag, words_of
 
-from semmap_log.domain.events import Event
-from semmap_log.domain.moments import parse_instant
+from semmap_log.core.model.events import Event
+from semmap_log.core.model.moments import parse_instant
 from semmap_log.errors import SemmapError
 from semmap_log.store.compaction import compact
 
@@ -54,12 +54,13 @@ RECORDINGS = (
     Recording("clinic_week", "rmf_clinic/clinic.building.yaml", "rmf_clinic", clinic.TZ,
               clinic.ROBOT, clinic.tell, clinic.moments, compacted=True),
 )  # fmt: skip
+LIBRARY = "library"
 SCANS, SCANS_PLAN = "office_scans", "rmf_office/office.building.yaml"
 
 
 def main() -> int:
     """Make what the command line asks for; 0 good, 1 our error."""
-    names = [*(recording.name for recording in RECORDINGS), SCANS]
+    names = [*(recording.name for recording in RECORDINGS), SCANS, LIBRARY]
     parser = argparse.ArgumentParser(description="Make the recordings that ship with the project.")
     parser.add_argument(
         "--out", type=Path, default=ROOT / "recordings", help="default: %(default)s"
@@ -75,6 +76,8 @@ def main() -> int:
             make(recording, maps=args.maps, out=args.out, seed=args.seed)
         if args.only in (None, SCANS):
             make_scans(maps=args.maps, out=args.out)
+        if args.only in (None, LIBRARY):
+            library.write_files(args.out / LIBRARY, seed=args.seed)
     except (SemmapError, OSError) as error:
         print(f"make_recordings: {error}", file=sys.stderr)
         return 1

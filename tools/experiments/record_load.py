@@ -19,8 +19,8 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import semmap_log as sl  # noqa: E402
-from semmap_log.domain.events import DoorObserved  # noqa: E402
-from tests.live.ros_world import RosWorld, open_world  # noqa: E402
+from semmap_log.core.model.events import DoorObserved  # noqa: E402
+from tests.live.ros.ros_world import RosWorld, open_world  # noqa: E402
 
 MAPPING = """
 topics:

@@ -24,11 +24,11 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import semmap_log as sl  # noqa: E402
-from tests.live.plain_server import SERVER  # noqa: E402
-from tests.live.ros_world import NAMES, RosWorld, open_world  # noqa: E402
-from tests.live.running import Running  # noqa: E402
-from tests.live.serving.goals import DOOR  # noqa: E402
-from tests.live.stock_client import StockClient  # noqa: E402
+from tests.live.ros.plain_server import SERVER  # noqa: E402
+from tests.live.ros.ros_world import NAMES, RosWorld, open_world  # noqa: E402
+from tests.live.ros.running import Running  # noqa: E402
+from tests.live.ros.serving.goals import DOOR  # noqa: E402
+from tests.live.ros.stock_client import StockClient  # noqa: E402
 
 SERVERS = ("event", "batch", "none", "plain")
 AT_ONCE = (1, 8)

@@ -12,8 +12,8 @@ import numpy as np
 import semmap_log as sl
 from fault_injection.fault import Outcome, Plan
 from fault_injection.sample import small_segments
-from semmap_log.domain.commits import Commit
-from semmap_log.io.clock import MAX_TIME_NS
+from semmap_log.core.io.clock import MAX_TIME_NS
+from semmap_log.core.model.commits import Commit
 from semmap_log.store.form import KEYFRAME_CHANNEL
 from semmap_log.store.reading.reader import LogReader
 

@@ -15,12 +15,12 @@ import semmap_log as sl
 from fault_injection.fault import Outcome
 from fault_injection.player import Tell, Told
 from fault_injection.story import START_NS, Story, digest_of
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.commits import Commit
-from semmap_log.door_log.door_log import DoorLog
-from semmap_log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.commits import Commit
 from semmap_log.errors import NotALogError, SemmapError
-from semmap_log.formats.files.thesis_yaml import read_thesis_yaml
+from semmap_log.interop.formats.files.thesis_yaml import read_thesis_yaml
+from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 
 HOUR_NS = 3600 * 10**9
 

@@ -21,8 +21,8 @@ import semmap_log as sl
 from fault_injection.fault import Outcome, Plan
 from fault_injection.ledger import Ledger
 from fault_injection.sample import small_segments
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded, RobotPose
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded, RobotPose
 from semmap_log.errors import LogError, LogPoisonedError, SemmapError
 
 COMMITS_A_SEGMENT = 4

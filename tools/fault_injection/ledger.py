@@ -8,9 +8,9 @@ from pathlib import Path
 
 import semmap_log as sl
 from fault_injection.fault import Outcome
-from semmap_log.domain.commits import Note
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded, RobotPose
+from semmap_log.core.model.commits import Note
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded, RobotPose
 
 Tell = Callable[[str, int, int], object]
 """Takes a word ("tried", "stored"), an event number and a door, and passes it on."""

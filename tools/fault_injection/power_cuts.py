@@ -23,7 +23,7 @@ from fault_injection.forking import Child
 from fault_injection.loop_device import LoopDevice, mounted
 from fault_injection.player import Player, Tell, Told
 from fault_injection.story import Story, small_limits, story
-from semmap_log.io.disk import sync_folder
+from semmap_log.core.io.disk import sync_folder
 
 USUAL_CUTS = {"ext4": 200, "xfs": 50}
 IMAGE_MIB = {"ext4": 64, "xfs": 320}

@@ -22,8 +22,8 @@ from typing import Any
 
 import semmap_log as sl
 from fault_injection.forking import Ended
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import FloorMap
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 
 Question = Callable[[sl.DoorLog], Any]

@@ -16,7 +16,7 @@ from queue import Empty
 import semmap_log as sl
 from fault_injection.fault import Outcome, Plan
 from fault_injection.sample import compact_folder, small_segments
-from semmap_log.domain.events import RobotPose
+from semmap_log.core.model.events import RobotPose
 from semmap_log.errors import LogLockedError
 from semmap_log.store.reading.reader import LogReader
 

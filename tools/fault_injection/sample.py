@@ -22,9 +22,9 @@ from steady_clock import SteadyClock
 import semmap_log as sl
 from fault_injection.judging import TELL_THE_END, remove_all
 from fault_injection.story import constants
-from semmap_log.domain.commits import Commit, Note
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.commits import Commit, Note
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     DoorAdded,
     DoorObserved,
     Event,

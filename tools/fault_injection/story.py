@@ -17,9 +17,10 @@ from typing import Literal
 
 import numpy as np
 
-from semmap_log.domain.commits import Note
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.messages import encode
+from semmap_log.core.model.commits import Note
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,
@@ -34,7 +35,6 @@ from semmap_log.domain.events import (
     PatrolStarted,
     Retracted,
 )
-from semmap_log.messages import encode
 
 START_NS = 1_772_400_000 * 10**9
 SMALL_LIMITS = {

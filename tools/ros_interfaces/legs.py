@@ -11,11 +11,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
-THESIS = ROOT / "semmap_log" / "ros" / "lta_semantic_map"
-INTERFACES = ROOT / "tests" / "live" / "interfaces"
+THESIS = ROOT / "semmap_log" / "live" / "robot_files" / "lta_semantic_map"
+INTERFACES = ROOT / "tests" / "live" / "ros" / "interfaces"
 BUILDER = [HERE / "package.py", HERE / "ros2_sources.py", HERE / "ros2_build.py",
            ROOT / "tools" / "ros_messages.py",
-           ROOT / "semmap_log" / "live" / "ros1_messages.py"]  # fmt: skip
+           ROOT / "semmap_log" / "live" / "ros" / "ros1_messages.py"]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.door_log.door_log import DoorLog
+from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.fleet.jobs.job import TIME, Holds, Told
 from semmap_log.fleet.jobs.log_outcome import LogOutcome
-from semmap_log.replay.care import verify
+from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log.replay.care import verify
 from semmap_log.store.verification import Severity
 
 

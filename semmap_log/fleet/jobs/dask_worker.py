@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 
-from semmap_log.io.object_source import keep_at_most
+from semmap_log.core.io.object_source import keep_at_most
 
 KEPT_BYTES = 2**22
 """Of objects: a log is asked once."""

@@ -9,15 +9,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.beliefs.door_beliefs import default_estimator, probabilities
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.moments import HOUR_NS
-from semmap_log.door_log.door_labels import labels_ever
-from semmap_log.door_log.door_log import DoorLog
+from semmap_log.analysis.beliefs.door_beliefs import default_estimator, probabilities
+from semmap_log.core.arrow.arrow_sdk import pa
+from semmap_log.core.folds.timeline import Timeline, timelines
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.moments import HOUR_NS
 from semmap_log.fleet.jobs.job import TIME, Holds, Told
-from semmap_log.folds.timeline import Timeline, timelines
-from semmap_log.replay.replay import Scope
+from semmap_log.log.door_log.door_labels import labels_ever
+from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log.replay.replay import Scope
 
 PART_EVENTS = 1_000_000
 """So many events of a log are held at once: some 60 bytes each while they are put in order."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from semmap_log.arrow.arrow_sdk import pa
+from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.fleet.jobs.job import Job, schema_of_job
 from semmap_log.fleet.jobs.log_answer import LogAnswer
 from semmap_log.fleet.jobs.log_outcome import AskedLog

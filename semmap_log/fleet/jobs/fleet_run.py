@@ -16,7 +16,9 @@ from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-from semmap_log.domain.keywords import knows_keywords
+from semmap_log.core.folds.projection import Projection
+from semmap_log.core.io.url_path import place_of
+from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.errors import MomentError
 from semmap_log.fleet.answer_places import default_folder
 from semmap_log.fleet.jobs.asked_logs import ask_logs
@@ -39,8 +41,6 @@ from semmap_log.fleet.jobs.lake_tables import commit_delta, commit_iceberg
 from semmap_log.fleet.jobs.log_answer import LogAnswer, LogQuestion
 from semmap_log.fleet.jobs.log_places import log_places
 from semmap_log.fleet.jobs.month_export import MonthExport
-from semmap_log.folds.projection import Projection
-from semmap_log.io.url_path import place_of
 
 if TYPE_CHECKING:
     from typing_extensions import Self

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, ClassVar
 
-from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.door_log.door_log import DoorLog
+from semmap_log.core.arrow.arrow_sdk import pa
+from semmap_log.core.folds.projection import Dumping, Mergeable, Projection, name_of, version_of
 from semmap_log.errors import EngineError
 from semmap_log.fleet.jobs.job import Holds, Told
-from semmap_log.folds.projection import Dumping, Mergeable, Projection, name_of, version_of
-from semmap_log.replay.plain_state import dump_plain, load_plain
+from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log.replay.plain_state import dump_plain, load_plain
 
 PART_EVENTS = 500_000
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
-from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.door_log.door_log import DoorLog
+from semmap_log.core.arrow.arrow_sdk import pa
+from semmap_log.core.io.disk import utf8_text
 from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
-from semmap_log.io.disk import utf8_text
+from semmap_log.log.door_log.door_log import DoorLog
 
 LOG_FIELDS = (
     pa.field("log", pa.string(), nullable=False),

@@ -13,13 +13,13 @@ from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 
-from semmap_log.arrow.arrow_sdk import pa
+from semmap_log.core.arrow.arrow_sdk import pa
+from semmap_log.core.io.checked_file import read_checked, write_checked
 from semmap_log.errors import OutputError
 from semmap_log.fleet.answer_places import SUFFIX, answer_name, digits_of
 from semmap_log.fleet.jobs.job import Holds, Job
 from semmap_log.fleet.jobs.log_answer import LogAnswer
 from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
-from semmap_log.io.checked_file import read_checked, write_checked
 
 FORMAT = 1
 MOST_BYTES = 2**28

@@ -103,7 +103,7 @@ def _module(name: str, install: str) -> Any:
 
 
 def _rows(table: Any) -> list[dict[str, Any]]:
-    from semmap_log.arrow.arrow_sdk import pa
+    from semmap_log.core.arrow.arrow_sdk import pa
 
     rows: list[dict[str, Any]] = pa.table(table).to_pylist()
     return rows

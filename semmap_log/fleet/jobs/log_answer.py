@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.door_log.door_log import DoorLog
+from semmap_log.core.arrow.arrow_sdk import pa
+from semmap_log.core.io.url_path import place_of
 from semmap_log.errors import (
     CorruptLogError,
     LogAccessError,
@@ -18,7 +18,7 @@ from semmap_log.errors import (
 )
 from semmap_log.fleet.jobs.job import Job, PartedJob, table_of_log
 from semmap_log.fleet.jobs.log_outcome import AskedLog, LogOutcome
-from semmap_log.io.url_path import place_of
+from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.store.reading.reader import LogReader
 
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
 
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.errors import FormatError, NotALogError
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath, place_of
 
 MARKS = "*?["
 """Of a pattern: in any part of a path or URL, each for one part."""

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from datetime import datetime, timezone
 from typing import ClassVar
 
-from semmap_log.arrow.arrow_sdk import pa
-from semmap_log.door_log.door_log import DoorLog
+from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.fleet.jobs.job import Holds, Told
 from semmap_log.fleet.jobs.lake_folder import (
     EVENT_COLUMNS,
@@ -21,6 +20,7 @@ from semmap_log.fleet.jobs.lake_folder import (
     LAKE_SCHEMA,
     LakeFolder,
 )
+from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.store.reading.window import Window
 
 HEAD_DIGITS = 12

@@ -9,15 +9,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.doors import NAN, Door, DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorRemoved
-from semmap_log.domain.object_classes import ObjectClass
-from semmap_log.door_log.door_log import DoorLog
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.model.doors import NAN, Door, DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorRemoved
+from semmap_log.core.model.object_classes import ObjectClass
 from semmap_log.errors import FormatError, SemmapError
 from semmap_log.fleet.join.door_matches import DoorRow
 from semmap_log.fleet.join.joined_logs import JoinedLog, JoinedLogs, log_called
 from semmap_log.fleet.join.level_plan import LevelPlan, level_plan
-from semmap_log.folds.door_map import DoorMapState
+from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.window import Window
 

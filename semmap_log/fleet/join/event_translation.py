@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.doors import NAN, DoorId
-from semmap_log.domain.events import (
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.doors import NAN, DoorId
+from semmap_log.core.model.events import (
     DOOR_KINDS,
     KINDS,
     Changed,
@@ -40,11 +40,11 @@ from semmap_log.domain.events import (
     RobotPose,
     SightingsThinned,
 )
-from semmap_log.domain.meaning import ALL_CHANGED, FIELDS, PLACING
-from semmap_log.domain.object_classes import CLASS
+from semmap_log.core.model.meaning import ALL_CHANGED, FIELDS, PLACING
+from semmap_log.core.model.object_classes import CLASS
 from semmap_log.fleet.join.door_plan import DoorPlan
 from semmap_log.fleet.join.joined_logs import JoinedLog
-from semmap_log.retelling.new_numbers import NewNumbers, renamed
+from semmap_log.log.rewriting.new_numbers import NewNumbers, renamed
 
 _QUICK = {kind.kind for kind in (DoorObserved, DoorRequested, DoorPassed, RobotPose)}
 """Kinds that are translated as columns."""

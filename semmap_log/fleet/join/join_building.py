@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 from heapq import merge
 from pathlib import Path
 
-from semmap_log.domain.commits import Commit, Note
-from semmap_log.door_log.robot_names import BEHIND_ROBOT, BETWEEN_ROBOTS
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.model.commits import Commit, Note
 from semmap_log.errors import LogError
 from semmap_log.fleet.join.door_plan import DoorPlan
 from semmap_log.fleet.join.event_translation import EventTranslation
 from semmap_log.fleet.join.join_horizon import horizon_of
 from semmap_log.fleet.join.joined_logs import JoinedLog, JoinedLogs
-from semmap_log.io.progress import Progress
-from semmap_log.replay.kept_commits import kept_commits
-from semmap_log.retelling.log_anew import LogAnew
+from semmap_log.log.door_log.robot_names import BEHIND_ROBOT, BETWEEN_ROBOTS
+from semmap_log.log.replay.kept_commits import kept_commits
+from semmap_log.log.rewriting.log_anew import LogAnew
 from semmap_log.store.header import LogInfo
 from semmap_log.store.reading.following import FollowedCommit
 

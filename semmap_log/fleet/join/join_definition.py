@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import Any
 
-from semmap_log.domain.rigid_transform import RigidTransform
+from semmap_log.core.io.disk import replace_file
+from semmap_log.core.io.url_path import UrlPath, place_of
+from semmap_log.core.model.rigid_transform import RigidTransform
 from semmap_log.errors import LogError, NotALogError
 from semmap_log.fleet.join.door_matches import DoorRow
-from semmap_log.io.disk import replace_file
-from semmap_log.io.url_path import UrlPath, place_of
 
 FORMAT = "semmap-log join"
 VERSION = 1

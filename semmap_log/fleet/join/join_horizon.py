@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from semmap_log.fleet.join.door_plan import DoorPlan
 from semmap_log.fleet.join.joined_logs import JoinedLogs
 from semmap_log.fleet.join.thinned_conflicts import known_again_ns
-from semmap_log.replay.position import retractions_behind
+from semmap_log.log.replay.position import retractions_behind
 from semmap_log.store.reading.window import Window
 
 if TYPE_CHECKING:

@@ -7,9 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
-from semmap_log.common.texts import command_line
-from semmap_log.domain.rigid_transform import RigidTransform
-from semmap_log.door_log.robot_names import BEHIND_ROBOT, BETWEEN_ROBOTS
+from semmap_log.core.model.rigid_transform import RigidTransform
+from semmap_log.core.texts import command_line
 from semmap_log.errors import LogError, NotALogError
 from semmap_log.fleet.join.join_definition import (
     SUFFIX,
@@ -17,6 +16,7 @@ from semmap_log.fleet.join.join_definition import (
     JoinedPlace,
     read_definition,
 )
+from semmap_log.log.door_log.robot_names import BEHIND_ROBOT, BETWEEN_ROBOTS
 from semmap_log.store.reading.reader import LogReader
 
 MAX_NS = 2**63 - 1

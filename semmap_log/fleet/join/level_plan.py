@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from semmap_log.domain.events import FloorMap
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.model.events import FloorMap
 from semmap_log.fleet.join.joined_logs import JoinedLogs
-from semmap_log.folds.door_map import DoorMapState
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from semmap_log.domain.rigid_transform import EXPECTED, RigidTransform
+from semmap_log.core.model.rigid_transform import EXPECTED, RigidTransform
 from semmap_log.errors import LogError
 
 

@@ -11,10 +11,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.events import STATE_KINDS, SightingsThinned
+from semmap_log.core.folds.state_rows import COMES, STATE_ROW, state_rows
+from semmap_log.core.model.events import STATE_KINDS, SightingsThinned
 from semmap_log.fleet.join.door_plan import DoorPlan
 from semmap_log.fleet.join.joined_logs import JoinedLog, JoinedLogs
-from semmap_log.folds.state_rows import COMES, STATE_ROW, state_rows
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.window import Window
 

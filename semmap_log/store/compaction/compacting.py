@@ -7,8 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
+from semmap_log.core.io.progress import Progress
 from semmap_log.errors import CorruptLogError, LogAccessError, SemmapError
-from semmap_log.io.progress import Progress
 from semmap_log.store.bag_metadata import write_bag_metadata
 from semmap_log.store.compaction.merge import MergedFiles, Step, plan
 from semmap_log.store.compaction.rechunk import needs_compaction, rechunked

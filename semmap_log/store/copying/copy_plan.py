@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePath
 
-from semmap_log.common.texts import command_line
+from semmap_log.core.io.byte_source import blocks
+from semmap_log.core.texts import command_line
 from semmap_log.errors import LogError
-from semmap_log.io.byte_source import blocks
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of, head_before
 from semmap_log.store.reading.segment_scan import Segment

@@ -19,7 +19,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from semmap_log.common.texts import command_line
+from semmap_log.core.io.disk import sync_folder
+from semmap_log.core.io.made_logs import refuse_made
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.io.url_path import UrlPath, place_of
+from semmap_log.core.texts import command_line
 from semmap_log.errors import (
     CorruptLogError,
     LogError,
@@ -28,10 +32,6 @@ from semmap_log.errors import (
     OutputError,
     SemmapError,
 )
-from semmap_log.io.disk import sync_folder
-from semmap_log.io.made_logs import refuse_made
-from semmap_log.io.progress import Progress
-from semmap_log.io.url_path import UrlPath, place_of
 from semmap_log.store.bag_metadata import write_bag_metadata
 from semmap_log.store.closed_mark import ClosedMark, read_mark, read_named_mark, write_mark
 from semmap_log.store.copying.copy_plan import CopyPlan, is_merged_alone, plan_copy

@@ -11,9 +11,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import PurePath
 
+from semmap_log.core.io.byte_source import blocks
+from semmap_log.core.io.disk import TEMPORARY_SUFFIX
 from semmap_log.errors import CorruptLogError, LogError
-from semmap_log.io.byte_source import blocks
-from semmap_log.io.disk import TEMPORARY_SUFFIX
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.mapped_file import map_file
 from semmap_log.store.reading.segment_reading import end_of

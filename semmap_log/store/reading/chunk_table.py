@@ -14,10 +14,10 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from semmap_log.common.distinct import distinct
-from semmap_log.common.late_dataclass import dataclass
+from semmap_log.core.batches.distinct import distinct
+from semmap_log.core.io.byte_source import ByteSource
+from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.errors import CorruptLogError
-from semmap_log.io.byte_source import ByteSource
 from semmap_log.store import records as mcap
 from semmap_log.store.chunk_unpacking import (
     FREE_CHUNK_BYTES,

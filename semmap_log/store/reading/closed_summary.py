@@ -8,10 +8,10 @@ from pathlib import PurePath
 
 from mcap.opcode import Opcode
 
-from semmap_log.common.late_dataclass import dataclass
+from semmap_log.core.io.byte_source import ByteSource, blocks
+from semmap_log.core.io.checksum import crc32
+from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.errors import CorruptLogError
-from semmap_log.io.byte_source import ByteSource, blocks
-from semmap_log.io.checksum import crc32
 from semmap_log.store import records as mcap
 from semmap_log.store.opening_records import Statistics
 from semmap_log.store.reading.chunk_table import LEAST_INDEX_BYTES, ChunkTable, rows_of_indexes

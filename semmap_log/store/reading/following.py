@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from semmap_log.batches.event_batch import EventBatch, RecordedEvent
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.domain.commits import Commit
+from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.model.commits import Commit
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.newer_events import unknown_kinds, without_newer
 from semmap_log.store.reading.reader import ChunkPlace, LogReader

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.domain.commits import Durability
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.model.commits import Durability
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.event_fields import kinds_of
 from semmap_log.store.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL

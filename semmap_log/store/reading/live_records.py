@@ -15,9 +15,9 @@ from mcap.opcode import Opcode
 from mcap.records import Channel
 from numpy.typing import NDArray
 
-from semmap_log.common.distinct import distinct
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.io.byte_source import ByteSource
+from semmap_log.core.batches.distinct import distinct
+from semmap_log.core.io.byte_source import ByteSource
+from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import StoredChunk, read_chunk_head
 from semmap_log.store.form import CHUNK_BYTES, FLOOR_MAP_CHANNEL, INDEX_METADATA, floor_map_topic

@@ -18,8 +18,8 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.io.byte_source import ByteSource
+from semmap_log.core.io.byte_source import ByteSource
+from semmap_log.core.lazy.late_dataclass import dataclass
 from semmap_log.store.chunk_unpacking import check_sizes
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.pages import Page

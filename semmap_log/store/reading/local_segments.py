@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from semmap_log.common.texts import command_line
+from semmap_log.core.io.byte_source import ByteSource
+from semmap_log.core.io.made_logs import is_called_as_made
+from semmap_log.core.io.url_path import UrlPath
+from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError, NotALogError
-from semmap_log.io.byte_source import ByteSource
-from semmap_log.io.made_logs import is_called_as_made
-from semmap_log.io.url_path import UrlPath
 from semmap_log.store.closed_mark import ClosedMark, listed_marks, read_mark
 from semmap_log.store.folder import LogFolder, Version
 from semmap_log.store.form import (
@@ -99,8 +99,8 @@ class LocalSegments:
             from semmap_log.store.reading.removed_source import RemovedSource
 
             return RemovedSource(self.folder, removed, part.url)
-        from semmap_log.io.object_source import ObjectSource
-        from semmap_log.io.object_store import ObjectStatus, ObjectStore
+        from semmap_log.core.io.object_source import ObjectSource
+        from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 
         shipped = removed.shipped
         status = ObjectStatus(shipped.name, shipped.size, "")

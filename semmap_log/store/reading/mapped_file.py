@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.common.texts import command_line
+from semmap_log.core.io.byte_source import Identity
+from semmap_log.core.io.file_calls import read_into, read_page_into
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError, NotALogError, UnreadableLogError
-from semmap_log.io.byte_source import Identity
-from semmap_log.io.file_calls import read_into, read_page_into
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.mapped_memory import MappedMemory, can_map
 

@@ -12,9 +12,9 @@ from pathlib import PurePath
 
 import numpy as np
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.domain.events import KINDS
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.model.events import KINDS
 from semmap_log.errors import NewerLogError, NewerLogWarning
 from semmap_log.store.event_fields import kinds_of
 from semmap_log.store.form import FORMAT_VERSION

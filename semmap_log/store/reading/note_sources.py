@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.distinct import distinct
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.common.lazily import computed_once
-from semmap_log.domain.commits import NO_TEXTS, Commit, NoteTexts
+from semmap_log.core.batches.distinct import distinct
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.messages import CDR_HEADER, read_message, type_name
+from semmap_log.core.model.commits import NO_TEXTS, Commit, NoteTexts
 from semmap_log.errors import CorruptLogError
-from semmap_log.messages import CDR_HEADER, read_message, type_name
 from semmap_log.store import records as mcap
 from semmap_log.store.form import NOTE_CHANNEL
 from semmap_log.store.pages import Page

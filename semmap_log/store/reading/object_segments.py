@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import time
 
-from semmap_log.common.texts import counted
+from semmap_log.core.io.object_cache import ObjectCache, cache_of_environment
+from semmap_log.core.io.object_source import ObjectSource
+from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.core.io.url_path import UrlPath
+from semmap_log.core.texts import counted
 from semmap_log.errors import LogAccessError, NotALogError
-from semmap_log.io.object_cache import ObjectCache, cache_of_environment
-from semmap_log.io.object_source import ObjectSource
-from semmap_log.io.object_store import ObjectStatus, ObjectStore
-from semmap_log.io.url_path import UrlPath
 from semmap_log.store.bag_metadata import listed_names
 from semmap_log.store.closed_mark import (
     MOST_BYTES,

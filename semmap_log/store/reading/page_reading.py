@@ -11,8 +11,8 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
+from semmap_log.core.io.checksum import crc32
 from semmap_log.errors import CorruptLogError
-from semmap_log.io.checksum import crc32
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import crc_problem
 from semmap_log.store.compiled_scan import compiled_scan

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from semmap_log.io.progress import Progress
+from semmap_log.core.io.progress import Progress
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.segment_scan import Segment
 

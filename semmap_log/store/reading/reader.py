@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.batches.event_batch import EventBatch, RecordedEvent
-from semmap_log.batches.retraction import Retractions
-from semmap_log.domain.commits import Commit
-from semmap_log.domain.events import MAX_EVENT, Retracted
-from semmap_log.domain.moments import format_utc
+from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.model.commits import Commit
+from semmap_log.core.model.events import MAX_EVENT, Retracted
+from semmap_log.core.model.moments import format_utc
 from semmap_log.errors import CorruptLogError, HorizonError, HorizonWarning, LogError
-from semmap_log.io.progress import Progress
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo, TrimReason
 from semmap_log.store.kind_bits import (

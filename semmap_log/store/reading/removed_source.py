@@ -9,12 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from semmap_log.common.lazily import computed_once
-from semmap_log.domain.events import FloorMap, Retracted
+from semmap_log.core.io.byte_source import ByteSource, Identity
+from semmap_log.core.io.inflating import inflated
+from semmap_log.core.io.url_path import UrlPath
+from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.model.events import FloorMap, Retracted
 from semmap_log.errors import CorruptLogError, ElsewhereError
-from semmap_log.io.byte_source import ByteSource, Identity
-from semmap_log.io.inflating import inflated
-from semmap_log.io.url_path import UrlPath
 from semmap_log.store.chunk_unpacking import most_unpacked
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.kind_bits import bits_of_kinds

@@ -6,7 +6,7 @@ chunks. Older logs do not have it there: then it is read from the last commit.
 
 from __future__ import annotations
 
-from semmap_log.domain.commits import Commit
+from semmap_log.core.model.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.form import INDEX_METADATA
 from semmap_log.store.header import SegmentHeader, head_in_index

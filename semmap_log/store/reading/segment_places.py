@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from semmap_log.io.url_path import UrlPath, place_of
+from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.local_segments import LocalSegments
 from semmap_log.store.reading.segment_store import SegmentStore
 
 if TYPE_CHECKING:
-    from semmap_log.io.object_cache import ObjectCache
+    from semmap_log.core.io.object_cache import ObjectCache
 
 
 def store_at(
@@ -38,7 +38,7 @@ def store_at(
         return place
     found = place_of(place)
     if isinstance(found, UrlPath):
-        from semmap_log.io.object_store import ObjectStore
+        from semmap_log.core.io.object_store import ObjectStore
         from semmap_log.store.reading.object_segments import ObjectSegments
 
         return ObjectSegments(ObjectStore(found), cache=cache)

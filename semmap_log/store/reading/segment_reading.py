@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.common.texts import counted
-from semmap_log.domain.commits import Commit
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.io.prefetch import ahead
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.loops import compiled
+from semmap_log.core.model.commits import Commit
+from semmap_log.core.texts import counted
 from semmap_log.errors import CorruptLogError
-from semmap_log.io.prefetch import ahead
-from semmap_log.loops import compiled
 from semmap_log.store.chunks import StoredChunk
 from semmap_log.store.form import CHUNK_BYTES, count_events
 from semmap_log.store.kind_bits import COMMIT_BIT, UNKNOWN_BIT

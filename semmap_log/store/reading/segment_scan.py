@@ -14,10 +14,10 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from semmap_log.common.lazily import computed_once
-from semmap_log.common.texts import command_line, counted
+from semmap_log.core.io.byte_source import ByteSource
+from semmap_log.core.lazy.lazily import computed_once
+from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogError, NewerLogError, NotALogError
-from semmap_log.io.byte_source import ByteSource
 from semmap_log.store import records as mcap
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import LOG_METADATA, MANIFEST_NAME, PROFILE

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import PurePath
 
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.common.texts import command_line
-from semmap_log.domain.commits import Commit
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.model.commits import Commit
+from semmap_log.core.texts import command_line
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.form import number_in

@@ -10,7 +10,7 @@ from collections.abc import Hashable, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Protocol
 
-from semmap_log.io.byte_source import ByteSource
+from semmap_log.core.io.byte_source import ByteSource
 from semmap_log.store.closed_mark import ClosedMark
 
 if TYPE_CHECKING:

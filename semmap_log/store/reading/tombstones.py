@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from semmap_log.domain.commits import Commit
+from semmap_log.core.model.commits import Commit
 from semmap_log.store.form import TOMBSTONE_CHANNEL
 from semmap_log.store.gone_commands import UNKNOWN, CommandSeal, GoneCommand, commands_in
 from semmap_log.store.kind_bits import TOMBSTONE_BIT

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from semmap_log.domain.events import HistoryTrimmed
+from semmap_log.core.model.events import HistoryTrimmed
 from semmap_log.errors import LogError
 from semmap_log.store.chunks import build_chunk
 from semmap_log.store.folder import LogFolder

@@ -6,9 +6,9 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from semmap_log.domain.commits import Note
-from semmap_log.domain.events import Event, LogExported
-from semmap_log.io.clock import Clock
+from semmap_log.core.io.clock import Clock
+from semmap_log.core.model.commits import Note
+from semmap_log.core.model.events import Event, LogExported
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.store.closed_mark import ClosedMark, write_mark
 from semmap_log.store.commit_records import CommitBuilder, Stamp

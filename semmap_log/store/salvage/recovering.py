@@ -7,15 +7,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from semmap_log.common.texts import counted
+from semmap_log.core.io.clock import Clock, SystemClock
+from semmap_log.core.io.disk import sync_folder
+from semmap_log.core.texts import counted
 from semmap_log.errors import (
     CorruptLogError,
     LogAccessError,
     LogError,
     LogExistsError,
 )
-from semmap_log.io.clock import Clock, SystemClock
-from semmap_log.io.disk import sync_folder
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import NO_HASH, RECOVERING_NAME
 from semmap_log.store.header import LogInfo, SegmentHeader

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.common.texts import command_line, counted
-from semmap_log.domain.events import KINDS, DoorAdded, DoorEvent
+from semmap_log.core.messages import OBJECT_KINDS, decode, fixed_layout
+from semmap_log.core.model.events import KINDS, DoorAdded, DoorEvent
+from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import ElsewhereError, LogError, NewerLogError
-from semmap_log.messages import OBJECT_KINDS, decode, fixed_layout
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import kind_of_channel
 from semmap_log.store.header import LogInfo, SegmentHeader, TrimReason, with_all_of

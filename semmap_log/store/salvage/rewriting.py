@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from semmap_log.domain.events import Retracted, SightingsThinned
-from semmap_log.messages import fixed_layout, layout
+from semmap_log.core.messages import fixed_layout, layout
+from semmap_log.core.model.events import Retracted, SightingsThinned
 from semmap_log.store.chunks import BuiltChunk, build_chunk
 from semmap_log.store.commit_records import commit_hash
 from semmap_log.store.form import (

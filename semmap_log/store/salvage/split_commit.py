@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
+from semmap_log.core.messages import layout
 from semmap_log.errors import CorruptLogError
-from semmap_log.messages import layout
 from semmap_log.store import records as mcap
 from semmap_log.store.commit_records import commit_hash
 from semmap_log.store.form import (

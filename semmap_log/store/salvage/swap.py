@@ -19,9 +19,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from semmap_log.common.texts import command_line
+from semmap_log.core.io.disk import TEMPORARY_SUFFIX, sync_folder
+from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError
-from semmap_log.io.disk import TEMPORARY_SUFFIX, sync_folder
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import (
     BAG_METADATA_NAME,

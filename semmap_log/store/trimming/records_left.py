@@ -16,8 +16,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.commits import NO_CONTENT, Note
-from semmap_log.messages import layout, read_message, type_name, write_message
+from semmap_log.core.messages import layout, read_message, type_name, write_message
+from semmap_log.core.model.commits import NO_CONTENT, Note
 from semmap_log.store import records as mcap
 from semmap_log.store.compaction.repaging import Pause, no_pause, pages
 from semmap_log.store.form import (

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-from semmap_log.domain.events import HistoryTrimmed
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.model.events import HistoryTrimmed
 from semmap_log.errors import LogAccessError
-from semmap_log.io.progress import Progress
 from semmap_log.store.bag_metadata import write_bag_metadata
 from semmap_log.store.compaction.merge import MergedFiles
 from semmap_log.store.folder import LogFolder

@@ -23,8 +23,8 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from semmap_log.io.checksum import crc32
-from semmap_log.messages import layout
+from semmap_log.core.io.checksum import crc32
+from semmap_log.core.messages import layout
 from semmap_log.store import records as mcap
 from semmap_log.store.bag_metadata import ClosedSegment
 from semmap_log.store.chunks import NO_SPAN

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path, PurePath
 
-from semmap_log.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.manifest import ShippedSegment

@@ -10,7 +10,7 @@ import mmap
 from bisect import bisect_left
 from pathlib import PurePath
 
-from semmap_log.io.checksum import crc32
+from semmap_log.core.io.checksum import crc32
 from semmap_log.store.verification.file_place import OpenedFile
 
 WINDOW_BYTES = 2**22

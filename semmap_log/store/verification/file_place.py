@@ -9,8 +9,8 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path, PurePath
 from typing import Protocol
 
+from semmap_log.core.io.file_calls import open_plainly, read_into, read_page_into
 from semmap_log.errors import LogAccessError
-from semmap_log.io.file_calls import open_plainly, read_into, read_page_into
 from semmap_log.store.closed_mark import ClosedMark, read_mark
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import BAG_METADATA_NAME, MOST_LIST_BYTES

@@ -6,9 +6,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import PurePath
 
-from semmap_log.common.texts import command_line, counted
+from semmap_log.core.io.disk import TEMPORARY_SUFFIX
+from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogAccessError
-from semmap_log.io.disk import TEMPORARY_SUFFIX
 from semmap_log.store.bag_metadata import ClosedSegment, bag_metadata_text, listed_names
 from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.form import (

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Any
 
-from semmap_log.common.texts import counted
-from semmap_log.domain.commits import Commit, Durability, Note
-from semmap_log.messages import layout, read_message, type_name
+from semmap_log.core.messages import layout, read_message, type_name
+from semmap_log.core.model.commits import Commit, Durability, Note
+from semmap_log.core.texts import counted
 from semmap_log.store.commit_records import commit_hash
 from semmap_log.store.form import (
     COMMIT_CHANNEL,

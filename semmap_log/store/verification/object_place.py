@@ -8,9 +8,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import PurePath
 
+from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
+from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import LogAccessError, LogError, ObjectChangedError
-from semmap_log.io.object_store import ObjectStatus, ObjectStore
-from semmap_log.io.url_path import UrlPath
 from semmap_log.store.closed_mark import (
     MOST_BYTES,
     ClosedMark,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
 
-from semmap_log.io.checksum import crc32
+from semmap_log.core.io.checksum import crc32
 from semmap_log.store import records as mcap
 from semmap_log.store.chunk_unpacking import unpack_records
 from semmap_log.store.chunks import NO_SPAN, StoredChunk, read_chunk_head

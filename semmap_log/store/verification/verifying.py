@@ -10,12 +10,12 @@ from pathlib import Path, PurePath
 
 from mcap.opcode import Opcode
 
-from semmap_log.common.texts import counted
-from semmap_log.domain.events import HistoryTrimmed
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath, place_of
+from semmap_log.core.messages import decode
+from semmap_log.core.model.events import HistoryTrimmed
+from semmap_log.core.texts import counted
 from semmap_log.errors import CorruptLogError, LogError, NotALogError
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath, place_of
-from semmap_log.messages import decode
 from semmap_log.store.bag_metadata import ClosedSegment
 from semmap_log.store.clock_check import ClockCheck
 from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION, NO_HASH

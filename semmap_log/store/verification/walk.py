@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-from semmap_log.messages import layout
+from semmap_log.core.messages import layout
 from semmap_log.store import records as mcap
 from semmap_log.store.chunk_unpacking import check_sizes
 from semmap_log.store.form import COMMIT_CHANNEL, FLOOR_MAP_CHANNEL, floor_map_topic

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from semmap_log.domain.commits import Commit
+from semmap_log.core.model.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.gone_commands import StoredCommand

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from semmap_log.domain.commits import Durability
+from semmap_log.core.model.commits import Durability
 from semmap_log.errors import InvalidEventError, LogPoisonedError
 
 MOST_BATCH_S = 3600

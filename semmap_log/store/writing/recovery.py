@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from semmap_log.io.byte_source import blocks
+from semmap_log.core.io.byte_source import blocks
 from semmap_log.store.chunks import build_chunk
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import TORN_SUFFIX

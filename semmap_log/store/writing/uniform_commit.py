@@ -17,18 +17,18 @@ from typing import Any
 import numpy as np
 from mcap.opcode import Opcode
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.batches.taken_columns import TakenColumns
-from semmap_log.domain.commits import Commit, Note
-from semmap_log.domain.events import Event
-from semmap_log.io.checksum import crc32
-from semmap_log.messages import (
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.batches.taken_columns import TakenColumns
+from semmap_log.core.io.checksum import crc32
+from semmap_log.core.messages import (
     CDR_HEADER,
     OBJECT_KINDS,
     field_getter,
     field_getters,
     fixed_layout,
 )
+from semmap_log.core.model.commits import Commit, Note
+from semmap_log.core.model.events import Event
 from semmap_log.store import records as mcap
 from semmap_log.store.batch_records import (
     Start,

@@ -7,11 +7,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.commits import NO_CONTENT, Commit, Durability, Note
-from semmap_log.domain.events import Event
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.io.clock import Clock, SystemClock, believable_ns
+from semmap_log.core.model.commits import NO_CONTENT, Commit, Durability, Note
+from semmap_log.core.model.events import Event
 from semmap_log.errors import CommandError, LogError, LogPoisonedError
-from semmap_log.io.clock import Clock, SystemClock, believable_ns
 from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.command_index import COMMAND_ID_BYTES
 from semmap_log.store.commit_records import CommitBuilder, Entropy, Stamp

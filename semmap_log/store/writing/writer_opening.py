@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic
 
-from semmap_log.common.texts import command_line
+from semmap_log.core.io.disk import sync_folder
+from semmap_log.core.io.file_calls import check_can_write
+from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError, LogError, LogExistsError
-from semmap_log.io.disk import sync_folder
-from semmap_log.io.file_calls import check_can_write
 from semmap_log.store.compaction.merge import MergedFiles
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import NO_HASH, has_name_of_file

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.meaning import PART_OF, PARTS, PLACING, Presence
-from semmap_log.folds.door_changes import CHANGE, THERE, Changes, of_presence
+from semmap_log.core.folds.door_changes import CHANGE, THERE, Changes, of_presence
+from semmap_log.core.model.meaning import PART_OF, PARTS, PLACING, Presence
 from semmap_log.views.excerpt.door_rows import NO_STATE
 
 PLACE = tuple(name for name, part in PART_OF.items() if part & PLACING)

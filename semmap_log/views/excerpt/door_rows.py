@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.doors import Door
-from semmap_log.domain.events import DoorAdded
-from semmap_log.domain.meaning import FIELDS
-from semmap_log.folds.door_changes import CHANGE, EVERYTHING, Changes, Stamp, is_before
+from semmap_log.core.folds.door_changes import CHANGE, EVERYTHING, Changes, Stamp, is_before
+from semmap_log.core.model.doors import Door
+from semmap_log.core.model.events import DoorAdded
+from semmap_log.core.model.meaning import FIELDS
 
 ALWAYS: Stamp = (-1, -1)
 NEVER: Stamp = (2**63 - 1, 2**63 - 1)

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.batches.retraction import in_ranges
-from semmap_log.domain.doors import DoorMap
-from semmap_log.domain.events import FloorMap
+from semmap_log.core.batches.retraction import in_ranges
+from semmap_log.core.model.doors import DoorMap
+from semmap_log.core.model.events import FloorMap
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.window import Window
 from semmap_log.views.excerpt.span import Excerpt

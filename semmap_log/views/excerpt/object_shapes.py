@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.late_dataclass import dataclass
-from semmap_log.costmap_2d.costs import FREE_SPACE, NO_INFORMATION
-from semmap_log.costmap_2d.door_layer import DoorLine
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.object_classes import (
+from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, NO_INFORMATION
+from semmap_log.analysis.costmap_2d.door_layer import DoorLine
+from semmap_log.analysis.costmaps.door_layer_fold import cost_of_state
+from semmap_log.core.folds.door_changes import Changes
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.object_classes import (
     DOOR,
     OUTLINE,
     Corners,
@@ -20,9 +23,6 @@ from semmap_log.domain.object_classes import (
     ObjectClass,
     outline_told,
 )
-from semmap_log.folds.door_changes import Changes
-from semmap_log.folds.door_layer_fold import cost_of_state
-from semmap_log.folds.door_map import DoorMapState
 from semmap_log.views.excerpt.door_rows import strips_of
 
 POINT_M = 0.15

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.batches.retraction import Retractions, in_ranges
-from semmap_log.domain.doors import DoorId, DoorMap
-from semmap_log.domain.moments import refuse_reversed
-from semmap_log.door_log.clock_warnings import warn_of_clock
-from semmap_log.folds.door_map import DoorMapState
-from semmap_log.replay.replay import Scope
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.batches.retraction import Retractions, in_ranges
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.model.doors import DoorId, DoorMap
+from semmap_log.core.model.moments import refuse_reversed
+from semmap_log.log.door_log.clock_warnings import warn_of_clock
+from semmap_log.log.replay.replay import Scope
 from semmap_log.store.reading.window import Window
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog, Time
+    from semmap_log.log.door_log.door_log import DoorLog, Time
 
 
 @dataclass(frozen=True, slots=True)

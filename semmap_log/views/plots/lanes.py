@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.doors import DoorId, DoorState, reduced
-from semmap_log.domain.moments import DAY_NS, format_short
-from semmap_log.folds.patrol_rounds import ROUND_KINDS, Round, rounds
-from semmap_log.folds.timeline import Timeline, Times
+from semmap_log.core.folds.patrol_rounds import ROUND_KINDS, Round, rounds
+from semmap_log.core.folds.timeline import Timeline, Times
+from semmap_log.core.model.doors import DoorId, DoorState, reduced
+from semmap_log.core.model.moments import DAY_NS, format_short
 from semmap_log.views.drawable_names import HasShape, drawable_name
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import DEFAULT, PLOT_GRID, Palette, Rgb
@@ -32,8 +32,8 @@ from semmap_log.views.time_axis import WallClock, time_ticks
 from semmap_log.views.zone_times import MS_NS, Span, zone_offsets
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog, Time
-    from semmap_log.io.progress import Progress
+    from semmap_log.core.io.progress import Progress
+    from semmap_log.log.door_log.door_log import DoorLog, Time
 
 WIDE_IN = 10.0
 TALL_LANE_IN, LOW_LANE_IN = 0.28, 0.15

@@ -8,8 +8,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from semmap_log.core.io.disk import output_errors, whole_file
 from semmap_log.errors import FormatError, MissingExtraError
-from semmap_log.io.disk import output_errors, whole_file
 from semmap_log.views.drawable_names import HasShape
 
 try:

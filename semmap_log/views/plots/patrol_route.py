@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.common.texts import counted
-from semmap_log.costmap_2d.grid import GridGeometry
-from semmap_log.domain.doors import Door
-from semmap_log.domain.events import FloorMap
-from semmap_log.domain.moments import SECOND_NS, format_short
-from semmap_log.planning.patrol_plan import PatrolPlan, PlannedStop
-from semmap_log.rooms import Place
-from semmap_log.rooms.level_rooms import OCCUPIED_FROM
+from semmap_log.analysis.costmap_2d.grid import GridGeometry
+from semmap_log.analysis.planning.patrol_plan import PatrolPlan, PlannedStop
+from semmap_log.analysis.rooms import Place
+from semmap_log.analysis.rooms.level_rooms import OCCUPIED_FROM
+from semmap_log.core.model.doors import Door
+from semmap_log.core.model.events import FloorMap
+from semmap_log.core.model.moments import SECOND_NS, format_short
+from semmap_log.core.texts import counted
 from semmap_log.views.palette import (
     PLOT_BARS,
     PLOT_NOTHING,

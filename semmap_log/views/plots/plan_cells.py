@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.events import FloorMap
+from semmap_log.core.model.events import FloorMap
 
 MOST_CELLS = 4_000_000
 """A picture has less than that; what is more only takes memory."""

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.doors import Door
-from semmap_log.scans.proposing.proposals import Proposal
+from semmap_log.analysis.scans.proposing.proposals import Proposal
+from semmap_log.core.model.doors import Door
 from semmap_log.views.palette import PLOT_BARS, PLOT_CURVE, PLOT_PROPOSED, PLOT_WALLS
 from semmap_log.views.plots.matplotlib_sdk import new_figure, save_figure
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.beliefs.evaluation import Evaluation
-from semmap_log.common.texts import counted
-from semmap_log.probabilities.scores import BINS, Reliability, Scores
+from semmap_log.analysis.beliefs.evaluation import Evaluation
+from semmap_log.analysis.probabilities.scores import BINS, Reliability, Scores
+from semmap_log.core.texts import counted
 from semmap_log.views.evaluation_table import known_in_words
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import PLOT_BARS, PLOT_CURVE, PLOT_MARKS

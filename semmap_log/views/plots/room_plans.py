@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from semmap_log.domain.doors import Door
-from semmap_log.domain.events import FloorMap
-from semmap_log.rooms import Room, RoomPlan
-from semmap_log.rooms.level_rooms import OCCUPIED_FROM, LevelRooms
+from semmap_log.analysis.rooms import Room, RoomPlan
+from semmap_log.analysis.rooms.level_rooms import OCCUPIED_FROM, LevelRooms
+from semmap_log.core.model.doors import Door
+from semmap_log.core.model.events import FloorMap
 from semmap_log.views.drawable_names import HasShape, drawable_name
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import (

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.common.texts import counted
-from semmap_log.formats.kept_scans.kept_visit import KeptVisit
-from semmap_log.scans.door_figures import DoorFigures
+from semmap_log.analysis.scans.door_figures import DoorFigures
+from semmap_log.analysis.scans.kept_visit import KeptVisit
+from semmap_log.core.texts import counted
 from semmap_log.views.drawable_names import HasShape, drawable_name
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import (

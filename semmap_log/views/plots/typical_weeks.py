@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.beliefs.typical_week import By, TypicalWeek, WeekPattern
-from semmap_log.common.texts import counted
-from semmap_log.domain.moments import format_short
-from semmap_log.door_log.door_labels import told_apart
-from semmap_log.probabilities.evidence.coverage import DAY_NAMES, DAYS, HOURS
-from semmap_log.probabilities.forecast import INTERVAL
+from semmap_log.analysis.beliefs.typical_week import By, TypicalWeek, WeekPattern
+from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, DAYS, HOURS
+from semmap_log.analysis.probabilities.forecast import INTERVAL
+from semmap_log.core.model.moments import format_short
+from semmap_log.core.texts import counted
+from semmap_log.log.door_log.door_labels import told_apart
 from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.drawable_names import HasShape, drawable_name
 from semmap_log.views.event_words import printable

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from semmap_log.beliefs.belief_query import ask
-from semmap_log.beliefs.door_beliefs import LATER, belief, default_estimator
-from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
-from semmap_log.domain.doors import DoorId, DoorMap, DoorState
-from semmap_log.domain.moments import format_local, zone
-from semmap_log.door_log.robot_names import robots_of
-from semmap_log.door_log.summary import LogSummary
-from semmap_log.folds.levels import levels_of
-from semmap_log.folds.patrol_rounds import ROUND_KINDS, rounds
-from semmap_log.io.disk import log_name
-from semmap_log.replay.replay import Scope
+from semmap_log.analysis.beliefs.belief_query import ask
+from semmap_log.analysis.beliefs.door_beliefs import LATER, belief, default_estimator
+from semmap_log.analysis.beliefs.typical_week import TypicalWeek, typical_week
+from semmap_log.core.folds.levels import levels_of
+from semmap_log.core.folds.patrol_rounds import ROUND_KINDS, rounds
+from semmap_log.core.io.disk import log_name
+from semmap_log.core.model.doors import DoorId, DoorMap, DoorState
+from semmap_log.core.model.moments import format_local, zone
+from semmap_log.log.door_log.robot_names import robots_of
+from semmap_log.log.door_log.summary import LogSummary
+from semmap_log.log.replay.replay import Scope
 from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.excerpt.object_shapes import ObjectShape, shapes_of
 from semmap_log.views.excerpt.shown_levels import home_of_0
@@ -46,9 +46,9 @@ from semmap_log.views.week_shades import shade
 from semmap_log.views.zone_times import DAY_MS, MS_NS, Span, first_ms, zone_offsets
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog, Time
+    from semmap_log.log.door_log.door_log import DoorLog, Time
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog
+    from semmap_log.log.door_log.door_log import DoorLog
 
 BESIDE_MS = 8 * DAY_MS
 """The week of a moment reaches so far beyond the first and the last one."""

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.domain.object_classes import ObjectClass
-from semmap_log.door_log.door_log import DoorLog
-from semmap_log.folds.history import HistoryEntry, history
+from semmap_log.core.folds.history import HistoryEntry, history
+from semmap_log.core.model.object_classes import ObjectClass
+from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.store.reading.window import Window
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.door_rows import sorted_by_stamp

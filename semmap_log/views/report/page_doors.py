@@ -14,11 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.domain.doors import Door, DoorId, DoorState
-from semmap_log.domain.events import DoorAdded
-from semmap_log.domain.meaning import Changed, Presence
-from semmap_log.folds.door_changes import STATE_CHANGE, Changes, Stamp, known_states, of_presence
-from semmap_log.folds.timeline import Timeline
+from semmap_log.core.folds.door_changes import (
+    STATE_CHANGE,
+    Changes,
+    Stamp,
+    known_states,
+    of_presence,
+)
+from semmap_log.core.folds.timeline import Timeline
+from semmap_log.core.model.doors import Door, DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded
+from semmap_log.core.model.meaning import Changed, Presence
 from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
 from semmap_log.views.excerpt.door_rows import (
     ALWAYS,

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import KINDS, DoorPassed, PatrolFinished, PatrolStarted, RobotPose
-from semmap_log.door_log.robot_names import robots_of, robots_of_poses
-from semmap_log.folds.door_changes import CHANGE, EVERYTHING, STATE, STATE_CHANGE, parts_of
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.door_changes import CHANGE, EVERYTHING, STATE, STATE_CHANGE, parts_of
+from semmap_log.core.model.events import KINDS, DoorPassed, PatrolFinished, PatrolStarted, RobotPose
+from semmap_log.log.door_log.robot_names import robots_of, robots_of_poses
 from semmap_log.views.excerpt.door_rows import sorted_by_stamp
 from semmap_log.views.excerpt.span import Excerpt
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from semmap_log.domain.doors import DoorMap
-from semmap_log.domain.events import FloorMap
+from semmap_log.core.model.doors import DoorMap
+from semmap_log.core.model.events import FloorMap
 from semmap_log.views.bounds import UNKNOWN_CELL, Bounds, bounds_of_floor
 from semmap_log.views.excerpt.floor_plans import NO_PLANS, PlanEra, doors_at_ends, level_plans
 from semmap_log.views.report.page_doors import PageDoor

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.beliefs.belief_query import BeliefQuery, ask
-from semmap_log.beliefs.door_beliefs import LATER, default_estimator
-from semmap_log.beliefs.typical_week import TypicalWeek, typical_week
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.moments import DAY_NS
-from semmap_log.probabilities.belief_fold import Beliefs
+from semmap_log.analysis.beliefs.belief_query import BeliefQuery, ask
+from semmap_log.analysis.beliefs.door_beliefs import LATER, default_estimator
+from semmap_log.analysis.beliefs.typical_week import TypicalWeek, typical_week
+from semmap_log.analysis.probabilities.belief_fold import Beliefs
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.moments import DAY_NS
 from semmap_log.views.excerpt.door_rows import NEVER
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import Palette

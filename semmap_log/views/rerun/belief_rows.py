@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 
 EVERY_NS = 600 * 10**9
 MOST_STEPS = 4096

@@ -11,12 +11,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from semmap_log.beliefs.typical_week import TypicalWeek
-from semmap_log.domain.doors import DoorId
+from semmap_log.analysis.beliefs.typical_week import TypicalWeek
+from semmap_log.core.model.doors import DoorId
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.belief_curves import MOST_CURVES, MOST_WEEKS, BeliefsShown
 from semmap_log.views.rerun.costmap_pictures import COSTMAP, has_costmap
+from semmap_log.views.rerun.log_lines import offsets_in
 from semmap_log.views.rerun.nothing import NOTHING
 from semmap_log.views.rerun.rerun_sdk import rr, rrb
 from semmap_log.views.rerun.robot_track import track_paths
@@ -90,7 +91,7 @@ def layout(
     curves = _curves(scene, chosen, beliefs, axis)
     share = min(ROUNDS_SHARE + MORE_ROUNDS_SHARE * (len(rounds) - 1), MOST_ROUNDS_SHARE)
     lanes = [(_rounds(rounds, axis), share), (_lanes(scene, chosen, axis), 3.0)]
-    right = _column([*lanes, (curves, 2), (_event_log(tz), 2)])
+    right = _column([*lanes, (curves, 2), (_event_log(scene, tz), 2)])
     return rrb.Blueprint(
         right if left is None else rrb.Horizontal(left, right, column_shares=[4, 3]),
         rrb.BlueprintPanel(state="collapsed"),
@@ -258,7 +259,7 @@ def _curve(door: SceneDoor, axis: Any) -> View:
     return rrb.TimeSeriesView(
         origin=entity(door.path),
         contents=["$origin/**"],
-        name=door.label,
+        name=f"{door.label} (UTC)",
         axis_x=axis,
         axis_y=rrb.ScalarAxis(range=(-0.03, 1.03), zoom_lock=True),
         plot_legend=rrb.PlotLegend(corner="LeftTop"),
@@ -294,7 +295,8 @@ def _pages(scene: Scene, axis: Any) -> list[View]:
         name = "All doors" if level.path == (ROOT,) else f"{level.name} doors"
         for number, page in enumerate(pages, start=1):
             title = name if len(pages) == 1 else f"{name} {number}/{len(pages)}"
-            views.append(_lane_view(axis, title, [f"+ {entity(door.path)}" for door in page]))
+            paths = [f"+ {entity(door.path)}" for door in page]
+            views.append(_lane_view(axis, f"{title} (UTC)", paths))
     return views
 
 
@@ -319,10 +321,13 @@ def _time_axis(scene: Scene, *, goes_on: bool) -> Any:
     return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
 
 
-def _event_log(tz: str) -> View:
+def _event_log(scene: Scene, tz: str) -> View:
+    """Return the events in words; its name says what its times are on the axes, which are UTC."""
+    offsets = offsets_in(scene, tz)
+    here = tz if offsets == [tz] else f"{tz}, {' and '.join(offsets)}"
     return rrb.TextLogView(
         origin=f"/{EVENTS}",
-        name=f"Event log ({tz})",
+        name=f"Event log ({here})",
         # The time is in the text: a column for it cannot be made wide enough to be read.
         columns=rrb.TextLogColumns(
             timeline_columns=[rrb.encodings.TimelineColumn(HAPPENED, visible=False)],

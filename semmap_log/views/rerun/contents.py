@@ -13,14 +13,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.doors import Door, DoorId, DoorMap
-from semmap_log.domain.events import DoorAnnotated, RobotPose
-from semmap_log.domain.meaning import FIELDS, Changed, Presence
-from semmap_log.door_log.robot_names import robots_of
-from semmap_log.folds.door_changes import THERE, Changes, Stamp, door_changes, of_presence
-from semmap_log.folds.levels import levels_of
-from semmap_log.replay.replay import Scope
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.door_changes import THERE, Changes, Stamp, door_changes, of_presence
+from semmap_log.core.folds.levels import levels_of
+from semmap_log.core.model.doors import Door, DoorId, DoorMap
+from semmap_log.core.model.events import DoorAnnotated, RobotPose
+from semmap_log.core.model.meaning import FIELDS, Changed, Presence
+from semmap_log.log.door_log.robot_names import robots_of
+from semmap_log.log.replay.replay import Scope
 from semmap_log.views.bounds import Bounds, bounds_of_floor
 from semmap_log.views.excerpt.door_rows import (
     ALWAYS,

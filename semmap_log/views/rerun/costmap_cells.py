@@ -16,11 +16,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap_2d.costs import NO_INFORMATION
-from semmap_log.costmap_2d.door_layer import cells_of
-from semmap_log.costmap_2d.grid import MOST_CELLS, CellWindow, GridGeometry
-from semmap_log.domain.doors import DoorId
-from semmap_log.folds.door_changes import CHANGE, Changes
+from semmap_log.analysis.costmap_2d.costs import NO_INFORMATION
+from semmap_log.analysis.costmap_2d.door_layer import cells_of
+from semmap_log.analysis.costmap_2d.grid import MOST_CELLS, CellWindow, GridGeometry
+from semmap_log.core.folds.door_changes import CHANGE, Changes
+from semmap_log.core.model.doors import DoorId
 from semmap_log.views.rerun.costmap_doors import DoorRows, Order
 
 RESOLUTION_M = 0.05

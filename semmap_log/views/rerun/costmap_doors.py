@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.folds.door_changes import Changes
+from semmap_log.core.folds.door_changes import Changes
 from semmap_log.views.excerpt.door_fold import DoorPicture
 from semmap_log.views.excerpt.object_shapes import AS_A_DOOR, ObjectShape
 

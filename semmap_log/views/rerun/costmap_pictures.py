@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
-from semmap_log.costmap_2d.grid import GridGeometry
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import FloorMap
+from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
+from semmap_log.analysis.costmap_2d.grid import GridGeometry
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import FloorMap
 from semmap_log.views.excerpt.floor_plans import PlanEra
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.costmap_cells import Patch, grid_around

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.costmap_2d.costs import NO_INFORMATION
-from semmap_log.costmap_2d.grid import GridGeometry
-from semmap_log.domain.doors import DoorId
+from semmap_log.analysis.costmap_2d.costs import NO_INFORMATION
+from semmap_log.analysis.costmap_2d.grid import GridGeometry
+from semmap_log.core.model.doors import DoorId
 from semmap_log.views.excerpt.door_rows import NO_STATE
 from semmap_log.views.rerun.costmap_cells import Patch, Version, versions_of
 from semmap_log.views.rerun.costmap_doors import (

@@ -10,8 +10,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from semmap_log.domain.doors import DoorId
-from semmap_log.folds.door_changes import CHANGE, Changes
+from semmap_log.core.folds.door_changes import CHANGE, Changes
+from semmap_log.core.model.doors import DoorId
 from semmap_log.views.excerpt.door_rows import (
     RecordingEdge,
     by_door,

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.domain.doors import DoorState
-from semmap_log.folds.door_changes import CHANGE, Changes
+from semmap_log.core.folds.door_changes import CHANGE, Changes
+from semmap_log.core.model.doors import DoorState
 from semmap_log.views.excerpt.door_fold import DoorFold, DoorPicture
 from semmap_log.views.excerpt.door_rows import RecordingEdge
 from semmap_log.views.palette import Palette, packed

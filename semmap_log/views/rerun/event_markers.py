@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import KINDS
-from semmap_log.folds.door_changes import Changes
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.door_changes import Changes
+from semmap_log.core.model.events import KINDS
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.log_lines import EventLine, EventLines
 from semmap_log.views.rerun.rerun_sdk import rr

@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.commits import Commit
-from semmap_log.folds.door_changes import door_changes
-from semmap_log.io.disk import log_name
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.door_changes import door_changes
+from semmap_log.core.io.disk import log_name
+from semmap_log.core.model.commits import Commit
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.belief_curves import BeliefsShown, write_beliefs

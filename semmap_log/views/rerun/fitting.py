@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import (
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.events import (
     SETTING_KINDS,
     DoorAnnotated,
     Event,
@@ -18,7 +18,7 @@ from semmap_log.domain.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.domain.meaning import Changed, Presence
+from semmap_log.core.model.meaning import Changed, Presence
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.excerpt.floor_plans import NO_PLANS
 from semmap_log.views.rerun.contents import RecordingContents

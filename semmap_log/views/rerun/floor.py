@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.events import FloorMap
+from semmap_log.core.model.events import FloorMap
 from semmap_log.views.excerpt.floor_plans import PLAN, PlanEra, Stamps
 from semmap_log.views.palette import Palette
 from semmap_log.views.rerun.rerun_sdk import rr

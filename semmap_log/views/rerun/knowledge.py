@@ -12,11 +12,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded, DoorRemoved
-from semmap_log.domain.meaning import PARTS, REGISTER_OF, REGISTERS
-from semmap_log.folds.door_changes import CHANGE, EVERYTHING, THERE, Changes, Stamp
-from semmap_log.folds.door_map import DoorMapState
+from semmap_log.core.folds.door_changes import CHANGE, EVERYTHING, THERE, Changes, Stamp
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded, DoorRemoved
+from semmap_log.core.model.meaning import PARTS, REGISTER_OF, REGISTERS
 from semmap_log.views.excerpt.door_rows import ALWAYS, RecordingEdge
 
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
 
-from semmap_log.domain.commits import Commit
-from semmap_log.domain.doors import DoorId
-from semmap_log.door_log.door_log import DoorLog, Time
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.model.commits import Commit
+from semmap_log.core.model.doors import DoorId
 from semmap_log.errors import ViewerError
-from semmap_log.io.progress import Progress
+from semmap_log.log.door_log.door_log import DoorLog, Time
 from semmap_log.store.reading.following import FollowedCommit
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import DEFAULT, Palette

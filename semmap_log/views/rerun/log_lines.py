@@ -9,22 +9,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import DoorEvent, Event, Retracted, RobotPose
-from semmap_log.domain.meaning import NO_EFFECT, PLACING, Presence
-from semmap_log.domain.moments import SECOND_NS
-from semmap_log.domain.object_classes import DOOR
-from semmap_log.folds.door_changes import Changes, Stamp
-from semmap_log.probabilities.local_clock import LocalClock
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.door_changes import Changes, Stamp
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import DoorEvent, Event, Retracted, RobotPose
+from semmap_log.core.model.local_clock import LocalClock
+from semmap_log.core.model.meaning import NO_EFFECT, PLACING, Presence
+from semmap_log.core.model.moments import SECOND_NS
+from semmap_log.core.model.object_classes import DOOR
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.drawable import drawable
 from semmap_log.views.rerun.scene import Scene, SceneDoor
 from semmap_log.views.rerun.thinning import RepeatFinder, is_long
+from semmap_log.views.zone_times import MS_NS, Span, from_utc, zone_offsets
 
 if TYPE_CHECKING:
-    from semmap_log.domain.commits import Commit
+    from semmap_log.core.model.commits import Commit
 
 INFO, WARN, DEBUG = "INFO", "WARN", "DEBUG"
 """INFO: the map is another than before; WARN: look here; DEBUG: it stayed as it was."""
@@ -56,6 +57,7 @@ class EventLines:
         self._repeats = RepeatFinder(scene.doors) if is_long(scene) else None
         self._notes = _Notes(commits)
         self._clock = LocalClock(excerpt.log.info.timezone)
+        self._has_offsets = len(offsets_in(scene, excerpt.log.info.timezone)) > 1
         edges = self._shown(np.array([scene.begin.folds_ns, scene.end.folds_ns]))
         self._time_from = len("2026-") if edges[0][:4] == edges[1][:4] else 0
         self._states: dict[int, tuple[int, DoorState]] = {
@@ -76,12 +78,13 @@ class EventLines:
         told = batch.select((batch.kind != RobotPose.kind) & ~self._is_repeat(batch, changes))
         folds_ns = told.folds_ns
         times = self._shown(folds_ns)
+        offsets = self._offsets(folds_ns) if self._has_offsets else [""] * len(times)
         taken_back = self._excerpt.is_retracted(told.number)
-        rows = zip(told, folds_ns.tolist(), times, taken_back.tolist(), strict=True)
-        for recorded, t, time, is_void in rows:
+        rows = zip(told, folds_ns.tolist(), times, offsets, taken_back.tolist(), strict=True)
+        for recorded, t, time, offset, is_void in rows:
             event, number = recorded.event, recorded.number
             importance, said, state = self._what(event, (t, number), is_void=is_void)
-            when = time[self._time_from :].replace("T", " ")
+            when = time[self._time_from :].replace("T", " ") + offset
             text = f"{when}  {said}{self._notes.of(number)}"
             yield EventLine(number, t, recorded.recorded_ns, event.kind, importance, text, state)
 
@@ -91,6 +94,10 @@ class EventLines:
         wall = (seconds + self._clock.offset_s(seconds)).astype("M8[s]")
         shown: list[str] = np.datetime_as_string(wall, unit="s").tolist()
         return shown
+
+    def _offsets(self, times_ns: NDArray[np.int64]) -> list[str]:
+        """Return how far those clocks are ahead of UTC then: ` UTC+2`."""
+        return [f" {from_utc(s)}" for s in self._clock.offset_s(times_ns // SECOND_NS).tolist()]
 
     def _is_repeat(self, batch: EventBatch, changes: Changes) -> NDArray[np.bool_]:
         if self._repeats is None:
@@ -139,6 +146,12 @@ class EventLines:
             return event.effect.presence is Presence.COMES  # a late event: the map has moved on
         self._states[event.door_id] = stamp[0], state
         return state != known
+
+
+def offsets_in(scene: Scene, tz: str) -> list[str]:
+    """Return how far a zone's clocks are ahead of UTC within what a scene shows: `UTC+1`."""
+    span = Span(scene.begin.folds_ns // MS_NS, scene.end.folds_ns // MS_NS)
+    return list(dict.fromkeys(from_utc(offset_s) for _, offset_s in zone_offsets(span, tz)))
 
 
 def _who(door: SceneDoor) -> str:

@@ -21,16 +21,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import RobotPose
-from semmap_log.io.disk import output_errors, refuse_own_folder, whole_file
+from semmap_log.core.io.disk import output_errors, refuse_own_folder, whole_file
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import RobotPose
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.rerun.contents import find_scene
 from semmap_log.views.rerun.thinning import LeftOut
 
 if TYPE_CHECKING:
-    from semmap_log.door_log.door_log import DoorLog, Time
+    from semmap_log.analysis.scans.kept_visit import VisitReader
+    from semmap_log.log.door_log.door_log import DoorLog, Time
     from semmap_log.views.rerun.scene import Scene
 
 LOOK_BACK_NS = 86_400 * 10**9
@@ -63,7 +64,7 @@ def save_rrd(
     palette: Palette = DEFAULT,
     costmap: bool = True,
     beliefs: bool = True,
-    scans: bool = True,
+    scans: VisitReader | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> RrdSummary:
     """Write the log as a recording that the rerun viewer opens, laid out.
@@ -81,7 +82,8 @@ def save_rrd(
         costmap: With the costmap's door layer, cell for cell.
         beliefs: With what the robot could believe of doors of which enough is known: a typical
             week of each, and a curve of those chosen, or of the liveliest.
-        scans: With the scans that are kept beside the log, a view a door: see `sighting_views`.
+        scans: Reads the scans that are kept beside the log (`interop`'s `kept_visits`), which get
+            a view a door; None: without.
         progress: Told how far the reading is: (bytes done, bytes in all).
 
     Raises:
@@ -103,7 +105,7 @@ def save_rrd(
     scene = find_scene(excerpt)
     shown = beliefs_to_show(excerpt, scene, doors) if beliefs else None
     rounds = round_lanes(excerpt, scene)
-    sightings = sightings_to_show(excerpt, scene, doors) if scans else None
+    sightings = sightings_to_show(scans, excerpt, scene, doors) if scans else None
     blueprint = layout(
         scene,
         palette,

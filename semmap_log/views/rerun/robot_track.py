@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import RobotPose
-from semmap_log.door_log.robot_names import robots_of_poses
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.events import RobotPose
+from semmap_log.log.door_log.robot_names import robots_of_poses
 from semmap_log.views.palette import Palette, packed
 from semmap_log.views.rerun.floor import eras_along, since_of
 from semmap_log.views.rerun.rerun_sdk import rr

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.rooms import RoomPlan
+from semmap_log.analysis.rooms import RoomPlan
 from semmap_log.views.excerpt.floor_plans import doors_at_ends
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import Palette

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.batches.retraction import in_ranges
-from semmap_log.domain.events import PatrolFinished, PatrolStarted
-from semmap_log.folds.history import HistoryEntry
-from semmap_log.folds.patrol_rounds import ROUND_KINDS, Round, rounds
+from semmap_log.core.batches.retraction import in_ranges
+from semmap_log.core.folds.history import HistoryEntry
+from semmap_log.core.folds.patrol_rounds import ROUND_KINDS, Round, rounds
+from semmap_log.core.model.events import PatrolFinished, PatrolStarted
 from semmap_log.views.excerpt.door_rows import RecordingEdge
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import Palette

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.domain.doors import Door, DoorId
-from semmap_log.domain.events import FloorMap
+from semmap_log.core.model.doors import Door, DoorId
+from semmap_log.core.model.events import FloorMap
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.excerpt.door_rows import DoorLifetime, RecordingEdge
 from semmap_log.views.excerpt.floor_plans import NO_PLANS, LevelPlans

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.texts import counted
-from semmap_log.domain.doors import DoorId
-from semmap_log.formats.kept_scans.kept_visit import DoorLine, KeptVisit
-from semmap_log.formats.kept_scans.reading import has_kept_scans, kept_visits
-from semmap_log.scans.visit import Visit
+from semmap_log.analysis.scans.kept_visit import DoorLine, KeptVisit, VisitReader
+from semmap_log.analysis.scans.visit import Visit
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.texts import counted
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import BEAM_SHORT, Palette, Rgb
 from semmap_log.views.rerun.drawable import drawable
@@ -66,6 +65,8 @@ class SightingsShown:
     """Visits that are kept, and not shown."""
     problems: tuple[str, ...]
     """Files that end in midst, or are of another log."""
+    read_visits: VisitReader
+    """Reads them again, with their scans."""
 
     def has(self, visit: Visit) -> bool:
         """Tell whether a visit is shown."""
@@ -77,23 +78,24 @@ class SightingsShown:
 
 
 def sightings_to_show(
-    excerpt: Excerpt, scene: Scene, chosen: Collection[DoorId] | None
+    reader: VisitReader, excerpt: Excerpt, scene: Scene, chosen: Collection[DoorId] | None
 ) -> SightingsShown | None:
     """Return what there is to be shown of the scans that are kept beside a log; None: nothing.
 
     Args:
+        reader: Reads the visits that are kept.
         excerpt: The part of the log.
         scene: What is shown of it.
         chosen: Doors that were asked for; None: those with most visits.
     """
-    if not has_kept_scans(excerpt.log.path):
-        return None
     problems: list[str] = []
     by_door: defaultdict[DoorId, list[KeptVisit]] = defaultdict(list)
-    for kept in _kept(excerpt, chosen, problems):
+    for kept in _kept(reader, excerpt, chosen, problems):
         door = scene.doors.get(kept.visit.door_id)
         if door is not None and not kept.visit.passed and _is_here(kept, door, scene):
             by_door[door.door_id].append(kept)
+    if not by_door and not problems:
+        return None
     counts = Counter({door_id: len(visits) for door_id, visits in by_door.items()})
     order = [door_id for door_id in chosen or () if door_id in counts]
     order += [door_id for door_id, _ in counts.most_common() if door_id not in order]
@@ -108,6 +110,7 @@ def sightings_to_show(
         lines={door_id: by_door[door_id][-1].line for door_id in drawn},
         left_out=counts.total() - len(shown),
         problems=tuple(problems),
+        read_visits=reader,
     )
 
 
@@ -122,7 +125,7 @@ def write_sightings(
     """Write the visits, door by door some at once."""
     pens = {door_id: _DoorPen(writer, scene.doors[door_id], excerpt.log.info.timezone, palette)
             for door_id in shown.doors}  # fmt: skip
-    for kept in kept_visits(
+    for kept in shown.read_visits(
         excerpt.log.path, excerpt.log.info.log_id,
         since_ns=excerpt.since_ns, until_ns=excerpt.until_ns,
         doors=shown.doors, with_scans=shown.has,
@@ -135,9 +138,12 @@ def write_sightings(
 
 
 def _kept(
-    excerpt: Excerpt, chosen: Collection[DoorId] | None, problems: list[str]
+    reader: VisitReader,
+    excerpt: Excerpt,
+    chosen: Collection[DoorId] | None,
+    problems: list[str],
 ) -> Iterator[KeptVisit]:
-    return kept_visits(
+    return reader(
         excerpt.log.path, excerpt.log.info.log_id,
         since_ns=excerpt.since_ns, until_ns=excerpt.until_ns,
         doors=chosen, with_scans=lambda _: False, tell=problems.append,

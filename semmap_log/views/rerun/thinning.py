@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.common.texts import counted
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorObserved, DoorPassed
-from semmap_log.domain.meaning import Changed
-from semmap_log.folds.door_changes import Changes
+from semmap_log.core.folds.door_changes import Changes
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorObserved, DoorPassed
+from semmap_log.core.model.meaning import Changed
+from semmap_log.core.texts import counted
 from semmap_log.views.excerpt.door_rows import NO_STATE, by_door
 from semmap_log.views.rerun.scene import Scene, SceneDoor
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from semmap_log.core.io.disk import output_errors, replace_file
 from semmap_log.errors import ViewerError
-from semmap_log.io.disk import output_errors, replace_file
 from semmap_log.views.rerun.process import RerunProcess, running
 
 LOAD_S = 60.0
@@ -182,14 +182,15 @@ class Viewer:
         self.ask(lambda client: client.set_time(timeline, play_state="paused", **where))
 
     def show(self, view: str) -> str:
-        """Let a view have all the room, and return its id."""
+        """Let a view have all the room, and return its id; what is in brackets may be left out."""
         ids = {each.name: each.view_id for each in self.state().views}
-        if view not in ids:
+        short = {name.partition(" (")[0]: view_id for name, view_id in ids.items()}
+        if (view_id := ids.get(view, short.get(view))) is None:
             raise ViewerError(f"view {view!r}: expected one of {', '.join(sorted(ids))}.")
         layout = self.ask(lambda client: client.get_blueprint()).blueprint
-        layout["/viewport"]["ViewportBlueprint"]["maximized"] = str(ids[view])
+        layout["/viewport"]["ViewportBlueprint"]["maximized"] = str(view_id)
         self.ask(lambda client: client.set_blueprint(layout, of="recording"))
-        return str(ids[view])
+        return str(view_id)
 
     def picture(self, view: str | None = None) -> bytes:
         """Return what is shown, as PNG: the window, or the view of that name."""

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.beliefs.typical_week import TypicalWeek
-from semmap_log.probabilities.evidence.coverage import DAY_NAMES, DAYS, HOURS
+from semmap_log.analysis.beliefs.typical_week import TypicalWeek
+from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, DAYS, HOURS
 from semmap_log.views.palette import WEEK_AXES, WEEK_UNKNOWN, WHITE, Rgb
 from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.rows import RowWriter, rgba

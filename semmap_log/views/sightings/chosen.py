@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 
-from semmap_log.domain.doors import DoorId
-from semmap_log.formats.kept_scans.kept_visit import KeptVisit, visit_key
-from semmap_log.scans.visit import Visit
+from semmap_log.analysis.scans.kept_visit import KeptVisit, visit_key
+from semmap_log.analysis.scans.visit import Visit
+from semmap_log.core.model.doors import DoorId
 from semmap_log.views.sightings.worth_a_look import worth_a_look
 
 ReadVisits = Callable[[Callable[[Visit], bool] | None], Iterable[KeptVisit]]

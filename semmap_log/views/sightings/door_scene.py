@@ -12,9 +12,9 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.formats.kept_scans.kept_visit import DoorLine, KeptVisit
-from semmap_log.scans.placed_scan import PlacedScan
-from semmap_log.scans.scan_model import DEFAULT
+from semmap_log.analysis.scans.kept_visit import DoorLine, KeptVisit
+from semmap_log.analysis.scans.placed_scan import PlacedScan
+from semmap_log.analysis.scans.scan_model import DEFAULT
 
 Points = NDArray[np.float64]
 """(n, 2) m"""

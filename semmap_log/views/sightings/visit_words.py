@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from math import isfinite
 
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.moments import format_short
-from semmap_log.scans.door_figures import is_undecided
-from semmap_log.scans.visit import Visit
+from semmap_log.analysis.scans.door_figures import is_undecided
+from semmap_log.analysis.scans.visit import Visit
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.moments import format_short
 
 ALMOST_SURE = 0.995
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from semmap_log.scans.door_figures import is_undecided
-from semmap_log.scans.visit import Visit
+from semmap_log.analysis.scans.door_figures import is_undecided
+from semmap_log.analysis.scans.visit import Visit
 
 
 def worth_a_look(visits: Sequence[Visit], most: int) -> list[int]:

@@ -8,7 +8,7 @@ import time
 from collections import Counter
 from typing import Any
 
-from semmap_log.domain.events import DoorObserved
+from semmap_log.core.model.events import DoorObserved
 
 
 class Sightings:

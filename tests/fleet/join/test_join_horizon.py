@@ -11,17 +11,24 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.beliefs.door_beliefs import probabilities
+from semmap_log.analysis.beliefs.door_beliefs import probabilities
 from semmap_log.cli import main
-from semmap_log.domain.events import RobotPose
+from semmap_log.core.model.events import RobotPose
 from semmap_log.errors import HorizonError, HorizonWarning
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
+from semmap_log.log.trimming.redaction import Redaction, Tracks
+from semmap_log.log.trimming.repeated_sightings import Thinning
+from semmap_log.log.trimming.retention import Retention
+from semmap_log.log.trimming.trim_log import trim_log
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.trimming.redaction import Redaction, Tracks
-from semmap_log.trimming.repeated_sightings import Thinning
-from semmap_log.trimming.retention import Retention
-from semmap_log.trimming.trim_log import trim_log
-from tests.trimming.logs import SECOND_NS, START_NS, MinuteClock, answers_of, moments, random_log
+from tests.log.trimming.logs import (
+    SECOND_NS,
+    START_NS,
+    MinuteClock,
+    answers_of,
+    moments,
+    random_log,
+)
 
 pytestmark = [
     pytest.mark.filterwarnings(f"ignore::semmap_log.errors.{name}")

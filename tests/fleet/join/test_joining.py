@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.batches.event_batch import EventBatch
 from semmap_log.cli import main
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import (
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.io.url_path import UrlPath
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import (
     DoorAdded,
     DoorAnnotated,
     DoorObserved,
@@ -23,12 +24,11 @@ from semmap_log.domain.events import (
     PatrolStarted,
     RobotPose,
 )
-from semmap_log.door_log.robot_names import robots_of, robots_of_poses
 from semmap_log.errors import CorruptLogError, FormatError, LogAccessError, LogError, NewerLogError
 from semmap_log.fleet.join import joining_logs
 from semmap_log.fleet.shipping import ship
-from semmap_log.io.url_path import UrlPath
-from semmap_log.replay.care import recover, verify
+from semmap_log.log.door_log.robot_names import robots_of, robots_of_poses
+from semmap_log.log.replay.care import recover, verify
 from semmap_log.store.reading.segment_scan import open_segment
 from tests.fleet.join.some_robots import (
     SECOND_NS,

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
+from semmap_log.log.trimming.repeated_sightings import Thinning
+from semmap_log.log.trimming.trim_log import trim_log
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.trimming.repeated_sightings import Thinning
-from semmap_log.trimming.trim_log import trim_log
-from tests.trimming.logs import SECOND_NS, START_NS, MinuteClock, answers_of
+from tests.log.trimming.logs import SECOND_NS, START_NS, MinuteClock, answers_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::semmap_log.errors.HorizonWarning")
 

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 import semmap_log as sl
-from semmap_log.domain.events import Event
+from semmap_log.core.model.events import Event
 from semmap_log.errors import CorruptLogError, LogAccessError, LogLockedError
 from semmap_log.store.compaction import Compacted, compact, merge, plan_compaction, repaging
 from semmap_log.store.folder import LogFolder

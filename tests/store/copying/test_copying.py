@@ -25,7 +25,7 @@ from semmap_log.errors import (
     LogLockedError,
     OutputError,
 )
-from semmap_log.replay.care import copy, verify
+from semmap_log.log.replay.care import copy, verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.writing import segment_chain
 from tests.marks import marks

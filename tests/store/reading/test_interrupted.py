@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.batches.retraction import Retractions
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved, Retracted
-from semmap_log.folds.door_map import DoorMapState
-from semmap_log.replay.keyframes import encode
-from semmap_log.replay.state import state_at
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved, Retracted
+from semmap_log.log.replay.keyframes import encode
+from semmap_log.log.replay.state import state_at
 from semmap_log.store.reading.reader import LogReader
-from tests.replay.test_state import START_NS, sightings, tiny_steps
+from tests.log.replay.test_state import START_NS, sightings, tiny_steps
 
 
 def test_retractions_read_in_part_are_not_taken_for_all(

@@ -135,7 +135,7 @@ def test_an_error_of_the_system_is_told_with_its_place(
         return os.preadv(fd, [target], at)
 
     opened = map_file(file)
-    monkeypatch.setattr("semmap_log.io.file_calls.read_into", read_into)
+    monkeypatch.setattr("semmap_log.core.io.file_calls.read_into", read_into)
     monkeypatch.setattr(mapping, "read_into", read_into)
 
     with pytest.raises(UnreadableLogError, match="cannot be read at byte 8192: Input/output") as e:

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.commits import Note
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorObserved, DoorPassed
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.commits import Note
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated, DoorObserved, DoorPassed
 
 SOURCES = ["", "tug1", "tug2", "Türsensor 7", "x" * 300]
 KINDS = (DoorObserved, DoorPassed)

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import DoorObserved
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.io.object_store import ObjectStore
+from semmap_log.core.io.url_path import UrlPath
+from semmap_log.core.model.events import DoorObserved
 from semmap_log.errors import LogAccessError, LogError, NotALogError
-from semmap_log.io.object_store import ObjectStore
-from semmap_log.io.url_path import UrlPath
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader
 from tests.bucket import NAME, put_folder, served_bucket

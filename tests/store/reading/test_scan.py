@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.commits import Commit, Durability, Note
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAnnotated, DoorObserved, Event
+from semmap_log.core.model.commits import Commit, Durability, Note
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAnnotated, DoorObserved, Event
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
 from semmap_log.store.commit_records import CommitBuilder, Stamp

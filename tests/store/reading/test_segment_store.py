@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.store.compaction import compact
 from semmap_log.store.form import CHUNK_BYTES
@@ -18,7 +18,7 @@ from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
 from tests.batches import batch_of
 from tests.conftest import SteadyClock
-from tests.replay.test_state import START_NS, sightings, tiny_steps
+from tests.log.replay.test_state import START_NS, sightings, tiny_steps
 from tests.store.logs import answers_of
 from tests.store.reading.far_segments import PATTERN, FarSegment, FarSegments
 from tests.test_replay import random_log

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import KINDS, DoorAdded, DoorObserved, PatrolStarted
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import KINDS, DoorAdded, DoorObserved, PatrolStarted
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading import segment_reading
@@ -22,7 +22,7 @@ from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
 from tests.conftest import SteadyClock
-from tests.replay.test_state import tiny_steps
+from tests.log.replay.test_state import tiny_steps
 from tests.test_replay import random_log
 
 

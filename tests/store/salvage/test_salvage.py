@@ -14,9 +14,9 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.domain.events import Retracted
+from semmap_log.core.model.events import Retracted
 from semmap_log.errors import LogAccessError, LogError, LogExistsError, LogLockedError
-from semmap_log.replay.care import plan_recovery, recover, recover_into, verify
+from semmap_log.log.replay.care import plan_recovery, recover, recover_into, verify
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import RECOVERING_NAME
 from semmap_log.store.lock import WriterLock
@@ -428,7 +428,7 @@ for name in ("replace", "rename", "link", "unlink", "mkdir", "rmdir", "fsync"):
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.salvage import swap
-from semmap_log.replay.care import recover
+from semmap_log.log.replay.care import recover
 swap._exchange = before(swap._exchange)
 recover(pathlib.Path({str(log)!r}))
 """

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 from semmap_log.store.verification import file_bytes, pieces
 from semmap_log.store.verification.file_bytes import FileBytes, Vanished
 from semmap_log.store.verification.file_place import DiskFile

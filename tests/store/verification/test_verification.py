@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mcap.opcode import Opcode
 
 import semmap_log as sl
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import build_chunk
 from semmap_log.store.compaction import compact
@@ -538,7 +538,7 @@ def test_a_keyframe_that_a_retraction_reaches_behind(tmp_path: Path) -> None:
     A retraction of what an earlier segment holds: the keyframes after it are compared with a new
     fold, those before it with the old one.
     """
-    from semmap_log.domain.events import Retracted
+    from semmap_log.core.model.events import Retracted
     from semmap_log.store.writing import segment_chain
 
     with pytest.MonkeyPatch.context() as patch:

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved, Event
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved, Event
 from semmap_log.errors import CommandReusedError, CorruptLogError
-from semmap_log.replay.care import recover
+from semmap_log.log.replay.care import recover
 from semmap_log.store import command_index
 from semmap_log.store.command_index import fingerprint
 from semmap_log.store.compaction import compact

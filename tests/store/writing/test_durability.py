@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.commits import Durability
-from semmap_log.domain.events import DoorObserved, PatrolStarted
+from semmap_log.core.model.commits import Durability
+from semmap_log.core.model.events import DoorObserved, PatrolStarted
 from semmap_log.errors import InvalidEventError, LogPoisonedError
 from semmap_log.store.writing import segment_chain
 from semmap_log.store.writing.durability import BatchTimer

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.events import DoorObserved, Event, FloorMap, LevelAdded
+from semmap_log.core.model.events import DoorObserved, Event, FloorMap, LevelAdded
 from semmap_log.errors import (
     CommandError,
     LogAccessError,

@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.batches.event_batch import RecordedEvent
-from semmap_log.domain.events import DoorAnnotated
+from semmap_log.core.batches.event_batch import RecordedEvent
+from semmap_log.core.model.events import DoorAnnotated
 from semmap_log.errors import LogPoisonedError
-from semmap_log.replay.care import verify
+from semmap_log.log.replay.care import verify
 from semmap_log.store.writing import segment_chain
 from semmap_log.store.writing.durability import BatchTimer
 

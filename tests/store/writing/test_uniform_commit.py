@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.batches.taken_columns import TakenColumns
-from semmap_log.domain.commits import Durability, Note
-from semmap_log.door_log.batch_checks import SIGHTINGS
-from semmap_log.messages import OBJECT_KINDS
+from semmap_log.core.batches.taken_columns import TakenColumns
+from semmap_log.core.messages import OBJECT_KINDS
+from semmap_log.core.model.commits import Durability, Note
+from semmap_log.log.door_log.batch_checks import SIGHTINGS
 from semmap_log.store.commit_records import CommitBuilder, Stamp
 from semmap_log.store.writing.uniform_commit import FEW, MOST, uniform_commit
 from tests.strategies import events, fixed_size
@@ -74,8 +74,8 @@ def test_it_leaves_large_commits_alone() -> None:
     """
     Those may be split.
     """
-    from semmap_log.domain.doors import DoorId
-    from semmap_log.domain.events import DoorRemoved
+    from semmap_log.core.model.doors import DoorId
+    from semmap_log.core.model.events import DoorRemoved
 
     stamp = Stamp(0, 1, bytes(32), bytes(16), 1, 1, bytes(16))
     assert uniform_commit(stamp, Note(), [DoorRemoved(door_id=DoorId(1))] * MOST) is not None

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded, DoorObserved, FloorMap, RobotPose
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded, DoorObserved, FloorMap, RobotPose
 from semmap_log.errors import (
     InvalidEventError,
     LogError,
@@ -26,7 +26,7 @@ from semmap_log.errors import (
     LogPoisonedError,
     NotALogError,
 )
-from semmap_log.replay.state import keyframe_at
+from semmap_log.log.replay.state import keyframe_at
 from semmap_log.store import commit_records as commits
 from semmap_log.store.commit_records import commit_hash
 from semmap_log.store.writing import segment_chain
@@ -60,7 +60,7 @@ def test_what_no_chunk_can_hold_is_refused_before_it_is_written(
     A floor map, an annotation, a note: an error, nothing in the log, and the writer goes on.
     """
     monkeypatch.setattr(commits, "MOST_EVENT_BYTES", 2**16)
-    monkeypatch.setattr("semmap_log.domain.commits.MOST_NOTE_CHARACTERS", 2**15)
+    monkeypatch.setattr("semmap_log.core.model.commits.MOST_NOTE_CHARACTERS", 2**15)
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", clock=clock) as log:
         door = log.add_door()

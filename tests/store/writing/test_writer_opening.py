@@ -10,14 +10,14 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.batches.retraction import Retractions
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded, Retracted
+from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded, Retracted
 from semmap_log.errors import CorruptLogError, LogError, LogPoisonedError
 from semmap_log.store.reading import segment_folder
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.segment import SegmentWriter
-from tests.replay.test_state import START_NS, sightings, tiny_steps
+from tests.log.replay.test_state import START_NS, sightings, tiny_steps
 
 
 @pytest.fixture

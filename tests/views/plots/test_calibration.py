@@ -9,12 +9,12 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
 
-from semmap_log.beliefs.evaluation import Evaluation, evaluate
-from semmap_log.beliefs.protocol import Protocol
-from semmap_log.probabilities.estimators import by_name
-from semmap_log.probabilities.scores import BINS
+from semmap_log.analysis.beliefs.evaluation import Evaluation, evaluate
+from semmap_log.analysis.beliefs.protocol import Protocol
+from semmap_log.analysis.probabilities.estimators import by_name
+from semmap_log.analysis.probabilities.scores import BINS
 from semmap_log.views.plots.reliability import draw_calibration, plot_calibration
-from tests.beliefs.patrolled import patrolled
+from tests.analysis.beliefs.patrolled import patrolled
 
 
 @pytest.fixture(scope="module")

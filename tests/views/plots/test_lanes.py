@@ -12,11 +12,11 @@ import pytest
 pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
 
 import semmap_log as sl
-from semmap_log.domain.commits import Note
-from semmap_log.domain.doors import DoorId, DoorState, reduced
-from semmap_log.domain.events import PatrolFinished, PatrolStarted
-from semmap_log.domain.moments import DAY_NS, HOUR_NS
-from semmap_log.folds.timeline import Timeline
+from semmap_log.core.folds.timeline import Timeline
+from semmap_log.core.model.commits import Note
+from semmap_log.core.model.doors import DoorId, DoorState, reduced
+from semmap_log.core.model.events import PatrolFinished, PatrolStarted
+from semmap_log.core.model.moments import DAY_NS, HOUR_NS
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Rgb
 from semmap_log.views.plots.lanes import MOST_INTERVALS, Lanes, draw_lanes, plot_lanes
 from semmap_log.views.plots.matplotlib_sdk import letters_of

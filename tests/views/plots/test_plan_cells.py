@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semmap_log.domain.events import FloorMap
+from semmap_log.core.model.events import FloorMap
 from semmap_log.views.plots.plan_cells import plan_cells
 
 

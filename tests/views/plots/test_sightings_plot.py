@@ -10,9 +10,9 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
 
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.formats.kept_scans.kept_visit import KeptVisit
-from semmap_log.scans.door_figures import door_figures
+from semmap_log.analysis.scans.door_figures import door_figures
+from semmap_log.analysis.scans.kept_visit import KeptVisit
+from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Palette
 from semmap_log.views.plots.sighting_panels import (
     MOST_BEAMS,
@@ -21,7 +21,7 @@ from semmap_log.views.plots.sighting_panels import (
     draw_sightings,
     plot_sightings,
 )
-from tests.scans.some_scans import LINE, SHUT, seen_visit
+from tests.analysis.scans.some_scans import LINE, SHUT, seen_visit
 
 
 def _pictures(label: str = "front", visits: int = 2, **other: object) -> DoorPictures:

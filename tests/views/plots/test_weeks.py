@@ -13,12 +13,12 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
 
-from semmap_log.beliefs.typical_week import TypicalWeek, typical_weeks
-from semmap_log.domain.doors import DoorId
+from semmap_log.analysis.beliefs.typical_week import TypicalWeek, typical_weeks
+from semmap_log.core.model.doors import DoorId
 from semmap_log.errors import FormatError, MissingExtraError, OutputError
 from semmap_log.views.plots.matplotlib_sdk import letters_of
 from semmap_log.views.plots.typical_weeks import MOST_PANELS, UNSURE, draw_weeks, plot_weeks
-from tests.beliefs.patrolled import patrolled
+from tests.analysis.beliefs.patrolled import patrolled
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 import semmap_log as sl
-from semmap_log.domain.doors import Door, DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorObserved
+from semmap_log.core.model.doors import Door, DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated, DoorObserved
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START, restless_log
 

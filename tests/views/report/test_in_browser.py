@@ -16,8 +16,8 @@ import pytest
 from PIL import Image
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Palette
 from semmap_log.views.report.content import report
 from tests.browser import Page, a_page, as_url

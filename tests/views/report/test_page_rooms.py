@@ -11,12 +11,12 @@ import pytest
 from PIL import Image
 
 import semmap_log as sl
-from semmap_log.domain.events import FloorMap
-from semmap_log.rooms import room_plan
+from semmap_log.analysis.rooms import room_plan
+from semmap_log.core.model.events import FloorMap
 from semmap_log.views.report import page_rooms
 from semmap_log.views.report.page_rooms import rooms_of_page
 from semmap_log.views.rooms_shown import rooms_shown
-from tests.rooms.buildings import drawn
+from tests.analysis.rooms.buildings import drawn
 
 FLOOR = drawn(
     """

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from semmap_log.domain.events import FloorMap
+from semmap_log.core.model.events import FloorMap
 from semmap_log.views.report import plans
 from semmap_log.views.report.plans import FLOOR_INK, WALL_INK, picture_of
 from tests.views.rerun.some_logs import room

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorObserved, LogExported, PatrolStarted
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorObserved, LogExported, PatrolStarted
 from semmap_log.errors import MomentError
 from semmap_log.views.report import page_doors as coding
 from semmap_log.views.report.content import report

@@ -7,7 +7,7 @@ from importlib import resources
 
 import pytest
 
-from semmap_log.domain.moments import format_short
+from semmap_log.core.model.moments import format_short
 from tests.browser import a_page
 from tests.views.test_time_axis import ticks_of
 from tests.views.time_spans import axes

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,

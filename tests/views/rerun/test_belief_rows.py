@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.domain.doors import DoorId
-from semmap_log.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.core.model.doors import DoorId
 from semmap_log.views.rerun.belief_rows import (
     EVERY_NS,
     MOST_STEPS,

@@ -10,11 +10,11 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.beliefs.belief_query import learn
-from semmap_log.beliefs.door_beliefs import default_estimator
-from semmap_log.beliefs.typical_week import typical_weeks
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.moments import parse_instant
+from semmap_log.analysis.beliefs.belief_query import learn
+from semmap_log.analysis.beliefs.door_beliefs import default_estimator
+from semmap_log.analysis.beliefs.typical_week import typical_weeks
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.moments import parse_instant
 from semmap_log.views.rerun.belief_rows import TOLERANCE, times_of_curve
 from semmap_log.views.rerun.recording import save_rrd
 from semmap_log.views.rerun.rows import MOST_ROWS
@@ -26,7 +26,7 @@ from semmap_log.views.rerun.week_pictures import (
     door_labels,
     picture,
 )
-from tests.beliefs.patrolled import FRONT, VIENNA, patrolled
+from tests.analysis.beliefs.patrolled import FRONT, VIENNA, patrolled
 from tests.views.rerun.some_logs import Drawn, small_log, wild_log
 from tests.views.rerun.test_blueprint import views_of
 
@@ -207,8 +207,9 @@ def test_the_layout_has_curves_and_weeks(log: sl.DoorLog, tmp_path: Path) -> Non
     without = views_of(log, tmp_path, beliefs=False)
 
     week = "Typical week (Monday on top, Europe/Vienna)"
-    assert {week, "front", "store"} <= set(with_them)
-    assert not {week, "front", "store", "attic"} & set(without)
+    curves = {f"{name} (UTC)" for name in ("front", "store")}
+    assert {week, *curves} <= set(with_them)
+    assert not {week, *curves, "attic (UTC)"} & set(without)
 
 
 @pytest.mark.slow

@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved, LevelAdded, RobotPose
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved, LevelAdded, RobotPose
 from semmap_log.views.rerun.recording import save_rrd
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START, room, small_log
@@ -43,7 +43,8 @@ def test_a_building_of_one_level(tmp_path: Path) -> None:
     names = views_of(log, tmp_path)
 
     assert [
-        "Costmap", "Door states (UTC)", "Event log (UTC)", "Floor plan", "Rounds (UTC)", "front",
+        "Costmap", "Door states (UTC)", "Event log (UTC)", "Floor plan", "Rounds (UTC)",
+        "front (UTC)",
     ] == names  # fmt: skip
 
 
@@ -95,8 +96,27 @@ def test_the_liveliest_doors_stand_before_all_of_them(tmp_path: Path) -> None:
 
     names = views_of(sl.read(tmp_path / "log"), tmp_path)
 
-    assert [f"door {n}" for n in range(13, 21)] == [n for n in names if n.startswith("door")]
-    assert ["16 liveliest doors (UTC)", "All doors"] == [n for n in names if "doors" in n]
+    curves = [f"door {n} (UTC)" for n in range(13, 21)]
+    assert curves == [n for n in names if n.startswith("door")]
+    assert ["16 liveliest doors (UTC)", "All doors (UTC)"] == [n for n in names if "doors" in n]
+
+
+def test_the_event_log_says_what_its_times_are_on_the_axes(tmp_path: Path) -> None:
+    """
+    The axes are in UTC; both offsets where clocks change within what is shown.
+    """
+    titles = []
+    for hours in (1, 24 * 40):
+        clock = SteadyClock(START)
+        with sl.create(tmp_path / f"log{hours}", tz="Europe/Vienna", clock=clock) as log:
+            log.append([DoorAdded(door_id=DoorId(1))])
+            clock.now_ns += hours * 3600 * SECOND
+            log.append([DoorObserved(door_id=DoorId(1), state=DoorState.OPEN)])
+        names = views_of(sl.read(tmp_path / f"log{hours}"), tmp_path)
+        titles += [name for name in names if name.startswith("Event log")]
+
+    assert "Event log (Europe/Vienna, UTC+1)" == titles[0]
+    assert "Event log (Europe/Vienna, UTC+1 and UTC+2)" == titles[1]
 
 
 def test_chosen_doors_get_the_curves(tmp_path: Path) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,

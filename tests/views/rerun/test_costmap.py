@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.costmap_2d.costs import LETHAL, NO_INFORMATION
-from semmap_log.costmap_2d.door_layer import drawn
-from semmap_log.costmap_2d.grid import GridGeometry
-from semmap_log.costmaps import CostmapOptions, costmap_at
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.analysis.costmap_2d.costs import LETHAL, NO_INFORMATION
+from semmap_log.analysis.costmap_2d.door_layer import drawn
+from semmap_log.analysis.costmap_2d.grid import GridGeometry
+from semmap_log.analysis.costmaps import CostmapOptions, costmap_at
+from semmap_log.analysis.costmaps.door_layer_fold import door_lines
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     Changed,
     DoorAdded,
     DoorObserved,
@@ -28,7 +29,6 @@ from semmap_log.domain.events import (
     Event,
     Retracted,
 )
-from semmap_log.folds.door_layer_fold import door_lines
 from semmap_log.views.palette import DEFAULT
 from semmap_log.views.rerun.costmap_pictures import shades_of_costs
 from semmap_log.views.rerun.recording import save_rrd

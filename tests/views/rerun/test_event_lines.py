@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.folds.door_changes import door_changes
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     KINDS,
     Changed,
     ClassDefined,
@@ -33,7 +34,6 @@ from semmap_log.domain.events import (
     RobotPose,
     SightingsThinned,
 )
-from semmap_log.folds.door_changes import door_changes
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.contents import find_scene
@@ -176,4 +176,4 @@ def test_times_are_those_of_the_building(tmp_path: Path) -> None:
     told = [
         line.text for batch in excerpt.batches() for line in lines.of(batch, door_changes(batch))
     ]
-    assert ["03-29 01:59", "03-29 03:00"] == [text[:11] for text in told]
+    assert ["03-29 01:59:00 UTC+1", "03-29 03:00:00 UTC+2"] == [text[:20] for text in told]

@@ -16,8 +16,8 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 from rerun.experimental import ViewerClient
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import RobotPose
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import RobotPose
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Rgb
 from semmap_log.views.rerun.live_view import LiveViewOptions, follow_in_viewer
 from semmap_log.views.rerun.viewer import Viewer

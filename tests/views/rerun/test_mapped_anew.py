@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.costmaps import costmap_at
+from semmap_log.analysis.costmaps import costmap_at
 from semmap_log.views.rerun.recording import save_rrd
 from tests.turned_maps import MOVED_AT, office_mapped_anew
 from tests.views.rerun.some_logs import Drawn

@@ -10,17 +10,18 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, DoorObserved
-from semmap_log.formats.kept_scans.writing import keeping_scans
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated, DoorObserved
+from semmap_log.interop.formats.kept_scans.reading import kept_visits
+from semmap_log.interop.formats.kept_scans.writing import keeping_scans
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Palette, packed
 from semmap_log.views.rerun.recording import RrdSummary, save_rrd
 from semmap_log.views.rerun.rows import MOST_ROWS
 from semmap_log.views.rerun.sighting_views import MOST_DOORS, MOST_POINTS
+from tests.analysis.scans.some_scans import LINE, SHUT, seen_visit
+from tests.analysis.scans.some_visits import START_NS, S
 from tests.conftest import SteadyClock
-from tests.formats.kept_scans.torn import chunks_at
-from tests.scans.some_scans import LINE, SHUT, seen_visit
-from tests.scans.some_visits import START_NS, S
+from tests.interop.formats.kept_scans.torn import chunks_at
 from tests.views.rerun.pictures import a_viewer, has_colour
 from tests.views.rerun.some_logs import Drawn, room
 
@@ -61,6 +62,7 @@ def _end_ns(visit: int, door: int = 1) -> int:
 
 
 def _saved(tmp_path: Path, log: sl.DoorLog, **how: object) -> tuple[Drawn, RrdSummary]:
+    how = {"scans": kept_visits, **how}
     summary = save_rrd(log, tmp_path / "x.rrd", **how)  # type: ignore[arg-type]
     return Drawn(tmp_path / "x.rrd"), summary
 
@@ -130,7 +132,7 @@ def test_scans_may_be_left_out(tmp_path: Path) -> None:
     """
     log = sighted_log(tmp_path / "office")
 
-    assert not any("sightings" in one for one in _saved(tmp_path, log, scans=False)[0].entities)
+    assert not any("sightings" in one for one in _saved(tmp_path, log, scans=None)[0].entities)
     drawn, _ = _saved(tmp_path, log, since=_end_ns(2) + S)
     assert not any("sightings" in one for one in drawn.entities)
 
@@ -193,7 +195,7 @@ def test_the_viewer_shows_a_door_as_the_laser_saw_it(tmp_path: Path) -> None:
     Without a complaint; a name that it has no letters for gives way to the number.
     """
     log = sighted_log(tmp_path / "office", name="会議室\x1b[31m")
-    save_rrd(log, tmp_path / "x.rrd")
+    save_rrd(log, tmp_path / "x.rrd", scans=kept_visits)
 
     with a_viewer(tmp_path / "x.rrd", size=(900, 700), quiet=False) as viewer:
         viewer.go_to("happened", _end_ns(0))
@@ -220,7 +222,7 @@ def test_the_plan_leaves_sightings_out(tmp_path: Path) -> None:
 
     excerpt = Excerpt(sighted_log(tmp_path / "office", doors=8))
     scene = find_scene(excerpt)
-    shown = sightings_to_show(excerpt, scene, None)
+    shown = sightings_to_show(kept_visits, excerpt, scene, None)
 
     plans = layout(
         scene, DEFAULT, chosen=None, level=None, costmap=True, beliefs=None, rounds=(), tz="UTC",

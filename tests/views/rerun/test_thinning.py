@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     Changed,
     DoorAdded,
     DoorObserved,

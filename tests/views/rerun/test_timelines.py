@@ -14,8 +14,8 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.domain.doors import Door, DoorId, DoorMap, DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved, DoorRemoved, Retracted
+from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved, DoorRemoved, Retracted
 from semmap_log.views.rerun.recording import save_rrd
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START, Drawn, restless_log, wild_log

@@ -16,8 +16,8 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 from PIL import Image
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded, DoorAnnotated
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated
 from semmap_log.errors import ViewerError
 from semmap_log.views.palette import DEFAULT
 from semmap_log.views.rerun.process import LOCAL, explained, reserved_port
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.viewer
 
 SIZE = (1280, 800)
 VIEWS = {
-    "Floor plan", "Costmap", "front", "Rounds (UTC)", "Door states (UTC)", "Event log (UTC)",
+    "Floor plan", "Costmap", "front (UTC)", "Rounds (UTC)", "Door states (UTC)", "Event log (UTC)",
 }  # fmt: skip
 OPEN_NS, CLOSED_NS = START + 1000 * SECOND, START + 60 * SECOND
 """When `front` is open, and when it is closed."""
@@ -119,7 +119,7 @@ def test_a_view_alone_has_nearly_all_of_the_picture(viewer: Viewer) -> None:
     """
     Whatever room it has beside the others; only the bars of the window are missing.
     """
-    for name in ("Floor plan", "Event log (UTC)"):
+    for name in ("Floor plan", "Event log (UTC)", "front"):
         with Image.open(io.BytesIO(viewer.picture(name))) as picture:
             width, height = picture.size
 

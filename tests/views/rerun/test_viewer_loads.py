@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.domain.doors import Door
+from semmap_log.core.model.doors import Door
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import DEFAULT

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.domain.doors import DoorState
-from semmap_log.formats.kept_scans.kept_visit import KeptVisit
+from semmap_log.analysis.scans.kept_visit import KeptVisit
+from semmap_log.core.model.doors import DoorState
 from semmap_log.views.sightings.door_scene import Fate, door_scene, in_door_frame, on_the_map
 from semmap_log.views.sightings.visit_words import grounds, verdict, when
 from semmap_log.views.sightings.worth_a_look import worth_a_look
-from tests.scans.some_scans import LINE, SHUT, seen_visit, some_scan
-from tests.scans.some_visits import some_visit
+from tests.analysis.scans.some_scans import LINE, SHUT, seen_visit, some_scan
+from tests.analysis.scans.some_visits import some_visit
 
 BAR = (2.3, 0.3, 2.7, 0.3)
 """Somebody before the door."""

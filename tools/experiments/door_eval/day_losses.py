@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.beliefs.trials import Trials
-from semmap_log.domain.doors import DoorId
-from semmap_log.probabilities.local_clock import LocalClock
-from semmap_log.probabilities.scores import Probabilities, squared_errors, surprises
+from semmap_log.analysis.beliefs.trials import Trials
+from semmap_log.analysis.probabilities.scores import Probabilities, squared_errors, surprises
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.local_clock import LocalClock
 
 LOSSES: Mapping[str, Callable[[Probabilities, Probabilities], Probabilities]] = {
     "brier": squared_errors,

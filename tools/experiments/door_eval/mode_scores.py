@@ -10,8 +10,8 @@ import numpy as np
 
 from door_eval.day_losses import LOSSES, DoorLosses
 from door_eval.paired import Difference, difference, standard_error
-from semmap_log.beliefs.evaluation import Evaluation
-from semmap_log.formats.json.evaluation_json import scores_to_json
+from semmap_log.analysis.beliefs.evaluation import Evaluation
+from semmap_log.interop.formats.json.evaluation_json import scores_to_json
 
 Figures = Mapping[str, float | None]
 

@@ -30,12 +30,12 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from semmap_log.domain.doors import DoorId
+from semmap_log.analysis.probabilities.estimator import Times
+from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.analysis.probabilities.forecast import Forecast, Probabilities
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.errors import EstimatorError
-from semmap_log.probabilities.estimator import Times
-from semmap_log.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.probabilities.forecast import Forecast, Probabilities
-from semmap_log.probabilities.local_clock import LocalClock
 
 if TYPE_CHECKING:
     from typing_extensions import Self

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.beliefs.patrol import Patrol, visited
-from semmap_log.beliefs.trials import StateIntervals
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAdded, DoorUpdated
-from semmap_log.probabilities.evidence.evidence import DoorEvidence, Evidence
+from semmap_log.analysis.beliefs.patrol import Patrol, visited
+from semmap_log.analysis.beliefs.trials import StateIntervals
+from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence, Evidence
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import Changed, DoorAdded, DoorUpdated
 
 DOOR = DoorId(1)
 

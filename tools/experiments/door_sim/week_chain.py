@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from patrol_sim.habits import HOUR_NS, SLOTS, Habit
 
-from semmap_log.beliefs.trials import StateIntervals
-from semmap_log.domain.doors import DoorState
-from semmap_log.probabilities.chain.markov_chain import Steps, filtered
+from semmap_log.analysis.beliefs.trials import StateIntervals
+from semmap_log.analysis.probabilities.chain.markov_chain import Steps, filtered
+from semmap_log.core.model.doors import DoorState
 
 Reals = NDArray[np.float64]
 Times = NDArray[np.int64]

@@ -15,7 +15,7 @@ import math
 import random
 from collections.abc import Sequence
 
-from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.core.model.doors import DoorId, DoorState
 
 MEAN, DEVIATION = 6.0, 4.0
 RESET = 24

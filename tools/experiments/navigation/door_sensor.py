@@ -12,7 +12,7 @@ import random
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from semmap_log.domain.doors import DoorId
+from semmap_log.core.model.doors import DoorId
 
 AGAIN_S = 60.0
 """So often it says that nothing has changed."""

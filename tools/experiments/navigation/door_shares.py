@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from semmap_log.domain.doors import DoorId
+from semmap_log.core.model.doors import DoorId
 
 RATES_S = np.geomspace(1 / (100 * 3600), 1 / 360, 25)
 """The rates of forgetting that are tried, 1/s: of a hundred hours to a tenth of one."""

@@ -14,10 +14,10 @@ from navigation.goals import Goal
 from navigation.move_base import CONTROLLER_PATIENCE_S, TURN_S, MoveBase
 from navigation.robot import SPEED_M_S, Robot
 from navigation.ways import Way
-from semmap_log.domain.doors import Door, DoorState
-from semmap_log.planning.best_order import best_order
-from semmap_log.planning.round_task import RoundTask
-from semmap_log.rooms.walking import WalkingDistances
+from semmap_log.analysis.planning.best_order import best_order
+from semmap_log.analysis.planning.round_task import RoundTask
+from semmap_log.analysis.rooms.walking import WalkingDistances
+from semmap_log.core.model.doors import Door, DoorState
 
 FAIL_S = CONTROLLER_PATIENCE_S + 2 * TURN_S
 """What it costs to be given up before a shut door."""
@@ -88,8 +88,8 @@ class NearestFirst(_Choosing):
 class PatrolOrder(_Choosing):
     """The first goal of the order in which the mean time to reach a goal is least.
 
-    It is `patrol-plan`'s order (`semmap_log.planning`) of all goals that are known. P of a goal is
-    that of all doors on the way to it from here, when one comes to them.
+    It is `patrol-plan`'s order (`semmap_log.analysis.planning`) of all goals that are known. P of a
+    goal is that of all doors on the way to it from here, when one comes to them.
     """
 
     def __init__(self, robot: Robot, move_base: MoveBase, window: int) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from navigation.floors import Cell, Floor, Point
 from navigation.global_costmap import NOWHERE, GlobalCostmap
-from semmap_log.costmap_2d.costs import NO_INFORMATION
+from semmap_log.analysis.costmap_2d.costs import NO_INFORMATION
 
 
 @dataclass(frozen=True)

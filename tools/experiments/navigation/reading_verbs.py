@@ -20,7 +20,7 @@ from navigation.tables.grouped import GroupedRuns
 from navigation.tables.run_table import run_table
 from navigation.tables.table import Table, csv_of
 from navigation.tables.words import words_of
-from semmap_log.io.disk import output_errors, replace_file
+from semmap_log.core.io.disk import output_errors, replace_file
 
 Verb = tuple[Callable[[argparse.ArgumentParser], None], Callable[[argparse.Namespace], int]]
 

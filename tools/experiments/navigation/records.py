@@ -20,8 +20,8 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from navigation.simulated_log import SimulatedLog
-from semmap_log.domain.doors import LEVEL_NOT_GIVEN, DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import LEVEL_NOT_GIVEN, DoorId, DoorState
+from semmap_log.core.model.events import (
     Changed,
     DoorAdded,
     DoorObserved,
@@ -32,7 +32,7 @@ from semmap_log.domain.events import (
     PatrolStarted,
     RobotPose,
 )
-from semmap_log.domain.moments import parse_instant
+from semmap_log.core.model.moments import parse_instant
 
 if TYPE_CHECKING:
     from typing_extensions import Self

@@ -16,7 +16,7 @@ from navigation.obstacle_layer import ObstacleLayer
 from navigation.records import RunRecorder
 from navigation.setups import Setup
 from navigation.world import World
-from semmap_log.domain.doors import DoorId
+from semmap_log.core.model.doors import DoorId
 
 SPEED_M_S = 0.7
 POSE_EVERY_S = 1.0

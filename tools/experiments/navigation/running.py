@@ -22,8 +22,8 @@ from navigation.setups import SETUPS, Setup
 from navigation.streams import Streams
 from navigation.ways import planner
 from navigation.world import World
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from typing import Any
 
 import semmap_log as sl
 from navigation.records import PROGRAM, START_NS, Outcome, RunError, RunKey
-from semmap_log.domain.events import PatrolFinished, PatrolStarted
-from semmap_log.folds.history import HistoryEntry
+from semmap_log.core.folds.history import HistoryEntry
+from semmap_log.core.model.events import PatrolFinished, PatrolStarted
 
 
 @dataclass(frozen=True)

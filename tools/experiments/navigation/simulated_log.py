@@ -8,8 +8,8 @@ from pathlib import Path
 from patrol_sim.journal import SimulatedClock
 
 import semmap_log as sl
-from semmap_log.domain.commits import Note
-from semmap_log.domain.events import Event
+from semmap_log.core.model.commits import Note
+from semmap_log.core.model.events import Event
 from semmap_log.store.compaction import compact
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from navigation.floors import Cell, Floor, Point
 from navigation.global_costmap import GlobalCostmap
-from semmap_log.domain.doors import DoorId
+from semmap_log.core.model.doors import DoorId
 
 AHEAD = 120
 """Cells of a way that are looked at for a straight piece."""

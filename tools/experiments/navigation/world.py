@@ -7,7 +7,7 @@ from collections.abc import Callable
 from navigation.door_daemon import DoorDaemon
 from navigation.floors import Floor
 from navigation.laser import Laser
-from semmap_log.domain.doors import DoorId
+from semmap_log.core.model.doors import DoorId
 
 Heard = Callable[[float, DoorId, bool], None]
 """What is told of a door that opened or closed: when (s), which, whether it is open now."""

@@ -7,10 +7,10 @@ from collections.abc import Collection
 import numpy as np
 
 from navigation.runs import Run
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.moments import Moment
-from semmap_log.folds.diff import diff
-from semmap_log.folds.timeline import Timeline
+from semmap_log.core.folds.diff import diff
+from semmap_log.core.folds.timeline import Timeline
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.moments import Moment
 
 
 def wrong_doors(run: Run, at_ns: int) -> Collection[DoorId]:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from patrol_sim.clinic import HOME, LIFT
 
 import semmap_log as sl
-from semmap_log.domain.doors import DoorId
-from semmap_log.planning.patrol_round import PatrolTarget
-from semmap_log.rooms import OUTSIDE, Place, RoomId, RoomPlan, TravelTimes, room_plan
+from semmap_log.analysis.planning.patrol_round import PatrolTarget
+from semmap_log.analysis.rooms import OUTSIDE, Place, RoomId, RoomPlan, TravelTimes, room_plan
+from semmap_log.core.model.doors import DoorId
 
 CLINIC = Path(__file__).resolve().parents[3] / "recordings" / "clinic_week"
 BEFORE_CHANGES = "2026-03-02T03:00"

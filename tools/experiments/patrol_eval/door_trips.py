@@ -18,21 +18,21 @@ from patrol_eval.patrol_report import interval
 from patrol_eval.patrol_rounds import rounds_of
 from patrol_eval.patrol_trials import the_building
 from patrol_eval.patrol_world import WEEK_NS, PatrolWorld, RoundRules
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import DoorAdded
-from semmap_log.domain.moments import SECOND_NS
-from semmap_log.planning.door_trip import with_mean
-from semmap_log.planning.learnt_chances import learnt_chances
-from semmap_log.planning.trip_policy import (
+from semmap_log.analysis.planning.door_trip import with_mean
+from semmap_log.analysis.planning.learnt_chances import learnt_chances
+from semmap_log.analysis.planning.trip_policy import (
     NOTHING,
     AtShutDoor,
     TripPolicy,
     given_up,
     opened,
 )
-from semmap_log.planning.trip_task import GOAL, START, TripDoor, TripTask
-from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
+from semmap_log.analysis.planning.trip_task import GOAL, START, TripDoor, TripTask
+from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import DoorAdded
+from semmap_log.core.model.moments import SECOND_NS
 
 TRIPS = 1000
 IN_ROOM_S, CROSS_S = 3.0, 2.0

@@ -15,9 +15,9 @@ from patrol_eval.patrol_report import interval
 from patrol_eval.patrol_trials import the_building
 from patrol_eval.patrol_world import WEEK_NS, PatrolWorld
 from patrol_eval.short_tour import short_tour
-from semmap_log.domain.doors import DoorState
-from semmap_log.planning.door_chances import UNKNOWN_P
-from semmap_log.probabilities.belief_fold import Beliefs
+from semmap_log.analysis.planning.door_chances import UNKNOWN_P
+from semmap_log.analysis.probabilities.belief_fold import Beliefs
+from semmap_log.core.model.doors import DoorState
 
 EVERY_NS = HOUR_NS // 2
 """The week after is asked for that often."""

@@ -12,13 +12,18 @@ from numpy.typing import NDArray
 from patrol_eval.building import PatrolledBuilding
 from patrol_eval.patrol_rounds import starts
 from patrol_eval.patrol_world import WEEK_NS, PatrolWorld
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import DoorAdded, DoorObserved
-from semmap_log.domain.moments import SECOND_NS
-from semmap_log.planning.learnt_chances import STEP_S, learnt_chances, round_times_s, unseen_s
-from semmap_log.planning.patrol_round import PatrolRound, PatrolTarget
-from semmap_log.planning.round_task import RoundTask
-from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
+from semmap_log.analysis.planning.learnt_chances import (
+    STEP_S,
+    learnt_chances,
+    round_times_s,
+    unseen_s,
+)
+from semmap_log.analysis.planning.patrol_round import PatrolRound, PatrolTarget
+from semmap_log.analysis.planning.round_task import RoundTask
+from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.events import DoorAdded, DoorObserved
+from semmap_log.core.model.moments import SECOND_NS
 
 
 class Looker(Protocol):

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from patrol_eval.building import PatrolledBuilding
 from patrol_eval.patrol_world import ENTER_S, PatrolWorld, RoundRules
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.events import DoorAdded, Event
-from semmap_log.domain.moments import SECOND_NS
-from semmap_log.planning.door_chances import DoorChances, SkipRule
-from semmap_log.planning.learnt_chances import STEP_S, learnt_chances, round_times_s
-from semmap_log.planning.passing import PassingProjection
-from semmap_log.planning.patrol_round import PatrolRound
-from semmap_log.planning.round_task import RoundTask
-from semmap_log.probabilities.belief_fold import BeliefProjection
+from semmap_log.analysis.planning.door_chances import DoorChances, SkipRule
+from semmap_log.analysis.planning.learnt_chances import STEP_S, learnt_chances, round_times_s
+from semmap_log.analysis.planning.passing import PassingProjection
+from semmap_log.analysis.planning.patrol_round import PatrolRound
+from semmap_log.analysis.planning.round_task import RoundTask
+from semmap_log.analysis.probabilities.belief_fold import BeliefProjection
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.events import DoorAdded, Event
+from semmap_log.core.model.moments import SECOND_NS
 
 
 @dataclass(frozen=True, slots=True)

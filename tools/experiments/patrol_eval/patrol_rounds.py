@@ -9,8 +9,8 @@ from patrol_sim.habits import HOUR_NS
 
 from patrol_eval.patrol_planners import RoundPlanner, TryEnded
 from patrol_eval.patrol_world import WEEK_NS, PatrolWorld, RoundRules
-from semmap_log.domain.events import Event
-from semmap_log.domain.moments import SECOND_NS
+from semmap_log.core.model.events import Event
+from semmap_log.core.model.moments import SECOND_NS
 
 WORKDAY_ROUNDS = (0, 3, *range(6, 19))
 WEEKEND_ROUNDS = (0, 4, 7, 9, 11, 13, 15, 17, 19, 22)

@@ -21,7 +21,7 @@ from patrol_eval.patrol_rounds import rounds_of
 from patrol_eval.patrol_scores import RoundScores, scored
 from patrol_eval.patrol_world import PatrolWorld, RoundRules
 from patrol_eval.short_tour import short_tour
-from semmap_log.planning.door_chances import SkipRule
+from semmap_log.analysis.planning.door_chances import SkipRule
 
 LOCKED = 0.05
 """With the true schedule a door is left out below that share."""

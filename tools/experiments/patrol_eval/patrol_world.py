@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from patrol_sim.habits import HOUR_NS, SLOTS, DoorTruth, Habit, habit_of, live
 
 from patrol_eval.building import PatrolledBuilding
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import DoorObserved, DoorPassed, DoorRequested, Event
-from semmap_log.domain.moments import SECOND_NS, parse_instant
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import DoorObserved, DoorPassed, DoorRequested, Event
+from semmap_log.core.model.moments import SECOND_NS, parse_instant
 
 MONDAY = "2026-03-02"
 WEEK_NS = 7 * 24 * HOUR_NS

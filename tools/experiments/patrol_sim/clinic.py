@@ -14,7 +14,7 @@ from patrol_sim.robot import Robot, Stop
 from patrol_sim.routes import FloorRoutes, Point
 from patrol_sim.sensor import Sensor
 from patrol_sim.world import World
-from semmap_log.domain.events import DoorRemoved, Event
+from semmap_log.core.model.events import DoorRemoved, Event
 
 TZ = "Europe/Vienna"
 ROBOT = "tinyRobot1"

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from patrol_sim.journal import Journal
 from patrol_sim.world import World
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,

@@ -14,8 +14,8 @@ from datetime import datetime, timezone
 from typing import Any
 
 from patrol_sim.journal import Entry
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,

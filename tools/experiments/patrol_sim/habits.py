@@ -13,7 +13,7 @@ from bisect import bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from semmap_log.domain.doors import DoorState
+from semmap_log.core.model.doors import DoorState
 
 HOUR_NS = 3_600_000_000_000
 SLOTS = 7 * 48

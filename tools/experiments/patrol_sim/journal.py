@@ -9,8 +9,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import semmap_log as sl
-from semmap_log.domain.commits import Note
-from semmap_log.domain.events import Event, Retracted
+from semmap_log.core.model.commits import Note
+from semmap_log.core.model.events import Event, Retracted
 
 MS_NS = 1_000_000
 

@@ -20,14 +20,14 @@ import numpy as np
 from patrol_sim.laser_pose import MAP_HZ, Localisation, PoseError
 from patrol_sim.laser_surfaces import Floats
 from patrol_sim.laser_world import START_NS, Patrol
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, FloorMap
-from semmap_log.domain.moments import SECOND_NS, format_utc
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated, FloorMap
+from semmap_log.core.model.moments import SECOND_NS, format_utc
 from semmap_log.errors import OutputError
-from semmap_log.formats.bags.bag_protocol import BagTopic, NewBag
-from semmap_log.formats.bags.bag_writing import new_bag
-from semmap_log.formats.json.event_json import event_to_json
-from semmap_log.formats.ros.ros_messages import Messages
-from semmap_log.formats.ros.ros_types import (
+from semmap_log.interop.formats.bags.bag_protocol import BagTopic, NewBag
+from semmap_log.interop.formats.bags.bag_writing import new_bag
+from semmap_log.interop.formats.json.event_json import event_to_json
+from semmap_log.interop.formats.ros.ros_messages import Messages
+from semmap_log.interop.formats.ros.ros_types import (
     GRID,
     POSE_WITH_COVARIANCE,
     TRANSFORMS,

@@ -13,8 +13,8 @@ from patrol_sim.laser_doors import MOVES_S, DoorLife, standing
 from patrol_sim.laser_plan import LevelPlan
 from patrol_sim.laser_surfaces import Floats
 from patrol_sim.routes import FloorRoutes, Point
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded
 
 TRACK_HZ = 50
 SPEED_M_S = 0.7

@@ -11,7 +11,7 @@ import numpy as np
 from patrol_sim.laser_doors import SLIDES, DoorBody
 from patrol_sim.laser_plan import LevelPlan
 from patrol_sim.laser_surfaces import Floats, Lines, Surface, bar, box, joined
-from semmap_log.domain.events import FloorMap
+from semmap_log.core.model.events import FloorMap
 
 FRAME_M = 0.06
 """How wide a jamb is; by `JUTS_M` it stands into the opening, and out of the wall."""

@@ -13,11 +13,11 @@ from patrol_sim.laser_doors import DoorLife
 from patrol_sim.laser_pose import Localisation, PoseError
 from patrol_sim.laser_surfaces import Floats
 from patrol_sim.laser_world import START_NS, Patrol, SimScan
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.moments import SECOND_NS
-from semmap_log.scans.door_watcher import DoorWatcher
-from semmap_log.scans.placed_scan import DoorPlaces, PlacedScan
-from semmap_log.scans.visit import Visit
+from semmap_log.analysis.scans.door_watcher import DoorWatcher
+from semmap_log.analysis.scans.placed_scan import DoorPlaces, PlacedScan
+from semmap_log.analysis.scans.visit import Visit
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.moments import SECOND_NS
 
 SOME = 200
 """Scans are handed on in as many at a time."""

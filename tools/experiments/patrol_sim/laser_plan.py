@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from patrol_sim.laser_surfaces import Floats
-from semmap_log.domain.doors import DoorId, DoorMap
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, Event, FloorMap
+from semmap_log.core.model.doors import DoorId, DoorMap
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated, Event, FloorMap
 from semmap_log.errors import FormatError
-from semmap_log.formats.files.building import read_building, read_outlines
-from semmap_log.importing.import_plan import Present, plan_doors
+from semmap_log.interop.formats.files.building import read_building, read_outlines
+from semmap_log.interop.importing.import_plan import Present, plan_doors
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,8 +36,8 @@ from patrol_sim.laser_people import Person, legs_at, people_of
 from patrol_sim.laser_plan import LevelPlan, PlanDoor
 from patrol_sim.laser_sensor import Laser, measured
 from patrol_sim.laser_surfaces import Floats, Lines, joined
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.moments import SECOND_NS
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.moments import SECOND_NS
 
 START_NS = 1_772_442_000 * SECOND_NS
 """Monday 2 March 2026, 09:00 UTC: when patrols begin."""

@@ -13,8 +13,8 @@ from patrol_sim.robot import Robot, Stop
 from patrol_sim.routes import FloorRoutes, Point
 from patrol_sim.sensor import Sensor
 from patrol_sim.world import World
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import Changed, DoorAnnotated, DoorObserved, DoorUpdated, Event
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import Changed, DoorAnnotated, DoorObserved, DoorUpdated, Event
 
 TZ = "Europe/Vienna"
 ROBOT = "tinyRobot1"

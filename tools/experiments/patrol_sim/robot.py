@@ -12,8 +12,8 @@ from patrol_sim.journal import Journal
 from patrol_sim.routes import Crossing, FloorRoutes, Point
 from patrol_sim.sensor import Sensor
 from patrol_sim.world import World
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     DoorPassed,
     DoorRequested,
     Event,

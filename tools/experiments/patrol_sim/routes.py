@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol_sim.grid import Cell, Tree, coarser, costs, grown
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded, FloorMap
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded, FloorMap
 
 Point = tuple[float, float]
 

@@ -6,8 +6,8 @@ import random
 from dataclasses import dataclass
 
 from patrol_sim.world import World
-from semmap_log.domain.doors import NAN, DoorId, DoorState
-from semmap_log.domain.events import DoorObserved
+from semmap_log.core.model.doors import NAN, DoorId, DoorState
+from semmap_log.core.model.events import DoorObserved
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from patrol_sim.habits import HOUR_NS, DoorTruth, Habit
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, Event, FloorMap
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated, Event, FloorMap
 
 
 @dataclass(slots=True)

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.analysis.scans.placed_scan import DoorPlaces, PlacedScan
 from semmap_log.errors import FormatError
-from semmap_log.scans.placed_scan import DoorPlaces, PlacedScan
 
 Floats = NDArray[np.float64]
 TRUTHS = ("OPEN", "CLOSED")

@@ -10,7 +10,7 @@ from math import cos, degrees, hypot, radians, sin
 import numpy as np
 
 from scan_eval.ratios import Estimate, ratio
-from semmap_log.scans.proposing.proposals import Proposal
+from semmap_log.analysis.scans.proposing.proposals import Proposal
 
 HINGED = "hinged"
 NEAR_M, TURNED = 0.5, radians(20)

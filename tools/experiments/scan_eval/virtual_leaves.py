@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan_eval.packed_logs import PackedLog
-from semmap_log.scans.visit import Visit
+from semmap_log.analysis.scans.visit import Visit
 
 Floats = NDArray[np.float64]
 

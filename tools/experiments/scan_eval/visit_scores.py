@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semmap_log.scans.visit import Visit
+from semmap_log.analysis.scans.visit import Visit
 
 STATES = ("OPEN", "UNKNOWN", "CLOSED")
 BINS = 10

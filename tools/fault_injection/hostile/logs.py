@@ -19,8 +19,8 @@ import zstandard
 
 import semmap_log as sl
 from fault_injection.judging import commit_places
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     Changed,
     ClassDefined,
     DoorAdded,

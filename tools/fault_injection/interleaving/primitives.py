@@ -308,8 +308,8 @@ LINES_OF = (
     "store/writing/",
     "store/segment.py",
     "store/compaction/background",
-    "door_log/appender.py",
-    "door_log/current_map.py",
+    "log/door_log/appender.py",
+    "log/door_log/current_map.py",
 )
 """Where threads share what is not theirs alone."""
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import semmap_log as sl
 from fault_injection.acknowledged import Tell, digest
-from semmap_log.domain.events import DoorAnnotated, RobotPose
-from semmap_log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.core.model.events import DoorAnnotated, RobotPose
 from semmap_log.errors import LogError
+from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 
 SHORT, LONG = 10, 60_000
 """Lengths of texts; the long ones fill what durability `none` holds back."""

@@ -14,9 +14,9 @@ from typing import Any
 import semmap_log as sl
 from fault_injection.acknowledged import Tell
 from fault_injection.oracle_client import Oracle
-from semmap_log.domain.events import RobotPose
-from semmap_log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.core.model.events import RobotPose
 from semmap_log.errors import SemmapError
+from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 
 
 @dataclass

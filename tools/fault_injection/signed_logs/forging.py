@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import semmap_log as sl
-from semmap_log.messages import read_message, type_name, write_message
+from semmap_log.core.messages import read_message, type_name, write_message
 from semmap_log.store.chunks import build_chunk
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import SegmentHeader

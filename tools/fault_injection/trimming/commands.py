@@ -14,8 +14,8 @@ import numpy as np
 import semmap_log as sl
 from fault_injection.oracle.doors import stamp
 from fault_injection.trimming.whole_log import HOUR_NS, Row, WholeLog
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import (
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
     Changed,
     DoorAdded,
     DoorAnnotated,

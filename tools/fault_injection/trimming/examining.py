@@ -12,7 +12,7 @@ from fault_injection.oracle.doors import stamp
 from fault_injection.trimming.commands import row_of
 from fault_injection.trimming.life import Life, WrongError
 from fault_injection.trimming.whole_log import HOUR_NS, WholeLog
-from semmap_log.domain.doors import Door, DoorId, DoorMap
+from semmap_log.core.model.doors import Door, DoorId, DoorMap
 from semmap_log.errors import HorizonError, SemmapError
 
 Moment = dict[str, int]

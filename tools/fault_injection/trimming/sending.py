@@ -19,7 +19,7 @@ from fault_injection.questions import ask_verb
 from fault_injection.trimming.commands import ACTORS, WAYS, Command, Drawn
 from fault_injection.trimming.life import Life, Sent, WrongError
 from fault_injection.trimming.whole_log import Row
-from semmap_log.domain.events import DoorObserved, Retracted
+from semmap_log.core.model.events import DoorObserved, Retracted
 from semmap_log.errors import CommandReusedError, SemmapError
 
 STEPS_NS = (10**6, 10**6, 20 * 10**9, 300 * 10**9, 2400 * 10**9, 3 * 3600 * 10**9)

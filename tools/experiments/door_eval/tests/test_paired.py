@@ -9,11 +9,11 @@ import pytest
 
 from door_eval.day_losses import DayLosses, DoorLosses, LossBook
 from door_eval.paired import difference
-from semmap_log.beliefs.trials import Trials
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.moments import DAY_NS, SECOND_NS, parse_instant
-from semmap_log.probabilities.local_clock import LocalClock
-from semmap_log.probabilities.scores import scores
+from semmap_log.analysis.beliefs.trials import Trials
+from semmap_log.analysis.probabilities.scores import scores
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.local_clock import LocalClock
+from semmap_log.core.model.moments import DAY_NS, SECOND_NS, parse_instant
 
 VIENNA = LocalClock("Europe/Vienna")
 HOUR_NS = 3600 * SECOND_NS

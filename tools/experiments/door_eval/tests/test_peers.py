@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from door_eval.peers import Peer
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved
-from semmap_log.domain.moments import SECOND_NS
+from semmap_log.analysis.probabilities.evidence.evidence import Evidence
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved
+from semmap_log.core.model.local_clock import LocalClock
+from semmap_log.core.model.moments import SECOND_NS
 from semmap_log.errors import EstimatorError
-from semmap_log.probabilities.evidence.evidence import Evidence
-from semmap_log.probabilities.local_clock import LocalClock
 
 DOOR, CLOCK = DoorId(7), LocalClock("UTC")
 HOUR_NS = 3600 * SECOND_NS

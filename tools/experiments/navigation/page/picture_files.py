@@ -7,7 +7,7 @@ from pathlib import Path
 from navigation.page.drawing import png_of
 from navigation.page.histograms import histogram
 from navigation.tables.grouped import GroupedRuns
-from semmap_log.io.disk import output_errors, replace_file
+from semmap_log.core.io.disk import output_errors, replace_file
 
 
 def write_histograms(runs: GroupedRuns, folder: Path) -> list[Path]:

@@ -11,7 +11,7 @@ from navigation.page.run_lanes import door_lanes, floor_of, places_at, track_of
 from navigation.records import Outcome
 from navigation.runs import Run
 from navigation.tables.grouped import title_of
-from semmap_log.domain.events import FloorMap
+from semmap_log.core.model.events import FloorMap
 
 WALL = (128, 128, 128, 200)
 UNKNOWN = (128, 128, 128, 40)

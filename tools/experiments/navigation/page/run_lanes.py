@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from navigation.runs import Run
-from semmap_log.domain.doors import Door, DoorId, DoorState
-from semmap_log.domain.events import FloorMap, RobotPose
-from semmap_log.folds.timeline import Timeline
+from semmap_log.core.folds.timeline import Timeline
+from semmap_log.core.model.doors import Door, DoorId, DoorState
+from semmap_log.core.model.events import FloorMap, RobotPose
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ import numpy as np
 from navigation.page.run_lanes import DoorLanes, floor_of
 from navigation.runs import Run
 from navigation.tables.grouped import title_of
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import FloorMap
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import FloorMap
 from semmap_log.views.palette import DEFAULT
 from semmap_log.views.rerun.rerun_sdk import rr, rrb
 from semmap_log.views.rerun.rows import HAPPENED, entity

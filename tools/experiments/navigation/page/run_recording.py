@@ -17,10 +17,10 @@ from navigation.page.run_layout import layout, name_of, wrong_path
 from navigation.records import Outcome
 from navigation.runs import Goal, Run, second_of
 from navigation.tables.grouped import has_map
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import FloorMap
-from semmap_log.folds.timeline import Timeline
-from semmap_log.io.disk import output_errors, whole_file
+from semmap_log.core.folds.timeline import Timeline
+from semmap_log.core.io.disk import output_errors, whole_file
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import FloorMap
 from semmap_log.views.palette import DEFAULT, Rgb, packed
 from semmap_log.views.rerun.file import open_recording
 from semmap_log.views.rerun.floor import picture_of

@@ -12,7 +12,7 @@ from typing import Any
 from navigation.records import Outcome, RunError, RunKey
 from navigation.runs import Run, read_run
 from navigation.wrong_beliefs import wrong_share
-from semmap_log.domain.events import DoorObserved
+from semmap_log.core.model.events import DoorObserved
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from semmap_log.common.texts import counted
+from semmap_log.core.texts import counted
 
 Value = str | int | float | None
 GAP = "  "

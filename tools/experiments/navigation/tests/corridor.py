@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from navigation.records import Outcome, RunKey, RunRecorder
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorAnnotated, Event, FloorMap, LevelAdded
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated, Event, FloorMap, LevelAdded
 
 SPEED_M_S = 0.7
 ROOM_M = 5.0

@@ -9,7 +9,7 @@ from collections import Counter
 import pytest
 
 from navigation.door_daemon import RESET, DoorDaemon, likelihood
-from semmap_log.domain.doors import DoorId, DoorState
+from semmap_log.core.model.doors import DoorId, DoorState
 
 DOORS = [DoorId(number) for number in range(1, 2001)]
 

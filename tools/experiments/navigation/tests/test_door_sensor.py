@@ -6,7 +6,7 @@ import math
 import random
 
 from navigation.door_sensor import DoorSensor
-from semmap_log.domain.doors import DoorId
+from semmap_log.core.model.doors import DoorId
 
 DOOR, OTHER = DoorId(1), DoorId(2)
 

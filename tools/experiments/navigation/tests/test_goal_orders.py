@@ -21,7 +21,7 @@ from navigation.tests.world_of_three_rooms import (
     Scene,
 )
 from navigation.ways import Way
-from semmap_log.domain.doors import DoorId
+from semmap_log.core.model.doors import DoorId
 
 pytest.importorskip("pyastar2d", reason="not installed: pip install 'semmap-log[experiment]'")
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from navigation.laser import Laser, Scan
 from navigation.obstacle_layer import ObstacleLayer
-from semmap_log.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
-from semmap_log.costmap_2d.grid import CellWindow
+from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
+from semmap_log.analysis.costmap_2d.grid import CellWindow
 
 ROOM = np.pad(np.zeros((18, 28), np.bool_), 1, constant_values=True)
 """20 x 30 cells of 0.1 m, walls around."""

@@ -22,8 +22,8 @@ from navigation.tests.world_of_three_rooms import (
     Scene,
 )
 from navigation.ways import Crossing
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved
 
 pytest.importorskip("pyastar2d", reason="not installed: pip install 'semmap-log[experiment]'")
 

@@ -11,9 +11,9 @@ from navigation.records import START_NS, Outcome, RunKey
 from navigation.runs import Run, read_run
 from navigation.tests.corridor import DOORS, drive
 from navigation.tests.test_experiment_tables import run as run_verb
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import RobotPose
-from semmap_log.domain.moments import Moment
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import RobotPose
+from semmap_log.core.model.moments import Moment
 from semmap_log.views.palette import DEFAULT, packed
 from tests.views.rerun.some_logs import Drawn
 

@@ -28,8 +28,8 @@ from navigation.setups import SETUPS
 from navigation.tables.experiment import tables_of
 from navigation.tests.world_of_three_rooms import floor
 from navigation.ways import Way
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import DoorAdded, DoorObserved, DoorUpdated, RobotPose
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved, DoorUpdated, RobotPose
 
 PROGRAM = Path(navigation_experiment.__file__)
 SHORT = RunOptions(goals=4)

@@ -21,7 +21,7 @@ from navigation.records import RunKey, RunRecorder
 from navigation.robot import Robot, Senses
 from navigation.setups import SETUPS
 from navigation.world import World
-from semmap_log.domain.doors import DoorId
+from semmap_log.core.model.doors import DoorId
 
 LEFT, MIDDLE, RIGHT = DoorId(1), DoorId(2), DoorId(3)
 ALL_OPEN = {LEFT: True, MIDDLE: True, RIGHT: True}

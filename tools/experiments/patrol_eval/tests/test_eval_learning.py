@@ -10,11 +10,11 @@ from patrol_eval.looking_rounds import Planned, Tour, by_age, looked, looks
 from patrol_eval.patrol_rounds import starts
 from patrol_eval.patrol_world import PatrolWorld
 from patrol_eval.tests.test_eval_patrol import three_rooms
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.domain.doors import DoorState
-from semmap_log.domain.events import DoorAdded
-from semmap_log.domain.moments import HOUR_NS
-from semmap_log.probabilities.belief_fold import BeliefProjection, Beliefs
+from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import DoorAdded
+from semmap_log.core.model.moments import HOUR_NS
 
 
 def world() -> PatrolWorld:

@@ -16,12 +16,12 @@ from patrol_eval.patrol_rounds import rounds_of, starts
 from patrol_eval.patrol_scores import scored
 from patrol_eval.patrol_world import WEEK_NS, PatrolWorld, RoundRules
 from patrol_eval.short_tour import short_tour
-from semmap_log.batches.event_batch import EventBatch
-from semmap_log.beliefs.belief_query import learn
-from semmap_log.domain.doors import DoorId
-from semmap_log.domain.events import DoorAdded
-from semmap_log.planning.patrol_round import PatrolTarget
-from semmap_log.probabilities.belief_fold import BeliefProjection
+from semmap_log.analysis.beliefs.belief_query import learn
+from semmap_log.analysis.planning.patrol_round import PatrolTarget
+from semmap_log.analysis.probabilities.belief_fold import BeliefProjection
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import DoorAdded
 
 NAMES = ("L1_left_consult_rm_1_outer", "L1_left_consult_rm_1_inner", "L1_hr", "L1_wc_2")
 

@@ -11,7 +11,7 @@ from patrol_sim.laser_plan import LevelPlan, PlanDoor, read_plan
 from patrol_sim.laser_sensor import Laser
 from patrol_sim.laser_surfaces import Surface
 from patrol_sim.laser_world import Patrol, World, simulated
-from semmap_log.domain.doors import DoorId
+from semmap_log.core.model.doors import DoorId
 
 BUILDING = """\
 coordinate_system: cartesian_meters

@@ -20,7 +20,7 @@ from patrol_sim.laser_pose import Localisation, PoseError, localised
 from patrol_sim.laser_world import START_NS, Patrol
 from patrol_sim.tests.corridor import building, patrol
 from semmap_log.errors import OutputError
-from semmap_log.importing.importing import ImportOptions, import_file
+from semmap_log.interop.importing.importing import ImportOptions, import_file
 
 ERROR = PoseError(0.05, 1.0)
 SHORT_MIN = 0.4

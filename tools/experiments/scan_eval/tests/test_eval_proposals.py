@@ -17,7 +17,7 @@ from scan_eval.proposal_scores import Doorway, Drive, figures
 from scan_eval.ratios import ratio
 from scan_eval.simulated_drives import seen_on
 from scan_eval.tests.test_eval_scans import packed
-from semmap_log.scans.proposing.proposals import Proposal
+from semmap_log.analysis.scans.proposing.proposals import Proposal
 
 TOOL = Path(__file__).parents[2] / "eval_proposals.py"
 

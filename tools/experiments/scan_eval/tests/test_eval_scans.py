@@ -15,9 +15,9 @@ from eval_scans import scores, table
 from scan_eval.packed_logs import PackedLog, Told
 from scan_eval.virtual_leaves import VirtualDay, VirtualLeaf, ranges_to
 from scan_eval.visit_scores import Judged, bins, counts, ece, plain_word, said_accuracy, wrong_share
-from semmap_log.domain.doors import DoorId, DoorState
-from semmap_log.scans.visit import Visit
-from tests.scans.scenes import WALLS, WIDTH, cast
+from semmap_log.analysis.scans.visit import Visit
+from semmap_log.core.model.doors import DoorId, DoorState
+from tests.analysis.scans.scenes import WALLS, WIDTH, cast
 
 TOOL = Path(__file__).parents[2] / "eval_scans.py"
 ANGLES = np.radians(np.linspace(-90, 90, 91))

@@ -13,7 +13,7 @@ import pytest
 from eval_sim_scans import scores
 from patrol_sim.laser_judging import Judged
 
-from semmap_log.domain.doors import DoorId
+from semmap_log.core.model.doors import DoorId
 
 TOOLS = Path(__file__).parents[2]
 VISIT = Judged(

@@ -1,0 +1,1 @@
+"""What a log lets one work out: probabilities, costmaps, rooms, plans, tables in SQL."""

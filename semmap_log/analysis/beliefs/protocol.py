@@ -1,0 +1,86 @@
+"""How forecasts are put to the test: which part of a log teaches, and what is known when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.analysis.beliefs.patrol import Patrol
+from semmap_log.analysis.beliefs.trials import Trials
+from semmap_log.core.model.keywords import knows_its_keywords
+from semmap_log.core.model.local_clock import DAY_S, LocalClock
+from semmap_log.core.model.moments import SECOND_NS
+from semmap_log.errors import EstimatorError
+
+Times = NDArray[np.int64]
+
+
+MOST_S = 100 * 366 * DAY_S
+"""Of any length of time: nanoseconds of more are no 64-bit number."""
+
+
+@knows_its_keywords
+@dataclass(frozen=True, slots=True)
+class Protocol:
+    """What is known at each forecast. Without any of the choices: what was known at the split.
+
+    `prequential`: the days that were over, up to the last local midnight. `horizon_ns`: all up to
+    so long before the forecast, which is asked for where the state was known then; and with
+    `prequential` the days that were over then. `patrol`: up to the forecast itself, but only what
+    that patrol read.
+    """
+
+    split: float = 0.7
+    """The first such share of a door's known time teaches, the rest is forecast."""
+    prequential: bool = False
+    horizon_ns: int | None = None
+    patrol: Patrol | None = None
+    step_s: float = 60.0
+    """Seconds between two forecasts."""
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            EstimatorError: One of them cannot be.
+        """
+        _check("split", "a share between 0 and 1", self.split, 0 < self.split < 1)
+        _check("step", "1 s to a hundred years", self.step_s, 1 <= self.step_s <= MOST_S)
+        if self.horizon_ns is not None:
+            seconds = self.horizon_ns / SECOND_NS
+            _check("horizon", "0 s to a hundred years", seconds, 0 <= seconds <= MOST_S)
+        if self.patrol is not None:
+            seconds, accuracy = self.patrol.interval_ns / SECOND_NS, self.patrol.accuracy
+            expected = "1 s to a hundred years between two visits"
+            _check("patrol", expected, seconds, 1 <= seconds <= MOST_S)
+            _check("accuracy", "0.5..1", accuracy, 0.5 <= accuracy <= 1)
+
+    @property
+    def needs_known(self) -> bool:
+        """Forecasts are made only where the state was known `horizon_ns` before."""
+        return bool(self.horizon_ns) and self.patrol is None and not self.prequential
+
+    def known_ns(self, trials: Trials, split_ns: int, clock: LocalClock) -> Times:
+        """Return up to when each forecast may know.
+
+        Args:
+            trials: Those after the split.
+            split_ns: When the part that teaches ends.
+            clock: Whose midnights count.
+        """
+        is_live = self.patrol is not None or self.horizon_ns is not None
+        known_ns = trials.known_ns - (self.horizon_ns or 0)
+        if self.prequential:
+            days = np.floor(clock.wall_s(known_ns) / DAY_S).astype(np.int64)
+            return np.minimum(clock.midnights_ns(days), known_ns)
+        is_reading = bool((trials.known_ns < trials.times_ns).any())
+        if is_live or is_reading:
+            return known_ns
+        return np.full(len(trials), split_ns)
+
+
+def _check(name: str, expected: str, got: float, is_right: bool) -> None:  # noqa: FBT001 - private
+    if not is_right:
+        raise EstimatorError(f"{name}: expected {expected}, got {got:g}.")

@@ -1,0 +1,121 @@
+"""An estimator as a fold over a log's events: evidence comes in, beliefs are asked for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.analysis.probabilities.estimator import Estimator, LearntModel
+from semmap_log.analysis.probabilities.estimators import by_name
+from semmap_log.analysis.probabilities.evidence.evidence import Evidence
+from semmap_log.analysis.probabilities.forecast import Forecast
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.local_clock import LocalClock
+
+
+class Beliefs:
+    """What an estimator makes of the evidence so far.
+
+    Nothing is learnt before somebody asks, and anew where more was told since.
+    """
+
+    def __init__(
+        self, estimator: Estimator, clock: LocalClock, evidence: Evidence | None = None
+    ) -> None:
+        self.estimator = estimator
+        self.clock = clock
+        self.evidence = evidence or Evidence()
+        self._learnt: tuple[LearntModel, int, int] | None = None
+        """What was learnt, of how many words, and up to when."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process needs; what was learnt it learns again."""
+        return self.__dict__ | {"_learnt": None}
+
+    @property
+    def door_ids(self) -> list[DoorId]:
+        """Doors that something was said of, removed ones, too, ascending."""
+        return self.evidence.door_ids
+
+    def predict(
+        self,
+        door_id: DoorId,
+        times_ns: NDArray[np.int64],
+        known_ns: NDArray[np.int64] | None = None,
+    ) -> Forecast:
+        """Return how likely a door is open.
+
+        Args:
+            door_id: Any; of a door without evidence nothing is known.
+            times_ns: (n,), of each forecast.
+            known_ns: (n,), of each: only what had happened by then counts. Default: all that is
+                known, but nothing later than the forecast.
+        """
+        times_ns = np.atleast_1d(np.asarray(times_ns, np.int64))
+        if known_ns is None:
+            known_ns = np.minimum(times_ns, self.evidence.latest_ns)
+        known_ns = np.broadcast_to(np.asarray(known_ns, np.int64), times_ns.shape)
+        until_ns = int(known_ns.max(initial=self.evidence.latest_ns))
+        return self.learnt(until_ns).predict(door_id, times_ns, known_ns)
+
+    def learnt(self, until_ns: int | None = None) -> LearntModel:
+        """Return what the evidence teaches; it can be asked for what was known up to then.
+
+        Args:
+            until_ns: Default: the latest event's time.
+        """
+        wanted_ns = self.evidence.latest_ns if until_ns is None else until_ns
+        if self._learnt is not None:
+            learnt, words, until_then_ns = self._learnt
+            if words == len(self.evidence) and wanted_ns <= until_then_ns:
+                return learnt
+        learnt = self.estimator.learn(self.evidence.up_to(wanted_ns), self.clock)
+        self._learnt = learnt, len(self.evidence), wanted_ns
+        return learnt
+
+
+class BeliefProjection:
+    """The fold: `log.fold(BeliefProjection("filter", log.info.timezone))`, also live.
+
+    A checkpoint keeps the evidence, so that one serves all estimators. A retraction of what was
+    taken in folds the log anew (see `semmap_log.log.replay`), and what had been learnt is gone with
+    the state that it was learnt from.
+    """
+
+    name = "evidence"
+    version = 1
+
+    def __init__(self, estimator: Estimator | str, tz: str) -> None:
+        """Take a method, or its name.
+
+        Raises:
+            EstimatorError: There is no estimator of that name.
+            MomentError: There is no such zone.
+        """
+        self._estimator = by_name(estimator) if isinstance(estimator, str) else estimator
+        self._clock = LocalClock(tz)
+
+    def initial(self) -> Beliefs:
+        """Return beliefs without evidence."""
+        return Beliefs(self._estimator, self._clock)
+
+    def apply(self, state: Beliefs, batch: EventBatch, /) -> Beliefs:
+        """Fold a batch in."""
+        state.evidence.apply(batch)
+        return state
+
+    def merge(self, earlier: Beliefs, later: Beliefs, /) -> Beliefs:
+        """Return the beliefs of both parts of a log."""
+        earlier.evidence.add(later.evidence)
+        return earlier
+
+    def dump(self, state: Beliefs, /) -> bytes:
+        """Return the evidence as bytes."""
+        return state.evidence.dump()
+
+    def load(self, data: bytes, /) -> Beliefs:
+        """Return the beliefs of the evidence that `dump` made these bytes of."""
+        return Beliefs(self._estimator, self._clock, Evidence.load(data))

@@ -1,0 +1,154 @@
+"""A door's evidence as a chain takes it: looks at certain times, and what each saw."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.analysis.probabilities.evidence.day_rows import DayRows
+from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.analysis.probabilities.evidence.visits import MOST_ACCURACY
+from semmap_log.core.folds.sighting_hold import PASS_NS
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.model.local_clock import HOUR_S, LocalClock
+from semmap_log.core.model.moments import SECOND_NS
+
+Times = NDArray[np.int64]
+Places = NDArray[np.intp]
+
+LOOK_NS = HOUR_S * SECOND_NS // 2
+"""Where the state is known all through, a look each half hour tells it: the pace of a patrol."""
+CERTAIN_LLR = float(np.log(MOST_ACCURACY / (1 - MOST_ACCURACY)))
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Looks:
+    """When something was seen; ascending. Before all of it stands one that saw nothing.
+
+    Sightings of the same five minutes are one look, at the last of them: how many there are costs
+    nothing. One that is certain is a look of its own.
+    """
+
+    times_ns: Times
+    """(n,)."""
+    llr: NDArray[np.float64]
+    """(n,): 0 where nothing was seen."""
+    sightings: Places
+    """(n,): how many of the door's sightings are taken in up to there."""
+
+    def __len__(self) -> int:
+        return len(self.times_ns)
+
+    @property
+    def gap_ns(self) -> Times:
+        """(n,): since the look before; 0 at the first."""
+        return np.diff(self.times_ns, prepend=self.times_ns[:1])
+
+    @property
+    def sees(self) -> NDArray[np.bool_]:
+        """(n,): something was seen, be it that readings cancelled each other."""
+        return np.asarray((self.llr != 0) | (np.diff(self.sightings, prepend=0) > 0), np.bool_)
+
+
+def is_certain(llr: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which readings, or stretches, leave no doubt."""
+    return np.abs(llr) > CERTAIN_LLR - _ROUNDING
+
+
+def looks(
+    evidence: DoorEvidence, clock: LocalClock, until_ns: int, *, blind_from_ns: int | None = None
+) -> Looks:
+    """Return the looks at a door.
+
+    Args:
+        evidence: Of the door.
+        clock: Whose half hours.
+        until_ns: And what came after is left out.
+        blind_from_ns: From then on a look, too, in each half hour in which nothing was seen, and
+            none of what came before; None: no such looks.
+    """
+    grid_ns = _half_hours_ns(evidence, clock, until_ns, blind_from_ns)
+    held, is_open = held_at(evidence, grid_ns)
+    on = held | (blind_from_ns is not None)
+    ends, seen = _last_known(evidence), np.flatnonzero(_ends_look(evidence))
+    parts = (
+        (np.array([evidence.first_ns]), np.zeros(1)),
+        (grid_ns[on], np.where(held, _certain(is_open), 0.0)[on]),
+        (evidence.end_ns[ends], _certain(evidence.is_open[ends])),
+        (evidence.seen_ns[seen], seen_between(evidence, np.append(-1, seen[:-1]) + 1, seen + 1)),
+    )
+    times_ns, llr = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    order = np.argsort(times_ns, kind="stable")
+    times_ns = times_ns[order]
+    taken_in = np.append(0, seen + 1)[np.cumsum(order >= len(order) - len(seen))]
+    first = 0 if blind_from_ns is None else int(np.searchsorted(times_ns, blind_from_ns))
+    inside = slice(first, int(np.searchsorted(times_ns, until_ns, "right")))
+    return Looks(times_ns[inside], llr[order][inside], taken_in[inside])
+
+
+def _half_hours_ns(
+    evidence: DoorEvidence, clock: LocalClock, until_ns: int, blind_from_ns: int | None
+) -> Times:
+    """Return all half hours that may be looks: where the state is held, or all that are blind."""
+    if blind_from_ns is not None:
+        ends_ns = np.array([max(evidence.first_ns, blind_from_ns), until_ns], np.int64)
+        first, last = np.sort(clock.hour_of(ends_ns)).tolist()
+        hours_ns = clock.hours(first, last + 1).start_ns
+    elif len(evidence.start_ns):
+        days = (clock.hour_of(ns) // 24 for ns in (evidence.start_ns, evidence.end_ns))
+        hours_ns = DayRows.of(*days).hours(clock).start_ns
+    else:
+        return np.empty(0, np.int64)
+    return np.stack([hours_ns, hours_ns + LOOK_NS], axis=1).ravel()
+
+
+def seen_between(evidence: DoorEvidence, first: Places, behind: Places) -> NDArray[np.float64]:
+    """Return what sightings of some looks add up to, nats, (n,).
+
+    Args:
+        evidence: Of the door.
+        first: (n,), the first sighting of each.
+        behind: (n,), the one behind the last; as much as `first`: 0.
+    """
+    alone = np.clip(evidence.llr, -CERTAIN_LLR, CERTAIN_LLR)
+    certain = is_certain(alone)
+    total = np.append(0.0, np.cumsum(np.where(certain, 0.0, alone)))
+    most = CERTAIN_LLR - 2 * _ROUNDING
+    found = np.clip(total[behind] - total[first], -most, most)
+    sure = np.append(False, certain)[behind] & (behind > first)
+    found[sure] = alone[behind[sure] - 1]
+    return np.asarray(found, np.float64)
+
+
+def held_at(evidence: DoorEvidence, times_ns: Times) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return whether the state is known at each time, and whether it is open then."""
+    if not len(evidence.start_ns):
+        nowhere = np.zeros(len(times_ns), np.bool_)
+        return nowhere, nowhere
+    place = np.searchsorted(evidence.start_ns, times_ns, "right") - 1
+    held = (place >= 0) & (times_ns < evidence.end_ns[place])
+    if evidence.holds_on:
+        held |= (place == len(evidence.start_ns) - 1) & (times_ns <= evidence.until_ns)
+    return held, held & evidence.is_open[place]
+
+
+def _ends_look(evidence: DoorEvidence) -> NDArray[np.bool_]:
+    """Return which sightings are the last of a look."""
+    cell = evidence.seen_ns // PASS_NS
+    certain = is_certain(np.clip(evidence.llr, -CERTAIN_LLR, CERTAIN_LLR))
+    goes_on = (cell[1:] == cell[:-1]) & ~certain[1:] & ~certain[:-1]
+    return np.append(~goes_on, True)[: len(cell)]
+
+
+def _last_known(evidence: DoorEvidence) -> NDArray[np.bool_]:
+    """Return the stretches behind which the state is not known: their ends are looks, too.
+
+    Where the next stretch begins at once the change is none: rates are those at the pace of looks.
+    """
+    goes_on = np.append(evidence.start_ns[1:] == evidence.end_ns[:-1], evidence.holds_on)
+    return np.asarray(~goes_on[: len(evidence.end_ns)], np.bool_)
+
+
+def _certain(is_open: NDArray[np.bool_]) -> NDArray[np.float64]:
+    return np.where(is_open, CERTAIN_LLR, -CERTAIN_LLR)

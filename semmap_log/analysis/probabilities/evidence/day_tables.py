@@ -1,0 +1,139 @@
+"""A door's evidence by day and hour: how long its state was known, and how long it was open."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.analysis.probabilities.evidence.day_rows import DayRows
+from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.analysis.probabilities.evidence.stretches import Times, covered_ns
+from semmap_log.core.lazy.late_dataclass import dataclass
+from semmap_log.core.model.local_clock import Hours, LocalClock
+from semmap_log.core.model.moments import HOUR_NS
+
+Table = NDArray[np.float64]
+
+HALF_LIFE_D = 56.0
+"""Days after which a day counts half, where one half-life has to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class DayTables:
+    """Hours known and hours open of a door, in each hour of each local day.
+
+    A stretch counts by its duration, a visit as a sample of its hour: see `day_tables`.
+    """
+
+    rows: DayRows
+    """Which day each row is of."""
+    known_h: Table
+    """(days, 24): at most what the hour lasts, 2 h in one that comes twice, 0 in one that is
+    skipped."""
+    open_h: Table
+    """(days, 24): of these hours open. Visits of noisy sensors are corrected and not clipped: one
+    cell may have less than 0, or more than `known_h`, so that sums of many are right."""
+
+    def __len__(self) -> int:
+        return len(self.known_h)
+
+    @property
+    def days(self) -> NDArray[np.int64]:
+        """(days,): the days of the rows."""
+        return self.rows.days
+
+    def before(self, day: int) -> DayTables:
+        """Return the rows of the days before one."""
+        count = int(np.searchsorted(self.days, day))
+        return DayTables(self.rows.first(count), self.known_h[:count], self.open_h[:count])
+
+
+def day_tables(evidence: DoorEvidence, clock: LocalClock) -> DayTables:
+    """Return the tables of a door, from the day of its first evidence to that of `until_ns`.
+
+    The last row is of a day that has not ended (at a local midnight: has just begun): it holds
+    what was known by then. Rows of days that had ended are the same whatever came later (but for
+    St John's, where until 2011 a date began, and the clocks were put back to the one before).
+
+    A visit outside of the stretches says something about its hour: a reading r of a sensor with
+    accuracies a and b stands for P(open) = (r - (1 - b)) / J, with J = a + b - 1 (the correction
+    of misclassified rates by Rogan and Gladen, Am. J. Epidemiol. 107, 1978), and counts as J^2 of
+    an hour: what it tells, as a share of what a certain one does. Of a visit's sightings in an hour
+    the mean is one reading; several visits in an hour still tell no more than that hour, and fill
+    at most what the stretches leave of it.
+
+    Of a long gap in what is known there are only the ends: see `DayRows`.
+
+    Args:
+        evidence: Of a door.
+        clock: Whose days and hours.
+    """
+    if evidence.is_empty:
+        return DayTables(DayRows.since(0, 0), np.zeros((0, 24)), np.zeros((0, 24)))
+    rows = _rows(evidence, clock)
+    hours = rows.hours(clock)
+    place, count = rows.place(hours.hour), 24 * len(rows)
+
+    def total(of_pieces_ns: NDArray[np.int64]) -> Table:
+        return np.bincount(place, of_pieces_ns / HOUR_NS, count).astype(np.float64)
+
+    held = total(_covered_ns(evidence.start_ns, evidence.end_ns, hours))
+    held_open = total(
+        _covered_ns(evidence.start_ns[evidence.is_open], evidence.end_ns[evidence.is_open], hours)
+    )
+    seen = _readings(evidence, rows.place(clock.hour_of(evidence.seen_ns)), count)
+    free = np.maximum(total(hours.end_ns - hours.start_ns) - held, 0.0)
+    seen_known = np.minimum(seen.weight, free)
+    known, is_open = held + seen_known, held_open + seen_known * seen.p_open
+    return DayTables(rows, known.reshape(-1, 24), is_open.reshape(-1, 24))
+
+
+def _rows(evidence: DoorEvidence, clock: LocalClock) -> DayRows:
+    """Return the rows of all days of which something is known, and of the last one."""
+    at_once = evidence.seen_ns, np.array([evidence.until_ns])
+    first, last = (
+        clock.hour_of(np.concatenate([times_ns, *at_once])) // 24
+        for times_ns in (evidence.start_ns, evidence.end_ns)
+    )
+    return DayRows.of(first, last, weekly=True)
+
+
+def _covered_ns(start_ns: Times, end_ns: Times, hours: Hours) -> Times:
+    """Return how much of each piece of time lies in stretches."""
+    ends, starts = (covered_ns(start_ns, end_ns, ns) for ns in (hours.end_ns, hours.start_ns))
+    return ends - starts
+
+
+class _Readings(NamedTuple):
+    """What the visits say about each hour."""
+
+    weight: Table
+    """In hours."""
+    p_open: Table
+    """Corrected and not clipped; 0 without a visit that tells anything."""
+
+
+def _readings(evidence: DoorEvidence, place: NDArray[np.int64], places: int) -> _Readings:
+    """Return it for so many hours; (k,) are the places of those that the sightings lie in."""
+    # A visit that goes on in the next hour is a visit of that one, too: a day's row, once the day
+    # has ended, stays as it is.
+    _, one, of_visit = np.unique(
+        evidence.visit * places + place, return_index=True, return_inverse=True
+    )
+    tells = evidence.accuracy_open + evidence.accuracy_closed - 1.0
+    excess = evidence.reads_open - (1.0 - evidence.accuracy_closed)
+    count = np.maximum(np.bincount(of_visit), 1)
+
+    def mean(of_sightings: Table) -> Table:
+        return np.asarray(np.bincount(of_visit, of_sightings) / count)
+
+    # Of each visit, and then of each hour: readings weigh by what they tell, so that of sensors of
+    # one kind the plain mean is corrected.
+    tell, said = mean(tells**2), mean(tells * excess)
+    tell_of_hour, square, said_of_hour = (
+        np.bincount(place[one], of_visits, places) for of_visits in (tell, tell**2, said)
+    )
+    safe = np.where(tell_of_hour > 0, tell_of_hour, 1.0)
+    return _Readings(square / safe, said_of_hour / safe)

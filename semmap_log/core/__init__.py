@@ -1,0 +1,1 @@
+"""What everything is built on: values, events, bytes, files; knows no log."""

@@ -1,0 +1,293 @@
+"""Bytes to disk, so that they stay: whole writes, syncs, and files that appear whole or not at all.
+
+A power cut leaves an unsynced file empty, and a rename that was not followed by a sync of its
+folder undone; so does everything here.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path, PurePath
+from typing import BinaryIO
+
+from semmap_log.core.io.file_calls import CAN_OPEN_FOLDERS, FOLDER, NO_LINK, PLAIN
+from semmap_log.errors import OutputError
+
+TEMPORARY_SUFFIX = ".tmp"
+TOKEN_BYTES = 8
+MOST_STEM_BYTES = 220
+"""A name has at most 255 bytes; process, token and suffix need the rest."""
+
+
+def write_all(fd: int, data: bytes | memoryview) -> None:
+    """Write all of `data`; the kernel may take it in parts.
+
+    Raises:
+        OSError: As the kernel says; a part may have been written.
+    """
+    written = os.write(fd, data)
+    if written == len(data):
+        return
+    view = memoryview(data)[written:]
+    while view:
+        view = view[os.write(fd, view) :]
+
+
+def sync_file(path: Path) -> None:
+    """Make what was written to a file, by whomever, survive a power cut."""
+    fd = os.open(path, os.O_RDWR | PLAIN if os.name == "nt" else os.O_RDONLY | PLAIN)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the folder's entries (new names, renames) survive a power cut."""
+    if not CAN_OPEN_FOLDERS:
+        return  # Windows: nothing that one could do
+    fd = os.open(folder, os.O_RDONLY | FOLDER)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+
+
+def utf8_text(path: str) -> str:
+    r"""Return a path for where only UTF-8 goes; other bytes of it are spelt out: `\xff`."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
+
+
+def utf8_name(path: PurePath) -> str:
+    """Return the same of a path's name."""
+    return utf8_text(path.name)
+
+
+def log_name(log: PurePath) -> str:
+    """Return what a log's folder is called: also of `.`; of a URL its last part."""
+    return utf8_name(log.resolve() if isinstance(log, Path) else log)
+
+
+def refuse_own_folder(folder: PurePath, out: Path) -> None:
+    """Keep what is made from a log out of the log's folder, where everything is the log's.
+
+    Args:
+        folder: The log's; in a store nothing of this machine lies.
+        out: The file or folder to be written.
+
+    Raises:
+        OutputError: It would lie there.
+    """
+    if isinstance(folder, Path) and folder.resolve() in (out.resolve(), *out.resolve().parents):
+        raise OutputError(f"{out}: lies in the log's own folder; choose another place.")
+
+
+@contextmanager
+def output_errors(path: Path) -> Iterator[None]:
+    """Say in our words what the system would not write.
+
+    Raises:
+        OutputError: The block raised an OSError; one of ours stays as it is.
+    """
+    try:
+        yield
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(f"{path}: could not be written: {error.strerror or error}. What was "
+                          "there before is as it was.") from error  # fmt: skip
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Hand out a new, empty file beside `path`; on success it takes the name, synced, at once.
+
+    Its name is nobody else's, and no link that somebody put there is followed. Where `path` is a
+    link, the link is replaced, and what it points to stays. On any error the file is removed and
+    `path` stays as it was.
+
+    Raises:
+        OutputError: At `path` is a device, pipe or socket: those are never replaced.
+    """
+    refuse_special(path)
+    temporary = new_beside(path)
+    try:
+        yield temporary
+        sync_file(temporary)
+        _give_name(temporary, path)
+    except BaseException:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Hand out a path for a new folder of the same name; on success it takes its place, synced.
+
+    It lies in a temporary folder beside `path`. On any error that is removed, with all in it.
+
+    Raises:
+        OutputError: There is something at `path` already: a folder is never replaced.
+    """
+    import shutil
+
+    if os.path.lexists(path):
+        raise OutputError(f"{path}: is there already; remove it, or choose another name.")
+    around = _made_beside(path, _make_folder)
+    temporary = around / path.name
+    try:
+        yield temporary
+        _sync_tree(temporary)
+        _give_name(temporary, path)
+    finally:
+        shutil.rmtree(around, ignore_errors=True)
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Put a file of these bytes in place of `path`, whole or not at all, synced."""
+    with whole_file(path) as temporary, _new_file(temporary) as file:
+        file.write(data)
+
+
+def left_by_killed(path: Path) -> Iterator[Path]:
+    """Yield the temporary files beside `path` of processes that are no more."""
+    leftover = re.compile(
+        re.escape(_stem(path)) + r"\.(\d+)(?:\.[0-9a-f]+)?" + re.escape(TEMPORARY_SUFFIX)
+    )
+    for other in path.absolute().parent.iterdir():
+        found = leftover.fullmatch(other.name)
+        if found and not _is_running(int(found[1])):
+            yield other
+
+
+class NotOursError(OSError):
+    """Where a file of ours is expected there is a link, folder, pipe or device."""
+
+    def __init__(self, mode: int) -> None:
+        super().__init__(errno.EINVAL, f"expected a regular file, got {kind_of(mode)}")
+
+
+def kind_of(mode: int) -> str:
+    """Return what is no regular file, in words."""
+    kinds = ((stat.S_ISLNK, "a link"), (stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a named pipe"))
+    return next((name for is_one, name in kinds if is_one(mode)), "a device or socket")
+
+
+MOST_OWN_BYTES = 2**28
+
+
+def read_own(path: Path, most: int = MOST_OWN_BYTES) -> bytes:
+    """Return what a file of ours holds that lies where strangers may have put another.
+
+    Raises:
+        FileNotFoundError: There is none.
+        NotOursError: It is no regular file; reading it might never end.
+        OSError: It cannot be read, or is longer than `most` bytes.
+    """
+    if not stat.S_ISREG(mode := path.lstat().st_mode):
+        raise NotOursError(mode)
+    fd = os.open(path, os.O_RDONLY | NO_LINK | PLAIN)
+    with os.fdopen(fd, "rb") as file:
+        status = os.fstat(fd)
+        if not stat.S_ISREG(status.st_mode):
+            raise NotOursError(status.st_mode)
+        if status.st_size > most:
+            problem = f"expected at most {most:,} bytes, got {status.st_size:,}"
+            raise OSError(errno.EFBIG, problem)
+        return file.read(status.st_size)  # the buffer is as large as what is asked for
+
+
+def refuse_special(path: Path) -> None:
+    """Keep devices, pipes and sockets from being replaced by a file.
+
+    Raises:
+        OutputError: There is one at `path`.
+    """
+    try:
+        mode = path.lstat().st_mode
+    except OSError:
+        return  # there is none; or whoever writes hears of it
+    if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode) or stat.S_ISDIR(mode)):
+        raise OutputError(
+            f"{path}: expected the name of a file, got {kind_of(mode)}; it is left as it is. "
+            "Choose another name."
+        )
+
+
+def new_beside(path: Path) -> Path:
+    """Make an empty file beside `path`, under a name that nobody else has, and return that.
+
+    Raises:
+        OSError: The folder takes none.
+    """
+    return _made_beside(path, _make_file)
+
+
+def name_beside(path: Path, suffix: str = TEMPORARY_SUFFIX) -> Path:
+    """Return a name beside `path` that nobody else draws.
+
+    The process in it tells whether who drew it still runs; the token keeps threads apart.
+    """
+    token = os.urandom(TOKEN_BYTES).hex()
+    return path.with_name(f"{_stem(path)}.{os.getpid()}.{token}{suffix}")
+
+
+def _made_beside(path: Path, make: Callable[[Path], None]) -> Path:
+    while True:
+        temporary = name_beside(path)
+        with suppress(FileExistsError):  # somebody foresaw it; the next one is another
+            make(temporary)
+            return temporary
+
+
+def _make_file(path: Path) -> None:
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | NO_LINK | PLAIN
+    os.close(os.open(path, flags, 0o666))
+
+
+def _make_folder(path: Path) -> None:
+    path.mkdir(0o700)
+
+
+def _stem(path: Path) -> str:
+    """Return how temporary names beside `path` begin: of a long name, its end tells more."""
+    name = path.name
+    while len(os.fsencode(name)) > MOST_STEM_BYTES:
+        name = name[1:]
+    return f".{name}"
+
+
+def _new_file(path: Path) -> BinaryIO:
+    """Open the file that `whole_file` made."""
+    return os.fdopen(os.open(path, os.O_WRONLY | NO_LINK | PLAIN), "wb")
+
+
+def _sync_tree(folder: Path) -> None:
+    """Sync a folder with all that is in it, what lies deepest first."""
+    for inner, _, files in os.walk(folder, topdown=False):
+        for name in files:
+            sync_file(Path(inner, name))
+        sync_folder(Path(inner))
+
+
+def _give_name(temporary: Path, path: Path) -> None:
+    os.replace(temporary, path)
+    sync_folder(path.parent)
+
+
+def _is_running(process: int) -> bool:
+    if os.name == "nt":
+        return True  # there the call that asks would end it
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        pass
+    return True

@@ -1,0 +1,32 @@
+"""Message texts (package semmap_msgs) and the codec, event <-> CDR bytes.
+
+The only room that knows CDR. The `.msg` texts are the definition; layouts are derived from them.
+"""
+
+from semmap_log.core.messages.cdr import CDR_HEADER, read_message, write_message
+from semmap_log.core.messages.codec import (
+    OBJECT_KINDS,
+    decode,
+    encode,
+    field_getter,
+    field_getters,
+    fixed_layout,
+    ros_type,
+)
+from semmap_log.core.messages.definitions import (
+    OCCUPANCY_GRID,
+    PACKAGE,
+    comments_of,
+    message_text,
+    schema_text,
+    type_name,
+)
+from semmap_log.core.messages.layout import Layout, layout
+from semmap_log.core.messages.type_hash import type_hash
+
+__all__ = [
+    "CDR_HEADER",
+    "OBJECT_KINDS", "OCCUPANCY_GRID", "PACKAGE", "Layout", "comments_of", "decode", "encode",
+    "field_getter", "field_getters", "fixed_layout", "layout", "message_text", "read_message",
+    "ros_type", "schema_text", "type_hash", "type_name", "write_message",
+]  # fmt: skip

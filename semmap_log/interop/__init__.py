@@ -1,0 +1,1 @@
+"""Other programs' files and topics, into a log and out of it."""

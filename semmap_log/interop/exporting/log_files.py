@@ -1,0 +1,259 @@
+"""A log's state or events as a file for other programs: written whole, or not at all."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from semmap_log.analysis.costmaps import costmap_at
+from semmap_log.core.folds.doors_of_class import of_class
+from semmap_log.core.io.disk import output_errors, refuse_own_folder, whole_file
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.model.doors import DoorMap
+from semmap_log.core.model.keywords import knows_keywords
+from semmap_log.core.texts import counted
+from semmap_log.errors import CommandError, FormatError, UnknownLevelError
+from semmap_log.interop.exporting.costmap_files import write_costmap
+from semmap_log.interop.exporting.json_lines import write_event_lines
+from semmap_log.interop.exporting.planning_problem import planning_problem
+from semmap_log.interop.formats.files.door_csv import dump_door_csv, sighting_of
+from semmap_log.interop.formats.files.geojson import dump_geojson
+from semmap_log.interop.formats.files.pddl import Wishes
+from semmap_log.interop.formats.files.pddl_domain import dump_domain
+from semmap_log.interop.formats.files.thesis_yaml import dump_thesis_yaml
+from semmap_log.log.door_log.door_labels import labels_of
+from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log.replay.replay import Scope
+from semmap_log.store.reading.window import Window
+
+WRITABLE = (
+    ".yaml (the thesis's door database), .geojson (doors), .csv (states), .jsonl or .parquet "
+    "(events), .rrd (rerun), .html (a page), .pgm (a costmap, with its .yaml); over time .mcap, "
+    ".bag (ROS 1) or, without an extension, a rosbag2 folder; .pddl (a planning problem)"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """What was written."""
+
+    what: str
+    """In words, such as `3 doors`."""
+    left_out: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    """What else to know of it."""
+
+
+@knows_keywords
+def export(
+    log: DoorLog,
+    out: Path,
+    scope: Scope = Scope(),
+    *,
+    default_prob: float | None = None,
+    wishes: Wishes = Wishes(),
+    domain: Path | None = None,
+    object_class: str | None = None,
+    progress: Progress | None = None,
+) -> Exported:
+    """Write a file whose name tells its format; an old file of that name is replaced at once.
+
+    Args:
+        log: Where from.
+        out: The file.
+        scope: The moment of the state, or up to which events count.
+        default_prob: Thesis YAML, PDDL: for doors without probabilities.
+        wishes: PDDL: start, goal, and whether there are costs.
+        domain: PDDL: a file for the domain, written beside the problem.
+        object_class: GeoJSON, CSV: only objects of that class; None: all.
+        progress: Told how far the reading is, where events are written.
+
+    Raises:
+        FormatError: The name tells no format.
+        MissingExtraError: The format needs a package that is not installed.
+        CommandError: The format cannot hold a door; the message says what to do.
+        CostmapError: `.pgm`: there is nothing to draw, or the floor map is turned.
+        OutputError: The file cannot be written; what was there is whole.
+    """
+    writers: dict[str, Callable[[Path], Exported]] = {
+        ".yaml": lambda path: _thesis_yaml(log, path, scope, default_prob),
+        ".yml": lambda path: _thesis_yaml(log, path, scope, default_prob),
+        ".geojson": lambda path: _geojson(log, path, scope, object_class),
+        ".csv": lambda path: _csv(log, path, scope, object_class),
+        ".jsonl": lambda path: _event_lines(log, path, scope, progress),
+        ".parquet": lambda path: _parquet(log, path, scope, progress),
+        ".rrd": lambda path: _rrd(log, path, scope),
+        ".html": lambda path: _html(log, path, scope, progress),
+        ".pddl": lambda path: _pddl(
+            log, path, scope, wishes, default_prob=default_prob, progress=progress
+        ),
+    }
+    refuse_own_folder(log.path, out)
+    if out.suffix == ".pgm":
+        return _ros_map(log, out, scope)  # two files, which it puts in place together
+    writer = writers.get(out.suffix.lower())
+    if writer is None:
+        raise FormatError(out, f"its name tells no format that can be exported; known: {WRITABLE}.")
+    with ExitStack() as files:
+        if domain is not None:
+            _write_domain(files, log, domain, out, wishes)
+        with output_errors(out), whole_file(out) as temporary:
+            return writer(temporary)
+
+
+def _write_domain(
+    files: ExitStack, log: DoorLog, domain: Path, problem: Path, wishes: Wishes
+) -> None:
+    """Write the domain of planning problems; it takes its name when the problem has its own."""
+    refuse_own_folder(log.path, domain)
+    if domain.resolve() == problem.resolve():
+        raise CommandError(f"{domain}: expected two files, one for the domain, got one.")
+    files.enter_context(output_errors(domain))
+    temporary = files.enter_context(whole_file(domain))
+    temporary.write_text(dump_domain(with_costs=wishes.with_costs), encoding="ascii")
+
+
+def _pddl(
+    log: DoorLog,
+    path: Path,
+    scope: Scope,
+    wishes: Wishes,
+    *,
+    default_prob: float | None,
+    progress: Progress | None,
+) -> Exported:
+    made = planning_problem(
+        log, scope, wishes, about(log), default_prob=default_prob, progress=progress
+    )
+    path.write_text(made.text, encoding="ascii")
+    what = f"{counted(made.doors, 'door')}, {counted(made.rooms, 'room')}"
+    return Exported(what, notes=made.notes)
+
+
+def _thesis_yaml(log: DoorLog, path: Path, scope: Scope, default_prob: float | None) -> Exported:
+    door_map = log.replay(scope.at_ns, scope.known_at_ns, scope.event)
+    text, left_out = dump_thesis_yaml(door_map, default_prob=default_prob)
+    path.write_text(text, encoding="utf-8")
+    return Exported(counted(len(door_map.doors) - len(left_out), "door"), tuple(left_out))
+
+
+def _geojson(log: DoorLog, path: Path, scope: Scope, object_class: str | None) -> Exported:
+    door_map = log.replay(scope.at_ns, scope.known_at_ns, scope.event)
+    if object_class is not None:
+        door_map = of_class(door_map, object_class)
+    text, unplaced = dump_geojson(door_map, about(log))
+    path.write_text(text, encoding="utf-8")
+    labels = labels_of(door_map)
+    notes = tuple(
+        f"{labels.get(door.door_id, door.label)}: without a place, so its geometry is null"
+        for door in unplaced
+    )
+    doors = counted(len(door_map.doors), "door")
+    return Exported(f"{doors}, in metres of the map frame", notes=notes)
+
+
+def about(log: DoorLog) -> dict[str, str]:
+    """Return what a file may say of the log that it is of."""
+    info = log.info
+    return {
+        "log_id": info.log_id,
+        "timezone": info.timezone,
+        "building": info.building,
+        "robot": info.robot,
+    }
+
+
+def _event_lines(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
+    written = write_event_lines(log, path, scope, progress=progress)
+    taken_back = f", {written.retracted:,} of them retracted" if written.retracted else ""
+    what = f"{counted(written.events, 'event')}{taken_back}"
+    begins = (
+        f"history begins at event {log.horizon()}; of what was before the last words alone are "
+        "told. A log that is made of these knows no horizon: ask it about nothing earlier."
+    )
+    return Exported(what, notes=(begins,) if log.horizon() else ())
+
+
+def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
+    from semmap_log.core.arrow.history_table import EXPORT_SCHEMA
+    from semmap_log.core.arrow.parquet import write_parquet
+
+    limit = log.limit_of(scope)
+    window = Window.up_to(at_ns=scope.at_ns, event=limit)
+    tables = log.tables_in(window, limit=limit, progress=progress)
+    stored = (table.cast(EXPORT_SCHEMA) for table in tables)
+    said = {f"semmap_log.{key}": text for key, text in about(log).items()}
+    what = counted(write_parquet(path, stored, EXPORT_SCHEMA, said), "event")
+    lacking = (
+        f"how doors were at event {log.horizon()}, where history begins, is in no event: who reads "
+        "these knows it of a door only once something is told of it."
+    )
+    return Exported(what, notes=(lacking,) if log.horizon() else ())
+
+
+def _csv(log: DoorLog, path: Path, scope: Scope, object_class: str | None) -> Exported:
+    doors = None if object_class is None else log.ids_of_class(object_class)
+    names = _names(log.replay(scope.at_ns, scope.known_at_ns, scope.event))
+    rows = []
+    for batch in log.visible_batches(scope, doors=doors):
+        for recorded, happened_ns in zip(batch, batch.folds_ns.tolist(), strict=True):
+            door_id = getattr(recorded.event, "door_id", 0)
+            row = sighting_of(
+                recorded.event, happened_ns=happened_ns, door=names.get(door_id, str(door_id))
+            )
+            if row is not None:
+                rows.append(row)
+    rows.sort(key=lambda row: row.happened_ns)
+    with path.open("w", encoding="utf-8") as file:
+        file.writelines(dump_door_csv(rows, tz=log.info.timezone))
+    return Exported(counted(len(rows), "row"))
+
+
+def _ros_map(log: DoorLog, out: Path, scope: Scope) -> Exported:
+    try:
+        costmap = costmap_at(log, at=scope.at_ns, known_at=scope.known_at_ns, event=scope.event)
+    except UnknownLevelError as error:
+        raise UnknownLevelError(f"{error} `costmap` does it, with --level.") from None
+    made = write_costmap(log, costmap, out, scope=scope)
+    labels = labels_of(costmap.doors)
+    left_out = tuple(
+        f"{labels.get(door.door_id, door.label)}: {why}" for door, why in made.left_out
+    )
+    return Exported(f"a costmap of {counted(len(made.doors), 'door')}", left_out)
+
+
+def _names(door_map: DoorMap) -> dict[int, str]:
+    """Return what each door is called: by its name, with its level where two bear the same."""
+    borne = Counter(door.name for door in door_map.doors.values())
+    return {
+        door.door_id: (
+            door.name if borne[door.name] == 1 else f"{door_map.level_name(door.level)}/{door.name}"
+        )
+        for door in door_map.doors.values()
+        if door.name
+    }
+
+
+def _rrd(log: DoorLog, path: Path, scope: Scope) -> Exported:
+    from semmap_log.interop.formats.kept_scans.reading import kept_visits
+    from semmap_log.views.rerun.recording import save_rrd
+
+    if scope.known_at_ns is not None or scope.event is not None:
+        raise CommandError("a recording shows all that is known: leave --known-at and --event out.")
+    until = None if scope.at_ns is None else scope.at_ns + 1
+    summary = save_rrd(log, path, until=until, scans=kept_visits)
+    return Exported(counted(summary.events, "event"))
+
+
+def _html(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> Exported:
+    from semmap_log.views.report.content import report
+
+    if scope.known_at_ns is not None or scope.event is not None:
+        raise CommandError("a page shows all that is known: leave --known-at and --event out.")
+    until = None if scope.at_ns is None else scope.at_ns + 1
+    made = report(log, until=until, progress=progress)
+    path.write_text(made.html, encoding="utf-8")
+    return Exported(f"{counted(made.doors, 'door')}, {counted(made.events, 'event')}")

@@ -1,0 +1,304 @@
+"""A log folded to messages on topics: what a player, or RViz, is told of it over time.
+
+At each moment of the stream the last message of each topic is what `replay(at=…)` says of that
+moment: what was true, with all that is known today. So it can be played, and jumped in. It goes
+into a bag (`log_bag`) or out to live subscribers (`live.player`) alike.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from semmap_log.core.folds.history import HistoryEntry
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.model.doors import DoorId, DoorMap
+from semmap_log.core.model.events import ClassDefined, DoorEvent, FloorMap, LevelAdded, RobotPose
+from semmap_log.core.model.keywords import knows_its_keywords
+from semmap_log.core.model.moments import refuse_reversed
+from semmap_log.core.model.object_classes import DOOR
+from semmap_log.interop.exporting.in_order import Times, moments, times_of
+from semmap_log.interop.exporting.latest_doors import LatestDoors
+from semmap_log.interop.exporting.stream_plan import ROBOT, THESIS, StreamPlan, plan_of
+from semmap_log.interop.exporting.stream_topics import (
+    LevelDoors,
+    ThesisDoors,
+    WholeTopic,
+    heights_of,
+)
+from semmap_log.interop.formats.bags.bag_protocol import BagTopic
+from semmap_log.interop.formats.ros.door_markers import DoorMarkers
+from semmap_log.interop.formats.ros.event_messages import LogLine, log_message, pose_message
+from semmap_log.interop.formats.ros.grid_messages import grid_message
+from semmap_log.interop.formats.ros.ros_messages import Messages
+from semmap_log.interop.formats.ros.ros_types import RosVersion, encoded
+from semmap_log.interop.formats.ros.thesis_messages import ThesisMessages
+from semmap_log.log.door_log.clock_warnings import warn_of_clock
+from semmap_log.log.door_log.door_log import DoorLog, Time
+from semmap_log.views.event_words import printable, words_of
+from semmap_log.views.palette import DEFAULT, Palette
+
+
+@knows_its_keywords
+@dataclass(frozen=True, slots=True)
+class StreamOptions:
+    """What is told, and how."""
+
+    markers: bool = False
+    """Doors as markers and events in words, too; else the thesis's DoorMap, the robot's poses and
+    the floor plans: what a robot would have published."""
+    palette: Palette = DEFAULT
+    """Of the markers."""
+    default_prob: float | None = None
+    """Stands for probabilities that were not given, in the thesis's messages; None: NaN does."""
+    every_s: float | None = None
+    """The arrays of doors come at most so often, each topic's; 0: at each change. None: at each
+    change, and with markers as often as a log of that size allows: see `EVERY_S`."""
+
+
+@dataclass(frozen=True, slots=True)
+class StreamMessage:
+    """A message, as ROS sends it."""
+
+    topic: BagTopic
+    at_ns: int
+    """When it became true, in the log's happened time."""
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class LogStream:
+    """A span of a log as messages; it can be gone through again and again."""
+
+    log: DoorLog
+    options: StreamOptions
+    plan: StreamPlan
+    ros_version: RosVersion
+    since_ns: int | None
+    """The first messages show this moment; None: the first event's, of a log without a horizon."""
+    before: DoorMap
+    """The doors of that moment."""
+    times: Times
+    """When the later events count."""
+
+    @property
+    def topics(self) -> list[BagTopic]:
+        """All that there are messages on, and those that stay empty."""
+        return self.plan.topics
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """When the first and the last message come; None: there is none."""
+        ends = [*self.times[[0, -1]].tolist()] if len(self.times) else []
+        if self.since_ns is not None:
+            ends.insert(0, self.since_ns)
+        return (ends[0], ends[-1]) if ends else None
+
+    def messages(self, progress: Progress | None = None) -> Iterator[StreamMessage]:
+        """Yield the messages, their times ascending, in memory of a slice of the log.
+
+        Args:
+            progress: Told how many of the events are done.
+
+        Raises:
+            OutputError: A time cannot be a ROS stamp.
+        """
+        out: list[StreamMessage] = []
+        fold = _Fold(self, out)
+        if self.since_ns is not None:
+            fold.begin(self.since_ns)
+            yield from _taken(out)
+        for at_ns, entries in moments(self.log, self.times, progress):
+            fold.take(at_ns, entries)
+            yield from _taken(out)
+        fold.finish()
+        yield from _taken(out)
+
+
+def _taken(out: list[StreamMessage]) -> Iterator[StreamMessage]:
+    yield from out
+    out.clear()
+
+
+def log_stream(
+    log: DoorLog,
+    options: StreamOptions = StreamOptions(),
+    *,
+    ros_version: RosVersion,
+    since: Time = None,
+    until: Time = None,
+) -> LogStream:
+    """Return a log's stream, after a look at all of it.
+
+    Args:
+        log: The log.
+        options: What is told.
+        ros_version: Whose messages.
+        since: The first messages show this moment; default: the first event's, or the horizon.
+        until: The last moment; default: the log's end.
+
+    Raises:
+        MomentError: `since` comes after `until`.
+        HorizonError: It begins, or ends, before the log's horizon.
+    """
+    since_ns, until_ns = log.instant(since), log.instant(until)
+    warn_of_clock(log, since_ns)
+    refuse_reversed(since_ns, until_ns)
+    later_ns = log.shown_from_ns(
+        None if since_ns is None else since_ns + 1, None if until_ns is None else until_ns + 1
+    )
+    since_ns = None if later_ns is None else later_ns - 1
+    before = DoorMap({}, {}) if since_ns is None else log.replay(at=since_ns)
+    times = times_of(log, later_ns, until_ns)
+    plan = plan_of(
+        log,
+        before,
+        times,
+        ros_version=ros_version,
+        markers=options.markers,
+        every_s=options.every_s,
+    )
+    return LogStream(log, options, plan, ros_version, since_ns, before, times)
+
+
+class _Fold:
+    """Folds the events, and puts out what they change."""
+
+    def __init__(self, stream: LogStream, out: list[StreamMessage]) -> None:
+        log, plan, before = stream.log, stream.plan, stream.before
+        version, options = stream.ros_version, stream.options
+        self._out = out
+        self._counts: Counter[BagTopic] = Counter()
+        self._plan = plan
+        self._version = version
+        self._messages = Messages(version)
+        self._table = LatestDoors.of(before)
+        self._heights = heights_of(self._table, plan.levels)
+        self._floors = {level: floor for level in plan.floors
+                        if (floor := log.floor_of(before, level)) is not None}  # fmt: skip
+        markers = DoorMarkers(version)
+        shown = plan.doors if plan.markers else ()
+        self._levels = [LevelDoors(markers, level, options.palette) for level in shown]
+        self._thesis = ThesisDoors(ThesisMessages(version, options.default_prob))
+        every_ns = round(plan.every_s * 1e9)
+        self._of_levels = [
+            WholeTopic(self._send, plan.doors[doors.level], every_ns, doors.message)
+            for doors in self._levels
+        ]
+        self._of_thesis = WholeTopic(self._send, THESIS, every_ns, self._thesis.message)
+        self._names = log.door_names()
+        self._new_floors = set(self._floors)
+        """Levels of which the plan is another than the last that was sent, or lies elsewhere."""
+        self._last_ns = 0
+        self._show_all()
+
+    def begin(self, at_ns: int) -> None:
+        """Tell what there is before the first event."""
+        self._send_due(at_ns)
+
+    def take(self, at_ns: int, entries: Sequence[HistoryEntry]) -> None:
+        """Tell what happened at a moment."""
+        self._catch_up(at_ns)
+        for entry in entries:
+            self._take(at_ns, entry)
+        self._send_due(at_ns)
+
+    def finish(self) -> None:
+        """Tell what waits for its time, as of the last moment."""
+        for waiting in self._arrays():
+            if waiting.has_changed and self._last_ns:
+                waiting.send(self._last_ns)
+
+    def _take(self, at_ns: int, entry: HistoryEntry) -> None:
+        event = entry.event
+        if isinstance(event, RobotPose):
+            self._send_robot(at_ns, event)
+            return
+        if self._plan.markers:
+            self._send_words(at_ns, entry)
+        has_changed = self._table.take(event)
+        if isinstance(event, FloorMap):
+            self._floors[event.level] = event
+            self._new_floors.add(event.level)
+        elif has_changed and isinstance(event, DoorEvent):
+            self._show(event.door_id)
+        elif isinstance(event, ClassDefined):
+            self._show_all()
+        elif isinstance(event, LevelAdded):
+            self._raise_levels()
+
+    def _show_all(self) -> None:
+        for door_id in self._table.doors:
+            self._show(door_id)
+
+    def _show(self, door_id: DoorId) -> None:
+        door = self._table.doors.get(door_id)
+        for shown, topic in zip(self._levels, self._of_levels, strict=True):
+            topic.has_changed |= shown.show(door_id, door, self._heights[shown.level])
+        self._of_thesis.has_changed |= self._thesis.show(door_id, door)
+
+    def _raise_levels(self) -> None:
+        """Put levels of which the height became known where they belong."""
+        before, self._heights = self._heights, heights_of(self._table, self._plan.levels)
+        self._new_floors |= {n for n in self._floors if self._heights[n] != before[n]}
+        if self._heights != before:
+            self._show_all()
+
+    def _catch_up(self, at_ns: int) -> None:
+        """Send what has waited long enough before a moment, each at its time."""
+        late = [(due_ns, topic) for topic in self._arrays()
+                if (due_ns := topic.overdue_ns) is not None and due_ns < at_ns]  # fmt: skip
+        for due_ns, topic in sorted(late, key=lambda each: each[0]):
+            topic.send(due_ns)
+
+    def _send_due(self, at_ns: int) -> None:
+        for level in sorted(self._new_floors):
+            self._send_floor(at_ns, level)
+        self._new_floors.clear()
+        for topic in self._arrays():
+            topic.send_if_due(at_ns)
+        self._last_ns = at_ns
+
+    def _arrays(self) -> Iterator[WholeTopic]:
+        yield from self._of_levels
+        yield self._of_thesis
+
+    def _send_floor(self, at_ns: int, level: int) -> None:
+        floor, topic = self._floors[level], self._plan.floors[level]
+        z = self._heights[level]
+        origin = self._messages.pose(floor.origin_x, floor.origin_y, z, floor.origin_theta)
+        number = self._counts[topic]
+        grid = grid_message(
+            self._messages, at_ns, number, floor.cells, resolution=floor.resolution, origin=origin
+        )
+        self._send_message(topic, at_ns, grid)
+
+    def _send_robot(self, at_ns: int, pose: RobotPose) -> None:
+        number, z = self._counts[ROBOT], self._heights.get(pose.level, 0.0)
+        self._send_message(ROBOT, at_ns, pose_message(self._messages, at_ns, number, pose, z))
+
+    def _send_words(self, at_ns: int, entry: HistoryEntry) -> None:
+        topic = self._plan.events
+        number = self._counts[topic]
+        self._send_message(
+            topic, at_ns, log_message(self._messages, at_ns, number, self._line(entry))
+        )
+
+    def _line(self, entry: HistoryEntry) -> LogLine:
+        """Return an event in words: the door is the node, the event's kind the function."""
+        said = ": ".join(text for text in (entry.actor, entry.reason) if text)
+        door_id = entry.door_id
+        known = None if door_id is None else self._table.doors.get(door_id)
+        words = words_of(entry.event, DOOR if known is None else known.object_class)
+        text = words + (f" [{said}]" if said else "")
+        name = "semmap" if door_id is None else self._names.get(door_id, f"door {door_id}")
+        return LogLine(printable(name), printable(text), entry.source, entry.kind, entry.number)
+
+    def _send_message(self, topic: BagTopic, at_ns: int, message: Any) -> None:
+        self._send(topic, at_ns, encoded(self._version, message, topic.ros_type))
+
+    def _send(self, topic: BagTopic, at_ns: int, data: bytes) -> None:
+        self._out.append(StreamMessage(topic, at_ns, data))
+        self._counts[topic] += 1

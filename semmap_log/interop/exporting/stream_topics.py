@@ -1,0 +1,131 @@
+"""What is said on the topics of a log's stream: whole truths, sent when they have changed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from semmap_log.core.model.doors import Door, DoorId
+from semmap_log.core.model.object_classes import Geometry
+from semmap_log.interop.exporting.latest_doors import LatestDoors
+from semmap_log.interop.formats.bags.bag_protocol import BagTopic
+from semmap_log.interop.formats.ros.array_messages import EncodedElement
+from semmap_log.interop.formats.ros.door_markers import DoorLook, DoorMarkers, is_drawn
+from semmap_log.interop.formats.ros.ros_messages import check_stamp
+from semmap_log.interop.formats.ros.thesis_messages import ThesisMessages
+from semmap_log.views.palette import Palette
+
+Send = Callable[[BagTopic, int, bytes], None]
+"""Takes a message: its topic, its time in ns, and what ROS sends of it."""
+
+
+class WholeTopic:
+    """A topic whose every message is the whole truth about it.
+
+    One follows a change at once, but not within `every_ns` of the one before: then it comes when
+    that time is over, or at the end. So the last message is never further behind than that.
+    """
+
+    def __init__(
+        self, send: Send, topic: BagTopic, every_ns: int, message: Callable[[], bytes]
+    ) -> None:
+        self.topic = topic
+        self.has_changed = True
+        self._send = send
+        self._has_sent = False
+        self._every_ns = every_ns
+        self._message = message
+        self._next_ns = 0
+        """From then on the next message may come."""
+
+    @property
+    def overdue_ns(self) -> int | None:
+        """When a message is to come that waits; None: none does."""
+        return self._next_ns if self.has_changed and self._has_sent else None
+
+    def send_if_due(self, at_ns: int) -> None:
+        """Send what has changed, unless it has to wait."""
+        if self.has_changed and self._next_ns <= at_ns:
+            self.send(at_ns)
+
+    def send(self, at_ns: int) -> None:
+        """Send the truth of now."""
+        check_stamp(at_ns)
+        self._send(self.topic, at_ns, self._message())
+        self._has_sent = True
+        self.has_changed = False
+        self._next_ns = at_ns + self._every_ns
+
+
+@dataclass(slots=True)
+class _Shown:
+    look: DoorLook
+    parts: tuple[EncodedElement, ...]
+
+
+class LevelDoors:
+    """The doors of a level as markers; those that did not change are not encoded again."""
+
+    def __init__(self, markers: DoorMarkers, level: int, palette: Palette) -> None:
+        self.level = level
+        self._markers = markers
+        self._palette = palette
+        self._shown: dict[DoorId, _Shown] = {}
+
+    def show(self, door_id: DoorId, door: Door | None, z: float) -> bool:
+        """Show a door as it is now, on this level or not; return whether that changes anything."""
+        if door is None or door.level != self.level or not is_drawn(door):
+            return self._shown.pop(door_id, None) is not None
+        look = self._look(door, z)
+        shown = self._shown.get(door_id)
+        if shown is not None and shown.look == look:
+            return False
+        self._shown[door_id] = _Shown(look, self._markers.encoded(look))
+        return True
+
+    def message(self) -> bytes:
+        """Return the MarkerArray, ids ascending."""
+        return self._markers.message(self._shown[door].parts for door in sorted(self._shown))
+
+    def _look(self, door: Door, z: float) -> DoorLook:
+        is_line = door.object_class.geometry is Geometry.SEGMENT
+        width = door.width if is_line else 0.0
+        return DoorLook(
+            door.door_id, (door.x, door.y), door.theta, width, z, door.label,
+            self._palette.of_state(door.state), self._palette.text_of_state(door.state),
+            door.outline,
+        )  # fmt: skip
+
+
+class ThesisDoors:
+    """All doors that have a place, as the thesis's message; what is no door, it does not know."""
+
+    def __init__(self, messages: ThesisMessages) -> None:
+        self._messages = messages
+        self._entries: dict[DoorId, EncodedElement] = {}
+
+    def show(self, door_id: DoorId, door: Door | None) -> bool:
+        """Show a door as it is now; return whether that changes anything."""
+        if door is None or not door.is_placed or not door.object_class.is_door:
+            return self._entries.pop(door_id, None) is not None
+        entry = self._messages.encoded(door)
+        if self._entries.get(door_id) == entry:
+            return False
+        self._entries[door_id] = entry
+        return True
+
+    def message(self) -> bytes:
+        """Return the DoorMap, ids ascending."""
+        return self._messages.message(self._entries[door] for door in sorted(self._entries))
+
+
+def heights_of(doors: LatestDoors, levels: Mapping[int, object]) -> dict[int, float]:
+    """Return how high each level is drawn, metres.
+
+    Several levels lie above each other, as far as their elevations are known; one alone lies at 0.
+    """
+    if len(levels) < 2:
+        return dict.fromkeys(levels, 0.0)
+    told = {level: doors.elevations.get(level, math.nan) for level in levels}
+    return {level: z if math.isfinite(z) else 0.0 for level, z in told.items()}

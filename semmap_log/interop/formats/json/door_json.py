@@ -1,0 +1,246 @@
+"""Door maps, histories and diffs as the JSON that the verbs print with `--json`.
+
+Field names are those of the events; states are words, times ISO-8601 UTC with nanoseconds,
+numbers that were not given are null.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.core.folds.diff import Diff, FieldChange
+from semmap_log.core.folds.history import HistoryEntry
+from semmap_log.core.model.doors import Door, DoorMap, DoorState, Level
+from semmap_log.core.model.meaning import FIELDS
+from semmap_log.core.model.moments import SECOND_NS, format_utc
+from semmap_log.core.model.object_classes import ObjectClass
+from semmap_log.interop.formats.json.event_json import event_to_json
+
+if TYPE_CHECKING:
+    from semmap_log.core.folds.sighting_hold import Hold
+    from semmap_log.core.folds.timeline import Interval, Timeline
+    from semmap_log.log.door_log.day import Day
+
+
+def door_map_to_json(door_map: DoorMap) -> dict[str, Any]:
+    """Return a door map: the moment, the levels, and the doors with ids ascending.
+
+    Where classes of other objects are defined, these, and of each door what it is.
+    """
+    return {
+        "event": door_map.event if door_map.event >= 0 else None,
+        "at": _time(door_map.at_ns),
+        "known_at": _time(door_map.known_at_ns),
+        "levels": [_level(level) for level in door_map.levels.values()],
+        **({"classes": list(map(_class, door_map.classes.values()))} if door_map.classes else {}),
+        "doors": [door_to_json(door, door_map) for door in door_map.doors.values()],
+    }
+
+
+def door_to_json(door: Door, door_map: DoorMap) -> dict[str, Any]:
+    """Return a door; `door_map` tells its level's name."""
+    level = door_map.levels.get(door.level)
+    return {
+        "door_id": door.door_id,
+        "name": door.name,
+        "level": door.level,
+        "level_name": level.name if level else None,
+        **{name: _value(getattr(door, name)) for name in FIELDS},
+        "last_seen": _time(door.last_seen_ns),
+        "last_event": door.last_event,
+        "annotations": dict(door.annotations),
+        **(_what(door) if door_map.classes else {}),
+    }
+
+
+def _what(door: Door) -> dict[str, Any]:
+    """Return what an object is, and what that calls its state."""
+    return {"class": door.object_class.name, "state_word": door.state_word}
+
+
+def _class(one: ObjectClass) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "geometry": one.geometry.value,
+        "states": list(one.words),
+        "blocks": [one.word(state) for state in sorted(one.blocks)],
+    }
+
+
+def entry_to_json(entry: HistoryEntry) -> dict[str, Any]:
+    """Return an event of a history, with who and why."""
+    shown = event_to_json(entry.recorded)
+    return {
+        "event": shown.pop("event"),
+        "kind": shown.pop("kind"),
+        "door_id": shown.pop("door_id", None),
+        "happened": shown.pop("happened"),
+        "recorded": shown.pop("recorded"),
+        **shown,
+        "actor": entry.actor or None,
+        "source": entry.source or None,
+        "reason": entry.reason or None,
+        "correlation": entry.correlation or None,
+        "command_id": entry.command_id.hex(),
+        "retracted": entry.retracted,
+        "changes": [
+            {"field": c.field, "before": _value(c.before), "after": _value(c.after)}
+            for c in entry.changes
+        ],
+    }
+
+
+def diff_to_json(found: Diff) -> dict[str, Any]:
+    """Return the difference of two moments, and the events that made it.
+
+    What `door_map_to_json` gives of the first, changed by this, is what it gives of the second:
+    `added`, `removed`, `changed`, `heard` (when and by which event doors were last heard of) and
+    `levels` name all that differs.
+    """
+    return {
+        "from": _time(found.before.at_ns),
+        "from_event": found.before.event if found.before.event >= 0 else None,
+        "to": _time(found.after.at_ns),
+        "to_event": found.after.event if found.after.event >= 0 else None,
+        "added": [door_to_json(door, found.after) for door in found.added],
+        "removed": [door_to_json(door, found.before) for door in found.removed],
+        "changed": [_change(change) for change in found.changed],
+        "heard": [_change(change) for change in found.heard],
+        "levels": [
+            {
+                "level": change.number,
+                "before": None if change.before is None else _level(change.before),
+                "after": None if change.after is None else _level(change.after),
+            }
+            for change in found.levels
+        ],
+        "events": [entry_to_json(entry) for entry in found.events],
+    }
+
+
+def _change(change: FieldChange) -> dict[str, Any]:
+    """Return a field's change; times are called as in `door_to_json`."""
+    is_time = change.field == "last_seen_ns"
+    before, after = (
+        _time(value) if is_time else _value(value) for value in (change.before, change.after)
+    )
+    return {
+        "door_id": change.door.door_id,
+        "name": change.door.name,
+        "field": change.field.removesuffix("_ns").removeprefix("object_"),
+        "before": before,
+        "after": after,
+    }
+
+
+def _level(level: Level) -> dict[str, Any]:
+    return {
+        "level": level.level,
+        "name": level.name,
+        "elevation": _number(level.elevation),
+        "floor_map_event": level.floor_map_event,
+    }
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, DoorState):
+        return value.name
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, ObjectClass):
+        return _class(value)
+    return _number(value) if isinstance(value, float) else value
+
+
+def _number(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def _time(ns: int | None) -> str | None:
+    return None if ns is None else format_utc(ns)
+
+
+def day_to_json(day: Day) -> dict[str, Any]:
+    """Return the half hours' edges, and of each door how much of each it was open.
+
+    `open` is the share of the time known to be open or closed (null: none was), `known` is that
+    time's share of the half hour.
+    """
+    return {
+        "date": day.date,
+        "edges": [format_utc(edge) for edge in day.edges_ns.tolist()],
+        "doors": [
+            {
+                "door_id": door.door_id,
+                "name": door.label,
+                "changes": door.changes,
+                "open": _rounded(door.shares.opened),
+                "known": _rounded(door.shares.known),
+            }
+            for door in day.doors
+        ],
+    }
+
+
+def _rounded(shares: NDArray[np.float64]) -> list[float | None]:
+    return [None if np.isnan(share) else round(share, 4) for share in shares.tolist()]
+
+
+def timeline_to_json(timeline: Timeline, *, name: str | None = None) -> dict[str, Any]:
+    """Return the intervals, the earliest first, and how many seconds each state lasted in all.
+
+    `seen_seconds` leaves out the lapses: the times in which no sighting held.
+
+    Args:
+        timeline: A door's.
+        name: What it is called.
+    """
+    return {
+        "door_id": timeline.door_id,
+        "name": name,
+        "removed": timeline.removed,
+        "intervals": [_interval(interval) for interval in timeline],
+        "seconds": {
+            state.name: int(timeline.duration_ns[timeline.state == state].sum()) / SECOND_NS
+            for state in DoorState
+            if (timeline.state == state).any()
+        },
+        "seen_seconds": {
+            state.name: timeline.total_ns(state) / SECOND_NS
+            for state in DoorState
+            if (timeline.state == state).any()
+        },
+        "lapses": [
+            {"since": format_utc(start), "until": format_utc(end)}
+            for start, end in zip(
+                timeline.lapse_start_ns.tolist(), timeline.lapse_end_ns.tolist(), strict=True
+            )
+        ],
+        "hold": None if timeline.hold is None else _hold(timeline.hold),
+    }
+
+
+def _hold(hold: Hold) -> dict[str, Any]:
+    return {
+        "seconds": hold.ns / SECOND_NS,
+        "gaps": hold.gaps,
+        "gap_seconds": hold.gap_ns / SECOND_NS,
+        "looks": hold.looks,
+        "is_measured": hold.is_measured,
+    }
+
+
+def _interval(interval: Interval) -> dict[str, Any]:
+    return {
+        "since": format_utc(interval.start_ns),
+        "until": format_utc(interval.end_ns),
+        "state": interval.state.name,
+        "sightings": interval.sightings,
+        "event": interval.event,
+        "seen_seconds": interval.seen_ns / SECOND_NS,
+    }

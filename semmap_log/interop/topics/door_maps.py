@@ -1,0 +1,241 @@
+"""The DoorMap of somebody else's server: what differs from its last one becomes events.
+
+What a message says of a door that the one before said, too, is no news, whatever another sensor
+has seen meanwhile. Of the first message, and of what is news, that counts which differs from the
+log.
+
+The server's ids are kept where they are free. A number that it uses again after a removal (the
+thesis gives "the first free index") is another door: it gets a new id here, and an annotation on
+it remembers the server's number. The annotation is on every door that came with the topic, so that
+after a restart it is known which are the server's, and are gone once its map lacks them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from struct import Struct
+from typing import Any
+
+from semmap_log.core.model.doors import (
+    Door,
+    DoorId,
+    DoorState,
+    reduced,
+    suspect_units,
+    thesis_state,
+)
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated, DoorRemoved, DoorUpdated, Event
+from semmap_log.core.model.meaning import NOTHING, PLACING, Changed
+from semmap_log.errors import InvalidEventError
+from semmap_log.interop.formats.parsing.problems import shown
+from semmap_log.interop.topics.topic_reader import Context, TopicMessage
+from semmap_log.interop.topics.topic_rules import ReadDoorMap
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """A door as the message has it."""
+
+    x: float
+    y: float
+    theta: float
+    width: float
+    state: DoorState
+    prob_open: float
+    prob_closed: float
+
+    @property
+    def is_placed(self) -> bool:
+        return not math.isnan(self.x)
+
+
+class DoorMaps:
+    """Reads lta_semantic_map/DoorMap."""
+
+    def __init__(self, topic: str, rule: ReadDoorMap, context: Context) -> None:
+        self._topic = topic
+        self._rule = rule
+        self._context = context
+        self._level = context.level(rule.level)
+        self._key = f"id in {topic}"
+        """Of the annotation that holds the server's number of a door."""
+        self._door_of: dict[int, DoorId] | None = None
+        """The server's number -> our door, of all that its map had, or that came with it once."""
+        self._last: dict[int, bytes] = {}
+        """The server's number -> what it said of that door last."""
+
+    def events(self, got: TopicMessage) -> Iterator[Event]:
+        """Return what makes the doors we know those of the message."""
+        happened_ns = self._context.happened_ns(got)
+        numbers = [int(entry.door_id) for entry in got.message.door_db]
+        twice = [number for number, count in Counter(numbers).items() if count > 1]
+        if twice:
+            self._complain("a map that has a door twice; passed over", f"door {twice[0]}")
+            return
+        if self._door_of is None:
+            self._door_of = self._remembered()
+        for number, entry in zip(numbers, got.message.door_db, strict=True):
+            said = _packed(entry)
+            if said == self._last.get(number) and self._is_there(number):
+                continue
+            door = self._door(number, entry)
+            try:
+                found = self._entry(entry)
+                if door is None:
+                    yield from self._added(number, found, happened_ns, set(numbers))
+                else:
+                    self._door_of[number] = door
+                    yield from self._updated(self._context.known.doors[door], found, happened_ns)
+                self._last[number] = said
+            except InvalidEventError as error:
+                self._complain("a door with an impossible value; left as it was",
+                               f"door {number}: {error}")  # fmt: skip
+        yield from self._removed(set(numbers), happened_ns)
+
+    def actor(self, _got: TopicMessage) -> str:
+        """Return nobody: the message does not tell."""
+        return ""
+
+    def forget(self) -> None:
+        """Look again at what the log remembers."""
+        self._door_of = None
+        self._last.clear()
+
+    def _remembered(self) -> dict[int, DoorId]:
+        """Return the doors that are the server's, as far as the log tells."""
+        doors = [door for door in self._context.known.doors.values() if door.object_class.is_door]
+        own = {
+            int(text): door.door_id
+            for door in doors
+            if (text := door.annotations.get(self._key, "")).isdecimal()
+        }
+        if self._rule.removes != "all":
+            return own
+        taken = set(own.values())
+        others = {
+            int(door.door_id): door.door_id
+            for door in doors
+            if door.is_placed and door.level == self._level and door.door_id not in taken
+        }
+        return others | own
+
+    def _door(self, number: int, entry: Any) -> DoorId | None:
+        """Return our door that the server calls by that number; None: a new one."""
+        assert self._door_of is not None
+        if self._is_there(number):
+            return self._door_of[number]
+        door = self._context.known.doors.get(number)
+        if door is None or self._key in door.annotations or not door.object_class.is_door:
+            return None  # not there, known to be another of the server's, or a dock and the like
+        if not door.is_placed and not math.isnan(entry.pos_x):
+            return None  # a sensor without geometry, which a server of doors knows nothing of
+        return door.door_id
+
+    def _is_there(self, number: int) -> bool:
+        """Tell whether a door of the server is known, and in our map."""
+        assert self._door_of is not None
+        return self._door_of.get(number) in self._context.known.doors
+
+    def _entry(self, entry: Any) -> _Entry:
+        text = str(entry.door_state)
+        state = thesis_state(text)
+        if state is None:
+            self._complain("a state that is none of OPEN, CLOSED, UNKNOWN; taken as UNKNOWN",
+                           shown(text))  # fmt: skip
+            state = DoorState.UNKNOWN
+        for what in suspect_units(theta=entry.pos_theta, width=entry.width):
+            self._complain("a door whose values may be of another unit; taken as they are",
+                           f"door {entry.door_id}: {what}")  # fmt: skip
+        return _Entry(
+            float(entry.pos_x),
+            float(entry.pos_y),
+            float(entry.pos_theta),
+            float(entry.width),
+            state,
+            float(entry.prob_open),
+            float(entry.prob_closed),
+        )
+
+    def _added(
+        self, number: int, entry: _Entry, happened_ns: int | None, others: set[int]
+    ) -> Iterator[Event]:
+        is_free = number not in self._context.known.used_ids
+        door = DoorId(number) if is_free else self._context.known.next_id_but(others)
+        yield DoorAdded(
+            door_id=door, level=self._level, x=entry.x, y=entry.y, theta=entry.theta,
+            width=entry.width, state=entry.state, prob_open=entry.prob_open,
+            prob_closed=entry.prob_closed, happened_ns=happened_ns,
+        )  # fmt: skip
+        assert self._door_of is not None
+        self._door_of[number] = door
+        yield DoorAnnotated(door_id=door, key=self._key, value=str(number), happened_ns=happened_ns)
+
+    def _updated(self, door: Door, entry: _Entry, happened_ns: int | None) -> Iterator[Event]:
+        changed = NOTHING
+        if entry.is_placed:
+            if (door.x, door.y, door.theta) != (entry.x, entry.y, entry.theta):
+                changed |= Changed.POSE
+            if door.width != entry.width:
+                changed |= Changed.WIDTH
+        elif door.is_placed:
+            self._complain("a door that has lost its place; it stays where it was",
+                           f"door {door.door_id}")  # fmt: skip
+        if reduced(door.state) != entry.state:
+            changed |= Changed.STATE
+        if _is_other(door.prob_open, entry.prob_open):
+            changed |= Changed.PROB_OPEN
+        if _is_other(door.prob_closed, entry.prob_closed):
+            changed |= Changed.PROB_CLOSED
+        if not door.is_placed and changed & PLACING:
+            changed |= PLACING
+        if changed:
+            moves, widens = Changed.POSE in changed, Changed.WIDTH in changed
+            yield DoorUpdated(
+                door_id=door.door_id,
+                changed=changed,
+                level=door.level,
+                x=entry.x if moves else math.nan,
+                y=entry.y if moves else math.nan,
+                theta=entry.theta if moves else math.nan,
+                width=entry.width if widens else math.nan,
+                state=entry.state if Changed.STATE in changed else DoorState.UNKNOWN,
+                prob_open=entry.prob_open,
+                prob_closed=entry.prob_closed,
+                happened_ns=happened_ns,
+            )
+
+    def _removed(self, numbers: set[int], happened_ns: int | None) -> Iterator[Event]:
+        assert self._door_of is not None
+        known = self._context.known
+        for number, door in sorted(self._door_of.items()):
+            if number in numbers:
+                continue
+            if door in known.doors and self._rule.removes != "none":
+                if happened_ns is not None and happened_ns < known.added_ns(door):
+                    self._complain("a door that is gone before it came, by the clock; it stays",
+                                   f"door {door}")  # fmt: skip
+                    continue
+                yield DoorRemoved(door_id=door, happened_ns=happened_ns)
+            if door not in known.doors:
+                del self._door_of[number]
+
+    def _complain(self, kind: str, example: str) -> None:
+        self._context.complaints.add(self._topic, kind, example)
+
+
+_NUMBERS = Struct("<6d")
+
+
+def _packed(entry: Any) -> bytes:
+    """Return what an entry says, as bytes: NaN is the same as NaN."""
+    numbers = (entry.pos_x, entry.pos_y, entry.pos_theta, entry.width, entry.prob_open,
+               entry.prob_closed)  # fmt: skip
+    return _NUMBERS.pack(*numbers) + str(entry.door_state).encode()
+
+
+def _is_other(known: float, told: float) -> bool:
+    """Tell whether a probability is given, and differs."""
+    return not math.isnan(told) and told != known

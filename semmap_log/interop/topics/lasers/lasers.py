@@ -1,0 +1,285 @@
+"""The lasers of one robot or several: scans wait until TF tells where the laser was."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from semmap_log.analysis.scans.placed_scan import PlacedScan
+from semmap_log.core.io.clock import MAX_TIME_NS
+from semmap_log.core.model.events import RobotPose
+from semmap_log.interop.formats.ros.ros_types import LASER_SCAN
+from semmap_log.interop.topics.lasers.frame_coverage import Jump, jump_in, uncovered
+from semmap_log.interop.topics.lasers.laser_sweeps import Sweep, Unusable, sweep_of
+from semmap_log.interop.topics.lasers.placing import Placed, Where, place_cloud, place_sweep
+from semmap_log.interop.topics.lasers.point_clouds import Cloud, cloud_of
+from semmap_log.interop.topics.lasers.pose_topics import MapLink, Spreads
+from semmap_log.interop.topics.topic_problems import TopicProblems
+from semmap_log.interop.topics.topic_reader import TopicMessage, happened_ns
+from semmap_log.interop.topics.topic_rules import ReadScan, RosMapping
+from semmap_log.interop.topics.transforms import TransformTree
+
+KEEP_NS = 10 * 10**9
+"""Of TF's past."""
+WAIT_NS = 2 * 10**9
+"""A scan that has no place when another comes that is so far from it gets none."""
+MOST_WAITING = 500
+AT_ONCE_BACK_NS = 5 * 10**9
+"""A stamp that is further behind the last one is that of a clock that was set, or of a bag that
+begins again."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotScan:
+    """A scan on the map, and where the robot stood."""
+
+    scan: PlacedScan
+    pose: RobotPose
+    topic: str
+
+
+@dataclass(slots=True)
+class ScanCounts:
+    """What became of the scans of a topic."""
+
+    received: int = 0
+    placed: int = 0
+    repeated: int = 0
+    """With the stamp of the one before, or an older one."""
+    jumps: int = 0
+    """Dropped while the pose jumped."""
+    worst_jump: Jump | None = None
+
+    @property
+    def dropped(self) -> int:
+        """How many of those received were not placed; those that wait, too."""
+        return self.received - self.placed
+
+
+@dataclass(slots=True)
+class Lasers:
+    """Reads scans, and hands them out once they have places."""
+
+    mapping: RosMapping
+    complaints: TopicProblems
+    counts: dict[str, ScanCounts] = field(default_factory=dict)
+    """By topic."""
+    why_not: dict[str, str] = field(default_factory=dict)
+    """Topic -> why the last of its scans without a place had none."""
+    tops: dict[str, str] = field(default_factory=dict)
+    """Topic -> where the frames above the laser end, where that is not the map; the laser's own
+    frame: in no transform."""
+    _trees: dict[str, TransformTree] = field(default_factory=dict)
+    _spreads: dict[str, Spreads] = field(default_factory=dict)
+    _links: dict[str, MapLink] = field(default_factory=dict)
+    """By the topic of the poses."""
+    _lasers: dict[str, _Laser] = field(default_factory=dict)
+
+    def tree(self, robot: str) -> TransformTree:
+        """Return the frames of a robot, to put transforms in; "": of all that have none apart."""
+        if robot not in self._trees:
+            tree = TransformTree(KEEP_NS if self.mapping.reads_scans else 0)
+            tree.placed_by_hand = self.mapping.map_frame if self._has_poses(robot) else None
+            self._trees[robot] = tree
+        return self._trees[robot]
+
+    def tree_of(self, robot: str) -> TransformTree:
+        """Return the frames in which a robot is: its own, where there are such, or those of all."""
+        return self.tree(robot if robot in self._trees else "")
+
+    def _has_poses(self, robot: str) -> bool:
+        """Tell whether a topic of poses puts a robot on the map, instead of TF."""
+        rules = self.mapping.scan_rules()
+        return any(rule.pose_topic and rule.robot in {None, robot} for rule in rules)
+
+    def add(self, topic: str, rule: ReadScan, level: int) -> None:
+        """Have a laser, whose scans come by a topic."""
+        self._lasers[topic] = _Laser(topic, rule, level, self)
+        self.counts[topic] = ScanCounts()
+
+    def robot_of(self, namespace: str) -> str:
+        """Return the robot whose frames have a namespace, or one around it; "": nobody's."""
+        while namespace and namespace not in self._trees:
+            namespace = namespace.rpartition("/")[0]
+        return namespace
+
+    def take_scan(self, got: TopicMessage) -> None:
+        """Have a LaserScan or PointCloud2 wait for its place."""
+        self._lasers[got.topic].take(got)
+
+    def take_pose(self, got: TopicMessage, robot: str) -> None:
+        """Take in where a robot is, in the map's frame, and how sure it is of that."""
+        self._spreads.setdefault(robot, Spreads()).take(got.message)
+        for laser in self._lasers.values():
+            if laser.rule.pose_topic == got.topic and got.topic not in self._links:
+                tree = self.tree_of(laser.robot)
+                self._links[got.topic] = MapLink(
+                    tree, self.mapping.map_frame, laser.robot_frame(tree)
+                )
+        if got.topic in self._links:
+            self._links[got.topic].take(got.message, got.received_ns)
+
+    def spread(self, robot: str, when_ns: int) -> tuple[float, float]:
+        """Return how sure a robot was of its place: m and rad; NaN where it did not tell."""
+        own = self._spreads.get(robot) or self._spreads.get("") or Spreads()
+        return own.at(when_ns)
+
+    def placed(self, *, is_end: bool = False) -> Iterator[RobotScan]:
+        """Yield the scans whose places are known now; at the end all others are dropped."""
+        for link in self._links.values():
+            link.settle()
+        for laser in self._lasers.values():
+            yield from laser.placed(is_end=is_end)
+
+
+@dataclass(slots=True)
+class _Laser:
+    """One topic of scans."""
+
+    topic: str
+    rule: ReadScan
+    level: int
+    all: Lasers
+    waiting: deque[tuple[Sweep | Cloud, int]] = field(default_factory=deque)
+    """With when they came."""
+    _stamp_ns: int = 0
+    """Of the last scan that was taken."""
+    _happened_ns: int = 0
+
+    @property
+    def robot(self) -> str:
+        """Whose laser it is: as the mapping says, else by the namespace that has frames."""
+        if self.rule.robot is not None:
+            return self.rule.robot
+        return self.all.robot_of(self.topic.strip("/").rpartition("/")[0])
+
+    @property
+    def counts(self) -> ScanCounts:
+        return self.all.counts[self.topic]
+
+    def robot_frame(self, tree: TransformTree) -> str:
+        """Return what the robot's own frame is called: with its name before it, where that is."""
+        plain = self.all.mapping.robot_frame
+        prefixed = f"{self.robot}/{plain}"
+        return prefixed if self.robot and tree.has(prefixed) else plain
+
+    def take(self, got: TopicMessage) -> None:
+        self.counts.received += 1
+        is_laser = got.ros_type == LASER_SCAN
+        scan = sweep_of(got.message) if is_laser else cloud_of(got.message)
+        if isinstance(scan, Unusable):
+            self.drop(scan)
+        elif self._advances(scan.stamp_ns):
+            self._stamp_ns = scan.stamp_ns
+            self.waiting.append((scan, got.received_ns))
+
+    def _advances(self, stamp_ns: int) -> bool:
+        if stamp_ns <= 0:
+            self.drop(Unusable("a scan without a stamp"))
+            return False
+        back_ns = self._stamp_ns - stamp_ns
+        if 0 <= back_ns <= AT_ONCE_BACK_NS:
+            self.counts.repeated += 1
+            self.drop(Unusable("a scan whose stamp does not advance", f"by {-back_ns / 1e9:.3f} s"))
+            return False
+        if back_ns > 0:
+            self.all.complaints.add(
+                self.topic, "stamps go back: a clock was set, or a bag begins again",
+                f"by {back_ns / 1e9:.1f} s",
+            )  # fmt: skip
+        return True
+
+    def placed(self, *, is_end: bool) -> Iterator[RobotScan]:
+        """Yield those at the queue's head that have their places."""
+        while self.waiting:
+            scan, received_ns = self.waiting[0]
+            found = self._placed(scan)
+            if isinstance(found, _Waits):
+                late = abs(self._stamp_ns - scan.stamp_ns) > WAIT_NS  # or it is from the future
+                if not (late or is_end or len(self.waiting) > MOST_WAITING):
+                    return
+                self.drop(self._without_place(found.on))
+            elif isinstance(found, Unusable):
+                self.drop(found)
+            else:
+                robot_scan = self._on_level(scan, found, received_ns)
+                if robot_scan is not None:
+                    self.counts.placed += 1
+                    yield robot_scan
+            self.waiting.popleft()
+
+    def _placed(self, scan: Sweep | Cloud) -> Placed | Unusable | _Waits:
+        """Return a scan on the map, or why it is not there, or not yet."""
+        tree, top = self.all.tree_of(self.robot), self.all.mapping.map_frame
+        chain = tree.chain(top, scan.frame)
+        if chain is None:
+            self.all.tops[self.topic] = tree.root(scan.frame)
+            return _Waits(tree.no_way(top, scan.frame))
+        last_ns = scan.stamp_ns
+        first_ns = last_ns
+        if isinstance(scan, Sweep):
+            first_ns += int(scan.after_ns.min())
+            last_ns += int(scan.after_ns.max())
+        missing = uncovered(tree, chain, first_ns, last_ns)
+        if missing is not None:
+            return _Waits(str(missing)) if missing.may_come else self._without_place(str(missing))
+        jump = jump_in(tree, chain, first_ns, last_ns)
+        if jump is not None:
+            self.counts.jumps += 1
+            self.counts.worst_jump = max(jump, self.counts.worst_jump or jump)
+            return Unusable("a scan while the pose jumped", str(jump))
+        where = Where(tree, chain, self.robot_frame(tree))
+        if isinstance(scan, Sweep):
+            return place_sweep(scan, where)
+        return place_cloud(scan, where, self.rule.heights)
+
+    def _on_level(self, scan: Sweep | Cloud, placed: Placed, received_ns: int) -> RobotScan | None:
+        """Return what was seen when, by the clock of the log; None: that does not advance."""
+        happened = self._when(scan.stamp_ns, received_ns)
+        if 0 <= self._happened_ns - happened <= AT_ONCE_BACK_NS:
+            self.counts.repeated += 1
+            self.drop(Unusable("a scan whose stamp does not advance"))
+            return None
+        self._happened_ns = happened
+        sd_xy, sd_theta = self.all.spread(self.robot, scan.stamp_ns)
+        x, y, theta = placed.robot
+        return RobotScan(
+            PlacedScan(
+                stamp_ns=happened, level=self.level, laser=scan.frame, origins=placed.origins,
+                bearings=placed.bearings, ranges=placed.ranges, max_range=placed.max_range,
+                sd_xy=sd_xy, sd_theta=sd_theta, robot=self.robot,
+            ),
+            RobotPose(
+                level=self.level, x=x, y=y, theta=theta, sd_xy=sd_xy, sd_theta=sd_theta,
+                happened_ns=happened,
+            ),
+            self.topic,
+        )  # fmt: skip
+
+    def _when(self, stamp_ns: int, received_ns: int) -> int:
+        if not 0 < received_ns <= MAX_TIME_NS:  # no clock had come
+            return stamp_ns
+        within_s = self.all.mapping.stamps_within_s
+        return happened_ns(_Stamp(*divmod(stamp_ns, 10**9)), received_ns, within_s=within_s)
+
+    def _without_place(self, why: str) -> Unusable:
+        self.all.why_not[self.topic] = why
+        return Unusable("a scan for whose moment TF tells no place; dropped", why)
+
+    def drop(self, why: Unusable) -> None:
+        self.all.complaints.add(self.topic, why.kind, why.example)
+
+
+@dataclass(frozen=True, slots=True)
+class _Waits:
+    """A scan has no place yet."""
+
+    on: str
+    """For what."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Stamp:
+    sec: int
+    nanosec: int

@@ -1,0 +1,208 @@
+"""What readers of messages share: what they look at, what they make, how they look doors up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from semmap_log.core.folds.levels import resolve_level
+from semmap_log.core.io.clock import MAX_TIME_NS
+from semmap_log.core.model.doors import DoorId, DoorMap
+from semmap_log.core.model.events import DoorAdded, DoorAnnotated, Event
+from semmap_log.errors import UnknownDoorError, UnknownLevelError
+from semmap_log.interop.formats.parsing.problems import shown
+from semmap_log.interop.topics.known import Known
+from semmap_log.interop.topics.topic_problems import TopicProblems
+from semmap_log.interop.topics.topic_rules import RosMapping, Unknown
+
+
+@dataclass(frozen=True, slots=True)
+class TopicMessage:
+    """A message that was decoded."""
+
+    topic: str
+    message: Any
+    received_ns: int
+    """When it came: by the bag, or by the node's clock."""
+    ros_type: str = ""
+    """In the long form."""
+
+
+@dataclass(slots=True)
+class Context:
+    """What the readers of all topics have in common."""
+
+    mapping: RosMapping
+    known: Known
+    complaints: TopicProblems
+    _begun: DoorMap = field(init=False)
+    """The map when the reading began."""
+
+    def __post_init__(self) -> None:
+        self._begun = self.known.door_map()
+
+    def level(self, text: str | None) -> int:
+        """Return the level of that number or name; None: the mapping's, or the log's only one.
+
+        Of the levels that the log had when the reading began: which topic is seen first does not
+        count.
+
+        Raises:
+            UnknownLevelError: There is none, or there are several.
+        """
+        return resolve_level(self.mapping.level if text is None else text, self._begun)
+
+    def happened_ns(self, got: TopicMessage, stamp: Any = None) -> int:
+        """Return when what a message tells happened; see the function of that name.
+
+        Raises:
+            ValueError: It came at a time that no log can hold.
+        """
+        if got.received_ns == 0:
+            kind = "a message that came at time 0, before any clock: it counts at 1970-01-01"
+            self.complaints.add(got.topic, kind)
+        return happened_ns(stamp, got.received_ns, within_s=self.mapping.stamps_within_s)
+
+
+class TopicReader(Protocol):
+    """Makes events of the messages of a topic.
+
+    They are taken in by `Context.known` before the next of them is asked for. Whatever a message
+    lacks may raise: AttributeError and the like are complained about by who calls.
+    """
+
+    def events(self, got: TopicMessage) -> Iterable[Event]:
+        """Return what a message says, as events."""
+
+    def actor(self, got: TopicMessage) -> str:
+        """Return who did it, where the message tells."""
+
+
+class DoorsByName:
+    """Finds the door that a message names, or makes one."""
+
+    def __init__(self, topic: str, context: Context, unknown: Unknown, level: str | None) -> None:
+        self._topic = topic
+        self._context = context
+        self._unknown = unknown
+        self._level = context.mapping.level if level is None else level
+        """Of new doors, and of names that several levels have; None: the only one."""
+        if self._level is not None:
+            context.level(self._level)  # or there is none
+
+    def find(
+        self, name: str, happened_ns: int | None, *, or_id: bool = True
+    ) -> tuple[DoorId | None, list[Event]]:
+        """Return the door, and the events that make it where it is new; None: passed over.
+
+        Args:
+            name: As the mapping has it, or the message; blanks around it do not count.
+            happened_ns: When a new door came to be.
+            or_id: The name can be an id of ours: the mapping says it.
+        """
+        known, complaints, name = self._context.known, self._context.complaints, name.strip()
+        try:
+            door_id = known.called(name, or_id=or_id, level=self._level)
+        except UnknownDoorError as error:
+            complaints.add(self._topic, "a name that is not clear; passed over", f"{name} {error}")
+            return None, []
+        if door_id is not None or self._unknown == "ignore":
+            return door_id, []
+        if self._unknown == "error":
+            complaints.add(self._topic, "an unknown door; passed over", shown(name))
+            return None, []
+        try:
+            level, plain = self._placed(name)
+        except UnknownLevelError as error:
+            complaints.add(self._topic, "a new door, and no level for it; passed over",
+                           f"{shown(name)}: {error}")  # fmt: skip
+            return None, []
+        new = known.next_id
+        return new, [
+            DoorAdded(door_id=new, level=level, happened_ns=happened_ns),
+            DoorAnnotated(door_id=new, key="name", value=plain, happened_ns=happened_ns),
+        ]
+
+    def _placed(self, name: str) -> tuple[int, str]:
+        """Return level and name of a new door; the name may begin with the level's.
+
+        Raises:
+            UnknownLevelError: There are several levels, and nobody says which is meant.
+        """
+        level, _, plain = name.partition("/")
+        if level and plain:
+            with suppress(UnknownLevelError):
+                return self._context.level(level), plain
+        return self._context.level(self._level), name
+
+
+def field_of(message: Any, path: str) -> Any:
+    """Return the field at a path with dots.
+
+    Raises:
+        AttributeError: There is none.
+    """
+    for name in path.split("."):
+        message = getattr(message, name)
+    return message
+
+
+def yaw_of(orientation: Any) -> float:
+    """Return the angle around z of a quaternion, radians.
+
+    Raises:
+        ValueError: It is no rotation: its length is not 1, as of one that was never set.
+    """
+    x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    if not abs(length - 1) < LENGTH_OFF:  # NaN, too
+        raise ValueError(f"an orientation of length {length:g}, which is no rotation")
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+LENGTH_OFF = 0.01
+"""tf2 takes no quaternion whose length is further from 1."""
+
+
+def deviations(covariance: Any) -> tuple[float, float]:
+    """Return the standard deviations in the plane and around z; NaN where none is given.
+
+    The covariance is of x, y, z and rotations about X, Y, Z, row by row: 6 x 6. All zeros are what
+    a publisher sends that knows none.
+    """
+    x, y, theta = (float(covariance[i]) for i in (0, 7, 35))
+    in_plane = (x + y) / 2
+    return (
+        math.sqrt(in_plane) if 0 < in_plane < math.inf else math.nan,
+        math.sqrt(theta) if 0 < theta < math.inf else math.nan,
+    )
+
+
+def happened_ns(stamp: Any, received_ns: int, *, within_s: float) -> int:
+    """Return when it happened, nanoseconds since 1970.
+
+    A stamp counts that lies at most `within_s` before the message came, and not after it: robots
+    stamp what they have just measured, and with a clock that is set. A stamp of zero is none; an
+    older one may be that of a map that was loaded long ago, or of a clock that is wrong. Then it
+    counts when the message came: 0 under `use_sim_time` before the first `/clock`, as what was
+    there before all that the simulation tells.
+
+    Args:
+        stamp: With `sec` and `nanosec`; None: the message has none.
+        received_ns: When the message came: by the bag, or by the node's clock, which is `/clock`
+            under `use_sim_time`.
+        within_s: See above.
+
+    Raises:
+        ValueError: It came before 1970, or after 2262.
+    """
+    if not 0 <= received_ns <= MAX_TIME_NS:
+        raise ValueError(f"it came at {received_ns / 1e9:.0f} s, which is not from 1970 to 2262")
+    if stamp is not None:
+        told_ns = int(stamp.sec) * 10**9 + int(stamp.nanosec)
+        if told_ns > 0 and received_ns - int(within_s * 1e9) <= told_ns <= received_ns:
+            return told_ns
+    return received_ns

@@ -1,0 +1,198 @@
+"""A question as it was asked: its words, each taken for what it stands for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NoReturn, TypeAlias
+
+from semmap_log.core.model.doors import DoorState
+from semmap_log.errors import QuestionError
+from semmap_log.interop.formats.parsing.problems import shown
+from semmap_log.live.planners.questions import BY_NAME, Question, QuestionKind, Times, Type, similar
+
+Word: TypeAlias = str | int | float
+"""A word of a line, or an argument in JSON."""
+
+AT = "AT"
+
+MOST_SECONDS = 86_400.0
+"""A question that waits longer is asked again."""
+MOST_WORDS = 1000
+"""Of a question, its name and the doors of NEXT_DOOR included."""
+MOST_WORD = 1000
+"""Characters of a word."""
+
+
+@dataclass(frozen=True, slots=True)
+class AskedQuestion:
+    """A question that was understood."""
+
+    question: Question
+    doors: tuple[str, ...] = ()
+    """As they were called."""
+    state: DoorState | None = None
+    number: float = 0.0
+    """A probability, or how many seconds to wait."""
+    name: str | None = None
+    """Of the question that HELP is asked about."""
+    when: str | int | None = None
+    """What was true then; None: now."""
+    known_at: str | int | None = None
+    """By what was known then; None: all."""
+    learnt_at: str | int | None = None
+    """How likely then."""
+    command_id: bytes | None = None
+
+    @property
+    def is_of_now(self) -> bool:
+        """Whether it asks for what is true now."""
+        return self.when is self.known_at is self.learnt_at is None
+
+
+def read_words(words: Sequence[Word], command_id: bytes | None = None) -> AskedQuestion:
+    """Return what is asked by a question's words, its name first.
+
+    Raises:
+        QuestionError: There is no such question, it is asked in another form, or it is too long.
+    """
+    if not words:
+        raise QuestionError(f"expected a question such as {BY_NAME['DOOR_OPEN'].form}, got none")
+    _check_words(words)
+    name = words[0]
+    question = BY_NAME.get(name) if isinstance(name, str) else None
+    if question is None:
+        raise QuestionError(
+            f"{shown(name)} is no question.{similar(str(name))} HELP names them all."
+        )
+    if command_id is not None and question.kind is not QuestionKind.ACTION:
+        raise QuestionError(f"{name}: only an action takes a command id")
+    return _Reader(question, list(words[1:])).read(command_id)
+
+
+def _check_words(words: Sequence[Word]) -> None:
+    """Check that a question has no more words than one may, and none that is too long.
+
+    Raises:
+        QuestionError: It has.
+    """
+    if len(words) > MOST_WORDS:
+        raise QuestionError(too_many())
+    longest = max((len(word) for word in words if isinstance(word, str)), default=0)
+    if longest > MOST_WORD:
+        raise QuestionError(f"expected words of at most {MOST_WORD:,} characters, got {longest:,}")
+
+
+def too_many() -> str:
+    """Return what is said of a question of too many words."""
+    return f"expected at most {MOST_WORDS:,} words, got more"
+
+
+class _Reader:
+    """Takes one word after the other."""
+
+    def __init__(self, question: Question, words: list[Word]) -> None:
+        self._question = question
+        self._words = words
+
+    def read(self, command_id: bytes | None) -> AskedQuestion:
+        """Return what is asked."""
+        question = self._question
+        if question.times is Times.KNOWN_AT:
+            return self._read_believed()
+        asked = AskedQuestion(question, command_id=command_id)
+        for each in question.arguments:
+            if not self._words:
+                self._refuse(f"expected {each.value}, got nothing more")
+            asked = self._take(each, asked)
+        for each in question.optional:
+            if self._words and self._fits(each, self._words[0]):
+                asked = self._take(each, asked)
+        asked = self._take_time(asked)
+        if self._words:
+            self._refuse(
+                f"got {shown(self._words[0])} besides; what has blanks in it stands in quotes"
+            )
+        return asked
+
+    def _read_believed(self) -> AskedQuestion:
+        if len(self._words) < 3 or self._words[-2] != AT:
+            self._refuse("expected a question, AT and a time")
+        *inner, _, time = self._words
+        if inner[0] == self._question.name:
+            self._refuse(f"{inner[0]} cannot be asked of what was known")
+        asked = read_words(inner)
+        takes_time = asked.question.times in (Times.WHEN, Times.WHEN_OR_AT)
+        if not (takes_time and asked.learnt_at is None):
+            self._refuse(f"{asked.question.name} cannot be asked of what was known")
+        return replace(asked, known_at=self._time(time))
+
+    def _take_time(self, asked: AskedQuestion) -> AskedQuestion:
+        """Return the question with the time that its last words name, if they do."""
+        times = self._question.times
+        if not self._words:
+            return asked
+        if self._words[0] == AT and times in (Times.AT, Times.WHEN_OR_AT):
+            if len(self._words) < 2:
+                self._refuse("expected a time behind AT")
+            del self._words[0]
+            return replace(asked, learnt_at=self._time(self._words.pop(0)))
+        if times in (Times.WHEN, Times.WHEN_OR_AT):
+            return replace(asked, when=self._time(self._words.pop(0)))
+        return asked
+
+    def _take(self, what: Type, asked: AskedQuestion) -> AskedQuestion:
+        word = self._words.pop(0)
+        if what is Type.DOOR:
+            return replace(asked, doors=(self._door(word),))
+        if what is Type.DOORS:
+            doors = [self._door(word)]
+            while self._words and self._words[0] != AT:
+                doors.append(self._door(self._words.pop(0)))
+            return replace(asked, doors=tuple(doors))
+        if what is Type.STATE:
+            return replace(asked, state=self._state(word))
+        if what is Type.NAME:
+            return replace(asked, name=str(word))
+        return replace(asked, number=self._number(what, word))
+
+    @staticmethod
+    def _fits(what: Type, word: Word) -> bool:
+        """Tell whether a word is what may be left out, and not a time."""
+        return what is not Type.STATE or word in DoorState.__members__
+
+    def _door(self, word: Word) -> str:
+        if isinstance(word, int):
+            return f"{DOOR}{word}"
+        if not isinstance(word, str) or not word:
+            self._refuse(f"expected a door such as {DOOR}3, got {shown(word)}")
+        return word
+
+    def _state(self, word: Word) -> DoorState:
+        state = DoorState.__members__.get(word) if isinstance(word, str) else None
+        if state is None:
+            self._refuse(f"expected one of {' '.join(DoorState.__members__)}, got {shown(word)}")
+        if self._question.name == "BEST_TIME" and not state.is_known:
+            self._refuse(f"expected OPEN or CLOSED, got {word}")
+        return state
+
+    def _number(self, what: Type, word: Word) -> float:
+        try:
+            number = float(word)
+        except (ValueError, OverflowError):
+            self._refuse(f"expected a number, got {shown(word)}")
+        if what is Type.SECONDS and not 0 <= number <= MOST_SECONDS:
+            self._refuse(f"expected 0 to {MOST_SECONDS:,.0f} seconds, got {shown(word)}")
+        return number
+
+    def _time(self, word: Word) -> str | int:
+        if isinstance(word, float):
+            self._refuse(f"expected a time as a text or in whole nanoseconds, got {shown(word)}")
+        return word
+
+    def _refuse(self, problem: str) -> NoReturn:
+        raise QuestionError(f"{self._question.form}: {problem}")
+
+
+DOOR = "DOOR_"
+"""What stands before a door's id, or its name, as the thesis writes it."""

@@ -1,0 +1,272 @@
+"""The door oracle: answers what planners ask of a log, and does what they want done.
+
+It knows no socket. What is true now is held in memory and taken anew at each change. Questions of
+the past replay the log; their answers are remembered until it changes. Several threads may ask.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import Retracted
+from semmap_log.core.model.moments import Moment, format_wall
+from semmap_log.errors import MomentError, QuestionError, SemmapError, UnknownDoorError
+from semmap_log.interop.formats.parsing.problems import shown
+from semmap_log.live.planners.actions import AskedDoors, act
+from semmap_log.live.planners.asked import AskedQuestion
+from semmap_log.live.planners.door_view import DoorView, atom_of_state
+from semmap_log.live.planners.known_doors import KnownDoors
+from semmap_log.live.planners.likely_answers import LikelyAnswers
+from semmap_log.live.planners.question_lines import Answer, Value, as_word
+from semmap_log.live.planners.questions import BY_NAME, QUESTIONS, QuestionKind, similar
+from semmap_log.live.planners.state_answers import HOLDS, STATE_QUESTIONS, nothing, state_answer
+from semmap_log.live.planners.waits import Wait, Waits
+from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log.door_log.known_later import known_later
+from semmap_log.log.door_log.state_reason import what_set
+from semmap_log.log.replay.replay import Scope
+
+LIKELY_QUESTIONS = {"BEST_TIME", "NEXT_DOOR"}
+
+ENDS = Answer(value=False, reason="the server ends.")
+
+
+def is_wait(asked: AskedQuestion) -> bool:
+    """Tell whether a question may wait for long, and for nothing but a change of a door."""
+    return asked.question.name == "WAIT_UNTIL"
+
+
+def is_likely(asked: AskedQuestion) -> bool:
+    """Tell whether a question is about what is likely: its answer may take long."""
+    return asked.question.name in LIKELY_QUESTIONS or asked.learnt_at is not None
+
+
+class Oracle:
+    """Answers questions about the doors of a log."""
+
+    def __init__(
+        self,
+        doors: AskedDoors,
+        *,
+        say: Callable[[str], object] = lambda _: None,
+        clock_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        """Look at the doors; from then on somebody has to call `refresh` after each change.
+
+        Args:
+            doors: What is asked about.
+            say: Is told of actions that are refused, and why.
+            clock_ns: What `now` is, from which `2h ago` and forecasts count; where the log's end
+                is later, that is.
+
+        Raises:
+            LogError: The log cannot be read.
+        """
+        self._doors = doors
+        self._say = say
+        self._clock_ns = clock_ns
+        self._likely = LikelyAnswers()
+        self._waits = Waits()
+        self._refreshing = threading.Lock()
+        self._now = KnownDoors(DoorView(doors.door_map()))
+        self._failure: SemmapError | OSError | None = None
+
+    @property
+    def failure(self) -> SemmapError | OSError | None:
+        """Why the doors cannot be known any more; None: they are."""
+        return self._failure
+
+    def refresh(self) -> None:
+        """Take the doors up as they are now: after each change, by whoever made or saw it.
+
+        Behind it, questions of now are answered from them, and those that wait are looked at.
+        """
+        with self._refreshing:
+            try:
+                view = DoorView(self._doors.door_map())
+            except (SemmapError, OSError) as error:
+                self._failure = error
+                return
+            before, self._now = self._now.view, KnownDoors(view)
+            if view.door_map.event < before.door_map.event:
+                self._likely.forget()
+            self._look_between(before, view)
+        self._waits.look(view)
+
+    def at_once(self, asked: AskedQuestion) -> Answer | None:
+        """Return the answer if that takes no time; None: `answer` it, or let it `wait`.
+
+        Raises:
+            SemmapError: It cannot be answered.
+        """
+        if asked.question.name in STATE_QUESTIONS and asked.is_of_now:
+            if self._failure is not None:
+                raise self._failure
+            return state_answer(self._now.view, asked)
+        return _help(asked) if asked.question.name == "HELP" else None
+
+    def answer(self, asked: AskedQuestion, client: str = "") -> Answer:
+        """Return the answer, however long that takes; as `steps`."""
+        *_, answer = self.steps(asked, client)
+        assert answer is not None, "the last step gives it"
+        return answer
+
+    def steps(self, asked: AskedQuestion, client: str = "") -> Iterator[Answer | None]:
+        """Yield None as long as there is more to do, then the answer.
+
+        Args:
+            asked: The question.
+            client: Who asks, for the note of what an action changes.
+
+        Raises:
+            SemmapError: It cannot be answered.
+        """
+        if (at_once := self.at_once(asked)) is not None:
+            yield at_once
+        elif asked.question.kind is QuestionKind.ACTION:
+            yield self._act(asked, client)
+        elif is_wait(asked):
+            yield self._wait_here(asked)
+        else:
+            yield from self._found(asked)
+
+    def _found(self, asked: AskedQuestion) -> Iterator[Answer | None]:
+        """Yield the steps of a question that reads the log."""
+        if self._failure is not None:
+            raise self._failure
+        try:
+            yield from self._look_up(asked)
+        except UnknownDoorError as error:
+            yield nothing(asked, f"{error} {self._told_later(asked)}".strip())
+        except MomentError as error:
+            problem = f"{error} What has blanks in it stands in quotes."
+            raise QuestionError(f"{asked.question.form}: {problem}") from error
+
+    def wait(
+        self, asked: AskedQuestion, done: Callable[[Answer], None]
+    ) -> Callable[[Answer], None]:
+        """Let a question wait; `done` is told its answer, once, maybe before this returns.
+
+        Returns:
+            What ends the waiting with another answer: that the time is over, that the server ends.
+        """
+        assert asked.state is not None
+        wait = Wait(asked.doors[0], asked.state, done)
+        wait.answer_in(self._now.view)  # what cannot be answered must not wait
+        self._waits.add(wait)
+        if (found := wait.answer_in(self._now.view)) is not None:  # after adding: nothing is missed
+            self._waits.end(wait, found)
+        return lambda answer: self._waits.end(wait, answer)
+
+    def _look_between(self, before: DoorView, view: DoorView) -> None:
+        """Look at the doors after each commit of several that came at once, if somebody waits.
+
+        A door that was opened and closed meanwhile was open.
+        """
+        words, end = self._waits.doors(), view.door_map.event
+        if not words or end <= before.door_map.event + 1:
+            return
+        log = self._doors.log
+        found = [view.find(word) for word in words]
+        doors = None if None in found else {door.door_id for door in found if door}
+        try:
+            for followed in log.commits_after(before.door_map.event):
+                event = followed.commit.last_event
+                if event >= end:
+                    return
+                if doors is None or _may_change(followed.batch, doors):
+                    self._waits.look(DoorView(log.replay(at=Moment(event=event))))
+        except (SemmapError, OSError) as error:
+            self._say(f"WAIT_UNTIL: what was so for a moment may be missed: {error}")
+
+    def _act(self, asked: AskedQuestion, client: str) -> Answer:
+        try:
+            act(self._doors, asked, client)
+        except (SemmapError, OSError) as error:
+            called = " ".join([asked.question.name, *map(as_word, asked.doors)])
+            self._say(f"{called}{f' from {client}' if client else ''}: refused: {error}")
+            return Answer(value=False, reason=str(error))
+        return HOLDS
+
+    def _wait_here(self, asked: AskedQuestion) -> Answer:
+        answers: list[Answer] = []
+        answered = threading.Event()
+
+        def done(answer: Answer) -> None:
+            answers.append(answer)
+            answered.set()
+
+        end = self.wait(asked, done)
+        if not answered.wait(asked.number):
+            end(time_is_over(asked))
+        answered.wait()
+        return answers[0]
+
+    def _told_later(self, asked: AskedQuestion) -> str:
+        """Return why so little was known then, if that was asked: it was told later."""
+        if asked.known_at is None:
+            return ""
+        log = self._doors.log
+        now_ns = max(self._clock_ns(), self._now.view.door_map.latest_ns)
+        when, known_at = (log.moment(t, now_ns=now_ns) for t in (asked.when, asked.known_at))
+        return known_later(log, when, known_at, remedy='ask "{then}" without AT')
+
+    def _look_up(self, asked: AskedQuestion) -> Iterator[Answer | None]:
+        """Yield the steps to what the log tells of another moment, or of what is likely."""
+        now = self._now
+        log = self._doors.log  # not before: it must be as new
+        now_ns = max(self._clock_ns(), now.view.door_map.latest_ns)
+        name = asked.question.name
+        if is_likely(asked):
+            yield from self._likely.steps(log, now, asked, now_ns)
+            return
+        when = log.moment(asked.when, now_ns=now_ns)
+        known_at = log.moment(asked.known_at, now_ns=now_ns)
+        view = now.view_at(log, when, known_at)
+        if name == "WHY":
+            is_now = when == known_at == Moment()  # which the log may have left behind
+            scope = Scope(event=view.door_map.event) if is_now else log.scope(when, known_at)
+            yield _why(log, view, asked, scope)
+        else:
+            yield state_answer(view, asked)
+
+
+def time_is_over(asked: AskedQuestion) -> Answer:
+    """Return the answer to a question that waited in vain."""
+    assert asked.state is not None
+    return Answer(value=False, reason=f"it was not {asked.state.name} within {asked.number:g} s.")
+
+
+def _may_change(batch: EventBatch, doors: set[DoorId]) -> bool:
+    """Tell whether a commit may set the state of one of some doors."""
+    return Retracted in batch or bool(batch.of_doors(doors).any())
+
+
+def _help(asked: AskedQuestion) -> Answer:
+    if asked.name is None:
+        return Answer([question.help for question in QUESTIONS])
+    question = BY_NAME.get(asked.name)
+    if question is None:
+        raise QuestionError(f"{shown(asked.name)} is no question.{similar(asked.name)}")
+    return Answer(question.help)
+
+
+def _why(log: DoorLog, view: DoorView, asked: AskedQuestion, scope: Scope) -> Answer:
+    """Return what set a door's state: its event, when, who and why.
+
+    Args:
+        log: The log.
+        view: The doors then.
+        asked: The question.
+        scope: Which events count.
+    """
+    door = view.door(asked.doors[0])
+    entry = what_set(log, door.door_id, scope)
+    assert entry is not None, "who adds a door says its state"
+    when = format_wall(entry.folds_ns, log.info.timezone)
+    who: list[Value] = [entry.actor, entry.source, entry.reason]
+    return Answer([entry.number, entry.kind, atom_of_state(door), when, *who])

@@ -1,0 +1,1 @@
+"""A log of doors: replayed, asked, written, trimmed, rewritten and signed."""

@@ -1,0 +1,152 @@
+"""Events of a log as Arrow tables, one after the other: only the columns that are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from semmap_log.core.arrow.table_columns import HISTORY_COLUMNS, SAID, THEN, Column
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.folds.names_then import NamesThen, levels_told
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.model.commits import NOTE_TEXTS
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import (
+    ADDING_KINDS,
+    POSE_KINDS,
+    DoorAnnotated,
+    FloorMap,
+    LevelAdded,
+)
+from semmap_log.errors import CommandError
+from semmap_log.log.replay.read_model.events_about import events_about
+from semmap_log.log.replay.read_model.segment_tables import SegmentTables
+from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.reading.note_sources import SaidFinder
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_scan import Segment
+from semmap_log.store.reading.window import Window
+
+if TYPE_CHECKING:
+    from semmap_log.core.arrow.arrow_sdk import pa
+    from semmap_log.core.arrow.history_table import TextsThen
+
+_DOOR_NAME, _LEVEL_NAME = (column.name for column in THEN)
+
+
+def columns_called(names: Collection[str] | None) -> tuple[Column, ...]:
+    """Return the columns of these names, in their order; None: all.
+
+    Raises:
+        CommandError: There is no such column, or one is named twice.
+    """
+    if names is None:
+        return HISTORY_COLUMNS
+    known = {column.name: column for column in HISTORY_COLUMNS}
+    names = [names] if isinstance(names, str) else list(names)
+    for place, name in enumerate(names):
+        if name not in known or name in names[:place]:
+            got = f"{name!r} twice" if name in known else repr(name)
+            raise CommandError(f"columns: expected some of {', '.join(known)}, got {got}.")
+    return tuple(known[name] for name in names)
+
+
+def event_tables(
+    reader: LogReader,
+    window: Window,
+    columns: Sequence[Column],
+    *,
+    doors: Collection[DoorId] | None = None,
+    retracted: bool = True,
+    limit: int | None = None,
+    progress: Progress | None = None,
+) -> Iterator[pa.Table]:
+    """Yield the events of a window, numbers ascending, a table a batch; none is empty.
+
+    Args:
+        reader: Of the log.
+        window: Which events.
+        columns: Of the tables: `columns_called`.
+        doors: Only events about these; None: all.
+        retracted: Retracted events, too.
+        limit: What was called how, and taken back, by the events up to this number; None: by all.
+        progress: Told how far the reading is.
+
+    Raises:
+        MissingExtraError: pyarrow is not installed.
+    """
+    from semmap_log.core.arrow.history_table import history_table
+
+    wanted = {column.name for column in columns}
+    known = reader.retractions(limit=limit)
+    names = names_then(reader, known, wanted, limit) if wanted & {_DOOR_NAME, _LEVEL_NAME} else None
+    finder = SaidFinder(reader.commit_at, with_notes=not wanted.isdisjoint(NOTE_TEXTS))
+    says = any(column in SAID for column in columns)
+
+    def look_at_rows(_: Segment, tables: SegmentTables, __: EventBatch) -> None:
+        finder.take(tables.commits)
+
+    batches = events_about(
+        reader, window, doors, progress=progress, on_page=finder.look_at if says else None,
+        on_rows=look_at_rows if says else None,
+    )  # fmt: skip
+    for found in batches:
+        batch = found if retracted else known.visible(found)
+        if len(batch):
+            yield history_table(
+                batch,
+                columns,
+                retracted=known.hidden(batch),
+                commits=finder.commits_of(batch.number) if says else None,
+                then=_texts_then(batch, names, wanted),
+            )
+
+
+def _texts_then(batch: EventBatch, names: NamesThen | None, wanted: Collection[str]) -> TextsThen:
+    if names is None:
+        return {}
+    asked = {_DOOR_NAME: names.door_names, _LEVEL_NAME: names.level_names}
+    return {name: texts_of(batch) for name, texts_of in asked.items() if name in wanted}
+
+
+def names_then(
+    reader: LogReader, known: Retractions, wanted: Collection[str], limit: int | None
+) -> NamesThen:
+    """Return what tells the names of doors and levels at the time of events.
+
+    What says them is rare but for updates, which most logs with one level need not read for it.
+
+    Args:
+        reader: Of the log.
+        known: What was taken back.
+        wanted: Names of columns.
+        limit: The number of the last event that counts; None: all do.
+    """
+    names, levels = NamesThen(), {0}
+    before = None if limit is None else limit + 1
+
+    def take(batches: Iterable[EventBatch]) -> None:
+        for batch in batches:
+            levels.update(levels_told(batch))
+            names.apply(known.visible(batch))
+
+    with_levels = _LEVEL_NAME in wanted
+    kinds = [*ADDING_KINDS, DoorAnnotated, *([LevelAdded, FloorMap] if with_levels else [])]
+    take(reader.batches(Window(kinds=bits_of_kinds(kinds), before_event=before)))
+    if with_levels and len(levels) > 1:  # a door is put on levels only that are told of
+        take(_moves(reader, before))
+    return names
+
+
+def _moves(reader: LogReader, before: int | None) -> Iterator[EventBatch]:
+    """Yield the events that may put doors elsewhere, and what stands for those that are gone."""
+    kinds = bits_of_kinds(kind for kind in POSE_KINDS if kind not in ADDING_KINDS)
+    window = Window(kinds=kinds, before_event=before)
+    if reader.horizon:
+        from semmap_log.log.replay.horizon import events_at_horizon
+
+        yield from events_at_horizon(reader, window, None)
+        window = replace(window, first_event=reader.horizon)
+    yield from reader.batches(window)

@@ -1,0 +1,265 @@
+"""Which doors and levels a log has, as far as commands must know it."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import PurePath
+
+import numpy as np
+
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.folds.levels import level_called, level_numbers, only_level
+from semmap_log.core.io.clock import MAX_TIME_NS
+from semmap_log.core.model.doors import DoorId, DoorMap, is_given, next_door_id
+from semmap_log.core.model.events import (
+    ClassDefined,
+    DoorAdded,
+    DoorEvent,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    Retracted,
+)
+from semmap_log.core.model.meaning import Changed
+from semmap_log.core.model.object_classes import ObjectClass
+from semmap_log.core.texts import command_line
+from semmap_log.errors import CommandError, DoorRemovedError, UnknownDoorError
+from semmap_log.log.door_log.removed_doors import told_absent, told_door
+
+
+@dataclass(frozen=True, slots=True)
+class Removal:
+    """How a door left the map."""
+
+    event: int
+    """The number of its removal."""
+    was_placed: bool
+    level: int
+
+
+@dataclass(slots=True)
+class DoorIndex:
+    """Which doors and levels there are, as far as commands need to know: cheap to keep current."""
+
+    placed: dict[int, bool]
+    """Doors in the map -> whether they have a place."""
+    added_ns: dict[int, int]
+    removed_ns: dict[int, int]
+    added_event: dict[int, int]
+    """Doors that were added -> the number of that event, where it is known."""
+    used_ids: set[int]
+    """Every id that was ever given."""
+    level_of: dict[int, int]
+    """Doors in the map -> their level."""
+    level_names: dict[int, str | None]
+    """Levels that have a name or a floor map -> the name."""
+    removals: dict[int, Removal]
+    """Doors that were removed, as far as that can be taken back."""
+    classes: dict[str, ObjectClass]
+    """The classes of objects that are defined."""
+    log: PurePath = field(default=PurePath("LOG"), repr=False, compare=False)
+    """Where the log is, for messages."""
+    names: Callable[[], Mapping[DoorId, str]] = field(default=dict, repr=False, compare=False)
+    """What doors are called, removed ones too: for messages."""
+    _levels: dict[int, str | None] | None = field(default=None, repr=False, compare=False)
+    _on_level: Counter[int] | None = field(default=None, repr=False, compare=False)
+    """How many doors with a place are on each level; None: not counted yet."""
+    _latest_added_ns: int | None = field(default=None, repr=False, compare=False)
+
+    @classmethod
+    def of(cls, state: DoorMapState) -> DoorIndex:
+        """Return the index of a door map."""
+        ids = state.used_door_ids
+        placed = {i: state.is_placed(i) for i in ids if state.is_present(i)}
+        return cls(
+            placed=placed,
+            added_ns={i: stamp[0] for i in ids if (stamp := state.stamp(i, "added"))},
+            removed_ns={i: stamp[0] for i in ids if (stamp := state.stamp(i, "removed"))},
+            added_event={i: stamp[1] for i in ids if (stamp := state.stamp(i, "added"))},
+            used_ids=set(ids),
+            level_of={i: state.level_of(i) for i in placed},
+            level_names=state.level_names(),
+            removals={
+                i: Removal(found.event, found.door.is_placed, found.door.level)
+                for i in ids
+                if (found := state.removed_door(i))
+            },
+            classes=state.classes(),
+        )
+
+    @classmethod
+    def of_map(cls, door_map: DoorMap, used_ids: Iterable[int]) -> DoorIndex:
+        """Return the index of doors as values, where nothing is known of when they came."""
+        doors = door_map.doors.values()
+        return cls(
+            placed={door.door_id: door.is_placed for door in doors},
+            added_ns={door.door_id: 0 for door in doors},
+            removed_ns={i: 0 for i in used_ids if i not in door_map.doors},
+            added_event={},
+            used_ids=set(used_ids),
+            level_of={door.door_id: door.level for door in doors},
+            level_names={number: level.name for number, level in door_map.levels.items()},
+            removals={},
+            classes=dict(door_map.classes),
+        )
+
+    def copy(self) -> DoorIndex:
+        """Return one that can be changed without changing this."""
+        return DoorIndex(
+            dict(self.placed),
+            dict(self.added_ns),
+            dict(self.removed_ns),
+            dict(self.added_event),
+            set(self.used_ids),
+            dict(self.level_of),
+            dict(self.level_names),
+            dict(self.removals),
+            dict(self.classes),
+            self.log,
+            self.names,
+        )
+
+    @property
+    def latest_added_ns(self) -> int:
+        """When the last door was added; asked of an index that does not change any more."""
+        if self._latest_added_ns is None:
+            self._latest_added_ns = max(self.added_ns.values(), default=0)
+        return self._latest_added_ns
+
+    @property
+    def levels(self) -> dict[int, str | None]:
+        """The levels that there are: see `levels.level_numbers`; with their names."""
+        if self._on_level is None:
+            placed = (self.level_of[door] for door, is_placed in self.placed.items() if is_placed)
+            self._on_level, self._levels = Counter(placed), None
+        if self._levels is None:
+            numbers = level_numbers(self.level_names, self._on_level)
+            self._levels = {number: self.level_names.get(number) for number in numbers}
+        return self._levels
+
+    def level_meant(self, level: int | str | None) -> int:
+        """Return the level that somebody means: see `levels`.
+
+        Args:
+            level: Its name or number; None, or `LEVEL_NOT_GIVEN`: not told. Whether there is one
+                of a number, the `Validator` says.
+
+        Raises:
+            UnknownLevelError: There is none of that name, or there are several and none is told.
+        """
+        if isinstance(level, str):
+            return level_called(level, self.levels)
+        if level is None or not is_given(level):
+            return only_level(self.levels)
+        return int(level) if isinstance(level, np.integer) else level
+
+    @property
+    def next_free_id(self) -> DoorId:
+        """The id after the greatest that was ever given: see `next_door_id`."""
+        return next_door_id(self.used_ids, max(self.used_ids, default=0))
+
+    def told(self, door_id: int) -> str:
+        """Return a door in words, with its name."""
+        return told_door(door_id, self.names().get(DoorId(door_id)))
+
+    def way_back(self, door_id: int) -> str:
+        """Return how a door that was removed comes back under its id, in words."""
+        removal = self.removals.get(door_id)
+        if removal is None:
+            return ""
+        line = command_line("retract", self.log, str(removal.event))
+        return f" To bring it back, take the removal back: {line}"
+
+    def absent(self, door_id: int) -> CommandError:
+        """Return the error that a door is not in the map, and why."""
+        if door_id in self.removed_ns:
+            return DoorRemovedError(f"{self.told(door_id)} was removed.{self.way_back(door_id)}")
+        return UnknownDoorError(told_absent(door_id))
+
+    def brought_back(self, event: Retracted) -> int | None:
+        """Return the door whose removal is the first that is taken back; None: there is none.
+
+        Its adding came before and stands. Where a range begins earlier that is not known: the door
+        counts as removed until the commit is whole.
+        """
+        found = (i for i, removal in self.removals.items() if removal.event == event.first_event)
+        return next(found, None)
+
+    def bring_back(self, door_id: int) -> None:
+        """Take in that a door's removal is taken back: the door is as it was before."""
+        self._on_level = None
+        removal = self.removals.pop(door_id)
+        self.placed[door_id], self.level_of[door_id] = removal.was_placed, removal.level
+        self.removed_ns.pop(door_id)
+
+    def added_by(self, first: int, last: int) -> list[int]:
+        """Return the doors whose adding is one of these events."""
+        return [i for i, number in self.added_event.items() if first <= number <= last]
+
+    def take_back(self, first: int, last: int) -> dict[int, int]:
+        """Take doors out whose adding is retracted; return when each had been added."""
+        self._on_level = None
+        gone = self.added_by(first, last)
+        for door_id in gone:
+            self.placed.pop(door_id, None)
+            self.level_of.pop(door_id, None)
+            del self.added_event[door_id]
+        return {door_id: self.added_ns.pop(door_id) for door_id in gone}
+
+    def apply(self, event: Event, number: int) -> None:
+        """Take in what an event changes; one without a time counts from the end of time."""
+        if isinstance(event, DoorEvent):
+            before = self._level_with(event.door_id)
+            self._take_in(event, number)
+            self._count_moved(before, self._level_with(event.door_id))
+        else:
+            self._take_in(event, number)
+            self._levels = None
+
+    def _level_with(self, door_id: int) -> int | None:
+        """Return the level on which a door has a place; None: it has none."""
+        return self.level_of[door_id] if self.placed.get(door_id) else None
+
+    def _count_moved(self, before: int | None, after: int | None) -> None:
+        """Count a door that went from a level, or from nowhere, to another."""
+        if self._on_level is None or before == after:
+            return
+        if after is not None:
+            self._on_level[after] += 1
+            self._levels = self._levels if self._on_level[after] > 1 else None
+        if before is not None:
+            self._on_level[before] -= 1
+            if not self._on_level[before]:
+                del self._on_level[before]
+                self._levels = None
+
+    def _take_in(self, event: Event, number: int) -> None:
+        happened_ns = MAX_TIME_NS if event.happened_ns is None else event.happened_ns
+        if isinstance(event, DoorAdded):
+            self.placed[event.door_id] = not math.isnan(event.x)
+            self.level_of[event.door_id] = event.level
+            self.added_ns[event.door_id] = happened_ns
+            self.added_event[event.door_id] = number
+            self.used_ids.add(event.door_id)
+        elif isinstance(event, DoorRemoved):
+            was_placed = self.placed.pop(event.door_id, False)
+            level = self.level_of.pop(event.door_id, 0)
+            self.removed_ns[event.door_id] = happened_ns
+            self.removals[event.door_id] = Removal(number, was_placed, level)
+        elif isinstance(event, Retracted) and (door_id := self.brought_back(event)) is not None:
+            self.bring_back(door_id)
+        elif isinstance(event, DoorUpdated) and event.door_id in self.placed:
+            self.placed[event.door_id] = True
+            if event.changed & Changed.POSE:
+                self.level_of[event.door_id] = event.level
+        elif isinstance(event, LevelAdded):
+            self.level_names[event.level] = event.name
+        elif isinstance(event, ClassDefined):
+            self.classes[event.class_name] = event.object_class
+        elif isinstance(event, FloorMap):
+            self.level_names.setdefault(event.level, None)

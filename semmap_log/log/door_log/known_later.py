@@ -1,0 +1,84 @@
+"""Why a log knows so little of a moment that is asked about: it was told later."""
+
+from __future__ import annotations
+
+from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.moments import Moment, format_local
+from semmap_log.log.door_log.backdating import remedy as remedy_of_early
+from semmap_log.log.door_log.door_log import DoorLog, Time
+from semmap_log.log.replay.read_model.events_about import about
+from semmap_log.store.reading.window import Window
+
+AT_ALONE = 'with all that is known today, ask --at "{then}" alone'
+"""What to do about it, where a map is asked for; `{then}` is the moment."""
+
+
+def known_later(
+    log: DoorLog,
+    at: Time,
+    known_at: Time,
+    *,
+    door: DoorId | None = None,
+    remedy: str = AT_ALONE,
+) -> str:
+    """Return why the log knows so little of the time that is asked about, and what to do.
+
+    What it tells of that time was recorded later, or is of doors that were added later; "" where
+    it is neither.
+
+    Args:
+        log: Whose doors.
+        at: As it was asked.
+        known_at: As it was asked; None: then all is known.
+        door: Only what is told of it; None: of anything.
+        remedy: What to do where it was recorded later; `{then}` in it is the moment.
+
+    Raises:
+        MomentError: A time cannot be read.
+        LogError: There is no event of that number.
+    """
+    happened, known = log.moment(at), log.known_moment(known_at)
+    moment_ns = moment_asked_ns(log, happened, known)
+    if known == Moment():
+        return _told_of_early(log, moment_ns, door)
+    window = Window(
+        happened_before_ns=moment_ns + 1,
+        recorded_from_ns=None if known.ns is None else known.ns + 1,
+        first_event=None if known.event is None else known.event + 1,
+    )
+    doors = None if door is None else [door]
+    told = (about(batch, doors) for batch in log.batches_in(window))
+    first = next((batch for batch in told if len(batch)), None)
+    if first is None:
+        return ""
+    recorded = format_local(int(first.recorded_ns[0]), log.info.timezone)
+    then = format_local(moment_ns, log.info.timezone)
+    return (
+        f"What the log tells of that time was recorded later, from {recorded} on "
+        f"(event {int(first.number[0])}), as by an import; {remedy.replace('{then}', then)}."
+    )
+
+
+def moment_asked_ns(log: DoorLog, at: Moment, known_at: Moment) -> int:
+    """Return the moment that a question is about: of `at`, else `known_at`, else the log's end.
+
+    Raises:
+        LogError: There is no event of that number.
+    """
+    if at != Moment():
+        at_ns = log.instant(at)
+        assert at_ns is not None
+        return at_ns
+    if known_at.event is not None:
+        return log.event(known_at.event).recorded_ns
+    return log.end_ns() if known_at.ns is None else known_at.ns
+
+
+def _told_of_early(log: DoorLog, moment_ns: int, door: DoorId | None) -> str:
+    early = log.early_events()
+    if door is not None:
+        early = early.of(door)
+    if not early.counts or min(early.first_ns.values()) > moment_ns:
+        return ""
+    since = format_local(min(early.first_ns.values()), log.info.timezone)
+    return f"{early.in_words(log.door_labels(), since)}; {remedy_of_early(log.path)}"

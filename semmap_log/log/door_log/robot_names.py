@@ -1,0 +1,31 @@
+"""Which robots a log tells of: one, or those whose logs were joined in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.events import RobotPose
+from semmap_log.store.header import LogInfo
+
+BETWEEN_ROBOTS = ", "
+BEHIND_ROBOT = "/"
+"""Between a robot and what its own log says of a source: `tug1/camera`."""
+
+
+def robots_of(info: LogInfo) -> tuple[str, ...]:
+    """Return the robots whose logs were joined in a log; of another, its own alone."""
+    return tuple(info.robot.split(BETWEEN_ROBOTS))
+
+
+def robots_of_poses(batch: EventBatch, robots: Sequence[str]) -> NDArray[np.intp]:
+    """Return, for each pose of a batch, the place of its robot among some; 0 where none is told."""
+    if len(robots) < 2 or RobotPose not in batch:
+        return np.zeros(len(batch.where(RobotPose)), np.intp)
+    places, sources = batch.sources(RobotPose)
+    known = {name: place for place, name in enumerate(robots)}
+    of_source = [known.get(source.partition(BEHIND_ROBOT)[0], 0) for source in sources]
+    return np.array(of_source, np.intp)[places]

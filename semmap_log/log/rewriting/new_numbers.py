@@ -1,0 +1,57 @@
+"""What the events of a log are called in another that retells it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.core.model.events import Event, Retracted, SightingsThinned
+
+
+class NewNumbers:
+    """Event number -> number in the other log; some are not there."""
+
+    def __init__(self, count: int) -> None:
+        """Begin with none of so many events."""
+        self._numbers = np.full(count, -1, np.int64)
+
+    def add(self, numbers: NDArray[np.int64] | int, first: int) -> None:
+        """Note that events, numbers ascending, follow each other in the other log from a number."""
+        if isinstance(numbers, int):
+            self._numbers[numbers] = first
+        else:
+            self._numbers[numbers] = np.arange(first, first + len(numbers))
+
+    def ranges(self, first: int, last: int) -> list[tuple[int, int]]:
+        """Return the new numbers of events `first` to `last` that are there, as few ranges."""
+        there = self._numbers[first : last + 1]
+        there = there[there >= 0]
+        cuts = np.flatnonzero(np.diff(there) != 1) + 1
+        return [
+            (int(there[start]), int(there[end - 1]))
+            for start, end in pairwise([0, *cuts.tolist(), len(there)])
+            if start < end
+        ]
+
+
+def renamed(event: Event, ranges: Callable[[int, int], list[tuple[int, int]]]) -> list[Event]:
+    """Return what an event says with the numbers of another log.
+
+    Of a retraction several where those that it reaches lie apart there, or none where none of
+    them is there; all others are one.
+
+    Args:
+        event: The event.
+        ranges: Returns the numbers there of all events between two numbers, as ranges.
+    """
+    if isinstance(event, Retracted):
+        found = ranges(event.first_event, event.last_event)
+        return [replace(event, first_event=first, last_event=last) for first, last in found]
+    if isinstance(event, SightingsThinned) and event.first_event:
+        ((first, _),) = ranges(event.first_event, event.first_event) or [(0, 0)]
+        return [replace(event, first_event=first)]
+    return [event]

@@ -1,0 +1,318 @@
+"""A log signed: read and checked, byte for byte, and compared with what the key signed last."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from semmap_log.core.io.made_logs import refuse_made
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.texts import command_line, counted
+from semmap_log.errors import NotALogError, SigningError
+from semmap_log.log.replay.care import verify
+from semmap_log.log.signing.ed25519_sdk import SigningKey
+from semmap_log.log.signing.public_keys import PublicKey
+from semmap_log.log.signing.revocation import Revocation
+from semmap_log.log.signing.signature_folder import name_of_revocation, signed_in, write_signed
+from semmap_log.log.signing.signer import Reach, Signer
+from semmap_log.log.signing.signer_state import SignerState
+from semmap_log.log.signing.ssh_signature import HEADS, REVOKING, TRIMMING
+from semmap_log.log.signing.statement import NO_DIGEST, NONE, Statement
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.verification.findings import CommitEnd, Severity, Verification
+
+_NOWHERE = CommitEnd(b"", 0)
+
+
+@dataclass(slots=True)
+class Signed:
+    """What a signing has done."""
+
+    made: list[Path] = field(default_factory=list)
+    """Statements that were signed now."""
+    next_event: int = 0
+    """Events below this number are signed by this key."""
+    is_live: bool = False
+    """Whether a segment is live: it is signed once it is closed."""
+    adopted: tuple[int, int] | None = None
+    """First and last event of those that were signed as they were found."""
+    unvouched_events: int = 0
+    """How many events were taken out that no officer's statement vouches for."""
+
+
+def sign(
+    log: Path,
+    key: SigningKey,
+    *,
+    adopt: bool = False,
+    trimmed: bool = False,
+    next_key: PublicKey | None = None,
+    progress: Progress | None = None,
+) -> Signed:
+    """Sign what is closed of a log and not signed by this key yet; nothing else of it changes.
+
+    All of the log is read first, as `verify` reads it. It must go on from what the key's state
+    says was signed last. Stopped at any moment it leaves whole signatures or none. Somebody may be
+    writing, compacting or signing meanwhile.
+
+    Args:
+        log: The log's folder.
+        key: Who signs.
+        adopt: Sign also what does not go on from there, and say so in the statement; and vouch for
+            what was taken out without an officer's statement.
+        trimmed: Vouch for what was taken out just now.
+        next_key: Name the key that goes on in the place of this one, which signs no more of it.
+        progress: Told how many bytes are read.
+
+    Raises:
+        SigningError: It is damaged, or not what the key has signed before.
+        OutputError: The disk does not take the signatures.
+        LogError: It cannot be read, or is no log.
+    """
+    refuse_made(log)
+    with SignerState.held(key) as state:
+        found = read_for_signing(log, state, progress)
+        signing = LogSigning(log, found, Signer(log, found.log_id, key, state))
+        successor = NONE if next_key is None else next_key.words
+        return signing.run(adopt=adopt, trimmed=trimmed, next_key=successor)
+
+
+def check_before_trimming(log: Path, key: SigningKey, progress: Progress | None = None) -> None:
+    """Return if a key can vouch for what is taken out of a log next, and for all before that.
+
+    Raises:
+        SigningError: The log is not what it has signed; or something was taken out already, and
+            nobody vouches for it.
+        LogError: It cannot be read, or is no log.
+    """
+    refuse_made(log)
+    with SignerState.held(key) as state:
+        found = read_for_signing(log, state, progress)
+        signing = LogSigning(log, found, Signer(log, found.log_id, key, state))
+        signing.check()
+        if signing.unvouched:
+            raise signing.refused(
+                f"{counted(found.events_gone, 'event')} were taken out before, and no officer's "
+                "statement vouches for that",
+                adopt=True,
+            )
+
+
+def revoke(log: Path, owner: SigningKey, revoked: PublicKey, *, first: int) -> Path:
+    """Revoke a key for a log, from the statement of a number on; return the revocation's file.
+
+    The statements before that number which lie in the log's folder are taken for its own: compare
+    them with copies from elsewhere. The log itself is not read.
+
+    Args:
+        log: The log's folder.
+        owner: Who signs that; `verify` must believe it for semmap-log-revoke.
+        revoked: Which key.
+        first: The number of the first statement that does not count; 0: none counts.
+
+    Raises:
+        SigningError: It would revoke itself; the statements cannot be read, or none of the key's
+            has a lower number.
+        OutputError: The disk does not take it.
+        LogError: It is no log.
+    """
+    refuse_made(log)
+    if owner.public_bytes == revoked.public_bytes:
+        raise SigningError(f"{log}: expected an owner's key to revoke {revoked}, got that one.")
+    log_id = LogReader(log).info.log_id
+    own = [
+        (one.statement.number, one.digest) for one in signed_in(log, log_id)
+        if one.public_bytes == revoked.public_bytes and isinstance(one.statement, Statement)
+    ]  # fmt: skip
+    before = [one for one in own if one[0] < first]
+    if first and not before:
+        raise SigningError(
+            f"{log}: expected a statement of {revoked} with a number below {first}, got none; put "
+            "copies back into LOG/signatures, or revoke all that it has signed (--from 0)."
+        )
+    last = max(before)[1] if before else NO_DIGEST
+    said = Revocation(log_id, revoked.words, first, last)
+    return write_signed(log, name_of_revocation(said), said.text, owner, REVOKING)
+
+
+def read_for_signing(
+    log: Path, state: SignerState, progress: Progress | None = None, *, at: int | None = None
+) -> Verification:
+    """Read all of a log, and return what it holds at each place that was signed.
+
+    Args:
+        log: Its folder.
+        state: Of the key.
+        progress: Told how many bytes are read.
+        at: Also before this event.
+
+    Raises:
+        SigningError: It is damaged.
+        LogError: It cannot be read, or is no log.
+    """
+    ends = state.ends | {one.statement.next_event for one in signed_in(log)}
+    found = verify(log, None, progress, ends=ends if at is None else ends | {at})
+    for one in found.findings:
+        if one.severity is Severity.NOT_A_LOG:
+            raise NotALogError(f"{one.path}: {one.text}.")
+        if one.severity is Severity.DAMAGE:
+            raise _refused(log, f"{one.path.name}: {one.text}")
+    return found
+
+
+def reach_at(found: Verification, next_event: int, base: Statement | None) -> Reach:
+    """Return what a log holds up to an event.
+
+    Args:
+        found: What was read of it.
+        next_event: Up to which: one of its ends.
+        base: What was signed last of it.
+
+    Raises:
+        ValueError: Its beginning lies elsewhere, and is not known from what was signed.
+    """
+    end = found.ends[next_event]
+    if not found.first_event:
+        return Reach(next_event, end.head, end.commits, end.taken)
+    start = None if base is None else found.ends.get(base.next_event)
+    if base is None or start is None or found.taken_before:
+        raise ValueError
+    commits = base.commits + end.commits - start.commits
+    return Reach(next_event, end.head, commits, bytes.fromhex(base.taken))
+
+
+class LogSigning:
+    """One log that was read, and who signs it."""
+
+    def __init__(self, log: Path, found: Verification, signer: Signer) -> None:
+        self._log = log
+        self._found = found
+        self._signer = signer
+        base = signer.base
+        self._signed = 0 if base is None else base.next_event
+        """Events below this number were signed before."""
+        self._last = base if isinstance(base, Statement) else None
+
+    def run(self, *, adopt: bool, trimmed: bool, next_key: str = NONE) -> Signed:
+        """Sign what is closed and new; as `sign` says."""
+        found, signer = self._found, self._signer
+        done = Signed(is_live=len(found.segment_ends) < found.segments)
+        start = found.next_event
+        try:
+            self.check()
+        except SigningError:
+            if not adopt:
+                raise
+            start = self._adopted_from()
+        signer.take_up()
+        done.made += signer.mend()
+        is_officer = trimmed or (adopt and self.unvouched)
+        ends = sorted({end for end in found.segment_ends if end > self._signed})
+        if ends and (start < ends[-1] or is_officer):
+            ends = ends[-1:]  # one that says what was adopted, or taken out
+        is_due = is_officer or start < found.closed_before or next_key != NONE
+        if not ends and found.closed_before and is_due:
+            ends = [found.closed_before]
+        for end in ends:
+            done.adopted = (start, end - 1) if start < end else None
+            namespace = TRIMMING if is_officer else HEADS
+            done.made.append(
+                signer.put(
+                    self._reach(end), adopted=done.adopted, namespace=namespace,
+                    next_key=next_key if end == ends[-1] else NONE,
+                )
+            )  # fmt: skip
+        done.next_event = ends[-1] if ends else self._signed
+        done.unvouched_events = found.events_gone if self.unvouched else 0
+        return done
+
+    def check(self) -> None:
+        """Return if the log goes on from what this key has signed last.
+
+        Raises:
+            SigningError: It does not.
+        """
+        found, signed = self._found, self._signed
+        base, end = self._signer.base, found.ends.get(signed, _NOWHERE)
+        if signed < found.first_event:
+            missing = f"events {signed}..{found.first_event - 1} are missing, or elsewhere"
+            raise self.refused(missing)
+        if self._signer.is_lost:
+            problem = "there are statements of this key, and what it signed last is not known"
+            raise self.refused(f"{problem} (KEY.state)", adopt=True)
+        if base is None:
+            return
+        if signed > found.next_event:
+            raise self.refused(
+                f"this key has signed events up to {signed - 1}, and the log ends with "
+                f"event {found.next_event - 1}: it was rolled back, or cut",
+                adopt=True,
+            )
+        if signed not in found.ends_gone and end.head.hex() != base.head:
+            raise self.refused(
+                f"its commit before event {signed} is not the one that this key has "
+                "signed: it was rewritten, or is another branch of that log",
+                adopt=True,
+            )
+        is_whole = not (found.taken_before or found.first_event)
+        if is_whole and self._last is not None and end.taken.hex() != self._last.taken:
+            raise self.refused(
+                "its heads say another time zone, building or robot than this key has signed, or "
+                "what was taken out is there again",
+                adopt=True,
+            )
+
+    @property
+    def unvouched(self) -> bool:
+        """Whether something was taken out, and no statement for that purpose vouches for it."""
+        found = self._found
+        if not found.taken_before or found.first_event:
+            return False
+        return not any(
+            one.namespace == TRIMMING
+            and isinstance(one.statement, Statement)
+            and one.statement.next_event >= found.taken_before
+            and (end := found.ends.get(one.statement.next_event)) is not None
+            and end.taken.hex() == one.statement.taken
+            for one in signed_in(self._log, found.log_id)
+        )
+
+    def refused(self, why: str, *, adopt: bool = False) -> SigningError:
+        """Return the error that says why, and what to do."""
+        return _refused(self._log, why, adopt=adopt)
+
+    def _adopted_from(self) -> int:
+        """Return the first event of what is signed as it was found."""
+        found, signed, base = self._found, self._signed, self._signer.base
+        end = found.ends.get(signed, _NOWHERE)
+        is_there = signed in found.ends_gone or (base is not None and end.head.hex() == base.head)
+        if is_there and (self._last is None or end.taken.hex() == self._last.taken):
+            return signed
+        return found.first_event
+
+    def _reach(self, next_event: int) -> Reach:
+        try:
+            return reach_at(self._found, next_event, self._last)
+        except ValueError:
+            raise self.refused(
+                "its beginning lies elsewhere, and what was taken out there is not known; fetch "
+                "the whole log, and sign that"
+            ) from None
+
+
+def _refused(log: Path, why: str, *, adopt: bool = False) -> SigningError:
+    line = command_line("verify", log)
+    as_it_is = f" To sign it as it is: {command_line('sign', log, '--key', 'KEY', '--adopt')}"
+    return SigningError(
+        f"{log}: not signed: {why}. All that is wrong: {line}{as_it_is if adopt else ''}"
+    )
+
+
+def unwritten(log: Path, first: int, last: int) -> SigningError:
+    """Return the error that a recorder with the key has not written some events of its log."""
+    line = command_line("sign", log, "--key", "KEY")
+    return SigningError(
+        f"{log}: events {first}..{last} are not signed, and no recorder with this key wrote them. "
+        f"Look who did. Then end this recorder and sign them ({line}), or let it adopt them "
+        "(--adopt)."
+    )

@@ -1,0 +1,344 @@
+"""A log verified against its signatures: is it what was signed, all of it, and by whom?
+
+A statement says which commit ends where, and what was taken out; the log is read byte for byte, as
+`verify` does, and must hold that. Who removes the newest events together with their signatures
+leaves a log that fits: that shows against statements that were kept elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePath
+
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.texts import command_line, counted
+from semmap_log.log.replay.care import verify
+from semmap_log.log.signing.public_keys import PublicKey
+from semmap_log.log.signing.signature_folder import (
+    FOLDER,
+    SignedRevocation,
+    SignedStatement,
+    read_all,
+    statement_files,
+)
+from semmap_log.log.signing.ssh_signature import TRIMMING
+from semmap_log.log.signing.statement import NO_DIGEST, OldStatement, Statement
+from semmap_log.log.signing.timestamps import time_of, token_file
+from semmap_log.log.signing.trust import Read, Trust
+from semmap_log.store.verification.findings import Finding, Severity, Verification
+
+_ATTEMPTS = 3
+"""How often to begin anew when somebody signs meanwhile, and what is signed now is missing."""
+
+
+@dataclass(frozen=True, slots=True)
+class SignedVerification:
+    """What reading a log and its signatures has shown."""
+
+    found: Verification
+    """Of the log; its findings are also those about signatures."""
+    statements: int
+    """Statements that were read."""
+    good: int
+    """Those that a believed key has signed, and that the log holds."""
+    signed_before: int
+    """Events below this number are vouched for."""
+    by: tuple[PublicKey, ...]
+    """Whose signatures those are."""
+    times: tuple[tuple[Path, str | None], ...] = ()
+    """The good statements, each with the time of its time stamp, whose signature is not checked
+    here; None: it has none."""
+
+
+def verify_signed(
+    log: PurePath,
+    keys: Mapping[bytes, PublicKey],
+    *,
+    elsewhere: Sequence[Path] = (),
+    head: bytes | None = None,
+    allow_unsigned_end: bool = False,
+    progress: Progress | None = None,
+) -> SignedVerification:
+    """Read all of a log and compare it with what was signed; nothing is written.
+
+    Args:
+        log: The log's folder; a zip or a URL of it has only the statements from elsewhere.
+        keys: Whom to believe, by the bytes of their keys.
+        elsewhere: Folders with statements, or single ones, that were kept outside of the log.
+        head: As for `verify`.
+        allow_unsigned_end: Whether events after all that is signed are no more than a note.
+        progress: As for `verify`.
+
+    Raises:
+        SigningError: What lies elsewhere cannot be read.
+        LogError: As `verify`.
+    """
+    for attempt in range(_ATTEMPTS):
+        files = _files(log, elsewhere)
+        read = list(read_all(files))
+        found = verify(log, head, progress, ends=_ends_of(read))
+        checked = _Check(log, found, keys, allow_unsigned_end=allow_unsigned_end).run(read)
+        is_behind = checked.found.exit_code or checked.signed_before < found.next_event
+        if not is_behind or attempt == _ATTEMPTS - 1 or _files(log, elsewhere) == files:
+            break
+    return checked
+
+
+def _files(log: PurePath, elsewhere: Sequence[Path]) -> list[Path]:
+    own = log / FOLDER
+    places = [own] if isinstance(own, Path) and own.is_dir() else []
+    return [file for place in (*places, *elsewhere) for file in statement_files(place)]
+
+
+def _ends_of(read: Read) -> set[int]:
+    """Return the numbers before which statements say that a commit ends."""
+    said = [one.statement for one in read if isinstance(one, SignedStatement)]
+    starts = {one.first_event for one in said if isinstance(one, OldStatement)}
+    return starts | {one.next_event for one in said}
+
+
+class _Check:
+    """The statements, compared with one reading of the log."""
+
+    def __init__(
+        self,
+        log: PurePath,
+        found: Verification,
+        keys: Mapping[bytes, PublicKey],
+        *,
+        allow_unsigned_end: bool,
+    ) -> None:
+        self._log = log
+        self._found = found
+        self._keys = dict(keys)
+        self._allow_unsigned_end = allow_unsigned_end
+        self._findings: list[Finding] = []
+        self._good: list[SignedStatement] = []
+
+    def run(self, read: Read) -> SignedVerification:
+        """Return what follows."""
+        statements = sum(not isinstance(one, SignedRevocation) for one in read)
+        if self._found.of(Severity.NOT_A_LOG):
+            return SignedVerification(self._found, statements, 0, 0, ())
+        trust = Trust(self._found.log_id, self._keys, read)
+        self._keys = trust.keys
+        for why in trust.distrusted():
+            self._wrong(why.kind, why.path, why.text)
+        believed = trust.believed()
+        self._find_forks(believed)
+        self._find_missing(believed)
+        self._good = [one for one in believed if self._is_held(one)]
+        signed = max((one.statement.next_event for one in self._good), default=0)
+        self._find_taken_out()
+        self._find_adopted()
+        self._find_unsigned(signed)
+        times = tuple((one.path, self._time_of(one)) for one in self._good)
+        by = {one.public_bytes: self._keys[one.public_bytes] for one in self._good}
+        # What a head alone does not bind was looked at above.
+        own = [one for one in self._found.findings if one.kind != "taken-out"]
+        findings = sorted((*own, *self._findings), key=lambda one: -one.severity)
+        found = replace(self._found, findings=tuple(findings))
+        good = len(self._good)
+        return SignedVerification(found, statements, good, signed, tuple(by.values()), times)
+
+    def _time_of(self, one: SignedStatement) -> str | None:
+        """Return the time of a statement's time stamp, if it has one."""
+        try:
+            return time_of(one)
+        except ValueError as error:
+            self._wrong("timestamp", token_file(one.path), str(error))
+            return None
+
+    def _find_forks(self, believed: Sequence[SignedStatement]) -> None:
+        """Find what one key has said twice, and differently: of an event, or under a number."""
+        heads: dict[tuple[bytes, int], SignedStatement] = {}
+        numbers: dict[tuple[bytes, int], SignedStatement] = {}
+        for one in believed:
+            said, whose = one.statement, self._keys[one.public_bytes]
+            other = heads.setdefault((one.public_bytes, said.next_event), one)
+            what = f"two heads at event {said.next_event - 1}"
+            is_fork = other.statement.head != said.head
+            if isinstance(said, Statement) and not is_fork:
+                other = numbers.setdefault((one.public_bytes, said.number), one)
+                what = f"two statements of number {said.number}"
+                is_fork = other.digest != one.digest
+            if is_fork:
+                self._wrong(
+                    "fork", one.path,
+                    f"{whose} has signed {what}, here and in {other.path}: the log was forked: two "
+                    "copies of it, or of the key, were used, each in its own way",
+                )  # fmt: skip
+
+    def _find_missing(self, believed: Sequence[SignedStatement]) -> None:
+        """Find statements whose predecessor, by the same key, is not there."""
+        known = {(one.public_bytes, one.digest) for one in believed}
+        for one in believed:
+            said = one.statement
+            if not isinstance(said, Statement) or said.before == NO_DIGEST:
+                continue
+            if (one.public_bytes, said.before) not in known:
+                text = "the statement that its key signed before this one is missing, or not good"
+                self._wrong("statement", one.path, text)
+
+    def _is_held(self, one: SignedStatement) -> bool:
+        """Tell whether the log holds what a statement says."""
+        said, found = one.statement, self._found
+        last = said.next_event - 1
+        whose = self._keys[one.public_bytes]
+        if said.next_event > found.next_event:
+            self._wrong(
+                "rollback", one.path,
+                f"{whose} has signed events up to {last}, and the log ends with event "
+                f"{found.next_event - 1}: it was rolled back to an earlier state, or cut",
+                (found.next_event, last),
+            )  # fmt: skip
+            return False
+        if said.next_event < found.first_event:
+            text = "about a part of the log that was removed from here, and was not read now"
+            self._findings.append(_finding("removed", Severity.NOTE, one.path, text))
+            return False
+        if said.next_event in found.ends_gone:
+            text = f"about the commit that ended with event {last}, which was taken out since"
+            self._findings.append(_finding("removed", Severity.NOTE, one.path, text))
+            return False
+        end = found.ends.get(said.next_event)
+        if end is None or end.head.hex() != said.head:
+            got = "no commit ends there" if end is None else f"its hash is {end.head.hex()[:16]}…"
+            first = said.first_event if isinstance(said, OldStatement) else 0
+            self._wrong(
+                "rewritten", one.path,
+                f"{whose} has signed the commit {said.head[:16]}… that ends with event {last}, and "
+                f"here {got}: the log was rewritten since, or is another branch (a fork) of it",
+                (first, last),
+            )  # fmt: skip
+            return False
+        return self._agrees(one)
+
+    def _agrees(self, one: SignedStatement) -> bool:
+        """Tell whether all that a statement says besides the head is so, too."""
+        said, found = one.statement, self._found
+        end = found.ends[said.next_event]
+        if isinstance(said, Statement):
+            is_so = said.agrees(end, counts_all=not found.first_event)
+        else:
+            start = found.ends.get(said.first_event)
+            was_read = said.first_event >= found.first_event and end.recorded_ns is not None
+            if not was_read or said.first_event in found.ends_gone:
+                return True  # the stretch begins in a part that was removed from here
+            is_so = start is not None and said.agrees(start, end)
+        if not is_so:
+            text = "its head is the log's, but what else it says of these events is not so"
+            self._wrong("statement", one.path, text)
+        return is_so
+
+    def _find_taken_out(self) -> None:
+        """Find what was taken out, or put back, and no officer's statement vouches for."""
+        found = self._found
+        if found.first_event:  # what was taken out of the part that was removed was not read
+            if found.taken_before:
+                text = "not vouched for: what was taken out; fetch the whole log, and verify that"
+                self._wrong("taken-out", self._log, text)
+            return
+        said = [one for one in self._good if isinstance(one.statement, Statement)]
+        fits = [one for one in said if self._taken_at(one) == one.statement.taken]  # type: ignore[union-attr]
+        newest = max(said, key=_order, default=None)
+        if newest is not None and newest not in fits:
+            self._wrong(
+                "taken-out", newest.path,
+                "what was taken out, the horizon, its keyframe, or what the heads say (time zone, "
+                "building, robot) is not what was signed: something was taken out, put back or "
+                "changed since without an officer's statement",
+            )  # fmt: skip
+        if not found.taken_before:
+            return
+        officers = [one for one in fits if one.namespace == TRIMMING]
+        if any(one.statement.next_event >= found.taken_before for one in officers):
+            return
+        line = command_line("sign", self._log, "--key", "OFFICER_KEY", "--adopt")
+        self._wrong(
+            "taken-out", self._log,
+            f"not vouched for: {counted(found.ends[found.next_event].unvouched, 'record')} that "
+            f"{counted(found.events_gone, 'event')} and {counted(found.notes_gone, 'note')} taken "
+            f"out have left unbound, and no officer's statement says that these, and no others, "
+            f"were taken out; whoever may can: {line}",
+        )  # fmt: skip
+
+    def _taken_at(self, one: SignedStatement) -> str:
+        return self._found.ends[one.statement.next_event].taken.hex()
+
+    def _find_adopted(self) -> None:
+        """Find events that a signer has only found there, and nobody else has signed since."""
+        for one in self._good:
+            said = one.statement
+            if isinstance(said, OldStatement) or said.adopted is None:
+                continue
+            first, last = said.adopted
+            if any(self._confirms(other, one) for other in self._good):
+                continue
+            text = (
+                f"{self._keys[one.public_bytes]} has signed {counted(last + 1 - first, 'event')} "
+                "as they were found there, not written with this key; another believed key that "
+                "signs the log confirms them"
+            )
+            finding = _finding("adopted", Severity.UNSIGNED, one.path, text, (first, last))
+            self._findings.append(finding)
+
+    @staticmethod
+    def _confirms(other: SignedStatement, one: SignedStatement) -> bool:
+        """Tell whether a statement vouches for what another one has adopted."""
+        said, adopted = other.statement, one.statement
+        if other.public_bytes == one.public_bytes or isinstance(said, OldStatement):
+            return False
+        assert isinstance(adopted, Statement)
+        assert adopted.adopted is not None
+        first, last = adopted.adopted
+        is_own = said.adopted is None or said.adopted[0] > last or said.adopted[1] < first
+        return said.next_event > last and is_own
+
+    def _find_unsigned(self, signed: int) -> None:
+        """Find what nobody vouches for: all of the log, or its end."""
+        found = self._found
+        end = found.next_event
+        if end <= signed:
+            return
+        line = command_line("sign", self._log, "--key", "KEY")
+        if not signed:
+            text = (
+                f"{counted(end, 'event')}, and no signature of a key that was given vouches for "
+                f"any; whoever has the key can: {line}"
+            )
+            self._wrong("unsigned", self._log, text, (0, end - 1))
+            return
+        if found.trimming_before > signed:
+            text = "at the end, which nobody has signed, an event tells of records taken out"
+            told = found.trimming_before - 1
+            self._wrong("taken-out", self._log, text, (told, told))
+        text = f"{counted(end - signed, 'event')} at the end that nobody has signed; " + (
+            "the live segment is signed once it is closed, or by a recorder that signs"
+            if found.closed_before <= signed
+            else f"whoever has the key can: {line}"
+        )
+        severity = Severity.NOTE if self._allow_unsigned_end else Severity.UNSIGNED
+        finding = _finding("unsigned", severity, self._log, text, (signed, end - 1))
+        self._findings.append(finding)
+
+    def _wrong(
+        self, kind: str, path: PurePath, text: str, events: tuple[int, int] | None = None
+    ) -> None:
+        self._findings.append(_finding(kind, Severity.NOT_AS_SIGNED, path, text, events))
+
+
+def _order(one: SignedStatement) -> tuple[int, int]:
+    said = one.statement
+    return said.next_event, said.number if isinstance(said, Statement) else -1
+
+
+def _finding(
+    kind: str,
+    severity: Severity,
+    path: PurePath,
+    text: str,
+    events: tuple[int, int] | None = None,
+) -> Finding:
+    return Finding(kind, severity, path, None, events, text)
