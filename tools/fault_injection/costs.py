@@ -181,8 +181,8 @@ STRANGERS: tuple[Ask, ...] = (
 )  # fmt: skip
 """The verbs that are given a stranger's log.
 
-Files of others, lines for servers, and stores are bounded in `tests/interop/formats`, `tests/live` and
-`tests/fleet`.
+Files of others, lines for servers, and stores are bounded in `tests/interop/formats`,
+`tests/live` and `tests/fleet`.
 """
 
 
