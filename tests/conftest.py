@@ -14,15 +14,6 @@ from shutil import which
 import pytest
 from steady_clock import SteadyClock
 
-from tests.quick import (  # noqa: F401 - pytest's hooks
-    pytest_addoption,
-    pytest_collection_modifyitems,
-    pytest_configure,
-    pytest_sessionfinish,
-    pytest_terminal_summary,
-    pytest_testnodedown,
-)
-
 MEMORY = Path("/dev/shm")
 ROOM_BYTES = 2**30
 """Enough for two test runs at a time."""

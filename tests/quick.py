@@ -3,6 +3,7 @@
 A plain run leaves out
 
 - what `slow_tests.txt` lists: each took more than `LIMIT_S` of CPU time when it was measured;
+- the tests of experiments, in `tools/experiments`: they run where they are named, too;
 - what is marked `slow`, or has a fixture that is: a real ROS, packages from npm, later versions;
 - most examples of a property that does not say how many it wants.
 
@@ -36,6 +37,7 @@ LIST = Path(__file__).with_name("slow_tests.txt")
 LISTED = frozenset(LIST.read_text().split("\n"))
 """Ids of tests, or of functions, where all their cases are slow."""
 
+EXPERIMENTS = "tools/experiments"
 QUICK_EXAMPLES = 20
 SLOW_FIXTURES = {"ros", "ros1", "ros_1_or_2", "jazzy", "kilted", "node_packages", "newer"}
 
@@ -69,6 +71,10 @@ def pytest_configure(config: pytest.Config) -> None:
         _load_all()
         config.pluginmanager.register(Costs(), "costs")
 
+    is_whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS
+    if is_whole and (config.option.all or config.option.long):
+        config.args.append(EXPERIMENTS)
+
 
 def _is_quick(config: pytest.Config) -> bool:
     is_asked_for = config.option.markexpr or any("::" in each for each in config.args)
@@ -80,7 +86,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if not (_is_quick(config) or config.option.long):
         return
     if config.option.long:
-        chosen = [item for item in items if is_slow(item) or _has_examples(item)]
+        chosen = [item for item in items if _is_long(item)]
     else:
         chosen = [item for item in items if not is_slow(item)]
     left_out = set(items).difference(chosen)
@@ -95,6 +101,11 @@ def is_slow(item: pytest.Item) -> bool:
     if not LISTED.isdisjoint((item.nodeid, _function(item.nodeid))):
         return True
     return item.get_closest_marker("slow") is not None or not SLOW_FIXTURES.isdisjoint(fixtures)
+
+
+def _is_long(item: pytest.Item) -> bool:
+    """Return whether `--long` runs a test."""
+    return is_slow(item) or _has_examples(item) or item.nodeid.startswith(f"{EXPERIMENTS}/")
 
 
 def _has_examples(item: pytest.Item) -> bool:

@@ -14,13 +14,12 @@ from pathlib import Path
 
 import pytest
 from benchmark import worker
-from benchmark.case import Case, Measured, Peer, Work
+from benchmark.case import Case, Measured, Near, Peer, Work
 from benchmark.made_building import ROOM, WALL, made_building
 from benchmark.moments import moments
-from benchmark.near import Near
 from benchmark.patrol import START_NS, STEP_NS, patrol
 from benchmark.plain_fold import PlainFold, plain_answer, plain_answers
-from benchmark.promises import Result, growths, is_kept
+from benchmark.report import Result, growths, is_kept
 from benchmark.worker import PeerFailedError, measure
 
 TOOLS = Path(__file__).parents[1] / "tools"

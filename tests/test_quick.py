@@ -98,3 +98,33 @@ def test_a_plain_run_tries_fewer_examples(arguments: list[str], few: bool, folde
     examples = done.stdout.count("EXAMPLE")
     assert (examples <= 20) is few
     assert examples > 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("arguments", "runs"),
+    [([], False), (["--long"], True), (["--all"], True), (["tools/experiments"], True),
+     (["--all", "here"], False), (["--all", "-n", "2"], True)],
+)  # fmt: skip
+def test_experiments_run_with_all_or_where_they_are_named(
+    arguments: list[str], runs: bool, folder: Path
+) -> None:
+    """
+    A plain run does not even import them.
+    """
+    (folder / "pytest.ini").write_text("[pytest]\nmarkers = slow\ntestpaths = here\n")
+    (folder / "here").mkdir()
+    (folder / "test_it.py").rename(folder / "here" / "test_it.py")
+    (folder / "tools" / "experiments").mkdir(parents=True)
+    (folder / "tools" / "experiments" / "test_far.py").write_text(
+        "from pathlib import Path\nPath('imported').touch()\ndef test_far(): pass\n"
+    )
+
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-v", "-p", "no:cacheprovider", *arguments],
+        cwd=folder, capture_output=True, text=True, check=True,
+        env={"PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin"},
+    )  # fmt: skip
+
+    assert ("test_far.py::test_far" in done.stdout) is runs
+    assert (folder / "imported").exists() is runs

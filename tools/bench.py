@@ -32,11 +32,10 @@ from benchmark.frame_cases import frame_cases
 from benchmark.importing import import_cases
 from benchmark.logs import Workshop
 from benchmark.moments import moment_cases
-from benchmark.opening import crash_case, open_cases
-from benchmark.promises import Result
+from benchmark.opening import crash_case, open_cases, start_cases
 from benchmark.questions import day_cases, history_cases, index_cases
+from benchmark.report import Result
 from benchmark.sql_cases import sql_cases
-from benchmark.starting import start_cases
 from benchmark.store_cases import store_cases
 from benchmark.trimming_cases import trimming_cases
 from benchmark.view_cases import view_cases
@@ -52,7 +51,8 @@ SIZED = {
     "store": store_cases, "care": trimming_cases,
 }  # fmt: skip
 """Group -> its cases, for each size."""
-GROUPS = ("append", *SIZED, "fleet", "costmap", "beliefs", "view", "start")
+UNSIZED = {"fleet": fleet_cases, "costmap": costmap_cases, "view": view_cases}
+GROUPS = ("append", *SIZED, *UNSIZED, "beliefs", "start")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -72,8 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace, shop: Workshop, given: Sequence[str]) -> int:
-    from benchmark.report import file_system, machine_of, to_json
-    from benchmark.table import show
+    from benchmark.report import file_system, machine_of, show, to_json
 
     if args.plot:
         pass  # said now, not after seven minutes
@@ -117,16 +116,14 @@ def _cases(args: argparse.Namespace, shop: Workshop) -> Iterator[Case]:
             if group in args.only:
                 yield from cases(shop, count, args.rounds)
         shop.clear()
+    tries_out = max(args.events) < SMALL
     if "open" in args.only:
-        yield crash_case(shop, args.rounds, tries_out=max(args.events) < SMALL)
-    if "fleet" in args.only:
-        yield from fleet_cases(shop, args.rounds, tries_out=max(args.events) < SMALL)
-    if "costmap" in args.only:
-        yield from costmap_cases(shop, args.rounds, tries_out=max(args.events) < SMALL)
+        yield crash_case(shop, args.rounds, tries_out=tries_out)
+    for name, unsized in UNSIZED.items():
+        if name in args.only:
+            yield from unsized(shop, args.rounds, tries_out=tries_out)
     if "beliefs" in args.only:
-        yield from belief_cases(args.rounds, tries_out=max(args.events) < SMALL)
-    if "view" in args.only:
-        yield from view_cases(shop, args.rounds, tries_out=max(args.events) < SMALL)
+        yield from belief_cases(args.rounds, tries_out=tries_out)
     if "start" in args.only:
         yield from start_cases(args.rounds)
     shop.look()

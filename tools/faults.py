@@ -24,8 +24,7 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 
-from fault_injection.apart import KindApart
-from fault_injection.budget import Budget, Share
+from fault_injection.apart import Budget, KindApart, Share
 from fault_injection.fault import CannotTryError, Kind, Plan
 from fault_injection.kinds import KINDS
 from fault_injection.report import LINE_EVERY_S, Line, Tally, show, to_json

@@ -12,6 +12,7 @@ FILES = [
     *(ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md")),
     ROOT / "recordings" / "README.md",
     *sorted((ROOT / "semmap_log").rglob("README.md")),
+    *sorted((ROOT / "tools" / "experiments").rglob("README.md")),
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
 _LINK = re.compile(r"\]\(([^)\s]+)\)")

@@ -7,11 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fault_injection import measured as measuring
-from fault_injection.costs import MORE_MIB, MORE_S, Bench, too_much
+from fault_injection import costs as measuring
+from fault_injection.costs import MORE_MIB, MORE_S, Bench, Measured, measured, too_much
 from fault_injection.fault import Plan
-from fault_injection.measured import Measured, measured
-from fault_injection.verbs import Answer
+from fault_injection.questions import Answer
 
 from tests.faults.running import faults, is_tried
 
@@ -72,9 +71,9 @@ def test_work_without_end_is_ended(memory: Path, monkeypatch: pytest.MonkeyPatch
     assert "SIGXCPU" in too_much(worked, TWIN, MORE_S)
 
 
-def test_a_log_a_file_a_line_and_a_store_that_are_hostile(plan: Plan) -> None:
+def test_logs_and_questions_that_are_hostile(plan: Plan) -> None:
     """
-    One of each, and a question with a bound that is far away.
+    A costly log, a question with a bound that is far away, a log of a stranger.
     """
     bench = Bench(plan, plan.folder / "bench")
 
@@ -86,6 +85,6 @@ def test_a_log_a_file_a_line_and_a_store_that_are_hostile(plan: Plan) -> None:
 @pytest.mark.slow
 def test_no_small_input_takes_the_machine(tmp_path: Path) -> None:
     """
-    Logs, questions, files of strangers, lines for servers and stores, for every verb.
+    Logs, questions, and logs of strangers, for every verb.
     """
     is_tried(faults("costs", 40, tmp_path), at_least=40)

@@ -8,9 +8,15 @@ from itertools import islice
 from types import ModuleType
 
 import pytest
-from fault_injection.interleaving.choosers import Parking, Priorities, RandomWalk
 from fault_injection.interleaving.primitives import controlled_threading
-from fault_injection.interleaving.scheduler import Chooser, Scheduler, StuckError
+from fault_injection.interleaving.scheduler import (
+    Chooser,
+    Parking,
+    Priorities,
+    RandomWalk,
+    Scheduler,
+    StuckError,
+)
 
 Program = Callable[[ModuleType, list[str]], None]
 CHOOSERS: list[Callable[[random.Random], Chooser]] = [

@@ -10,11 +10,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from fault_injection.chained import make_chains
 from fault_injection.examined import Examined
+from fault_injection.judging import commit_places
 from fault_injection.oracle_client import PROGRAM, Oracle
-from fault_injection.sample import Sample
-from fault_injection.subject import commit_places
+from fault_injection.sample import Sample, make_chains
 
 
 @pytest.fixture(scope="module")

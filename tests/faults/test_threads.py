@@ -10,7 +10,6 @@ from fault_injection.fault import Plan
 from fault_injection.interleaving.programs import PROGRAMS
 from fault_injection.interleaving.schedules import Schedule, try_schedule
 from fault_injection.oracle_client import Oracle
-from fault_injection.stress import LEVELS, Storm, try_storm
 
 from tests.faults.running import faults, is_tried
 
@@ -19,19 +18,6 @@ from tests.faults.running import faults, is_tried
 def oracle() -> Iterator[Oracle]:
     with Oracle() as oracle:
         yield oracle
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("level", LEVELS)
-def test_eight_threads_at_once(level: str, plan: Plan, oracle: Oracle) -> None:
-    """
-    Short and long texts, waits, syncs, poses, readers, compaction: all is there once, in order.
-    """
-    for seed in (1, 2):
-        outcome = try_storm(plan, Storm(0, level, seed), oracle)
-
-        assert outcome.is_good, outcome
-        assert 96 == outcome.checked
 
 
 @pytest.mark.slow

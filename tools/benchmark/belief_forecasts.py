@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 import semmap_log as sl
 from benchmark import plain_beliefs
-from benchmark.case import Case, Peer, Work
-from benchmark.near import Near
+from benchmark.case import Case, Near, Peer, Work
 from benchmark.peers import OURS, on_cores
 from semmap_log.analysis.beliefs.belief_query import ask
 from semmap_log.analysis.beliefs.door_beliefs import DoorBelief, belief, probabilities

@@ -188,26 +188,24 @@ def _check_form(path: Path, form: str) -> None:
 
 def write_patrol(path: Path, count: int, per_commit: int) -> None:
     """Write a patrol's log as a robot would, without waiting for the disk at each commit."""
-    from patrol_sim.journal import SimulatedClock
-
     import semmap_log as sl
+    from semmap_log.core.io.clock import KeptClock
 
-    clock = SimulatedClock(START_NS, bytes(16))
+    clock = KeptClock(START_NS)
     entropy = random.Random(count).randbytes
     with sl.create(path, tz="Europe/Vienna", clock=clock, entropy=entropy, compact=False) as log:
         for events in grouped(patrol(count), per_commit):
-            clock.now_ns += STEP_NS * len(events)
+            clock.recorded_ns += STEP_NS * len(events)
             log.append(events, sync=False)
         log.sync()
 
 
 def write_days(path: Path, days: int) -> None:
     """Write a log of a few sightings a day, a segment a day, and leave it as a kill does."""
-    from patrol_sim.journal import SimulatedClock
-
     import semmap_log as sl
+    from semmap_log.core.io.clock import KeptClock
 
-    clock = SimulatedClock(START_NS, bytes(16))
+    clock = KeptClock(START_NS)
     source = path.with_name("running") / path.name
     source.parent.mkdir()
     options: dict[str, Any] = {
@@ -218,7 +216,7 @@ def write_days(path: Path, days: int) -> None:
     with sl.create(source, **options, durability="flush", compact=False) as log:
         door = log.add_door()
         for _ in range(days - 1):
-            clock.now_ns += DAY_NS
+            clock.recorded_ns += DAY_NS
             for state in DAILY_STATES:
                 log.observe(door, state)
         shutil.copytree(source, path)

@@ -45,11 +45,10 @@ class Rounds:
 
     def write(self, path: Path) -> None:
         """Write the log, a round at a time, without waiting for the disk at each commit."""
-        from patrol_sim.journal import SimulatedClock
-
         import semmap_log as sl
+        from semmap_log.core.io.clock import KeptClock
 
-        clock = SimulatedClock(START_NS, bytes(16))
+        clock = KeptClock(START_NS)
         entropy = random.Random(self.events).randbytes
         with sl.create(
             path, tz="Europe/Vienna", clock=clock, entropy=entropy, compact=False
@@ -57,7 +56,7 @@ class Rounds:
             log.append([self._plan()], sync=False)
             log.append(self._doors(), sync=False)
             for batch, last_ns in self._batches(self.events - 1 - self.doors):
-                clock.now_ns = max(clock.now_ns, last_ns)
+                clock.recorded_ns = max(clock.recorded_ns, last_ns)
                 log.append(batch, sync=False)
             log.sync()
 

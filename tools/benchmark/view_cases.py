@@ -1,17 +1,153 @@
-"""The cases of the recording for rerun: how long a log takes to become one, and to be opened."""
+"""Cases: a log written as a recording for rerun, and opened."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from benchmark.case import Case, Peer, Work
 from benchmark.logs import Workshop
 from benchmark.peers import OURS
 from benchmark.rounds import Rounds
-from benchmark.view_reading import States, states_in, states_of
-from benchmark.view_rows import log_rows
+
+if TYPE_CHECKING:
+    from semmap_log.core.batches.event_batch import RecordedEvent
+    from semmap_log.log.door_log.door_log import DoorLog
+
+
+TIMELINES = ("happened", "recorded", "event")
+STATE, CLEAR, ROW = "StateChange:state", "Clear:is_recursive", "rerun.controls.RowId"
+
+States = list[dict[int, str]]
+"""Door -> state, at some moments along some timelines."""
+
+
+def states_of(path: Path, numbers: Sequence[int], timelines: Sequence[str] = TIMELINES) -> States:
+    """Return what replays give where these events stand."""
+    import semmap_log as sl
+
+    log = sl.read(path)
+    scopes = {"happened": "at", "recorded": "known_at", "event": "event"}
+    found = []
+    for timeline in timelines:
+        for number in numbers:
+            how: dict[str, Any] = {scopes[timeline]: _place(log, number, timeline)}
+            doors = log.replay(**how).doors
+            found.append({int(door_id): door.state.name for door_id, door in doors.items()})
+    return found
+
+
+def states_in(
+    rrd: Path, log: DoorLog, numbers: Sequence[int], timelines: Sequence[str] = TIMELINES
+) -> States:
+    """Return what a viewer would show there: of each door the latest state, if it is not gone."""
+    rows = _door_rows(rrd)
+    found = []
+    for timeline in timelines:
+        for number in numbers:
+            at = _place(log, number, timeline)
+            states = {door: _latest(told, timeline, at) for door, told in rows.items()}
+            found.append({door: state for door, state in sorted(states.items()) if state})
+    return found
+
+
+def shape_of(rrd: Path) -> tuple[int, int]:
+    """Return the rows of the longest chunk, and how many chunks there are."""
+    from rerun.chunk import RrdReader
+
+    rows = [chunk.num_rows for chunk in RrdReader(rrd).stream()]
+    return max(rows), len(rows)
+
+
+def _place(log: DoorLog, number: int, timeline: str) -> int:
+    recorded = log.event(number)
+    if timeline == "happened":
+        return min(recorded.happened_ns, recorded.recorded_ns)
+    return recorded.recorded_ns if timeline == "recorded" else number
+
+
+Told = list[tuple[dict[str, Any], Any, list[str | None]]]
+"""Chunk by chunk: times along each timeline, row ids, states; None: it vanishes."""
+
+
+def _door_rows(rrd: Path) -> dict[int, Told]:
+    from rerun.chunk import RrdReader
+
+    found: dict[int, Told] = {}
+    for chunk in RrdReader(rrd).stream().filter(content="/map/doors/**"):
+        if chunk.is_static:
+            continue
+        batch = chunk.to_record_batch()
+        names = batch.schema.names
+        component = STATE if STATE in names else CLEAR if CLEAR in names else None
+        if component is None:
+            continue
+        times = {name: np.array(batch.column(name).cast("int64")) for name in chunk.timeline_names}
+        told = batch.column(component).to_pylist()
+        states = [one[0] if one and component == STATE else None for one in told]
+        door = int(chunk.entity_path.rsplit("_", 1)[1])
+        found.setdefault(door, []).append((times, batch.column(ROW).to_pylist(), states))
+    return found
+
+
+def _latest(told: Told, timeline: str, at: int) -> str | None:
+    best: tuple[int, Any] = (-1, b"")
+    state = None
+    for times, rows, states in told:
+        if timeline not in times:
+            continue
+        place = int(np.searchsorted(times[timeline], at, "right")) - 1
+        if place >= 0 and (here := (int(times[timeline][place]), rows[place])) > best:
+            best, state = here, states[place]
+    return state
+
+
+def log_rows(log: DoorLog, rrd: Path, count: int) -> None:
+    """Write the first events as rows: states, lines, poses, probabilities and text."""
+    import rerun as rr
+
+    recording = rr.RecordingStream("semmap_log", recording_id=log.info.log_id)
+    recording.save(rrd)
+    for batch in log.batches(until=f"event:{count}"):
+        for recorded in batch:
+            happened_ns = min(recorded.happened_ns, recorded.recorded_ns)
+            recording.set_time("happened", timestamp=np.datetime64(happened_ns, "ns"))
+            recording.set_time("recorded", timestamp=np.datetime64(recorded.recorded_ns, "ns"))
+            recording.set_time("event", sequence=recorded.number)
+            _log_row(rr, recording, recorded)
+    recording.flush()
+    recording.disconnect()
+
+
+def _log_row(rr: Any, recording: Any, recorded: RecordedEvent) -> None:
+    from semmap_log.core.model.events import DoorAdded, DoorObserved, DoorUpdated, RobotPose
+    from semmap_log.views.event_words import words_of
+
+    event = recorded.event
+    match event:
+        case RobotPose():
+            recording.log("/map/robot/pose", rr.Arrows2D(
+                origins=[[event.x, event.y]], vectors=[[np.cos(event.theta), np.sin(event.theta)]]
+            ))  # fmt: skip
+            return
+        case DoorAdded():
+            line = rr.LineStrips2D([[[event.x, event.y], [event.x + event.width, event.y]]])
+            recording.log(f"/map/doors/door_{event.door_id}", line)
+            recording.log(
+                f"/map/doors/door_{event.door_id}", rr.StateChange(state=event.state.name)
+            )
+        case DoorObserved():
+            recording.log(
+                f"/map/doors/door_{event.door_id}", rr.StateChange(state=event.state.name)
+            )
+        case DoorUpdated():
+            recording.log(f"/map/doors/door_{event.door_id}/p", rr.Scalars(event.prob_open))
+    recording.log(f"/events/{type(event).__name__}", rr.TextLog(words_of(event)))
+
 
 SIZES = ((Rounds(100_000, 133), 4_000, 300), (Rounds(1_000_000, 500), 40_000, 400))
 """A log; how many ms it may take; how many MB of memory."""
@@ -60,7 +196,6 @@ def _conversion(folder: Path, made: Rounds, most_ms: int, most_mb: int, rounds: 
 
 def _ours(path: Path, rrd: Path, numbers: list[int]) -> Work:
     import semmap_log as sl
-    from benchmark.view_reading import shape_of
     from semmap_log.views.rerun import blueprint, file  # noqa: F401 - loads rerun: not timed
     from semmap_log.views.rerun.recording import RrdSummary, save_rrd
 

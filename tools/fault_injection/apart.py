@@ -1,7 +1,8 @@
-"""A kind of faults in a process of its own, to be stopped at any moment with all that it began."""
+"""A kind of faults in a process of its own, with a share of the run's time."""
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 import signal
@@ -9,12 +10,49 @@ import sys
 import time
 import traceback
 import warnings
+from collections.abc import Callable
 from contextlib import closing, suppress
+from dataclasses import dataclass
 from itertools import islice
 from multiprocessing.connection import Connection
 from typing import NoReturn
 
 from fault_injection.fault import CannotTryError, Kind, Outcome, Plan
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """The time of one kind, seconds of a clock."""
+
+    clock: Callable[[], float]
+    start: float
+    end: float
+
+    def left(self, now: float) -> float:
+        """Return how much of it is left."""
+        return self.end - now
+
+    def is_over(self, now: float) -> bool:
+        """Tell whether none is."""
+        return now >= self.end
+
+
+class Budget:
+    """The time of a run: what a kind does not need, the others get."""
+
+    def __init__(self, clock: Callable[[], float], seconds: float | None, kinds: int) -> None:
+        """Start it; without `seconds` there is no end."""
+        self.clock = clock
+        self._end = math.inf if seconds is None else clock() + seconds
+        self._to_come = kinds
+
+    def next_share(self) -> Share:
+        """Return the time of the next kind, from now on."""
+        now = self.clock()
+        share = (self._end - now) / self._to_come
+        self._to_come -= 1
+        return Share(self.clock, now, now + share)
+
 
 AGAIN_S = 5.0
 GRACE_S = 20.0

@@ -1,21 +1,28 @@
-"""Closed files cut, zeroed, gone, exchanged with those of a diverged copy or of another day."""
+"""Files and sectors damaged, gone, exchanged, of another day, copy or log; and files of others.
+
+Cut, zeroed, as they once were, of a copy that went on differently, renamed, linked, and more.
+"""
 
 from __future__ import annotations
 
+import os
 import random
 import shutil
 from collections.abc import Callable, Generator, Iterator
 from functools import cache, partial
 from pathlib import Path
 
-from fault_injection.chained import Chain, make_chains
 from fault_injection.examined import Damage, Examined
 from fault_injection.fault import Outcome, Plan
+from fault_injection.judging import commit_places, keep
 from fault_injection.oracle_client import Oracle
 from fault_injection.pool import side_by_side
-from fault_injection.subject import commit_places, keep
+from fault_injection.sample import Chain, make_chains
+from semmap_log.store.record_scan import frames
+from semmap_log.store.records import MAGIC
 
 USUAL = 300
+SECTOR = 512
 BORDER = 40
 """Bytes around the ends of a file and of its commits at which most cuts are made."""
 
@@ -76,7 +83,8 @@ class _Files:
 
     def draw(self) -> Drawn:
         """Return a damage: of a segment, most times; of another file; or of one of each."""
-        ways = [self._of_segment] * 6 + [self._of_other] * 2
+        ways = [self._of_segment] * 6 + [self._beside]
+        ways += [self._of_other] * 2 if self._others else []
         ways += [self._of_both] * 2 if len(self._others) > 1 else []
         return self._dice.choice(ways)()
 
@@ -95,7 +103,7 @@ class _Files:
             ways += [self._diverged, self._diverged]
         if len(self._segments) > 1:
             ways += [self._swapped]
-        ways += [self._doubled]
+        ways += [self._doubled, self._sector, self._sector, self._renamed, self._foreign]
         return self._dice.choice(ways)(name)
 
     def _of_other(self) -> Drawn:
@@ -147,6 +155,40 @@ class _Files:
     def _doubled(self, name: str) -> Drawn:
         return f"{name} there twice", partial(_copy, name=name, to="again_000009.mcap"), 0
 
+    def _sector(self, name: str) -> Drawn:
+        """Draw a sector that a disk gives back as it once was, as garbage, or as another one."""
+        data = (self._log / name).read_bytes()
+        at = self._place(name, len(data)) // SECTOR * SECTOR
+        source = self._dice.choice(self._segments).read_bytes()
+        other = self._dice.randrange(len(source) // SECTOR + 1) * SECTOR
+        older = self._dice.choice(self._chain.early[name]) if name in self._chain.early else None
+        what, sector = self._dice.choice((
+            ("full of garbage", self._dice.randbytes(SECTOR)),
+            ("as it once was", older.read_bytes()[at : at + SECTOR] if older else b""),
+            ("written over the next one", data[max(0, at - SECTOR) : at]),
+            (f"from byte {other} of a segment", source[other : other + SECTOR]),
+        ))  # fmt: skip
+        sector = sector.ljust(SECTOR, b"\0")[: len(data) - at]
+        damaged = data[:at] + sector + data[at + len(sector) :]
+        what = f"{name}: the sector at byte {at} {what}"
+        return what, partial(_put, name=name, data=damaged), self._may_lose(name, damaged)
+
+    def _renamed(self, name: str) -> Drawn:
+        if self._dice.random() < 0.5:
+            return f"{name} renamed", partial(_move, name=name, to="moved_000007.mcap"), 0
+        return f"{name} a link to where it was put", partial(_link, name=name), 0
+
+    def _foreign(self, name: str) -> Drawn:
+        data = self._dice.choice(sorted(self._chain.foreign.glob("*.mcap"))).read_bytes()
+        if self._is_live(name) or self._dice.random() < 0.5:
+            return "a segment of another log", partial(_put, name="zz_000003.mcap", data=data), 0
+        return f"{name} from another log", partial(_put, name=name, data=data), 0
+
+    def _beside(self) -> Drawn:
+        """Draw what else lies in the folder."""
+        what, plant = self._dice.choice(list(BESIDE.items()))
+        return what, plant, 0
+
     def _place(self, name: str, size: int) -> int:
         """Draw a place in a file: often near its ends, or the ends of what is in it."""
         if self._dice.random() < 0.4:
@@ -154,6 +196,7 @@ class _Files:
         places = [0, size]
         if name.endswith(".mcap"):
             places += [place for both in commit_places(self._log / name) for place in both]
+            places += _borders((self._log / name).read_bytes())
         near = self._dice.choice(places) + self._dice.randint(-BORDER, BORDER)
         return min(max(near, 0), size - 1)
 
@@ -184,6 +227,48 @@ def _put(log: Path, *, name: str, data: bytes) -> None:
 
 def _remove(log: Path, *, name: str) -> None:
     (log / name).unlink()
+
+
+def _move(log: Path, *, name: str, to: str) -> None:
+    (log / name).rename(log / to)
+
+
+def _link(log: Path, *, name: str) -> None:
+    (log / "elsewhere").mkdir()
+    (log / name).rename(log / "elsewhere" / name)
+    (log / name).symlink_to(Path("elsewhere") / name)
+
+
+def _litter(log: Path) -> None:
+    for name in (
+        "notes.txt",
+        ".hidden",
+        "log_000000.mcap.torn-1",
+        "log_000000.mcap.bak",
+        "a.mcap~",
+    ):
+        (log / name).write_bytes(b"mine")
+    (log / "a folder").mkdir()
+
+
+BESIDE: dict[str, Damage] = {
+    "files of others": _litter,
+    "an empty segment": lambda log: (log / "x_000009.mcap").touch(),
+    "a text named as a segment": lambda log: (log / "x.mcap").write_bytes(b"hello"),
+    "a folder named as a segment": lambda log: (log / "x.mcap").mkdir(),
+    "a pipe named as a segment": lambda log: os.mkfifo(log / "x.mcap"),
+    "a link to nothing named as a segment": lambda log: (log / "x.mcap").symlink_to("nowhere"),
+    "a link to itself named as a segment": lambda log: (log / "x.mcap").symlink_to("x.mcap"),
+    "a link to a segment beside it": lambda log: (log / "x.mcap").symlink_to(
+        min(log.glob("*.mcap")).name
+    ),
+}
+"""In words -> what plants it in a log's folder."""
+
+
+def _borders(data: bytes) -> list[int]:
+    """Return where records end: nothing torn shows there."""
+    return [at + length for _, at, length in frames(data, len(MAGIC), len(data))]
 
 
 def _swap(log: Path, *, one: str, other: str) -> None:

@@ -1,47 +1,129 @@
-"""What a verb takes for a small hostile log, file, question or store, against a harmless twin."""
+"""What a verb takes for a small hostile log, or question about one, against a harmless twin."""
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import re
+import resource
 import shutil
 import signal
-import socket
+import sys
 import warnings
-from collections.abc import Callable, Generator, Iterator
-from contextlib import closing, suppress
+from collections.abc import Generator, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import NoReturn
 
 from fault_injection.fault import Outcome, Plan
-from fault_injection.hostile.bags import bag_bomb, bag_liar, mcap_bomb, mcap_liar, mcap_of_many
-from fault_injection.hostile.costly import costly_log
-from fault_injection.hostile.harmless import harmless_file
-from fault_injection.hostile.logs import hostile_log
-from fault_injection.hostile.stores import harmless_store, hostile_store
-from fault_injection.hostile.texts import (
-    ask_line,
-    csv_bomb,
-    gzip_bomb,
-    json_bomb,
-    picture_bomb,
-    yaml_bomb,
-)
-from fault_injection.measured import Measured, load_what_it_loads, measured, wait_for
+from fault_injection.hostile.logs import costly_log, good_log, hostile_log
+from fault_injection.judging import keep
 from fault_injection.pool import side_by_side
-from fault_injection.subject import keep
+from fault_injection.questions import TRACEBACK, Answer, ask_verb
+
+ROOM_MIB = 1024
+"""Address space beyond what there is: more is refused by the kernel."""
+LONGEST_S = 12
+"""Of work, in seconds of a processor; what takes longer is ended."""
+DEADLINE_S = 120
+"""So long may pass until then, on a machine that has other work, too: what hangs is ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What a child process did, and took for it."""
+
+    answer: Answer
+    cpu_s: float
+    mib: int
+    """So much more memory it had at once than when it began."""
+
+
+def measured(arguments: tuple[str, ...], room: Path) -> Measured:
+    """Run a verb in a child process, with little room and time.
+
+    Args:
+        arguments: Of the command line.
+        room: A folder for what it writes.
+    """
+    told, begun = room / "told.json", room / "begun"
+    told.unlink(missing_ok=True)
+    pid = os.fork()
+    if pid == 0:
+        _run(arguments, room, told)
+    _, status, used = os.wait4(pid, 0)
+    code = os.waitstatus_to_exitcode(status)
+    answer = Answer(TRACEBACK, "", f"ended by {_end(code)}")
+    if told.exists():
+        answer = Answer(*json.loads(told.read_text()))
+    at_first = int(begun.read_text())
+    return Measured(answer, used.ru_utime + used.ru_stime, used.ru_maxrss // 1024 - at_first)
+
+
+def _end(code: int) -> str:
+    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+
+
+def _run(arguments: tuple[str, ...], room: Path, told: Path) -> NoReturn:
+    """For the child: it never returns."""
+    code = 3
+    try:
+        (room / "begun").write_text(str(_mib(1)))
+        _limit()
+        answer = ask_verb(arguments, room, room / "out", last=10_000)
+        partial = told.with_suffix(".part")
+        partial.write_text(json.dumps([answer.code, answer.said, answer.error]))
+        partial.rename(told)
+        code = 0
+    finally:
+        os._exit(code)
+
+
+def _mib(place: int) -> int:
+    """Return how much memory this process has: 0: addresses, 1: what is there."""
+    pages = int(Path("/proc/self/statm").read_text().split()[place])
+    return pages * os.sysconf("SC_PAGE_SIZE") // 2**20
+
+
+def _limit() -> None:
+    most = (_mib(0) + ROOM_MIB) * 2**20
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_S, LONGEST_S + 2))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.alarm(DEADLINE_S)
+
+
+def load_what_it_loads(arguments: tuple[str, ...], room: Path) -> None:
+    """Run a verb in a child process, and import here what it imported: it costs others nothing.
+
+    Args:
+        arguments: Of the command line.
+        room: A folder for what it writes.
+    """
+    names = room / "names"
+    pid = os.fork()
+    if pid == 0:
+        with suppress(BaseException):
+            before = set(sys.modules)
+            ask_verb(arguments, room, room / "out")
+            names.write_text("\n".join(name for name in sys.modules if name not in before))
+        os._exit(0)
+    os.waitpid(pid, 0)
+    for name in names.read_text().splitlines() if names.exists() else ():
+        with suppress(Exception):
+            import_module(name)
+    names.unlink(missing_ok=True)
+
 
 USUAL = 500
 MORE_MIB = 100
 """So much more memory than for its harmless twin may a verb take for a small input."""
 MORE_S, LOG_MORE_S = 2.0, 3.0
 """So many more seconds of a processor; the second for what is asked about a log of ours."""
-MORE_MIB_FOR: dict[Callable[[Path, random.Random], str], int] = {
-    mcap_of_many: 600,
-    mcap_bomb: 400,
-    json_bomb: 300,
-}
-"""The same for files that are not small: up to 60 MB long, or with a chunk of 128 MiB."""
 OFFICE = Path(__file__).parents[2] / "recordings" / "office"
 """The harmless twin of a log: events of a day."""
 
@@ -92,27 +174,16 @@ QUESTIONS: dict[str, tuple[Ask, ...]] = {
 }  # fmt: skip
 """Option -> what may be asked with it; verbs that lack it say so, at once."""
 
-FOREIGN: tuple[tuple[str, Callable[[Path, random.Random], str], tuple[Ask, ...]], ...] = (
-    ("made.mcap", mcap_bomb, (("import", LOG, FILE), ("info", FILE), ("verify", FILE))),
-    ("made.mcap", mcap_of_many, (("import", LOG, FILE), ("info", FILE))),
-    ("made.mcap", mcap_liar, (("import", LOG, FILE), ("info", FILE), ("verify", FILE))),
-    ("made.bag", bag_bomb, (("import", LOG, FILE), ("info", FILE))),
-    ("made.bag", bag_liar, (("import", LOG, FILE), ("info", FILE))),
-    ("made.yaml", yaml_bomb, (("import", LOG, FILE), ("import", LOG, "{bag}", "--mapping", FILE),
-                              ("costmap", LOG, "{out}/made.png", "--map", FILE))),
-    ("made.building.yaml", yaml_bomb, (("import", LOG, FILE),)),
-    ("made.jsonl", json_bomb, (("import", LOG, FILE), ("record", LOG))),
-    ("made.jsonl.gz", gzip_bomb, (("import", LOG, FILE),)),
-    ("made.csv.gz", gzip_bomb, (("import", LOG, FILE), ("calibrate", LOG, "--truth", FILE))),
-    ("made.csv", csv_bomb, (("import", LOG, FILE), ("import", LOG, FILE, "--windows", FILE),
-                            ("calibrate", LOG, "--truth", FILE))),
-    ("made.map.yaml", picture_bomb, (("costmap", LOG, "{out}/made.png", "--map", FILE),)),
-    ("stranger", hostile_log, (
-        ("verify", FILE), ("info", FILE), ("replay", FILE, "--json"), ("history", FILE, "--json"),
-        ("tail", FILE), ("replay", FILE, "--known-at", "now"), ("recover", FILE),
-        ("observe", FILE, "1", "open"), ("compact", FILE))),
+STRANGERS: tuple[Ask, ...] = (
+    ("verify", FILE), ("info", FILE), ("replay", FILE, "--json"), ("history", FILE, "--json"),
+    ("tail", FILE), ("replay", FILE, "--known-at", "now"), ("recover", FILE),
+    ("observe", FILE, "1", "open"), ("compact", FILE),
 )  # fmt: skip
-"""Name of a file, what makes it, and the verbs that are given it."""
+"""The verbs that are given a stranger's log.
+
+Files of others, lines for servers, and stores are bounded in `tests/interop/formats`,
+`tests/live` and `tests/fleet`.
+"""
 
 
 def costs(plan: Plan) -> Generator[Outcome, None, None]:
@@ -135,13 +206,13 @@ class Bench:
         self._plan = plan
         self._room = folder / "room"
         self._twins: dict[Ask, Measured] = {}
-        """Command line, and name of a file -> what it takes for what is harmless."""
+        """Command line -> what it takes for what is harmless."""
 
     def try_one(self, turn: int) -> Outcome:
         """Do what the seed and the turn alone decide."""
         dice = random.Random(f"{self._plan.seed} {turn}")
-        ways = (self._costly, self._question, self._file, self._lines, self._store)
-        what, problem = dice.choices(ways, (10, 4, 7, 2, 2))[0](dice)
+        ways = (self._costly, self._question, self._stranger)
+        what, problem = dice.choices(ways, (10, 4, 7))[0](dice)
         kept = keep(self._room, self._plan.keep, f"{turn}: {what[:80]}") if problem else None
         return Outcome(f"{turn}: {what}", 1, problem=problem, kept=kept)
 
@@ -153,22 +224,20 @@ class Bench:
 
     def _placed(self, ask: Ask, file: Path = OFFICE) -> Ask:
         log = f"{self._room}/log"
-        names = {LOG: log, FILE: str(file), "{bag}": log, "{out}": f"{self._room}/out"}
+        names = {LOG: log, FILE: str(file), "{out}": f"{self._room}/out"}
         return tuple(re.sub(r"\{\w+\}", lambda found: names[found[0]], part) for part in ask)
 
-    def _twin(self, ask: Ask, name: str = "") -> Measured:
-        """Return what a verb takes for an ordinary log, and a harmless file of that name."""
-        key = (*ask, name)
-        if key not in self._twins:
+    def _twin(self, ask: Ask) -> Measured:
+        """Return what a verb takes for an ordinary log, or for a harmless one of a stranger."""
+        if ask not in self._twins:
             for look in (load_what_it_loads, measured):
                 self._fresh()
-                file = self._room / name
-                if name:
-                    harmless_file(file)
-                found = look(self._placed(ask, file), self._room, stdin=_stdin(ask, file))
+                file = self._room / "stranger"
+                good_log(file)
+                found = look(self._placed(ask, file), self._room)
             assert found is not None
-            self._twins[key] = found
-        return self._twins[key]
+            self._twins[ask] = found
+        return self._twins[ask]
 
     def _costly(self, dice: random.Random) -> tuple[str, str]:
         """Ask a verb about a log that tempts into work."""
@@ -189,62 +258,21 @@ class Bench:
         found = measured(self._placed(ask), self._room)
         return f"{' '.join(ask)}: {made}", too_much(found, twin, LOG_MORE_S)
 
-    def _file(self, dice: random.Random) -> tuple[str, str]:
-        """Give a verb a stranger's file."""
-        name, make, asks = dice.choice(FOREIGN)
-        ask = dice.choice(asks)
-        twin = self._twin(ask, name)
-        log, file = self._fresh(), self._room / name
-        what = f"{' '.join(ask)}: {make(file, dice)}"
-        found = measured(self._placed(ask, file), self._room, stdin=_stdin(ask, file))
-        names = ("line ",) if ask[0] == "record" else (str(file), file.name, str(log))
-        more_mib = MORE_MIB_FOR.get(make, MORE_MIB)
-        return what, too_much(found, twin, MORE_S, more_mib) or _unfit(found, names)
-
-    def _lines(self, dice: random.Random) -> tuple[str, str]:
-        """Ask a server a line, as programs that plan do."""
-        line, what = ask_line(dice)
-        twin = self._twins.get(("serve",)) or self._asked(b"DOORS\n")
-        self._twins[("serve",)] = twin
-        return f"serve --ask: {what}", too_much(self._asked(line), twin, MORE_S)
-
-    def _asked(self, line: bytes) -> Measured:
-        log, place = self._fresh(), self._room / "socket"
-
-        def ask(pid: int) -> None:
-            with suppress(OSError), closing(socket.socket(socket.AF_UNIX)) as client:
-                client.settimeout(30)
-                if wait_for(place, pid):
-                    client.connect(str(place))
-                    client.sendall(line)
-                    client.recv(2**16)
-            os.kill(pid, signal.SIGINT)
-
-        return measured(("serve", str(log), "--ask", f"unix:{place}"), self._room, meanwhile=ask)
-
-    def _store(self, dice: random.Random) -> tuple[str, str]:
-        """Ask about a log in a store that lies."""
-        ask = dice.choice(("info", "verify", "replay", "fetch", "history"))
-        more = (f"{self._room}/fetched",) if ask == "fetch" else ()
-        self._fresh()
-        if ("store", ask) not in self._twins:
-            with harmless_store() as url:
-                load_what_it_loads((ask, url, *more), self._room)
-                self._twins["store", ask] = measured((ask, url, *more), self._room)
-        with hostile_store(dice) as (url, what):
-            found = measured((ask, url, *more), self._room)
-        problem = too_much(found, self._twins["store", ask], MORE_S) or _unfit(found, (url,))
-        return f"{ask}: a store {what}", problem
+    def _stranger(self, dice: random.Random) -> tuple[str, str]:
+        """Give a verb a stranger's log."""
+        ask = dice.choice(STRANGERS)
+        twin = self._twin(ask)
+        log, file = self._fresh(), self._room / "stranger"
+        what = f"{' '.join(ask)}: {hostile_log(file, dice)}"
+        found = measured(self._placed(ask, file), self._room)
+        names = (str(file), file.name, str(log))
+        return what, too_much(found, twin, MORE_S) or _unfit(found, names)
 
 
-def _stdin(ask: Ask, file: Path) -> Path | None:
-    return file if ask[0] == "record" else None
-
-
-def too_much(found: Measured, twin: Measured, more_s: float, more_mib: int = MORE_MIB) -> str:
+def too_much(found: Measured, twin: Measured, more_s: float) -> str:
     """Say what a verb took too much of; empty: nothing, and it ended as a verb may."""
     ended = f"exit {found.answer.code} {found.answer.error.strip()[-100:]!r}"
-    if found.mib - twin.mib > more_mib:
+    if found.mib - twin.mib > MORE_MIB:
         return f"{found.mib} MiB more than at its start, its twin {twin.mib} MiB; {ended}"
     if found.cpu_s - twin.cpu_s > more_s:
         return f"{found.cpu_s:.1f} s of a processor, its twin {twin.cpu_s:.1f} s; {ended}"

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import TypeAlias
 
+from fault_injection.fault import Tree
 from fault_injection.shim import Call, Entry
-from fault_injection.trees import Tree
 
 SECTOR = 512
 _O_TRUNC = 0o1000

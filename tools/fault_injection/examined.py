@@ -16,11 +16,8 @@ from typing import Any, Protocol
 
 import semmap_log as sl
 from fault_injection.forking import forked
-from fault_injection.oracle_answers import disagreements
-from fault_injection.oracle_client import Oracle
-from fault_injection.questions import answer as answered
-from fault_injection.questions import questions
-from fault_injection.verbs import (
+from fault_injection.oracle_client import Oracle, disagreements
+from fault_injection.questions import (
     LOG,
     OUT,
     TRACEBACK,
@@ -28,9 +25,11 @@ from fault_injection.verbs import (
     Arguments,
     ask_verb,
     heard_answers,
+    questions,
     tell_answers,
     what_is_wrong,
 )
+from fault_injection.questions import answer as answered
 from semmap_log.errors import SemmapError
 
 ALWAYS = ("replay", "history", "tail -n 5", "info", "verify")
@@ -200,9 +199,9 @@ class Examined:
             before.replay()
         damage(self.copy)
         readers = {
-            "held": _Lazy(lambda: held),
-            "before": _Lazy(partial(_refreshed, before)),
-            "anew": _Lazy(partial(sl.read, self.copy)),
+            "held": lambda: held,
+            "before": partial(_refreshed, before),
+            "anew": partial(sl.read, self.copy),
         }
         out = self._folder / "out"
         asked: dict[str, Callable[[], Answer]] = {}
@@ -269,7 +268,7 @@ class Examined:
 
 def _take_off(log: Path, commits: int) -> None:
     """Cut the last commits off the live segment."""
-    from fault_injection.subject import commit_places
+    from fault_injection.judging import commit_places
 
     last = max(log.glob("*.mcap"))
     places = commit_places(last)
@@ -280,35 +279,14 @@ def _take_off(log: Path, commits: int) -> None:
     last.write_bytes(data)
 
 
-class _Lazy:
-    """Something that is made when it is first wanted; what it raises, it raises each time."""
-
-    def __init__(self, make: Callable[[], sl.DoorLog]) -> None:
-        self._make = make
-        self._made: sl.DoorLog | None = None
-        self._error: Exception | None = None
-
-    def get(self) -> sl.DoorLog:
-        """Return it."""
-        if self._error is not None:
-            raise self._error
-        if self._made is None:
-            try:
-                self._made = self._make()
-            except Exception as error:
-                self._error = error
-                raise
-        return self._made
-
-
 def _refreshed(log: sl.DoorLog) -> sl.DoorLog:
     log.refresh()
     return log
 
 
-def _ask_reader(who: _Lazy, ask: Callable[[sl.DoorLog], Any]) -> Answer:
+def _ask_reader(opened: Callable[[], sl.DoorLog], ask: Callable[[sl.DoorLog], Any]) -> Answer:
     try:
-        return Answer(0, repr(answered(ask, who.get())))
+        return Answer(0, repr(answered(ask, opened())))
     except SemmapError as error:
         return Answer(1, "", str(error))
     except Exception as error:  # noqa: BLE001 - whatever it is, it is the finding

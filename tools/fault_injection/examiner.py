@@ -9,10 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from random import Random
 
+from steady_clock import SteadyClock
+
 import semmap_log as sl
 from fault_injection.fault import Outcome
 from fault_injection.player import Tell, Told
-from fault_injection.story import START_NS, SteadyClock, Story, digest_of
+from fault_injection.story import START_NS, Story, digest_of
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.model.commits import Commit
 from semmap_log.errors import NotALogError, SemmapError

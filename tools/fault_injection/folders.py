@@ -12,14 +12,13 @@ import semmap_log as sl
 from fault_injection.acknowledged import Tell
 from fault_injection.fault import Outcome, Plan
 from fault_injection.forking import forked
-from fault_injection.moving.judging import Story, judge
-from fault_injection.moving.keeper import Box
+from fault_injection.judging import keep
+from fault_injection.moving.keeper import Box, Story, judge
 from fault_injection.moving.moves import MOVES
 from fault_injection.moving.traps import ACTS, names_of, trap
 from fault_injection.oracle_client import Oracle
 from fault_injection.pool import side_by_side
 from fault_injection.sample import small_segments
-from fault_injection.subject import keep
 
 USUAL = 300
 COMMITS_A_SEGMENT = 4

@@ -50,8 +50,8 @@ class Child:
         """Start it."""
         self._heard = b""
         self._pipe, writer = os.pipe()
-        self._pid = os.fork()
-        if self._pid == 0:
+        self.pid = os.fork()
+        if self.pid == 0:
             os.close(self._pipe)
             _work(work, writer)
         os.close(writer)
@@ -67,13 +67,13 @@ class Child:
 
     def kill(self) -> None:
         """End it, if it has not ended."""
-        os.kill(self._pid, signal.SIGKILL)
+        os.kill(self.pid, signal.SIGKILL)
 
     def wait(self) -> Ended:
         """Return how it ended, once it has."""
         with os.fdopen(self._pipe, "rb") as pipe:
             lines = (self._heard + pipe.read()).decode().splitlines()
-        _, status = os.waitpid(self._pid, 0)
+        _, status = os.waitpid(self.pid, 0)
         errors = [line[1:].replace("\0", "\n") for line in lines if line.startswith("!")]
         told = tuple(line for line in lines if not line.startswith("!"))
         return Ended(told, os.waitstatus_to_exitcode(status), "".join(errors))

@@ -5,22 +5,18 @@ from __future__ import annotations
 from fault_injection.clocks import clocks
 from fault_injection.closed import closed
 from fault_injection.costs import costs
-from fault_injection.cuts import cuts
+from fault_injection.damaged_bytes import cuts, flips
 from fault_injection.fault import Kind
-from fault_injection.flips import flips
 from fault_injection.folders import folders
+from fault_injection.interleaving.schedules import threads
 from fault_injection.interrupts import interrupts
 from fault_injection.power_cuts import cuts_on_ext4, cuts_on_xfs
 from fault_injection.real_limits import real_limits
 from fault_injection.rivals import rivals
-from fault_injection.sectors import sectors
-from fault_injection.segments import segments
 from fault_injection.signals import signals
 from fault_injection.signed import signed
 from fault_injection.simulated_disk import simulated_disk
-from fault_injection.syscall_errors import syscall_errors
-from fault_injection.syscall_kills import syscall_kills
-from fault_injection.threads import threads
+from fault_injection.syscalls import syscall_errors, syscall_kills
 from fault_injection.trimmed import trimmed
 from fault_injection.unreadable import shrinking_files, unreadable_sectors
 
@@ -33,10 +29,8 @@ KINDS: dict[str, Kind] = {
     "power-xfs": cuts_on_xfs,
     "cuts": cuts,
     "flips": flips,
-    "sectors-damaged": sectors,
     "sectors-unreadable": unreadable_sectors,
     "sectors-shrinking": shrinking_files,
-    "segments": segments,
     "rivals": rivals,
     "clocks": clocks,
     "interrupts": interrupts,

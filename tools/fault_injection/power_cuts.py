@@ -10,21 +10,19 @@ import fcntl
 import os
 import shutil
 import struct
-import subprocess
 import time
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Generator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from random import Random
 
 from fault_injection.examiner import Examiner
-from fault_injection.fault import CannotTryError, Outcome, Plan
+from fault_injection.fault import Outcome, Plan, Tree, keep, read_tree, write_tree
 from fault_injection.forking import Child
+from fault_injection.loop_device import LoopDevice, mounted
 from fault_injection.player import Player, Tell, Told
 from fault_injection.story import Story, small_limits, story
-from fault_injection.trees import Tree, keep, read_tree, write_tree
 from semmap_log.core.io.disk import sync_folder
 
 USUAL_CUTS = {"ext4": 200, "xfs": 50}
@@ -49,38 +47,19 @@ def cuts_on_xfs(plan: Plan) -> Generator[Outcome, None, None]:
 def _cuts(plan: Plan, kind: str) -> Generator[Outcome, None, None]:
     told = story(plan.seed)
     bench = _Bench(plan, kind, told)
-    with small_limits(), _file_system(plan.folder, kind) as disk:
+    with small_limits(), mounted(plan.folder, MAKE[kind], IMAGE_MIB[kind]) as disk:
         bench.look_how_long(disk)
         for number in range(plan.most(USUAL_CUTS[kind])):
             yield bench.cut(disk, number)
 
 
-class _Disk:
-    """A file system on a loop device."""
-
-    def __init__(self, image: Path, folder: Path) -> None:
-        self._image = image
-        self.folder = folder
-        """Where it is mounted."""
-
-    def mount(self) -> None:
-        _do("mount", "-o", "loop", str(self._image), str(self.folder))
-
-    def unmount(self) -> None:
-        for _ in range(50):
-            if subprocess.run(["umount", self.folder], capture_output=True, check=False).returncode:
-                time.sleep(0.05)  # a process that was killed lets go of its files in a moment
-            else:
-                return
-        _do("umount", str(self.folder))
-
-    def cut_power(self) -> None:
-        """Lose all that was not synced, now."""
-        fd = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            fcntl.ioctl(fd, SHUTDOWN, WITHOUT_LOG_FLUSH)
-        finally:
-            os.close(fd)
+def _cut_power(folder: Path) -> None:
+    """Lose all that was not synced on a file system, now."""
+    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.ioctl(fd, SHUTDOWN, WITHOUT_LOG_FLUSH)
+    finally:
+        os.close(fd)
 
 
 class _Bench:
@@ -94,7 +73,7 @@ class _Bench:
         self._random = Random(plan.seed)
         self._whole_s = 0.0
 
-    def look_how_long(self, disk: _Disk) -> None:
+    def look_how_long(self, disk: LoopDevice) -> None:
         """Play once to the end, so that cuts come at any moment of it."""
         start = time.monotonic()
         for child in self._writers(disk):
@@ -103,14 +82,14 @@ class _Bench:
                 raise RuntimeError(f"the story cannot be told: {ended.error}")
         self._whole_s = time.monotonic() - start
 
-    def cut(self, disk: _Disk, number: int) -> Outcome:
+    def cut(self, disk: LoopDevice, number: int) -> Outcome:
         """Return what became of both logs when the power was cut once."""
         writers = self._writers(disk)
         time.sleep(self._random.uniform(0.05, 1) * self._whole_s)
         # The shutdown takes a moment, and in it a sync may still be answered with "done", though
         # its data are lost (so does a bare write + fdatasync): what was told before it must hold.
         before = [Told.of(child.heard()) for child in writers]
-        disk.cut_power()
+        _cut_power(disk.folder)
         for child in writers:
             child.kill()
         told = [
@@ -135,7 +114,7 @@ class _Bench:
             return outcome
         return replace(outcome, kept=keep(self._plan.keep, fault, left))
 
-    def _writers(self, disk: _Disk) -> list[Child]:
+    def _writers(self, disk: LoopDevice) -> list[Child]:
         """Start a writer of each level on an empty disk."""
         for level in LEVELS:
             folder = disk.folder / level
@@ -147,43 +126,3 @@ class _Bench:
 
     def _write(self, folder: Path, level: str, tell: Tell) -> None:
         Player(folder / "log", self._story, tell, level, BATCH_S).play()
-
-
-@contextmanager
-def _file_system(folder: Path, kind: str) -> Iterator[_Disk]:
-    """Hand out a new file system, mounted.
-
-    Raises:
-        CannotTryError: Only root can mount, or a program or a loop device is not there.
-    """
-    program, *options = MAKE[kind]
-    if os.geteuid() != 0:
-        raise CannotTryError("only root can mount a file system")
-    for needed in (program, "mount", "umount"):
-        if shutil.which(needed) is None:
-            raise CannotTryError(f"{needed} is not installed")
-    image = folder / f"{kind}.img"
-    with image.open("wb") as file:
-        file.truncate(IMAGE_MIB[kind] * 2**20)
-    disk = _Disk(image, folder / kind)
-    disk.folder.mkdir()
-    try:
-        _do(program, *options, str(image))
-        disk.mount()
-    except OSError as error:
-        raise CannotTryError(f"no {kind} on a loop device here: {error}") from error
-    try:
-        yield disk
-    finally:
-        disk.unmount()
-
-
-def _do(*command: str) -> None:
-    """Run a command.
-
-    Raises:
-        OSError: It failed; what it said.
-    """
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise OSError(f"{' '.join(command)}: {done.stderr.strip()}")

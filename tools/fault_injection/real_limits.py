@@ -19,12 +19,10 @@ from random import Random
 
 import semmap_log as sl
 from fault_injection.examiner import Examiner
-from fault_injection.fault import CannotTryError, Outcome, Plan
+from fault_injection.fault import CannotTryError, Outcome, Plan, Tree, keep, read_tree, write_tree
 from fault_injection.forking import Ended, forked
-from fault_injection.player import LEVELS, Player, Tell
+from fault_injection.player import LEVELS, Player, StubbornPlayer, Tell
 from fault_injection.story import small_limits, story
-from fault_injection.stubborn import StubbornPlayer
-from fault_injection.trees import Tree, keep, read_tree, write_tree
 from semmap_log.errors import LogAccessError
 
 EMPTY: Tree = {"out": {}}

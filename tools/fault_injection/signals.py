@@ -15,7 +15,9 @@ from pathlib import Path
 
 import semmap_log as sl
 from fault_injection.fault import Outcome, Plan
+from fault_injection.forking import Child
 from fault_injection.ledger import Ledger
+from fault_injection.player import Tell
 from semmap_log.errors import LogError, LogLockedError
 
 ROUNDS = 150
@@ -97,34 +99,26 @@ def _in_a_child(
 ) -> Ledger:
     """Fork a child that works, do something to it, and return what it told before it ended."""
     sl.create(path, tz="UTC", compact=False).close()
-    told, tell = os.pipe()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    child = os.fork()  # which nothing may interrupt before it is in its own code
-    if child == 0:
-        try:
-            signal.signal(signal.SIGALRM, signal.SIG_DFL)
-            signal.alarm(CHILD_S)
-            signal.signal(signal.SIGINT, _interrupt)
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-            work(Ledger(tell=partial(_say, tell)), path)
-        finally:
-            os._exit(0)
+
+    def in_child(tell: Tell) -> None:
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.alarm(CHILD_S)
+        signal.signal(signal.SIGINT, _interrupt)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        work(Ledger(tell=lambda *told: tell(" ".join(map(str, told)))), path)
+
+    child = Child(in_child)  # which nothing may interrupt before it is in its own code
     signal.pthread_sigmask(signal.SIG_SETMASK, before)
-    os.close(tell)
     ledger = Ledger()
     try:
-        meanwhile(child)
-        with os.fdopen(told) as lines:
-            for line in lines:
-                word, event, door = line.split()
-                ledger.note(word, int(event), int(door))
+        meanwhile(child.pid)
     finally:
-        os.waitpid(child, 0)
+        lines = child.wait().lines
+    for line in lines:
+        word, event, door = line.split()
+        ledger.note(word, int(event), int(door))
     return ledger
-
-
-def _say(pipe: int, word: str, event: int, door: int) -> None:
-    os.write(pipe, f"{word} {event} {door}\n".encode())
 
 
 _interrupts: list[int] = []

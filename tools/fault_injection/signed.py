@@ -10,10 +10,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fault_injection.fault import Outcome, Plan
+from fault_injection.judging import keep
 from fault_injection.pool import side_by_side
 from fault_injection.signed_logs.attacks import ATTACKS, Attack, Scene
 from fault_injection.signed_logs.sample import SignedSample, make_signed
-from fault_injection.subject import keep
 from semmap_log.errors import SigningError
 from semmap_log.log.replay.care import verify
 from semmap_log.log.signing.log_signing import sign

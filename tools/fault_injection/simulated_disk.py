@@ -10,19 +10,17 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Generator, Iterator
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
-from random import Random
 
 from fault_injection import shim
 from fault_injection.disk_model import Disk
-from fault_injection.examiner import Examiner
-from fault_injection.fault import Outcome, Plan
-from fault_injection.player import LEVELS, Player, Told
+from fault_injection.fault import Outcome, Plan, Tree, read_tree, write_tree
+from fault_injection.player import LEVELS, Told
 from fault_injection.pool import under_shim
 from fault_injection.shim import Call, Entry
-from fault_injection.story import small_limits, story
-from fault_injection.trees import Tree, keep, read_tree, write_tree
+from fault_injection.story import small_limits
+from fault_injection.story_bench import EMPTY, StoryBench
 
 USUAL_STATES = 10_400
 STATES_PER_STORY = 1_300
@@ -83,17 +81,12 @@ class _State:
         return hashlib.sha256(repr((promised, self.tree)).encode()).digest()
 
 
-class _Bench:
+class _Bench(StoryBench):
     """One story, and the crash states of its run."""
 
     def __init__(self, plan: Plan, seed: int, level: str) -> None:
-        self._plan = plan
-        self._story = story(seed, tail=6)
+        super().__init__(plan, plan.folder / f"disk_{seed}", seed, tail=6)
         self._level = level
-        self._name = f"story {seed} ({level})"
-        self._examiner = Examiner(self._story)
-        self._root = plan.folder / f"disk_{seed}"
-        self._random = Random(seed)
         self._seen: set[bytes] = set()
 
     def states(self, wanted: int) -> Iterator[Outcome]:
@@ -111,29 +104,26 @@ class _Bench:
 
     def _played(self) -> _Run:
         """Play the story, and return its calls."""
-        before: Tree = {"out": {}}
-        write_tree(self._root, before)
-        with shim.recorded(self._root) as entries:
-            Player(self._root / "log", self._story, shim.note, self._level).play()
-        disk = Disk(str(self._root), before)
+        entries = self.recorded(self._level)
+        disk = Disk(str(self.root), EMPTY)
         for entry in entries:
             disk.take(entry)
-        if disk.now() != read_tree(self._root):
+        if disk.now() != read_tree(self.root):
             raise RuntimeError("the recorded calls do not make the folder that is there")
-        return _Run(self._name, entries, Disk(str(self._root), before), Told())
+        return _Run(f"{self.name} ({self._level})", entries, Disk(str(self.root), EMPTY), Told())
 
     def _drawn(self, run: _Run, wanted: int, *, followed: float) -> Iterator[_State]:
         """Yield new states, drawn from all over a run; that share of them is to be followed."""
         places = [i for i, e in enumerate(run.entries) if e.call not in _WITHOUT_EFFECT]
         disk, lines, at = deepcopy(run.disk), run.told.lines(), 0
-        for place in sorted(self._random.choices(places, k=wanted)) if places else ():
+        for place in sorted(self.random.choices(places, k=wanted)) if places else ():
             for entry in run.entries[at : place + 1]:
                 disk.take(entry)
                 if entry.call == Call.NOTE:
                     lines.append(entry.data.decode())
             at = place + 1
             name = f"{run.name}, after call {place} ({run.entries[place].describe()})"
-            is_followed = self._random.random() < followed
+            is_followed = self.random.random() < followed
             state = self._left(name, disk, Told.of(lines), is_followed=is_followed)
             digest = state.digest()
             if digest not in self._seen:
@@ -142,31 +132,25 @@ class _Bench:
 
     def _left(self, name: str, disk: Disk, told: Told, *, is_followed: bool) -> _State:
         """Return what is left when the power goes now, or, now and then, when the process ends."""
-        if is_followed and self._random.random() < KILLED_SHARE:
+        if is_followed and self.random.random() < KILLED_SHARE:
             must = told.durable if self._level == "none" else max(told.accepted, told.durable)
             killed = deepcopy(disk)
             killed.end_process()
             return _State(f"{name}, killed", disk.now(), killed, told, must, is_followed)
-        tree = disk.crashed(self._random)
-        return _State(name, tree, Disk(str(self._root), tree), told, told.durable, is_followed)
+        tree = disk.crashed(self.random)
+        return _State(name, tree, Disk(str(self.root), tree), told, told.durable, is_followed)
 
     def _tried(self, state: _State) -> Iterator[Outcome]:
         """Yield the outcome of a state, and those of power cuts while it is put in order."""
-        write_tree(self._root, state.tree)
-        with shim.recorded(self._root) as entries:
+        write_tree(self.root, state.tree)
+        with shim.recorded(self.root) as entries:
             outcome = self._examined(state)
         yield outcome
         if state.is_followed and outcome.is_good:
             run = _Run(f"{state.name}, then in its recovery", entries, state.disk, state.told)
             for again in self._drawn(run, RECOVERY_STATES, followed=0):
-                write_tree(self._root, again.tree)
+                write_tree(self.root, again.tree)
                 yield self._examined(again)
 
     def _examined(self, state: _State) -> Outcome:
-        log = self._root / "log"
-        outcome = self._examiner.examine(
-            state.name, log, state.told, must=state.must, tell=shim.note
-        )
-        if outcome.is_good:
-            return outcome
-        return replace(outcome, kept=keep(self._plan.keep, state.name, state.tree))
+        return self.examined(state.name, state.tree, state.told, state.must, shim.note)

@@ -12,9 +12,8 @@ import struct
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
-from unittest.mock import patch
 
 import numpy as np
 
@@ -195,37 +194,23 @@ def digest_of(events: tuple[Event, ...]) -> bytes:
     return whole.digest()
 
 
-@dataclass(slots=True)
-class SteadyClock:
-    """A clock that ticks a millisecond at each look."""
-
-    now_ns: int = START_NS
-    ticks_ns: int = 0
-    boot_id: bytes = field(default=bytes(range(16)))
-
-    def wall_ns(self) -> int:
-        self.now_ns += 10**6
-        return self.now_ns
-
-    def monotonic_ns(self) -> int:
-        self.ticks_ns += 10**6
-        return self.ticks_ns
-
-
 @contextmanager
 def small_limits() -> Iterator[None]:
     """Make logs roll and split after a few commits, wherever these limits have been imported."""
-    rooms = [module for name, module in sys.modules.items() if name.startswith("semmap_log.")]
-    patches = [
-        patch.object(module, name, value)
-        for module in rooms
-        for name, value in SMALL_LIMITS.items()
-        if hasattr(module, name)
-    ]
-    for each in patches:
-        each.start()
+    with constants(within="semmap_log.", **SMALL_LIMITS):
+        yield
+
+
+@contextmanager
+def constants(*, within: str = "semmap_log.store.", **values: int) -> Iterator[None]:
+    """Give constants of the log's form other values, wherever modules within have imported them."""
+    modules = [m for name, m in list(sys.modules.items()) if name.startswith(within)]
+    old = [(m, name, getattr(m, name)) for m in modules for name in values if hasattr(m, name)]
+    assert {name for _, name, _ in old} == set(values), "a constant has another name"
     try:
+        for module, name, _ in old:
+            setattr(module, name, values[name])
         yield
     finally:
-        for each in patches:
-            each.stop()
+        for module, name, value in old:
+            setattr(module, name, value)

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fault_injection.fault import Outcome, Plan
+from fault_injection.judging import keep
 from fault_injection.pool import side_by_side
 from fault_injection.story import small_limits
-from fault_injection.subject import keep
 from fault_injection.trimming import caring, derived, sending
 from fault_injection.trimming.examining import examine
 from fault_injection.trimming.life import Clock, Life, WrongError

@@ -5,26 +5,27 @@ from __future__ import annotations
 import fcntl
 import os
 import random
-import shutil
 import struct
-import subprocess
 import threading
 import time
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from fault_injection.chained import Chain, make_chains
 from fault_injection.examined import Examined, Findings
-from fault_injection.fault import CannotTryError, Outcome, Plan
+from fault_injection.fault import Outcome, Plan
+from fault_injection.judging import keep
+from fault_injection.loop_device import LoopDevice, mounted
 from fault_injection.oracle_client import Oracle
 from fault_injection.pool import side_by_side
-from fault_injection.subject import keep
+from fault_injection.sample import Chain, make_chains
 
 USUAL = 60
-IMAGE_BYTES = 16 * 2**20
+IMAGE_MIB = 16
 BLOCK = 4096
+MAKE = ("mkfs.ext4", "-q", "-F", "-b", str(BLOCK), "-O", "^has_journal", "-m", "0", "-e",
+        "continue")  # fmt: skip
 _FIBMAP = 1
 PAGE = os.sysconf("SC_PAGE_SIZE")
 
@@ -101,7 +102,8 @@ def _outcome(plan: Plan, what: str, log: Examined, findings: Findings) -> Outcom
 def _share_of_disk(plan: Plan, share: int, shares: int) -> Iterator[Outcome]:
     folder = plan.folder / f"disk-{share}"
     folder.mkdir()
-    with Oracle() as oracle, _disk(folder) as disk:
+    with Oracle() as oracle, mounted(folder, MAKE, IMAGE_MIB) as device:
+        disk = _Disk(device)
         chains = make_chains(folder / "chains")
         logs: dict[str, Examined] = {}
         for turn in plan.turns(USUAL, share, shares):
@@ -124,28 +126,10 @@ def _share_of_disk(plan: Plan, share: int, shares: int) -> Iterator[Outcome]:
 class _Disk:
     """A small ext4 whose image can be cut: what lay behind the cut can then not be read."""
 
-    def __init__(self, folder: Path) -> None:
-        self._image = folder / "image"
-        self.folder = folder / "mounted"
-        self.folder.mkdir()
-
-    def make_anew(self) -> None:
-        """Mount a new, empty file system."""
-        self.unmount()
-        with self._image.open("wb") as image:
-            image.truncate(IMAGE_BYTES)
-        options = ["-q", "-F", "-b", str(BLOCK), "-O", "^has_journal", "-m", "0"]
-        _run("mkfs.ext4", *options, str(self._image))
-        _run("mount", "-o", "loop,errors=continue", str(self._image), str(self.folder))
-
-    def unmount(self) -> None:
-        """Let it go, if it is there."""
-        for _ in range(100):
-            if not self.folder.is_mount():
-                return
-            done = subprocess.run(["umount", self.folder], capture_output=True, check=False)
-            if done.returncode:
-                time.sleep(0.05)  # a process that was killed lets go of its files in a moment
+    def __init__(self, device: LoopDevice) -> None:
+        self._device = device
+        self.folder = device.folder
+        self.make_anew = device.make_anew
 
     def settle(self, log: Path) -> None:
         """Have all bytes on the disk, and none in memory."""
@@ -160,7 +144,7 @@ class _Disk:
         at = _place_on_disk(log / name, block)
         if not at:
             raise RuntimeError(f"block {block} of {name} lies nowhere")
-        os.truncate(self._image, at * BLOCK)
+        os.truncate(self._device.image, at * BLOCK)
         self.settle(log)
 
 
@@ -171,27 +155,3 @@ def _place_on_disk(path: Path, block: int) -> int:
     finally:
         os.close(fd)
     return int(struct.unpack("I", answer)[0])
-
-
-@contextmanager
-def _disk(folder: Path) -> Iterator[_Disk]:
-    """Hand out a file system whose blocks can fail.
-
-    Raises:
-        CannotTryError: This machine has no loop devices, or we may not mount.
-    """
-    if os.geteuid() != 0 or shutil.which("mkfs.ext4") is None:
-        raise CannotTryError("unreadable sectors want root, mkfs.ext4 and a loop device")
-    disk = _Disk(folder)
-    try:
-        try:
-            disk.make_anew()
-        except (OSError, subprocess.CalledProcessError) as error:
-            raise CannotTryError(f"no file system on a loop device: {error}") from error
-        yield disk
-    finally:
-        disk.unmount()
-
-
-def _run(*command: str) -> None:
-    subprocess.run(command, check=True, capture_output=True)

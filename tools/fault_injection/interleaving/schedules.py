@@ -8,6 +8,7 @@ import json
 import os
 import random
 import shutil
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,18 +16,28 @@ from steady_clock import SteadyClock
 
 import semmap_log as sl
 from fault_injection.acknowledged import Said, Tell, lost_and_invented
-from fault_injection.asking import what_verify_says
 from fault_injection.fault import Outcome, Plan
 from fault_injection.forking import forked
 from fault_injection.interleaving import primitives
-from fault_injection.interleaving.choosers import LINE, Parking, Priorities, RandomWalk
-from fault_injection.interleaving.control import controlled
+from fault_injection.interleaving.primitives import controlled
 from fault_injection.interleaving.programs import PROGRAMS, Run, play
-from fault_injection.interleaving.scheduler import Chooser, Scheduler, StuckError
+from fault_injection.interleaving.scheduler import (
+    LINE,
+    Chooser,
+    Parking,
+    Priorities,
+    RandomWalk,
+    Scheduler,
+    StuckError,
+)
+from fault_injection.judging import keep
 from fault_injection.oracle_client import Oracle
-from fault_injection.sample import constants, held_back_at_most
-from fault_injection.subject import keep
+from fault_injection.pool import side_by_side
+from fault_injection.story import constants
+from semmap_log.log.replay.care import verify
+from semmap_log.store.verification.findings import EXIT_GOOD, EXIT_TORN
 
+USUAL = 400
 LONGEST_S = 60
 MOST_SNAPSHOTS = 3
 STEPS, STEPS_BY_LINE = 120, 1500
@@ -37,6 +48,18 @@ LINES = {LINE: 1500}
 """Where a thread may be left standing, and about how often it comes by there."""
 HELD_BACK = (2**16, 1000, 600)
 """Bytes that may wait in memory: many commits, two, or one."""
+
+
+def threads(plan: Plan) -> Generator[Outcome, None, None]:
+    """Let threads share a log in drawn orders, at every level of durability, on all cores."""
+    yield from side_by_side(_share, plan)
+
+
+def _share(plan: Plan, share: int, shares: int) -> Iterator[Outcome]:
+    with Oracle() as oracle:
+        for turn in plan.turns(USUAL, share, shares):
+            dice = random.Random(f"{plan.seed} {turn}")
+            yield try_schedule(plan, drawn_schedule(turn, dice), oracle)
 
 
 @dataclass(frozen=True)
@@ -91,7 +114,7 @@ def _outcome(plan: Plan, schedule: Schedule, folder: Path, said: Said, oracle: O
             problems.append(f"after a power cut ({snapshot.name}): {problem}")
             lost, invented = max(lost, gone), max(invented, more)
     if not problems and not lost:
-        problems += what_verify_says(log, is_closed=said.closed)
+        problems += _findings(log, is_closed=said.closed)
     what = str(schedule)
     kept = keep(folder, plan.keep, what) if problems or lost or invented else None
     return Outcome(what, len(promised), lost, invented, "\n".join(problems), kept)
@@ -113,8 +136,12 @@ def _run(schedule: Schedule, folder: Path, tell: Tell) -> None:
     chunk_bytes = dice.choice((400, 2**20))
     keyframes = {"KEYFRAME_EVERY_BYTES": 2 * chunk_bytes, "KEYFRAME_RARITY": 0}
     with (
-        constants(ROLL_COMMITS=program.roll, CHUNK_BYTES=chunk_bytes, **keyframes),
-        held_back_at_most(dice.choice(HELD_BACK)),
+        constants(
+            ROLL_COMMITS=program.roll,
+            CHUNK_BYTES=chunk_bytes,
+            MOST_HELD_BACK_BYTES=dice.choice(HELD_BACK),
+            **keyframes,
+        ),
         controlled(scheduler, by_line=by_line, synced=note_sync) as trace,
     ):
 
@@ -171,3 +198,14 @@ def _chooser(dice: random.Random, *, by_line: bool) -> Chooser:
     if way < 0.4:
         return Priorities(dice, steps=STEPS_BY_LINE if by_line else STEPS)
     return Parking(dice, {**POINTS, **LINES} if by_line else POINTS)
+
+
+def _findings(log: Path, *, is_closed: bool) -> list[str]:
+    """Return what `verify` has against a log; a torn tail only counts if it was closed."""
+    try:
+        found = verify(log)
+    except Exception as error:  # noqa: BLE001 - whatever it is, it is the finding
+        return [f"verify: {error!r}"]
+    if found.exit_code == EXIT_GOOD or (found.exit_code == EXIT_TORN and not is_closed):
+        return []
+    return [f"verify: {[finding.text for finding in found.findings]}"]

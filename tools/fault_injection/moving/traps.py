@@ -19,7 +19,7 @@ from typing import Any
 import semmap_log as sl
 from fault_injection.forking import forked
 from fault_injection.moving.keeper import Box
-from fault_injection.verbs import ask_verb
+from fault_injection.questions import ask_verb
 from semmap_log.errors import SemmapError
 
 PID = "{pid}"

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import semmap_log as sl
+from fault_injection.questions import ask_verb
 from fault_injection.trimming.examining import Moment, drawn_moment, shown, wrong_values
 from fault_injection.trimming.life import Life, WrongError
 from fault_injection.trimming.whole_log import WholeLog
-from fault_injection.verbs import ask_verb
 from semmap_log.errors import HorizonError, SemmapError
 from semmap_log.store.reading.reader import LogReader
 

@@ -12,9 +12,9 @@ from typing import Any
 from unittest.mock import patch
 
 import semmap_log as sl
+from fault_injection.questions import Answer, ask_verb
 from fault_injection.trimming.commands import Command, row_of
 from fault_injection.trimming.whole_log import OF_TRIMMING, Commit, Row, WholeLog
-from fault_injection.verbs import Answer, ask_verb
 from semmap_log.store.reading.reader import LogReader
 
 START_NS = 1_772_400_000 * 10**9

@@ -15,10 +15,10 @@ from unittest.mock import patch
 import numpy as np
 
 import semmap_log as sl
+from fault_injection.questions import ask_verb
 from fault_injection.trimming.commands import ACTORS, WAYS, Command, Drawn
 from fault_injection.trimming.life import Life, Sent, WrongError
 from fault_injection.trimming.whole_log import Row
-from fault_injection.verbs import ask_verb
 from semmap_log.core.model.events import DoorObserved, Retracted
 from semmap_log.errors import CommandReusedError, SemmapError
 

@@ -1,13 +1,9 @@
-"""Intervals hold the truth nine times of ten, however long a door stays as it is."""
+"""How many independent days a door's evidence is worth, and so how wide its intervals are."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
-from door_sim.kinds import without_hours
-from eval_sim_doors import intervals, told
 
 from semmap_log.analysis.probabilities.evidence.day_tables import day_tables
 from semmap_log.analysis.probabilities.methods.averaging import weights
@@ -18,27 +14,7 @@ from semmap_log.analysis.probabilities.methods.sensor_noise import noise_of
 from semmap_log.core.model.local_clock import LocalClock
 from tests.analysis.probabilities.known import HOUR_NS, evidence, hours_ns
 
-DOORS = range(16)
 UTC = LocalClock("UTC")
-
-
-def forgets_in(hours: float) -> Callable[[np.random.Generator], object]:
-    return lambda rng: without_hours(rng, hours)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("forgets_h", [4.0, 48.0])
-@pytest.mark.parametrize("patrolled", [False, True])
-def test_intervals_of_slow_doors_hold(forgets_h: float, *, patrolled: bool) -> None:
-    """
-    Twelve weeks; a door that stays as it is for hours, or for two days.
-    """
-    doors = (told(forgets_in(forgets_h), 12, seed, patrolled=patrolled) for seed in DOORS)
-
-    found = intervals(doors)
-
-    assert found["count"] >= 0.8
-    assert found["schedule"] >= 0.8
 
 
 def test_the_longer_states_last_the_less_a_day_proves() -> None:
