@@ -14,6 +14,8 @@ from shutil import which
 import pytest
 from steady_clock import SteadyClock
 
+from tests import quick
+
 MEMORY = Path("/dev/shm")
 ROOM_BYTES = 2**30
 """Enough for two test runs at a time."""
@@ -26,6 +28,13 @@ if MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM_BYTES:
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # As in a shell's background job, which would hand it on to all that the tests interrupt.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_addoption(pluginmanager: pytest.PytestPluginManager) -> None:
+    """Load what chooses the tests, once: experiments have a conftest of their own."""
+    if not pluginmanager.has_plugin("quick"):
+        pluginmanager.register(quick, "quick")
+
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 

@@ -1,5 +1,5 @@
-"""The fixtures of the main tests that experiments use."""
+"""The options of the main tests, and the fixtures that experiments use."""
 
 from __future__ import annotations
 
-from tests.conftest import shared_data  # noqa: F401 - a fixture
+from tests.conftest import pytest_addoption, shared_data  # noqa: F401 - a hook, a fixture
