@@ -127,6 +127,7 @@ def _enter_copy(folder: Path) -> None:
 def _fate(mutant: Mutant) -> Fate:
     start, function = time.monotonic(), mutant.function
     path = function.path.relative_to(ROOT)
+    original = path.read_bytes()
     path.write_text(function.before + mutant.text() + function.after, encoding="utf-8")
     killer, environment = "", {}
     try:
@@ -134,7 +135,7 @@ def _fate(mutant: Mutant) -> Fate:
             if killer := _failed(tests, environment):
                 break
     finally:
-        shutil.copy2(ROOT / path, path)
+        path.write_bytes(original)
     if killer.startswith("tests") and _failed([killer], environment):
         raise BrokenTestError(killer)
     name = ".".join((*path.with_suffix("").parts, function.name))
