@@ -6,7 +6,7 @@
 
 cosmic-ray makes the mutants: another operator, number or condition, a loop left out; and here, a
 call left out. Each runs in a copy of the tree, against the quick tests nearest to its module
-(`tools/tests_of.py`), with and without compiled loops, then against those of its room, until one
+(`tools/tests_of.py`), with and without compiled loops, to its callers and of its room, until one
 fails. Mutants that may live are in `tests/surviving_mutants.yaml`, each with the reason. The code
 of a function identifies it there, so entries survive moved files and new docstrings. The exit code
 is 1 if another mutant survives.
@@ -19,6 +19,7 @@ import contextlib
 import json
 import multiprocessing
 import os
+import re
 import resource
 import shutil
 import signal
@@ -32,7 +33,7 @@ from typing import Any
 
 import yaml
 from mutants import Function, Mutant, chosen, functions_of
-from tests_of import PACKAGE, ROOT, TESTS, tests_of
+from tests_of import PACKAGE, ROOT, TESTS, modules_of, tests_of
 
 SURVIVORS = TESTS / "surviving_mutants.yaml"
 ROOMS = (
@@ -40,7 +41,7 @@ ROOMS = (
 )  # fmt: skip
 COPIED = ("semmap_log", "tests", "tools", "pyproject.toml")
 LINKED = ("recordings", "docs", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", ".ci")
-NEAREST_FILES = 8
+NEAREST_FILES, MOST_CALLERS = 8, 4
 TEST_TIMEOUT_S, STAGE_TIMEOUT_S = 120, 900
 MEMORY_BYTES = 12 * 2**30
 
@@ -131,7 +132,7 @@ def _fate(mutant: Mutant) -> Fate:
     path.write_text(function.before + mutant.text() + function.after, encoding="utf-8")
     killer, environment = "", {}
     try:
-        for tests, environment in _stages(path):
+        for tests, environment in _stages(function):
             if killer := _failed(tests, environment):
                 break
     finally:
@@ -142,23 +143,38 @@ def _fate(mutant: Mutant) -> Fate:
     return Fate(mutant.key, name, mutant.change(), killer, round(time.monotonic() - start, 1))
 
 
-def _stages(path: Path) -> Iterator[tuple[list[str], dict[str, str]]]:
-    """Yield which tests run, and in which environment."""
+def _stages(function: Function) -> Iterator[tuple[list[str], dict[str, str]]]:
+    """Yield which tests run, and in which environment: of its module, its callers, its room."""
+    path = function.path.relative_to(ROOT)
     folder = Path("tests").joinpath(*path.parts[1:-1])
-    tests = [each.relative_to(ROOT) for each in tests_of(ROOT / path)]
+    tests = [each.relative_to(ROOT) for each in tests_of(function.path)]
     tests.sort(key=lambda test: (test.stem != f"test_{path.stem}", test.parent != folder))
     nearest = [str(test) for test in tests[:NEAREST_FILES]]
     yield nearest, {}
     if "semmap_log.loops" in path.read_text(encoding="utf-8"):
         yield nearest, {"SEMMAP_LOG_PLAIN": "1"}
+    done = {*nearest}
+    if of_callers := [test for test in _tests_of_callers(function) if test not in done]:
+        yield of_callers, {}
+        done.update(of_callers)
     room = next(each for each in (folder, *folder.parents) if each.is_dir())
     if room.name == "tests":  # what a program uses is tested there, and much else below
         users = [
-            each for each in sorted(room.glob("test_*.py")) if "semmap_log as" in each.read_text()
+            str(each) for each in room.glob("test_*.py") if "semmap_log as" in each.read_text()
         ]
-        yield [str(each) for each in users if str(each) not in nearest], {}
+        yield sorted({*users} - done), {}
     else:
-        yield [str(room), *(f"--ignore={test}" for test in nearest)], {}
+        yield [str(room), *(f"--ignore={test}" for test in sorted(done))], {}
+
+
+def _tests_of_callers(function: Function) -> list[str]:
+    """Return the nearest tests of the few modules that also contain a function's name."""
+    *classes, name = function.name.split(".")
+    word = re.compile(rf"\b{classes[-1] if classes and name.startswith('_') else name}\b")
+    callers = [path for path in modules_of(PACKAGE) if word.search(path.read_text("utf-8"))]
+    callers = [path for path in callers if path != function.path]
+    nearest = [test for path in callers[:MOST_CALLERS] for test in tests_of(path)[:2]]
+    return list(dict.fromkeys(str(test.relative_to(ROOT)) for test in nearest))
 
 
 def _failed(arguments: list[str], environment: dict[str, str]) -> str:
