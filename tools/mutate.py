@@ -173,7 +173,9 @@ def _tests_of_callers(function: Function) -> list[str]:
     word = re.compile(rf"\b{classes[-1] if classes and name.startswith('_') else name}\b")
     callers = [path for path in modules_of(PACKAGE) if word.search(path.read_text("utf-8"))]
     callers = [path for path in callers if path != function.path]
-    nearest = [test for path in callers[:MOST_CALLERS] for test in tests_of(path)[:2]]
+    if len(callers) > MOST_CALLERS:  # a common word
+        return []
+    nearest = [test for path in callers for test in tests_of(path)[:2]]
     return list(dict.fromkeys(str(test.relative_to(ROOT)) for test in nearest))
 
 
