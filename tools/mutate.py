@@ -151,7 +151,7 @@ def _stages(function: Function) -> Iterator[tuple[list[str], dict[str, str]]]:
     tests.sort(key=lambda test: (test.stem != f"test_{path.stem}", test.parent != folder))
     nearest = [str(test) for test in tests[:NEAREST_FILES]]
     yield nearest, {}
-    if "semmap_log.loops" in path.read_text(encoding="utf-8"):
+    if re.search(r"semmap_log\.\S*loops", path.read_text(encoding="utf-8")):
         yield nearest, {"SEMMAP_LOG_PLAIN": "1"}
     done = {*nearest}
     if of_callers := [test for test in _tests_of_callers(function) if test not in done]:
@@ -223,8 +223,12 @@ def _run_tests(arguments: list[str], output: int, environment: dict[str, str]) -
 
 
 def _functions(paths: Sequence[str]) -> list[Function]:
-    roots = [Path(path).resolve() for path in paths] or [PACKAGE / room for room in ROOMS]
-    files = [path for root in roots for path in ([root] if root.is_file() else root.rglob("*.py"))]
+    """Return the functions of folders and files; of the rooms, wherever they are."""
+    roots = [Path(path).resolve() for path in paths]
+    for room in () if paths else ROOMS:
+        found = [folder for folder in PACKAGE.rglob(room) if folder.is_dir()]
+        roots += found or sys.exit(f"{PACKAGE}: expected a folder {room}, found none; see ROOMS")
+    files = {path for root in roots for path in ([root] if root.is_file() else root.rglob("*.py"))}
     return [each for path in sorted(files) for each in functions_of(path)]
 
 
