@@ -12,6 +12,9 @@ from semmap_log.errors import NewerLogError
 from semmap_log.log.replay.care import plan_recovery, recover, verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.form import FORMAT_MINOR
+from semmap_log.store.newer import NOTHING_NEWER
+from semmap_log.store.reading.segment_reading import statistics_of
+from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.records import MESSAGE
 from tests.log.signing.signed_logs import a_key, is_good, sign
 from tests.newer.logs import UNKNOWN, NewerLogs
@@ -145,6 +148,7 @@ def test_the_next_segment_has_what_the_last_one_had(newer: NewerLogs, tmp_path: 
     assert first == path
     assert others
     assert all(head in one.read_bytes() for one in others)
+    assert statistics_of(open_segment(first)).newer != NOTHING_NEWER
     assert newer.ask("weighed", log)["findings"] == []
 
 

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.live.oprs.conftest import StartServer, StartStub
-from tests.live.oprs.line_server import HANG, Answer, LineServer
-from tests.live.ros.running import DEADLINE_S, wait_until
+from tests.live.ros.oprs.conftest import StartServer, StartStub
+from tests.live.ros.oprs.line_server import HANG, Answer, LineServer
+from tests.live.ros.ros.running import DEADLINE_S, wait_until
 
 LONG_MS = 60_000
 """A time-out that no test reaches."""
@@ -229,6 +229,30 @@ def test_no_sigpipe(start_stub: StartStub, tmp_path: Path) -> None:
                 connection.recv(1)
                 connection.close()
             assert "NIL" == stub.result()
+
+
+def test_a_server_that_reads_no_more_ends_no_kernel(start_stub: StartStub, tmp_path: Path) -> None:
+    """
+    Where the first byte of a question cannot be written, it is sent over a new connection.
+    """
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(tmp_path / "doors"))
+        listener.listen(16)
+        listener.settimeout(DEADLINE_S)
+        stub = start_stub(f"unix:{tmp_path}/doors", timeout_ms=LONG_MS)
+        results, connections = [], []
+        for _ in range(2):
+            stub.send("WHY x61")
+            connections.append(listener.accept()[0])
+            with connections[-1].makefile("rb") as lines:
+                assert b"why" in next(lines).lower()
+            connections[-1].sendall(b"T\n")
+            results.append(stub.result())
+            connections[-1].shutdown(socket.SHUT_RD)
+
+        assert results[0] == results[1] != "NIL"
+        for connection in connections:
+            connection.close()
 
 
 def test_ten_thousand_questions_and_many_connections_leave_no_file_open(

@@ -114,6 +114,25 @@ def test_all_can_be_revoked(log: Path, key: SigningKey, owner: SigningKey) -> No
     assert (4, ["revoked"] * 3 + ["unsigned"], 0) == checked(log, owner, key)
 
 
+def test_the_number_counts_whatever_statement_is_named_last(
+    log: Path, key: SigningKey, owner: SigningKey
+) -> None:
+    """
+    A revocation from 1 on that names statement 2 as the last to count revokes 1 and 2.
+    """
+    sign(log, key)
+    revoke(log, owner, public(key), first=2)
+    (file,) = (log / "signatures").glob("*.revoke")
+    (newest,) = (one for one in signed_in(log) if one.statement == last_signed(log, 2))
+    said = Revocation(newest.statement.log_id, public(key).words, 1, newest.digest)
+    file.unlink()
+    write_signed(log, file.name, said.text, owner, REVOKING)
+
+    assert (4, ["revoked"] * 2 + ["unsigned"], last_signed(log, 0).next_event) == checked(
+        log, owner, key
+    )
+
+
 def test_a_number_from_before_reaches_no_further(
     log: Path, key: SigningKey, owner: SigningKey
 ) -> None:

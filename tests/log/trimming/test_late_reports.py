@@ -126,6 +126,23 @@ def test_a_late_report_is_refused_by_every_way_in(tmp_path: Path, events: Any) -
     assert sl.read(trimmed).last_event() == last + 1
 
 
+@pytest.mark.usefixtures("short_segments")
+def test_a_late_report_after_the_horizon_is_refused(tmp_path: Path) -> None:
+    """
+    In the hour of the horizon, too, from which nothing before it can be read.
+    """
+    log = watched(tmp_path / "log", [(at, "open") for at in range(2, 60, 2)])
+    trim_log(log, Retention(LogReader(log), minute(20)))
+    assert minute(0) < LogReader(log).horizon_ns < minute(30)
+    kept = thinned(log)
+
+    with (
+        sl.append(kept, compact=False) as opened,
+        pytest.raises(CommandError, match=r"thinned .* would not be known"),
+    ):
+        opened.observe(1, "closed", at=f"@{minute(41)}")
+
+
 def test_lines_of_late_reports_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -118,6 +118,33 @@ def test_a_foreign_segment_is_named(log: Path, tmp_path: Path) -> None:
 
     with pytest.raises(CorruptLogError, match=r"log_000002.mcap: .*: a segment of another log"):
         LogReader(log)
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda reader: list(reader.pages()),
+        lambda reader: list(reader.batches()),
+        lambda reader: reader.event_known_at(2**62),
+        lambda reader: reader.find_commit(0),
+    ],
+)
+def test_a_segment_of_a_copy_that_went_another_way_is_named(
+    ask: Callable[[LogReader], object], log: Path, tmp_path: Path
+) -> None:
+    """
+    Its log id, number and first event are right, and the events before it are others.
+    """
+    copy = tmp_path / "elsewhere" / "log"
+    shutil.copytree(log, copy)
+    for path in (log, copy):
+        with sl.append(path) as writing:
+            for number in range(6):
+                writing.add_door(name=f"{number} in {path.parent.name}")
+    shutil.copy(_segment(copy, 7), _segment(log, 7))
+
+    with pytest.raises(CorruptLogError, match=r"log_000007.mcap"):
+        ask(LogReader(log))
 
 
 @pytest.mark.parametrize("at", [0, 5, 9, 22])

@@ -1,1 +1,0 @@
-"""The guards that `tools/mutations.py` takes out, and how."""
