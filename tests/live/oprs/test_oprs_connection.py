@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.live.ros.oprs.conftest import StartServer, StartStub
-from tests.live.ros.oprs.line_server import HANG, Answer, LineServer
-from tests.live.ros.ros.running import DEADLINE_S, wait_until
+from tests.live.oprs.conftest import StartServer, StartStub
+from tests.live.oprs.line_server import HANG, Answer, LineServer
+from tests.live.ros.running import DEADLINE_S, wait_until
 
 LONG_MS = 60_000
 """A time-out that no test reaches."""
