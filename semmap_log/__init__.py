@@ -93,9 +93,9 @@ def _joined(path: Path) -> MadeLog:
 register_maker(".join.json", _joined)
 register_answers(
     {
-        "html": "semmap_log.views.notebook:html_of",
-        "plot of a log": "semmap_log.views.notebook:plot_log",
-        "plot of a timeline": "semmap_log.views.notebook:plot_timeline",
+        "html": "semmap_log.views.belief_table:html_of",
+        "plot of a log": "semmap_log.views.belief_table:plot_log",
+        "plot of a timeline": "semmap_log.views.belief_table:plot_timeline",
         "sql": "semmap_log.analysis.sql.sql_query:sql_of_log",
         "why": "semmap_log.analysis.beliefs.explaining:explain",
     }

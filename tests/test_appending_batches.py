@@ -36,7 +36,7 @@ from semmap_log.errors import (
     SemmapError,
     UnknownDoorError,
 )
-from semmap_log.log.door_log.commands import Events
+from semmap_log.log.door_log.current_map import Events
 from tests.conftest import SteadyClock
 
 DOORS = 5

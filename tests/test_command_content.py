@@ -25,7 +25,7 @@ from semmap_log.core.model.events import (
     RobotPose,
 )
 from semmap_log.errors import CommandReusedError, LogError, UnexpectedEventError
-from semmap_log.log.door_log.command_content import are_same
+from semmap_log.log.door_log.rebasing import are_same
 from tests.conftest import SteadyClock
 from tests.sent_commands import send
 from tests.strategies import events

@@ -16,7 +16,7 @@ from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAdded, DoorAnnotated, LevelAdded
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CommandError, CorruptLogError, FormatError, NotALogError
-from semmap_log.interop.formats.bags.mcap_reading import own_log
+from semmap_log.interop.formats.bags.bag_protocol import own_log
 from semmap_log.interop.importing.importing import import_file
 from tests.marks import marks
 

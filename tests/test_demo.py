@@ -9,8 +9,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.cli.demonstration.demo import run_demo, shipped_recording
-from semmap_log.cli.demonstration.demo_scans import _truth
+from semmap_log.cli.demonstration.demo import _truth, run_demo, shipped_recording
 from semmap_log.errors import LogExistsError
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.core.batches.distinct import distinct
+from semmap_log.core.batches.event_batch import distinct
 
 
 @given(st.lists(st.integers(0, 40)), st.sampled_from(["u1", "u2", "u4", "i8"]))

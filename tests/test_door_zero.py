@@ -19,7 +19,7 @@ from semmap_log.cli.show import run
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorEvent, PatrolStarted, RobotPose
 from semmap_log.errors import UnknownDoorError
-from semmap_log.interop.topics.known import Known
+from semmap_log.interop.topics.topic_reader import Known
 from semmap_log.log.replay.care import verify
 from semmap_log.store.compaction.compacting import compact
 from semmap_log.views.excerpt.span import Excerpt

@@ -9,7 +9,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.core.model.doors import MAX_DOOR_ID, DoorId, next_door_id
 from semmap_log.interop.importing.importing import ImportOptions, import_file
-from semmap_log.interop.topics.known import Known
+from semmap_log.interop.topics.topic_reader import Known
 
 
 @pytest.mark.parametrize(

@@ -16,16 +16,14 @@ import semmap_log as sl
 from semmap_log.analysis.beliefs.applying import apply_probabilities
 from semmap_log.analysis.beliefs.belief_query import learn
 from semmap_log.analysis.beliefs.best_times import best_time
-from semmap_log.analysis.beliefs.door_beliefs import probabilities
+from semmap_log.analysis.beliefs.door_beliefs import probabilities, typical_weeks
 from semmap_log.analysis.beliefs.evaluation import evaluate
-from semmap_log.analysis.beliefs.patrol import Patrol
-from semmap_log.analysis.beliefs.protocol import Protocol
+from semmap_log.analysis.beliefs.protocol import Patrol, Protocol
 from semmap_log.analysis.beliefs.sensor_calibration import calibrate
-from semmap_log.analysis.beliefs.typical_week import typical_weeks
 from semmap_log.analysis.costmaps import costmap_at
 from semmap_log.analysis.costmaps.level_costmap import CostmapOptions
-from semmap_log.analysis.planning.asked_round import begun_round, patrol_plan
-from semmap_log.core.batches.made_of_columns import MadeOfColumns
+from semmap_log.analysis.planning.round_planner import begun_round, patrol_plan
+from semmap_log.core.batches.taken_columns import MadeOfColumns
 from semmap_log.core.messages import OBJECT_KINDS
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import KINDS, DoorObserved, DoorPassed, defaults_of, field_names
@@ -41,7 +39,7 @@ from semmap_log.interop.exporting.stream import StreamOptions
 from semmap_log.interop.importing.importing import ImportOptions, import_file
 from semmap_log.live.ros.player import PlayOptions
 from semmap_log.live.ros.serving.server import ServeOptions
-from semmap_log.log.door_log.log_tables import LogTables
+from semmap_log.log.door_log.asked_doors import LogTables
 from tests.conftest import SteadyClock
 
 UNKNOWN = "acuracy_of_nothing"
@@ -122,11 +120,11 @@ def test_events_refuse_what_they_do_not_know(kind: type[Any]) -> None:
 
 TAKE_ANY = {
     "semmap_log.core.model.keywords.checked": "asks for unknown ones first",
-    "semmap_log.core.batches.made_of_columns.of": "asks the kind for its fields",
+    "semmap_log.core.batches.taken_columns.of": "asks the kind for its fields",
     "semmap_log.views.plots.matplotlib_sdk.new_figure": "matplotlib's own, which refuses others",
-    "semmap_log.interop.formats.ros.ros_messages.new": "a message's fields, which its class knows",
+    "semmap_log.interop.formats.ros.ros_types.new": "a message's fields, which its class knows",
     "semmap_log.core.arrow.scanned_table.scanner": "DuckDB's own, which says more than is wanted",
-    "semmap_log.log.door_log.log_queries.sql": "names of logs, as whoever asks calls them",
+    "semmap_log.log.door_log.asked_doors.sql": "names of logs, as whoever asks calls them",
     "semmap_log.analysis.sql.sql_query.sql": "names of logs, as whoever asks calls them",
     "semmap_log.fleet.__call__": "hands all on to `fleet_run.fleet`, which is looked at above",
 }

@@ -77,7 +77,7 @@ with sl.create(sys.argv[1], tz="UTC") as log:
 COUNT_FRAMES = """
 import sys
 import semmap_log as sl
-from semmap_log.analysis.costmaps.over_time import costmap_frames
+from semmap_log.analysis.costmaps.level_costmap import costmap_frames
 
 with sl.read(sys.argv[1]) as log:
     print([frame.event for frame in costmap_frames(log)])

@@ -12,7 +12,7 @@ from steady_clock import SteadyClock
 import semmap_log as sl
 from semmap_log.analysis.costmaps import CostmapOptions, costmap_at
 from semmap_log.analysis.planning.door_trip import door_trip
-from semmap_log.analysis.rooms.rooms_at import rooms_of
+from semmap_log.analysis.rooms.level_rooms import rooms_of
 from semmap_log.cli import main
 from semmap_log.interop.importing.importing import ImportOptions, import_file
 

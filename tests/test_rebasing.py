@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import semmap_log as sl
 from semmap_log.analysis.costmaps import CostmapOptions, costmap_at, costmap_frames
-from semmap_log.analysis.planning.asked_round import begun_round
+from semmap_log.analysis.planning.round_planner import begun_round
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.events import FloorMap, LevelAdded, RobotPose
 from semmap_log.errors import CommandError, CommandReusedError, UnknownDoorError

@@ -25,7 +25,7 @@ from semmap_log.errors import (
     UnexpectedEventError,
     UnknownDoorError,
 )
-from semmap_log.log.door_log.retracting import newly_hidden
+from semmap_log.log.door_log.known_past import newly_hidden
 from tests.conftest import SteadyClock
 from tests.log.replay.test_fold import expected_numbers
 from tests.test_replay import random_log

@@ -16,7 +16,7 @@ from PIL import Image
 
 import semmap_log as sl
 from semmap_log.core.model.events import FloorMap
-from semmap_log.interop.exporting.json_lines import write_event_lines
+from semmap_log.interop.exporting.log_files import write_event_lines
 from semmap_log.interop.importing.importing import import_file
 from semmap_log.log.replay.replay import Scope
 

@@ -21,12 +21,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION, static_costs
-from semmap_log.analysis.costmap_2d.door_layer import DoorLayer, DoorLine
+from semmap_log.analysis.costmap_2d.costs import (
+    FREE_SPACE,
+    LETHAL,
+    NO_INFORMATION,
+    DoorLayer,
+    DoorLine,
+    static_costs,
+)
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
-from semmap_log.analysis.costmap_2d.inflation import InflationLayer
-from semmap_log.analysis.costmap_2d.layered import CostmapLayer, LayeredCostmap
-from semmap_log.analysis.costmap_2d.static_layer import StaticLayer
+from semmap_log.analysis.costmap_2d.layered import (
+    CostmapLayer,
+    InflationLayer,
+    LayeredCostmap,
+    StaticLayer,
+)
 
 COSTS = {"CLOSED": LETHAL, "OPEN": FREE_SPACE}
 MOST_NAMED = 20

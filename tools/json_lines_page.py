@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from semmap_log.interop.formats.json.event_json_keys import OF_EVERY_KIND, document
+from semmap_log.interop.formats.json.trip_json import OF_EVERY_KIND, document
 
 PAGE = Path(__file__).parents[1] / "docs" / "json_lines.md"
 

@@ -60,8 +60,8 @@ def _code_of(ours: list[str], ros_args: list[str], *, is_whole_program: bool) ->
         OSError: Nobody can be told: who reads our output has gone.
     """
     from semmap_log.cli.app import app
-    from semmap_log.cli.failures import CLICK_ERROR, asks_for_json, fail
     from semmap_log.cli.plain_streams import forget_output
+    from semmap_log.cli.verb import CLICK_ERROR, asks_for_json, fail
     from semmap_log.errors import SemmapError
 
     try:
@@ -84,7 +84,7 @@ def _code_of(ours: list[str], ros_args: list[str], *, is_whole_program: bool) ->
 
 def _wait_to_be_stopped() -> None:
     """Stay, and do nothing, until a signal ends this process."""
-    from semmap_log.cli.failures import tell
+    from semmap_log.cli.verb import tell
 
     tell(
         "this does not mend itself, and what launched it would start it again for ever: it waits. "
@@ -122,7 +122,7 @@ def _ended_by_signals(*, is_whole_program: bool) -> Iterator[None]:
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     """Tell a person what a library's user would get with file and line."""
-    from semmap_log.cli.failures import tell
+    from semmap_log.cli.verb import tell
 
     tell(f"warning: {message}")
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog, print_json, refuse_nan, say, takes_about
-from semmap_log.cli.geometry import End, Line, Start, Theta, Width, X, Y, corners_of, line_of
+from semmap_log.cli.update import End, Line, Start, Theta, Width, X, Y, corners_of, line_of
 
 if TYPE_CHECKING:
     from semmap_log.log.door_log.door_log_writer import About
@@ -59,7 +59,7 @@ def run(
       semmap-log add office --class spill --outline "2,1 4,1 4,3" --state wet
     """
     import semmap_log as sl
-    from semmap_log.cli.states import a_state_typed
+    from semmap_log.cli.observe import a_state_typed
     from semmap_log.core.model.doors import suspect_units
 
     refuse_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)

@@ -1,14 +1,18 @@
-"""`annotate`: something is said about a door in words."""
+"""`annotate`: something is said about a door in words.
+
+What a command answers: the numbers of the events that it stored.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, DoorName, WritableLog, takes_about
+from semmap_log.cli.common import AsJson, DoorName, WritableLog, print_json, takes_about
 
 if TYPE_CHECKING:
+    from semmap_log.log.door_log.appended import Appended
     from semmap_log.log.door_log.door_log_writer import About
 
 
@@ -33,8 +37,18 @@ def run(
       semmap-log annotate office front rooms ""
     """
     import semmap_log as sl
-    from semmap_log.cli.outcome import tell
 
     with sl.append(log) as opened:
         appended = opened.annotate(door, key, value, **about)
     tell(appended, as_json=as_json)
+
+
+def tell(appended: Appended, *, as_json: bool, **more: Any) -> None:
+    """Print which event a command became."""
+    first, count = appended.first_event, appended.count
+    if as_json:
+        print_json({"event": first, "count": count, "repeated": appended.repeated, **more})
+        return
+    numbers = str(first) if count == 1 else f"{first}..{first + count - 1}"
+    known = " (stored before; nothing was written now)" if appended.repeated else ""
+    typer.echo(f"event {numbers}{known}")

@@ -64,7 +64,7 @@ def run(
     from semmap_log.analysis.beliefs.best_times import best_time
     from semmap_log.errors import UnknownDoorError
     from semmap_log.interop.formats.json.beliefs_json import best_time_to_json
-    from semmap_log.views.best_time_table import best_time_table
+    from semmap_log.views.timeline_table import best_time_table
 
     opened = sl.read(log)
     with progress("Reading") as told:

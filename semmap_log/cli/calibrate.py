@@ -56,7 +56,7 @@ def run(
     import semmap_log as sl
     from semmap_log.analysis.beliefs.sensor_calibration import calibrate
     from semmap_log.interop.formats.json.evaluation_json import calibration_to_json
-    from semmap_log.views.calibration_table import calibration_table
+    from semmap_log.views.health import calibration_table
 
     opened = sl.read(log)
     chosen = {opened.resolve_ever(name) for name in door} if door else None

@@ -35,8 +35,7 @@ if TYPE_CHECKING:
     from semmap_log.analysis.costmaps import Costmap, CostmapOptions
     from semmap_log.core.model.doors import Door, DoorMap
     from semmap_log.core.model.events import FloorMap
-    from semmap_log.interop.exporting.costmap_files import Part
-    from semmap_log.interop.exporting.costmap_recording import RecordedCostmap
+    from semmap_log.interop.exporting.costmap_files import Part, RecordedCostmap
     from semmap_log.log.door_log.door_log import DoorLog, Time
 
 
@@ -152,9 +151,9 @@ def run(
     import semmap_log as sl
     from semmap_log.analysis.costmaps import CostmapOptions, costmap_at
     from semmap_log.interop.exporting.costmap_files import write_costmap
-    from semmap_log.interop.formats.bags.bag_writing import tells_a_bag
+    from semmap_log.interop.formats.bags.bag_reading import tells_a_bag
     from semmap_log.interop.formats.files.map_server import read_map
-    from semmap_log.interop.formats.json.costmap_json import costmap_to_json
+    from semmap_log.interop.formats.json.plan_json import costmap_to_json
 
     refuse_nan(inflate=inflate, door_inflate=door_inflate, scaling=scaling, inscribed=inscribed,
                resolution=resolution, every=every)  # fmt: skip
@@ -226,7 +225,7 @@ def _record(
     updates: bool,
     floor: FloorMap | None,
 ) -> RecordedCostmap:
-    from semmap_log.interop.exporting.costmap_recording import record_costmap
+    from semmap_log.interop.exporting.costmap_files import record_costmap
 
     with progress("Drawing", unit="ns") as told:
         return record_costmap(

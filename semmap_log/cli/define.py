@@ -53,7 +53,7 @@ def run(
       semmap-log add office --class spill --name foyer --outline "2,1 4,1 4,3 2,3"
     """
     import semmap_log as sl
-    from semmap_log.cli.outcome import tell
+    from semmap_log.cli.annotate import tell
 
     with sl.append(log) as opened:
         appended = opened.define_class(

@@ -16,8 +16,7 @@ from semmap_log.cli.common import AsJson, console, print_json, say
 from semmap_log.core.texts import PROGRAM, command_line, counted
 
 if TYPE_CHECKING:
-    from semmap_log.cli.demonstration.demo import Demo
-    from semmap_log.cli.demonstration.demo_scans import SeenByLaser
+    from semmap_log.cli.demonstration.demo import Demo, SeenByLaser
     from semmap_log.views.column_table import ColumnTable
 
 

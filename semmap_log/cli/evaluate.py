@@ -20,7 +20,7 @@ from semmap_log.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.analysis.beliefs.patrol import Patrol
+    from semmap_log.analysis.beliefs.protocol import Patrol
 
 
 def run(
@@ -86,11 +86,11 @@ def run(
     import semmap_log as sl
     from semmap_log.analysis.beliefs.evaluation import evaluate
     from semmap_log.analysis.beliefs.protocol import Protocol
-    from semmap_log.analysis.probabilities.estimators import ESTIMATORS, by_name
+    from semmap_log.analysis.probabilities.belief_fold import ESTIMATORS, by_name
     from semmap_log.core.io.disk import log_name, refuse_own_folder
     from semmap_log.core.model.moments import parse_duration
     from semmap_log.interop.formats.json.evaluation_json import evaluation_to_json
-    from semmap_log.views.evaluation_table import evaluation_table
+    from semmap_log.views.timeline_table import evaluation_table
 
     protocol = Protocol(
         split, prequential, None if horizon is None else parse_duration(horizon),
@@ -107,7 +107,7 @@ def run(
             doors=[opened.resolve_ever(name) for name in door] if door else None,
         )  # fmt: skip
     if plot is not None:
-        from semmap_log.views.plots.reliability import plot_calibration
+        from semmap_log.views.plots.matplotlib_sdk import plot_calibration
 
         plot_calibration(found, plot, name=log_name(log))
     if found.protocol.step_s != step:
@@ -122,7 +122,7 @@ def run(
 
 
 def _patrol(every: str | None, accuracy: float | None, seed: int | None) -> Patrol | None:
-    from semmap_log.analysis.beliefs.patrol import Patrol
+    from semmap_log.analysis.beliefs.protocol import Patrol
     from semmap_log.core.model.moments import parse_duration
 
     if every is None:

@@ -167,7 +167,7 @@ def run(
     from semmap_log.core.io.disk import refuse_own_folder
     from semmap_log.core.texts import told_once
     from semmap_log.interop.exporting.log_files import export
-    from semmap_log.interop.formats.bags.bag_writing import tells_a_bag
+    from semmap_log.interop.formats.bags.bag_reading import tells_a_bag
     from semmap_log.interop.formats.files.pddl import Wishes
 
     is_bag = markers or tells_a_bag(out)

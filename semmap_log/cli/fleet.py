@@ -14,8 +14,8 @@ from semmap_log.cli.common import AsJson, At, KnownAt, a_file, print_json, progr
 from semmap_log.cli.fleet_answers import answer_to_json, tell_answer, write_rows
 
 if TYPE_CHECKING:
-    from semmap_log.fleet.jobs.fleet_answer import FleetAnswer, FleetProgress, Tell
     from semmap_log.fleet.jobs.fleet_run import Fleet
+    from semmap_log.fleet.jobs.job import FleetAnswer, FleetProgress, Tell
 
     Question = Callable[[Fleet, Tell], FleetAnswer]
 
@@ -36,7 +36,7 @@ class FleetJob(str, Enum):
 
 
 class EngineName(str, Enum):
-    """The keys of `fleet.jobs.engine_choice.ENGINES`, as typer wants its choices."""
+    """The keys of `fleet.jobs.door_jobs.ENGINES`, as typer wants its choices."""
 
     dask = "dask"
     ray = "ray"
@@ -169,7 +169,7 @@ _TAKES = {
 def _question(job: FleetJob, told: Mapping[str, Any], out: Path | None) -> Question:
     """Return what a command line asks of the logs."""
     from semmap_log.core.model.moments import parse_duration
-    from semmap_log.fleet.jobs.fold_job import projection_of
+    from semmap_log.fleet.jobs.job import projection_of
 
     for name, value in told.items():
         if value and name not in _TAKES.get(job, ()):
@@ -218,7 +218,7 @@ def _check_out(job: FleetJob, out: Path | None) -> None:
 
 def _asked(many: Fleet, question: Question) -> FleetAnswer:
     from semmap_log.core.texts import counted
-    from semmap_log.fleet.jobs.fleet_answer import FleetProgress
+    from semmap_log.fleet.jobs.job import FleetProgress
 
     started, now = time.monotonic(), FleetProgress(0, len(many.places), 0, 0)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from semmap_log.cli.common import console, say
 
 if TYPE_CHECKING:
-    from semmap_log.fleet.jobs.fleet_answer import FleetAnswer
+    from semmap_log.fleet.jobs.job import FleetAnswer
 
 MOST_ROWS = 40
 """Of an answer, unless it goes to a file or a program."""
@@ -50,7 +50,7 @@ def tell_answer(found: FleetAnswer, out: Path | None) -> None:
 def answer_to_json(found: FleetAnswer) -> dict[str, Any]:
     """Return a fleet's answer as `--json` prints it; times are nanoseconds UTC."""
     from semmap_log.core.arrow.plain_rows import plain_rows
-    from semmap_log.fleet.jobs.fleet_answer import FoldAnswer
+    from semmap_log.fleet.jobs.job import FoldAnswer
 
     states = found.states if isinstance(found, FoldAnswer) else None
     return {

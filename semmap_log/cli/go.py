@@ -53,7 +53,7 @@ def run(
     import semmap_log as sl
     from semmap_log.analysis.planning.door_trip import door_trip
     from semmap_log.interop.formats.json.trip_json import trip_to_json
-    from semmap_log.views.trip_table import trip_table
+    from semmap_log.views.rebase_table import trip_table
 
     opened = sl.read(log)
     refuse_untold_map(opened, depart, None)

@@ -11,7 +11,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, MapServer, WritableLog, print_json, progress, say
-from semmap_log.cli.mapping import (
+from semmap_log.cli.proposing import (
+    Only,
+    Plot,
+    ProposeDoors,
+    Proposing,
+    Yes,
+    check_proposing,
+    numbers_of,
+    propose,
+)
+from semmap_log.cli.scan_report import (
     MAPPING_HELP,
     DryRun,
     Heights,
@@ -25,16 +35,6 @@ from semmap_log.cli.mapping import (
     tell_plan,
     tell_scan_import,
 )
-from semmap_log.cli.proposing import (
-    Only,
-    Plot,
-    ProposeDoors,
-    Proposing,
-    Yes,
-    check_proposing,
-    numbers_of,
-    propose,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 
 class Preset(str, Enum):
-    """`semmap_log.interop.formats.files.table_forms.PRESETS`, as typer wants its choices."""
+    """`semmap_log.interop.formats.files.door_table.PRESETS`, as typer wants its choices."""
 
     home_assistant = "home-assistant"
     zigbee2mqtt = "zigbee2mqtt"
@@ -250,10 +250,10 @@ def run(
       semmap-log import office patrol.bag --scan --propose-doors --yes --only 4
     """
     import semmap_log as sl
-    from semmap_log.analysis.scans.kept_visit import folder_beside
-    from semmap_log.interop.formats.files.table_forms import form_of
-    from semmap_log.interop.importing.earlier_doors import backdate
+    from semmap_log.analysis.scans.visit import folder_beside
+    from semmap_log.interop.formats.files.door_table import form_of
     from semmap_log.interop.importing.importing import ImportOptions, import_file
+    from semmap_log.interop.importing.present_log import backdate
     from semmap_log.interop.importing.scan_topics import ScanOptions
 
     files = files or []
@@ -399,7 +399,7 @@ def _show(opened: DoorLog, files: list[Path], options: ImportOptions, note: Note
     """
     from semmap_log.interop.formats.bags.bag_reading import is_bag
     from semmap_log.interop.importing.importing import command_id_of, plan_file, plan_scan_import
-    from semmap_log.interop.importing.line_numbers import NumberMap
+    from semmap_log.interop.importing.line_commits import NumberMap
 
     options = replace(options, source=note.source)
     for file in files:

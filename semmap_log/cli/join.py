@@ -12,8 +12,7 @@ from semmap_log.core.texts import command_line, counted
 
 if TYPE_CHECKING:
     from semmap_log.fleet.join.door_plan import DoorPlan
-    from semmap_log.fleet.join.join_definition import JoinDefinition
-    from semmap_log.fleet.join.joined_logs import JoinedLogs
+    from semmap_log.fleet.join.joined_logs import JoinDefinition, JoinedLogs
 
 
 def run(
@@ -64,8 +63,7 @@ def run(
       semmap-log join clinic.join.json --write clinic
     """
     from semmap_log.fleet.join.door_plan import plan_doors
-    from semmap_log.fleet.join.join_definition import write_definition
-    from semmap_log.fleet.join.joined_logs import open_joined
+    from semmap_log.fleet.join.joined_logs import open_joined, write_definition
 
     definition = _defined(out, logs or [], doors, frame or [], reference)
     joined = open_joined(definition)
@@ -83,7 +81,7 @@ def run(
 def _defined(
     out: Path, logs: list[str], doors: Path | None, frame: list[str], reference: str
 ) -> JoinDefinition:
-    from semmap_log.fleet.join.join_definition import read_definition
+    from semmap_log.fleet.join.joined_logs import read_definition
     from semmap_log.fleet.join.joining_logs import defined
     from semmap_log.fleet.join.map_frame import frame_of
 
@@ -113,8 +111,8 @@ def _write(joined: JoinedLogs, plan: DoorPlan, new: Path) -> None:
 
 
 def _propose(joined: JoinedLogs, plan: DoorPlan, out: Path | None, *, as_json: bool) -> None:
-    from semmap_log.fleet.join.door_conflicts import propose_doors
-    from semmap_log.fleet.join.door_matches import write_door_rows
+    from semmap_log.fleet.join.join_building import propose_doors
+    from semmap_log.fleet.join.joined_logs import write_door_rows
     from semmap_log.views.join_table import door_proposals_table
 
     found = propose_doors(joined, plan)
@@ -140,7 +138,7 @@ def _propose(joined: JoinedLogs, plan: DoorPlan, out: Path | None, *, as_json: b
 
 
 def _tell(joined: JoinedLogs, plan: DoorPlan, *, as_json: bool) -> None:
-    from semmap_log.fleet.join.door_conflicts import door_conflicts
+    from semmap_log.fleet.join.join_building import door_conflicts
     from semmap_log.views.join_table import (
         door_conflicts_table,
         joined_doors_table,
@@ -167,7 +165,7 @@ def _tell(joined: JoinedLogs, plan: DoorPlan, *, as_json: bool) -> None:
 
 def to_json(joined: JoinedLogs, plan: DoorPlan) -> dict[str, Any]:
     """Return a join as `--json` prints it."""
-    from semmap_log.fleet.join.door_conflicts import door_conflicts
+    from semmap_log.fleet.join.join_building import door_conflicts
 
     return {
         "reference": joined.reference.name,

@@ -39,7 +39,7 @@ def run(
       semmap-log patrol office finish
     """
     import semmap_log as sl
-    from semmap_log.cli.outcome import tell
+    from semmap_log.cli.annotate import tell
 
     if name:
         about["reason"] = f"{name}: {about['reason']}" if about["reason"] else name

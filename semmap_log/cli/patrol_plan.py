@@ -119,10 +119,9 @@ def run(
       semmap-log patrol-plan office --rooms 2,3 --follow
     """
     import semmap_log as sl
-    from semmap_log.analysis.planning.asked_round import begun_round
     from semmap_log.analysis.planning.door_chances import SkipRule
-    from semmap_log.analysis.planning.named_places import listed
-    from semmap_log.analysis.planning.patrol_plan import PatrolOptions
+    from semmap_log.analysis.planning.patrol_plan import PatrolOptions, listed
+    from semmap_log.analysis.planning.round_planner import begun_round
     from semmap_log.core.io.disk import refuse_own_folder
     from semmap_log.interop.formats.json.plan_json import plan_to_json
     from semmap_log.views.patrol_plan_table import patrol_plan_table
@@ -187,8 +186,7 @@ def seconds_of(text: str, option: str) -> float:
 
 
 def _plot(opened: DoorLog, plan: PatrolPlan, path: Path) -> None:
-    from semmap_log.analysis.planning.patrol_ways import patrol_ways
-    from semmap_log.analysis.planning.ways_between import WaysBetween
+    from semmap_log.analysis.planning.patrol_plan import WaysBetween, patrol_ways
     from semmap_log.analysis.rooms import room_plan
     from semmap_log.core.texts import counted
     from semmap_log.views.plots.patrol_route import plot_patrol

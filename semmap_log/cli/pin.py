@@ -34,7 +34,7 @@ def run(
       semmap-log replay office --at pin:accident
     """
     import semmap_log as sl
-    from semmap_log.cli.outcome import tell
+    from semmap_log.cli.annotate import tell
 
     if not name:
         raise typer.BadParameter("expected a name", param_hint="NAME")

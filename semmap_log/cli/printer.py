@@ -1,4 +1,4 @@
-r"""The one place that prints tables: drawn in a terminal, a row a line into a pipe or a file.
+"""The one place that prints tables: drawn in a terminal, a row a line into a pipe or a file.
 
 In a pipe, tables are lines of cells with a tab between, the names of the columns first; nothing is
 wrapped, cut or coloured. What stands around them for people (which moment, what the signs mean)
@@ -6,20 +6,68 @@ goes to stderr. Tables of one answer have an empty line between. A report withou
 text on stdout, and is not wrapped either.
 
 Colours are for terminals (`plain_console.colours_wanted`); the lines of tables never have any.
+
+Rich's console for texts from outside: see `plain_streams`.
 """
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import TextIO
 
-from rich.console import Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType
+from rich.segment import Segment
 from rich.text import Text
 
 from semmap_log.cli import plain_streams
-from semmap_log.cli.plain_console import PlainConsole
-from semmap_log.cli.plain_streams import plain, write_line
+from semmap_log.cli.plain_streams import plain, steering, write_line
 from semmap_log.views.column_table import ColumnTable, TextPicture
+
+
+class PlainConsole(Console):
+    """What is drawn on it steers nothing, and brackets and colons in it are no markup."""
+
+    def __init__(self, stream: TextIO, *, width: int | None = None) -> None:
+        wanted = colours_wanted()
+        super().__init__(
+            file=steering(stream), width=width, highlight=False, markup=False, emoji=False,
+            no_color=wanted is False, force_terminal=bool(wanted) or stream.isatty(),
+        )  # fmt: skip
+
+    def on_broken_pipe(self) -> None:
+        """Leave it to who ends all verbs alike when their reader has gone; rich would exit with 1.
+
+        Raises:
+            BrokenPipeError: The one that is being handled.
+        """
+        raise  # noqa: PLE0704 - rich calls it from where that is caught
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """Yield the segments of what is drawn, texts plain."""
+        for segment in super().render(renderable, options):
+            if segment.control or segment.text.isprintable():
+                yield segment
+            else:
+                yield Segment(plain(segment.text), segment.style)
+
+
+def colours_wanted() -> bool | None:
+    """Return what the environment says of colours; None: nothing, so only terminals have them.
+
+    NO_COLOR (https://no-color.org) is stronger than FORCE_COLOR and CLICOLOR_FORCE.
+    """
+    if os.environ.get("NO_COLOR"):
+        return False
+    if any(
+        os.environ.get(name, "0") not in {"", "0"} for name in ("FORCE_COLOR", "CLICOLOR_FORCE")
+    ):
+        return True
+    return False if os.environ.get("CLICOLOR") == "0" else None
+
 
 UNWRAPPED = 100_000
 """Columns of a report in a pipe: wider than any line of it."""

@@ -29,7 +29,7 @@ from semmap_log.cli.common import (
 
 if TYPE_CHECKING:
     from semmap_log.analysis.beliefs.applying import Applied
-    from semmap_log.analysis.beliefs.typical_week import TypicalWeek
+    from semmap_log.analysis.beliefs.door_beliefs import TypicalWeek
     from semmap_log.core.model.doors import DoorId
     from semmap_log.log.door_log.door_log import DoorLog
     from semmap_log.log.door_log.door_log_writer import About
@@ -181,7 +181,7 @@ def _of_class(opened: DoorLog, object_class: str, asked: Mapping[str, Any]) -> l
         typer.BadParameter: Doors are named, too.
         CommandError: There is no such class.
     """
-    from semmap_log.core.folds.doors_of_class import of_class
+    from semmap_log.core.folds.levels import of_class
 
     if asked["doors"]:
         raise typer.BadParameter("name doors, or a class of them, not both", param_hint="--class")
@@ -242,7 +242,7 @@ def _show_typical(
     as_json: bool,
 ) -> None:
     import semmap_log as sl
-    from semmap_log.analysis.beliefs.typical_week import typical_weeks
+    from semmap_log.analysis.beliefs.door_beliefs import typical_weeks
     from semmap_log.core.io.disk import refuse_own_folder
     from semmap_log.core.model.moments import parse_weekday
     from semmap_log.interop.formats.json.beliefs_json import weeks_to_json

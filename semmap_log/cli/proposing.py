@@ -133,7 +133,7 @@ def _plot(log: DoorLog, file: Path, found: ProposedDoors, path: Path) -> None:
 
 def _print_json(file: Path, found: ProposedDoors, added: list[int]) -> None:
     from semmap_log.interop.importing.door_proposing import name_of
-    from semmap_log.views.proposal_table import proposal_to_json
+    from semmap_log.views.join_table import proposal_to_json
 
     print_json({
         "file": str(file), "scans": found.scans, "source": found.source,
@@ -148,7 +148,7 @@ def _print_json(file: Path, found: ProposedDoors, added: list[int]) -> None:
 def _tell(
     command: str, file: Path, found: ProposedDoors, added: list[int], asked: Proposing
 ) -> None:
-    from semmap_log.views.proposal_table import proposal_table
+    from semmap_log.views.join_table import proposal_table
 
     if found.proposals:
         several = len({each.level for each in found.proposals}) > 1

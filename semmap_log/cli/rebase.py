@@ -102,9 +102,9 @@ def run(
       semmap-log rebase clinic L2.yaml --level L2 --by 0,0,3.1416 --json
     """
     import semmap_log as sl
-    from semmap_log.cli.outcome import tell
+    from semmap_log.cli.annotate import tell
     from semmap_log.interop.formats.files.map_server import read_map
-    from semmap_log.interop.formats.json.rebase_json import rebase_to_json
+    from semmap_log.interop.formats.json.evaluation_json import rebase_to_json
     from semmap_log.log.door_log.map_fit import MOST_RESIDUAL_M
 
     _check_together(by, pairs, most_residual)

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog
-from semmap_log.cli.signing_keys import TrimKey
-from semmap_log.cli.trimming import By, DryRun, Reason, trim
+from semmap_log.cli.retain import By, DryRun, Reason, TrimKey, trim
 
 if TYPE_CHECKING:
     from semmap_log.log.door_log.door_log import DoorLog

@@ -19,7 +19,7 @@ def run(log: WritableLog, door: DoorName, *, as_json: AsJson = False, about: Abo
       semmap-log remove office 3 --actor survey --reason "walled up"
     """
     import semmap_log as sl
-    from semmap_log.cli.outcome import tell
+    from semmap_log.cli.annotate import tell
 
     with sl.append(log) as opened:
         appended = opened.remove_door(door, **about)

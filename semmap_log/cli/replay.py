@@ -55,7 +55,7 @@ def run(
     if not door_map.doors and event is None:
         refuse_untold(opened, at, known_at)
     if object_class is not None:
-        from semmap_log.core.folds.doors_of_class import of_class
+        from semmap_log.core.folds.levels import of_class
 
         door_map = of_class(door_map, object_class)
     if as_json:

@@ -1,17 +1,266 @@
-"""`retain`: a log that keeps so much of its past, and no more."""
+"""`retain`: a log that keeps so much of its past, and no more.
+
+What runs beside the verbs that write for long, and tells at the end how far it has come.
+
+The key with which verbs sign, and `--sign-key` of the verbs that write for long.
+
+What the verbs share that take records out of a log: `redact`, `retain`.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, WritableLog
-from semmap_log.cli.signing_keys import TrimKey
-from semmap_log.cli.trimming import By, DryRun, Reason, trim
+from semmap_log.cli.common import AsJson, WritableLog, print_json, progress, say, stopped_for_good
+from semmap_log.cli.verb import tell
+from semmap_log.core.texts import command_line, counted
 
 if TYPE_CHECKING:
+    from semmap_log.core.model.commits import Note
+    from semmap_log.interop.copies.copies_of_log import Copy
     from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log.signing.ed25519_sdk import SigningKey
+    from semmap_log.log.signing.sign_beside import SignBeside
+    from semmap_log.log.trimming.trim_log import TrimmedLog, TrimRule
+
+
+@contextmanager
+def told_at_end(beside: AbstractContextManager[object], say: Callable[[], None]) -> Iterator[None]:
+    """Run something beside, and say at the end how it stands, whatever the verb's exit code."""
+    left: typer.Exit | None = None
+    with beside:
+        try:
+            yield
+        except typer.Exit as asked:  # no failure: the log is closed, and says its exit code
+            left = asked
+    say()
+    if left is not None:
+        raise left
+
+
+EVERY, LEAST_S = "1m", 0.1
+"""How often a recorder signs; and how often it can at most."""
+PASSPHRASE = "SEMMAP_LOG_KEY_PASSPHRASE"  # noqa: S105 - the name of a variable
+
+SignKey = Annotated[
+    Path | None,
+    typer.Option(
+        "--sign-key",
+        metavar="KEY",
+        help="Sign the log's end with it, from time to time and when it is closed.",
+    ),
+]
+SignEvery = Annotated[
+    str, typer.Option("--sign-every", metavar="TIME", help="--sign-key: how often.")
+]
+Adopt = Annotated[
+    bool,
+    typer.Option(
+        "--adopt", help="--sign-key: sign also events found there that were not written with it."
+    ),
+]
+TrimKey = Annotated[
+    Path | None,
+    typer.Option(
+        "--sign-key", metavar="KEY", help="Vouch for what is taken out, with an officer's key."
+    ),
+]
+
+
+def key_to_sign(log: Path, path: Path) -> SigningKey:
+    """Return the key to sign a log with; its passphrase is asked for on a terminal.
+
+    Raises:
+        SigningError: It cannot be used, or lies in the log's folder.
+        MissingExtraError: A package is not installed.
+    """
+    from semmap_log.log.signing.log_signing import read_key
+
+    return read_key(path, log=log, passphrase=lambda: _passphrase(path))
+
+
+def _passphrase(path: Path) -> str | None:
+    """Return the passphrase of a key, from the environment or a terminal; None: there is none."""
+    from getpass import getpass
+
+    said = os.environ.get(PASSPHRASE)
+    if said is not None or not sys.stderr.isatty():
+        return said
+    return getpass(f"Passphrase of {path}: ")  # from the terminal: stdin may be events
+
+
+def signer_of(log: Path, path: Path | None, every: str, *, adopt: bool) -> SignBeside | None:
+    """Return what signs a log while it is written; None: nothing is signed.
+
+    Args:
+        log: Its folder.
+        path: Of the private key; None: nothing is signed.
+        every: How often.
+        adopt: Whether it signs also what it finds there.
+
+    Raises:
+        SigningError: It cannot be used, or lies in the log's folder.
+        MissingExtraError: A package is not installed.
+        typer.BadParameter: `every` is no length of time, or there is no key.
+    """
+    from semmap_log.core.model.moments import SECOND_NS, parse_duration
+    from semmap_log.errors import MomentError
+
+    if path is None:
+        if adopt:
+            raise typer.BadParameter("only with --sign-key", param_hint="--adopt")
+        return None
+    try:
+        every_s = parse_duration(every) / SECOND_NS
+    except MomentError as error:
+        raise typer.BadParameter(str(error), param_hint="--sign-every") from None
+    with stopped_for_good():
+        key = key_to_sign(log, path)
+    from semmap_log.log.signing.sign_beside import SignBeside
+
+    return SignBeside(log, key, adopt=adopt, tell=tell, every_s=max(every_s, LEAST_S))
+
+
+def signed_beside(log: Path, signer: SignBeside | None) -> AbstractContextManager[None]:
+    """Run what signs a log while it is written, and say at the end how far it has come."""
+    if signer is None:
+        return nullcontext()
+    return told_at_end(signer, lambda: _say_how_far(log, signer))
+
+
+def _say_how_far(log: Path, beside: SignBeside) -> None:
+    if not beside.is_all_signed:
+        tell(f"not all is signed. To sign it: {command_line('sign', log, '--key', 'KEY')}")
+    elif beside.signed_before:
+        say(f"{log}: signed up to event {beside.signed_before - 1}.")
+
+
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Only say what would be taken out; nothing is written.")
+]
+
+By = Annotated[
+    str, typer.Option("--by", metavar="NAME", help="Who takes it out: for the log's history.")
+]
+Reason = Annotated[str, typer.Option("--reason", metavar="WHY", help="Why: for the log's history.")]
+
+
+def trim(
+    log: Path, rule: TrimRule, note: Note, sign_key: Path | None, *, dry_run: bool, as_json: bool
+) -> None:
+    """Take out what a rule says, or count it, of the log and its copies; tell what became of it.
+
+    Args:
+        log: Its folder.
+        rule: What goes.
+        note: Who does it, and why.
+        sign_key: Private key of who vouches for it; None: nobody does.
+        dry_run: Whether it is only counted.
+        as_json: Whether it is told as JSON.
+    """
+    from semmap_log.interop.copies.copies_of_log import plan_copies, take_out_of_copies
+    from semmap_log.interop.copies.going import Going
+    from semmap_log.log.trimming.trim_log import plan_trimming, trim_log
+    from semmap_log.store.reading.reader import LogReader
+
+    key = None if sign_key is None or dry_run else _checked_key(log, sign_key)
+    going = Going.of(rule, LogReader(log))
+    with progress("Reading" if dry_run else "Taking out") as told:
+        if dry_run:
+            found = plan_trimming(log, rule, told)
+        else:
+            found = trim_log(log, rule, note=note, progress=told)
+    if key is not None and found.event is not None:
+        _sign(log, key)
+    look = plan_copies if dry_run else take_out_of_copies
+    copies = look(log, going, is_trimmed=bool(found.done.segments))
+    if as_json:
+        print_json(_to_json(rule, found, copies, dry_run=dry_run))
+        return
+    _tell(log, rule, found)
+    for copy in copies:
+        typer.echo(_told_of(copy, dry_run=dry_run), err=True)
+    if found.done.segments:
+        typer.echo(f"{log}: {_UNKNOWN}", err=True)
+
+
+def _checked_key(log: Path, path: Path) -> SigningKey:
+    """Return the key that vouches for what goes, once the log is known to be what it has signed."""
+    from semmap_log.log.signing.log_signing import check_before_trimming
+
+    key = key_to_sign(log, path)
+    with progress("Verifying") as told:
+        check_before_trimming(log, key, told)
+    return key
+
+
+def _sign(log: Path, key: SigningKey) -> None:
+    from semmap_log.log.signing.log_signing import sign
+
+    with progress("Verifying") as told:
+        sign(log, key, trimmed=True, progress=told)
+
+
+_UNKNOWN = (
+    "not known here are exports, backups, joined logs, and copies in other folders, in stores or "
+    "on other machines."
+)
+
+
+def _told_of(copy: Copy, *, dry_run: bool) -> str:
+    """Return what became of a copy, or would."""
+    from semmap_log.interop.copies.copies_of_log import Action
+
+    if copy.action is Action.LEFT:
+        return f"{copy.path}: {copy.text}"
+    what = {Action.REMOVED: "removed", Action.REWRITTEN: "written again without it"}[copy.action]
+    return f"{copy.path}: {'would be ' if dry_run else ''}{what}: {copy.text}."
+
+
+def _tell(log: Path, rule: TrimRule, found: TrimmedLog) -> None:
+    done = found.done
+    what = f"{counted(done.events, 'event')} and {counted(done.notes, 'note')}"
+    files = counted(done.segments, "file")
+    if not done.segments:
+        typer.echo(f"{log}: {rule.words}: there is nothing of that to take out.")
+    elif found.event is None:
+        typer.echo(f"{log}: {rule.words}: would take out {what} of {files}.")
+    else:
+        typer.echo(f"{log}: {rule.words}: took out {what} of {files}; event {found.event} says so.")
+    if done.bytes_after is not None and done.segments:
+        typer.echo(f"bytes  {done.bytes_before:,} -> {done.bytes_after:,}")
+
+
+def _to_json(
+    rule: TrimRule, found: TrimmedLog, copies: Sequence[Copy], *, dry_run: bool
+) -> dict[str, Any]:
+    done = found.done
+    return {
+        "rule": rule.words,
+        "dry_run": dry_run,
+        "event": found.event,
+        "segments": done.segments,
+        "events": done.events,
+        "notes": done.notes,
+        "bytes_before": done.bytes_before,
+        "bytes_after": done.bytes_after,
+        "copies": [
+            {
+                "path": str(copy.path),
+                "kind": copy.kind,
+                "action": copy.action.value,
+                "text": copy.text,
+            }
+            for copy in copies
+        ],
+    }
 
 
 def run(
@@ -62,7 +311,7 @@ def run(
     import semmap_log as sl
     from semmap_log.core.model.commits import Note
     from semmap_log.log.trimming.repeated_sightings import Thinning
-    from semmap_log.log.trimming.retention import Retention
+    from semmap_log.log.trimming.trim_log import Retention
     from semmap_log.store.reading.reader import LogReader
 
     if (keep is None) == (thin is None):

@@ -43,8 +43,8 @@ def run(
       semmap-log retract office 120..131 --reason "dirty lens"
     """
     import semmap_log as sl
-    from semmap_log.cli.outcome import tell
-    from semmap_log.log.door_log.retracting import newly_hidden
+    from semmap_log.cli.annotate import tell
+    from semmap_log.log.door_log.known_past import newly_hidden
 
     first, last = _range(events)
     with sl.append(log) as opened:

@@ -65,9 +65,8 @@ def run(
     import semmap_log as sl
     from semmap_log.analysis.rooms import room_plan
     from semmap_log.core.folds.levels import resolve_level
-    from semmap_log.interop.formats.json.rooms_json import rooms_to_json
-    from semmap_log.views.room_table import room_table
-    from semmap_log.views.room_words import RoomWords
+    from semmap_log.interop.formats.json.evaluation_json import rooms_to_json
+    from semmap_log.views.join_table import RoomWords, room_table
 
     opened = sl.read(log)
     tell_how_to_begin(opened)
@@ -119,8 +118,7 @@ def _write(log: DoorLog, plan: RoomPlan, out: Path, level: int | None) -> None:
 def _plot(log: DoorLog, plan: RoomPlan, plot: Path, level: int | None) -> None:
     from semmap_log.core.io.disk import refuse_own_folder
     from semmap_log.core.model.moments import format_short
-    from semmap_log.views.plots.matplotlib_sdk import letters_of, save_figure
-    from semmap_log.views.plots.room_plans import draw_rooms
+    from semmap_log.views.plots.matplotlib_sdk import draw_rooms, letters_of, save_figure
 
     refuse_own_folder(log.path, plot)
     name = log.info.building or log.path.name

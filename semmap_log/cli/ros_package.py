@@ -40,7 +40,7 @@ def run(
       semmap-log ros-package ~/ros2_ws/src
       semmap-log ros-package ~/door_messages --messages
     """
-    from semmap_log.live.ros.ros_package import NAME, write_ros1_messages, write_ros_package
+    from semmap_log.live.ros.ros_node import NAME, write_ros1_messages, write_ros_package
 
     if messages:
         made, is_new = write_ros1_messages(folder)

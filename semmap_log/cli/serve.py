@@ -10,14 +10,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.asking import (
+from semmap_log.cli.ask import (
     ASKED_S,
+    TICK_S,
     AnyHost,
     AskAt,
     Asking,
     AskNow,
     Now,
+    OprsAt,
+    OprsName,
+    OprsTo,
+    Planners,
     TokenFile,
+    chosen_kernels,
 )
 from semmap_log.cli.common import (
     MapServer,
@@ -29,12 +35,8 @@ from semmap_log.cli.common import (
 )
 from semmap_log.cli.costmap import By
 from semmap_log.cli.init import make_log
-from semmap_log.cli.oprs import OprsAt, OprsName, OprsTo, chosen_kernels
-from semmap_log.cli.planners import TICK_S, Planners
-from semmap_log.cli.record import SyncChoice
-from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
-from semmap_log.cli.shipping import ShipTo, shipped_beside
-from semmap_log.cli.signing_keys import (
+from semmap_log.cli.record import ShipTo, SyncChoice, shipped_beside
+from semmap_log.cli.retain import (
     EVERY,
     Adopt,
     SignEvery,
@@ -42,6 +44,7 @@ from semmap_log.cli.signing_keys import (
     signed_beside,
     signer_of,
 )
+from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
@@ -244,13 +247,12 @@ def run(
     """
     import semmap_log as sl
     from semmap_log.analysis.costmaps.level_costmap import CostmapOptions
-    from semmap_log.analysis.planning.named_places import listed
-    from semmap_log.live.ros.serving.door_follower import POLL_S, DoorFollower
+    from semmap_log.analysis.planning.patrol_plan import listed
     from semmap_log.live.ros.serving.door_server import DoorServer
     from semmap_log.live.ros.serving.saving import DoorSaver
-    from semmap_log.live.ros.serving.served_plan import PatrolWish
+    from semmap_log.live.ros.serving.served_topics import PatrolWish
     from semmap_log.live.ros.serving.server import ServeOptions, Server
-    from semmap_log.live.ros.serving.yaml_start import start_with_yaml
+    from semmap_log.live.ros.serving.yaml_start import POLL_S, DoorFollower, start_with_yaml
 
     asking = Asking.of(ask, token_file, any_host=ask_any_host)
     planners = Planners.of(asking, chosen_kernels(oprs, oprs_name, oprs_to), ask_now)

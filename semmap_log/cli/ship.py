@@ -12,9 +12,8 @@ from semmap_log.cli.common import AsJson, WritableLog, a_url, print_json, progre
 from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
-    from semmap_log.fleet.keeping import RemovedHere
+    from semmap_log.fleet.keeping import RemovedHere, ShippingCheck
     from semmap_log.fleet.removing import Removed
-    from semmap_log.fleet.ship_check import ShippingCheck
     from semmap_log.fleet.shipping import Shipped
 
 DAY_NS = 86_400 * 10**9
@@ -156,7 +155,7 @@ def _remove_superseded(done: Shipped, days: float) -> Removed:
 
 
 def _check(log: Path, url: str, *, as_json: bool) -> NoReturn:
-    from semmap_log.fleet.ship_check import check_shipping
+    from semmap_log.fleet.keeping import check_shipping
 
     found = check_shipping(log, a_url(url))
     if as_json:

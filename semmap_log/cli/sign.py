@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog, print_json, progress, say
-from semmap_log.cli.signing_keys import key_to_sign
+from semmap_log.cli.retain import key_to_sign
 from semmap_log.core.texts import command_line, counted
 
 if TYPE_CHECKING:
     from semmap_log.log.signing.ed25519_sdk import SigningKey
     from semmap_log.log.signing.log_signing import Signed
-    from semmap_log.log.signing.public_keys import PublicKey
+    from semmap_log.log.signing.statement import PublicKey
 
 
 def run(
@@ -99,8 +99,7 @@ def run(
       openssl ts -verify -data X.head -in X.head.tsr -CAfile ca.pem
     """
     from semmap_log.log.signing.log_signing import sign
-    from semmap_log.log.signing.signature_folder import TOKEN
-    from semmap_log.log.signing.timestamps import is_url, stamp_newest
+    from semmap_log.log.signing.signature_folder import TOKEN, is_url, stamp_newest
 
     if (revoke is None) != (first is None):
         raise typer.BadParameter("give both: --revoke PUB --from NUMBER", param_hint="--revoke")
@@ -138,7 +137,7 @@ def _revoke(log: Path, owner: SigningKey, path: Path, first: int, *, as_json: bo
 
 def _only_key(path: Path, option: str) -> PublicKey:
     """Return the key in a file, which has to be the only one."""
-    from semmap_log.log.signing.public_keys import read_public_keys
+    from semmap_log.log.signing.statement import read_public_keys
 
     found = list(read_public_keys([path]).values())
     if len(found) != 1:
@@ -149,7 +148,7 @@ def _only_key(path: Path, option: str) -> PublicKey:
 def _new_key(log: Path, path: Path) -> SigningKey:
     """Make a key pair, for a log that is there."""
     import semmap_log as sl
-    from semmap_log.log.signing.private_keys import make_key
+    from semmap_log.log.signing.log_signing import make_key
 
     made = make_key(path, log=log, comment=sl.read(log).info.robot)
     say(f"{path}: a new private key; keep it from others. Whom to believe: {path}.pub")
@@ -157,7 +156,7 @@ def _new_key(log: Path, path: Path) -> SigningKey:
 
 
 def _tell(log: Path, done: Signed, key: SigningKey) -> None:
-    from semmap_log.log.signing.public_keys import fingerprint
+    from semmap_log.log.signing.statement import fingerprint
 
     made = counted(len(done.made), "new signature") if done.made else "nothing new to sign"
     reach = f"up to event {done.next_event - 1}" if done.next_event else "no event yet"
@@ -174,7 +173,7 @@ def _tell(log: Path, done: Signed, key: SigningKey) -> None:
 
 
 def _to_json(done: Signed, key: SigningKey) -> dict[str, Any]:
-    from semmap_log.log.signing.public_keys import fingerprint
+    from semmap_log.log.signing.statement import fingerprint
 
     return {
         "key": fingerprint(key.public_bytes),

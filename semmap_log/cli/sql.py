@@ -67,8 +67,7 @@ def run(
         except select name from west.doors"
     """
     import semmap_log as sl
-    from semmap_log.analysis.sql.answer_files import csv_lines, write_answer, writer_for
-    from semmap_log.analysis.sql.answer_rows import json_rows
+    from semmap_log.analysis.sql.answer_rows import csv_lines, json_rows, write_answer, writer_for
     from semmap_log.analysis.sql.sql_query import table_of_query
     from semmap_log.core.io.disk import refuse_own_folder
 
@@ -101,7 +100,7 @@ def run(
 
 
 def _show(answer: pa.Table, log: DoorLog) -> None:
-    from semmap_log.views.answer_table import answer_pages
+    from semmap_log.views.scan_report_table import answer_pages
 
     printed = console()
     for page in answer_pages(answer, tz=log.info.timezone):
@@ -111,7 +110,7 @@ def _show(answer: pa.Table, log: DoorLog) -> None:
 
 def _columns() -> pa.Table:
     """Return the views' columns, as the answer of a query about them."""
-    from semmap_log.analysis.sql.view_words import columns_table
+    from semmap_log.analysis.sql.sql_query import columns_table
 
     return columns_table()
 

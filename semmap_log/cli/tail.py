@@ -159,7 +159,7 @@ def _say_why_nothing(opened: DoorLog, door: str | None, after: int | None) -> No
 
 
 def _json_line(recorded: RecordedEvent, note: Note) -> str:
-    from semmap_log.interop.formats.json.event_json import NOTE_KEYS, event_to_json
+    from semmap_log.interop.formats.json.door_json import NOTE_KEYS, event_to_json
 
     said = {key: getattr(note, key) for key in NOTE_KEYS}
     return json_text(event_to_json(recorded, note=said))

@@ -12,7 +12,7 @@ from typing import Any
 
 import typer
 
-from semmap_log.cli.caching import with_cache
+from semmap_log.cli.common import with_cache
 from semmap_log.cli.verb import Verb
 
 GROUPS: dict[str, dict[str, str]] = {

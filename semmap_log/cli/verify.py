@@ -113,8 +113,8 @@ def _verify_signed(
         raise typer.BadParameter("say whom to believe: --public-key", param_hint="--signatures")
     if log.suffix == ".mcap" or is_called_as_made(log):
         raise typer.BadParameter("ask of one whole log", param_hint="--public-key")
-    from semmap_log.log.signing.public_keys import read_public_keys
     from semmap_log.log.signing.signed_log import verify_signed
+    from semmap_log.log.signing.statement import read_public_keys
 
     believed = read_public_keys(keys)
     with progress("Verifying") as told:

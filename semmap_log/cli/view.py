@@ -36,8 +36,8 @@ from semmap_log.core.texts import counted
 if TYPE_CHECKING:
     from semmap_log.core.model.doors import DoorId
     from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.views.rerun.live_view import WebViewer
     from semmap_log.views.rerun.recording import RrdSummary
-    from semmap_log.views.rerun.web import WebViewer
 
 
 class ThemeName(str, Enum):
@@ -184,7 +184,7 @@ def run(
         elif web:
             _serve(rrd, theme=theme, browser=browser)
         elif save is None:
-            from semmap_log.views.rerun.viewer import open_viewer
+            from semmap_log.views.rerun.process import open_viewer
 
             open_viewer(rrd, at_ns=at_ns)
     if as_json:
@@ -282,14 +282,14 @@ def _recording(
 
 
 def _take_picture(rrd: Path, png: Path, **how: Any) -> None:
-    from semmap_log.views.rerun.viewer import screenshot
+    from semmap_log.views.rerun.process import screenshot
 
     screenshot(rrd, png, **how)
     say(f"{png}: written.")
 
 
 def _serve(rrd: Path, *, theme: ThemeName | None, browser: bool) -> None:
-    from semmap_log.views.rerun.web import web_viewer
+    from semmap_log.views.rerun.live_view import web_viewer
 
     try:
         with web_viewer(rrd) as viewer:
@@ -310,10 +310,8 @@ def _follow(
 ) -> None:
     os.environ.setdefault("RUST_LOG", SDK_SAYS)
     from semmap_log.errors import ViewerError
-    from semmap_log.views.rerun.live_view import LiveViewOptions, follow_in_viewer
-    from semmap_log.views.rerun.process import RerunProcess
-    from semmap_log.views.rerun.viewer import window
-    from semmap_log.views.rerun.web import web_viewer
+    from semmap_log.views.rerun.live_view import LiveViewOptions, follow_in_viewer, web_viewer
+    from semmap_log.views.rerun.process import RerunProcess, window
 
     def show(program: RerunProcess, forget: Callable[[str], None] | None = None) -> None:
         try:

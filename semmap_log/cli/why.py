@@ -65,7 +65,7 @@ def run(
     if as_json:
         print_json(explanation_to_json(found))
         return
-    from semmap_log.views.explanation_table import explanation_table
+    from semmap_log.views.timeline_table import explanation_table
 
     console().print(explanation_table(found, tz=opened.info.timezone))
     if found.true.state is None:

@@ -24,8 +24,7 @@ from semmap_log.store.bag_metadata import write_bag_metadata
 from semmap_log.store.closed_mark import write_mark
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import MANIFEST_NAME, segment_name
-from semmap_log.store.log_objects import read_manifest
-from semmap_log.store.manifest import Manifest, ShippedSegment
+from semmap_log.store.manifest import Manifest, ShippedSegment, read_manifest
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import statistics_of
 from semmap_log.store.verification import Verification

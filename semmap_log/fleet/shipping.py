@@ -24,8 +24,13 @@ from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import LogAccessError, LogError
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import MANIFEST_NAME, MOST_LIST_BYTES
-from semmap_log.store.log_objects import KeptManifest, read_manifest
-from semmap_log.store.manifest import Manifest, ShippedSegment, Superseded
+from semmap_log.store.manifest import (
+    KeptManifest,
+    Manifest,
+    ShippedSegment,
+    Superseded,
+    read_manifest,
+)
 from semmap_log.store.object_names import object_name
 from semmap_log.store.reading.manifest_entry import manifest_entry
 from semmap_log.store.reading.reader import LogReader

@@ -13,20 +13,21 @@ from numpy.typing import NDArray
 
 from semmap_log.core.io.checksum import crc32
 from semmap_log.store import records as mcap
-from semmap_log.store.chunk_unpacking import (
-    FREE_CHUNK_BYTES,
-    MAX_CHUNK_BYTES,
-    MOST_RATIO,
-    most_unpacked,
-    unpack_records,
-)
 from semmap_log.store.form import (
     COMPRESS_FROM_BYTES,
     FLOOR_MAP_CHANNEL,
     LAST_EVENT_CHANNEL,
     ZSTD_LEVEL,
 )
-from semmap_log.store.record_scan import ChunkDamage, heads_of
+from semmap_log.store.record_scan import (
+    FREE_CHUNK_BYTES,
+    MAX_CHUNK_BYTES,
+    MOST_RATIO,
+    ChunkDamage,
+    heads_of,
+    most_unpacked,
+    unpack_records,
+)
 
 if TYPE_CHECKING:
     from mcap.records import ChunkIndex

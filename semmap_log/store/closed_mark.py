@@ -11,24 +11,27 @@ Each mark is a file of its own, named after what it tells, and it never changes 
 `cp -r`, which lists the names first and copies one file after the other, cannot copy a mark that is
 ahead of its segments: a segment that a listed mark tells of was closed before the list was made.
 The marks before stay for a while, so that a copy under way finds one that it has listed.
+
+A JSON object that carries the SHA-256 of its other entries: a changed one is noticed.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from pathlib import PurePath
+from typing import Any
 
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import HASH_BYTES, OLD_MARK_NAME, mark_name, mark_names
-from semmap_log.store.sealed_json import sealed, unsealed
+from semmap_log.store.form import DIGEST_KEY, HASH_BYTES, OLD_MARK_NAME, mark_name, mark_names
 
 MOST_BYTES = 4096
 """A mark has some 250."""
@@ -198,3 +201,25 @@ def _damaged(file: PurePath, problem: str) -> CorruptLogError:
     unknown = "whether the log is as long as it was cannot be told"
     line = command_line("recover", file.parent)
     return CorruptLogError(file, None, f"{problem}: {unknown}. To take it as it is: {line}")
+
+
+def sealed(entries: Mapping[str, Any]) -> str:
+    """Return the text of entries, their digest behind them."""
+    return json.dumps({**entries, DIGEST_KEY: _digest(entries)}) + "\n"
+
+
+def unsealed(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of an object that was read, without the digest.
+
+    Raises:
+        ValueError: The digest does not fit them.
+        KeyError: There is none.
+    """
+    entries = dict(found)
+    if entries.pop(DIGEST_KEY) != _digest(entries):
+        raise ValueError("its digest does not fit it")
+    return entries
+
+
+def _digest(entries: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(entries, sort_keys=True).encode()).hexdigest()

@@ -110,7 +110,7 @@ class WrittenCommits:
 
     def _take_gone(self, chunk: BuiltChunk) -> None:
         """Take in the hash of commits that are gone, where no other follows them in a chunk."""
-        from semmap_log.store.tombstone import Tombstone
+        from semmap_log.store.gone_commands import Tombstone
 
         at = max(_places_in(chunk, TOMBSTONE_CHANNEL))
         end = at + mcap.FRAME.size + mcap.FRAME.unpack_from(chunk.records, at)[1]

@@ -8,6 +8,8 @@ damaged one is found there.
 Nothing that is written follows a link: a log's folder may come from a stranger, and no file
 outside of it may change. New files are made where nothing is; what is replaced, is replaced by a
 rename.
+
+What is a zip file: a log in it can be read, not written.
 """
 
 from __future__ import annotations
@@ -21,17 +23,16 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from semmap_log.core.io.disk import TEMPORARY_SUFFIX
-from semmap_log.core.io.file_calls import FOLDER, NO_LINK, PLAIN, check_can_write
-from semmap_log.core.io.made_logs import MadeLog, made_log
+from semmap_log.core.io.disk import FOLDER, NO_LINK, PLAIN, TEMPORARY_SUFFIX, check_can_write
+from semmap_log.core.io.made_logs import MadeLog, made_log, refuse_made
 from semmap_log.errors import LogAccessError
 from semmap_log.store.form import LOCK_NAME, is_temporary
-from semmap_log.store.zip_files import is_zip, refuse_zip
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
 
     from semmap_log.store.zipped import UnpackedLog
+
 
 _NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL
 _MODE = 0o644
@@ -349,3 +350,34 @@ def _synced(fd: int) -> None:
         os.fsync(fd)
     finally:
         os.close(fd)
+
+
+_MAGIC = (b"PK\3\4", b"PK\5\6")
+"""Of a zip that holds something, and of one that holds nothing."""
+
+
+def is_zip(path: Path) -> bool:
+    """Tell whether a path leads to a zip file, by its first bytes."""
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            return False
+        with path.open("rb") as file:
+            return file.read(len(_MAGIC[0])) in _MAGIC
+    except OSError:
+        return False
+
+
+def refuse_zip(path: Path) -> None:
+    """Keep whoever wants to write from a zipped log, and from one that is made of others.
+
+    Raises:
+        LogAccessError: It is one.
+    """
+    refuse_made(path)
+    if is_zip(path):
+        import shlex
+
+        raise LogAccessError(
+            f"{path}: a log in a zip file can only be read. To write to it, unpack it first, "
+            f"for example: unzip {shlex.quote(str(path))}"
+        )

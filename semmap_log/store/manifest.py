@@ -4,23 +4,158 @@ Segments are put there first, each under a name that tells what is in it, and ne
 then one manifest takes the place of the one before, if nobody else's has. A reader believes only
 what the manifest names. What it says of a segment is believed until that is read, and
 compared then.
+
+In what a segment differs from what a manifest tells of it.
+
+Which objects below a URL are a log's.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import PurePath
 from typing import Any
 
+from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.lazily import late_pattern
 from semmap_log.errors import CorruptLogError, NewerLogError
-from semmap_log.store.closed_mark import ClosedMark
-from semmap_log.store.form import HASH_BYTES, NO_HASH, count_events
+from semmap_log.store.bag_metadata import listed_names
+from semmap_log.store.closed_mark import ClosedMark, sealed, unsealed
+from semmap_log.store.form import (
+    BAG_METADATA_NAME,
+    HASH_BYTES,
+    MANIFEST_NAME,
+    MOST_LIST_BYTES,
+    NO_HASH,
+    OLD_MARK_NAME,
+    count_events,
+)
 from semmap_log.store.header import LATER_SETTINGS, LogInfo, SegmentHeader, Trimmed, TrimReason
-from semmap_log.store.sealed_json import sealed, unsealed
+
+_WORDS = {
+    "size": "bytes",
+    "sha256": "the SHA-256",
+    "head_end": "the end of the head",
+    "next_event": "the next event",
+    "head": "the hash of the last commit",
+    "counts": "the messages on each channel",
+    "recorded": "the recorded times",
+    "happened": "the times at which it happened",
+    "number": "the number",
+    "last_number": "the last number",
+    "first_event": "the first event",
+    "hash_so_far": "the hash of the commit before",
+    "minor": "the minor version",
+    "others": "other entries of the head",
+    "info": "the log",
+}
+"""What fields of an entry, and of its header, are called in messages."""
+
+
+def differences(told: ShippedSegment, found: ShippedSegment) -> Iterator[str]:
+    """Yield in what a manifest's entry differs from a segment's own, in words."""
+    yield from _differences(told.header, found.header)
+    yield from _differences(told, found)
+
+
+def _differences(told: Any, found: Any) -> Iterator[str]:
+    for each in fields(found):
+        if each.name not in _WORDS:
+            continue
+        said, is_so = getattr(told, each.name), getattr(found, each.name)
+        if said != is_so:
+            yield f"it tells of {_shown(said)} as {_WORDS[each.name]}; there is {_shown(is_so)}"
+
+
+def _shown(value: object) -> object:
+    return value.hex() if isinstance(value, bytes) else value
+
+
+def log_objects(store: ObjectStore) -> list[ObjectStatus]:
+    """Return what lies right below a URL, by name.
+
+    A web server that lists nothing is asked for what the log's metadata.yaml names: the closed
+    segments, which tell how far it reached. What a mark is called, only a list tells; but for those
+    of older versions.
+
+    Raises:
+        LogAccessError: The store does not let us.
+    """
+    listed = store.list()
+    if listed or not store.is_web_server:
+        return listed
+    return _asked_for(store, (*listed_names(metadata_text(store)), OLD_MARK_NAME))
+
+
+def objects_named(store: ObjectStore, names: Sequence[str]) -> list[ObjectStatus]:
+    """Return those of some objects that are there, by name.
+
+    Raises:
+        LogAccessError: The store does not let us.
+    """
+    if store.is_web_server:
+        return _asked_for(store, names)
+    wanted = set(names)
+    return [status for status in store.list() if status.name in wanted]
+
+
+def _asked_for(store: ObjectStore, names: Sequence[str]) -> list[ObjectStatus]:
+    found = []
+    for name in names:
+        with suppress(FileNotFoundError):
+            found.append(store.status(name))
+    return sorted(found, key=lambda status: status.name)
+
+
+@dataclass(frozen=True, slots=True)
+class KeptManifest:
+    """A manifest, and what tells it from the next one."""
+
+    manifest: Manifest
+    e_tag: str
+    modified_ns: int
+    """When it was put, by the store's clock, nanoseconds UTC."""
+
+
+def read_manifest(store: ObjectStore, before: KeptManifest | None = None) -> KeptManifest | None:
+    """Return a log's manifest as it is now; None: there is none.
+
+    Args:
+        store: Where it lies.
+        before: As it was; it is not fetched again while it is the same.
+
+    Raises:
+        CorruptLogError: It is damaged.
+        LogAccessError: The store does not let us.
+    """
+    try:
+        e_tag = "" if before is None else before.e_tag
+        got = store.whole(MANIFEST_NAME, e_tag, most_bytes=MOST_LIST_BYTES)
+    except FileNotFoundError:
+        return None
+    if got is None:
+        return before
+    data, status = got
+    manifest = manifest_in(data, store.url / MANIFEST_NAME)
+    return KeptManifest(manifest, status.e_tag, status.modified_ns)
+
+
+def metadata_text(store: ObjectStore) -> str:
+    """Return the text of metadata.yaml; nothing where there is none.
+
+    Raises:
+        CorruptLogError: It is too long.
+        LogAccessError: The store does not let us.
+    """
+    with suppress(FileNotFoundError):
+        got = store.whole(BAG_METADATA_NAME, most_bytes=MOST_LIST_BYTES)
+        return "" if got is None else got[0].decode("utf-8", "replace")
+    return ""
+
 
 _FORMAT = 1
 _NAME = late_pattern(r"[0-9A-Za-z_-][0-9A-Za-z._-]*\.mcap")

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 
 from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.errors import CorruptLogError, LogError
+from semmap_log.store.closed_mark import sealed, unsealed
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import KEPT_SUFFIX, MOST_LIST_BYTES, REMOVED_NAME
-from semmap_log.store.sealed_json import sealed, unsealed
 
 if TYPE_CHECKING:
     from semmap_log.store.manifest import Manifest, ShippedSegment

@@ -23,7 +23,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
-from semmap_log.core.io.file_calls import open_plainly
+from semmap_log.core.io.disk import open_plainly
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.store.form import BAG_METADATA_NAME, KEPT_SUFFIX, REMOVED_NAME, is_mark_name
 

@@ -4,20 +4,141 @@ Drawn, columns that do not fit are left out, the least important first, and name
 the important ones fit, the cells of a row stand below each other, all of them. As lines, every
 column is there at any width, under a name that never changes; cells are separated by a tab, so that
 `cut -f` takes them.
+
+Tables for people as HTML: the same cells that a terminal shows, texts escaped.
+
+Heads and texts beside each other, or a text below its head where it has no room beside it.
+
+A table of names and values.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from itertools import groupby
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from semmap_log.views.beside import BesideLayout, Pair, beside_or_below
+from semmap_log.core.texts import counted
+
+WIDTH = 120
+"""Of what is drawn in letters."""
+MOST_ROWS = 60
+"""More are counted: a notebook keeps what it shows."""
+STYLE = "text-align: {side}; vertical-align: top; white-space: pre-line"
+
+
+def html_of(shown: RenderableType) -> str:
+    """Return tables and texts as HTML, in their order."""
+    return "<div>" + "".join(_parts(shown)) + "</div>"
+
+
+def _parts(shown: RenderableType) -> Iterator[str]:
+    if isinstance(shown, Group):
+        for part in shown.renderables:
+            yield from _parts(part)
+    elif isinstance(shown, TextPicture):
+        yield from _parts(shown.drawn(WIDTH))
+    elif isinstance(shown, ColumnTable):
+        yield _table(shown)
+    elif isinstance(shown, (Text, str)) and str(shown):
+        yield f'<p style="white-space: pre-line">{escape(str(shown))}</p>'
+
+
+def _table(table: ColumnTable) -> str:
+    places = [place for place, column in enumerate(table.columns) if column.is_drawn]
+    columns = [table.columns[place] for place in places]
+    head = ""
+    if table.has_head and not isinstance(table, PairTable):
+        cells = (_cell("th", column, column.head or "") for column in columns)
+        head = f"<thead><tr>{''.join(cells)}</tr></thead>"
+    rows = (
+        "".join(_cell("td", table.columns[place], drawn_text(cells[place])) for place in places)
+        for cells, _ in table.rows[:MOST_ROWS]
+    )
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    left_out = len(table.rows) - MOST_ROWS
+    more = f"<p>… and {counted(left_out, 'row')} more</p>" if left_out > 0 else ""
+    return f"<table>{head}<tbody>{body}</tbody></table>{more}"
+
+
+def _cell(tag: str, column: TableColumn, text: str) -> str:
+    style = STYLE.format(side="right" if column.right else "left")
+    return f'<{tag} style="{style}">{escape(text)}</{tag}>'
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """A head and its text."""
+
+    head: str
+    text: str | Text
+    style: str = ""
+    """Of the text."""
+
+
+@dataclass(frozen=True, slots=True)
+class BesideLayout:
+    """How pairs stand."""
+
+    gap: int
+    """Between a head and a text beside it."""
+    indent: int
+    """Of a text below its head."""
+    readable: int
+    """A text is folded beside its head where it has so many columns there."""
+
+
+def beside_or_below(pairs: Sequence[Pair], width: int, layout: BesideLayout) -> Group:
+    """Return pairs in that width, all their texts whole; texts beside a head stand in line."""
+    heads = max((w for p in pairs if (w := cell_len(p.head)) <= width // 2), default=0)
+    room = width - heads - layout.gap
+
+    def fits(pair: Pair) -> bool:
+        return cell_len(pair.head) <= heads and _has_room(str(pair.text), room, layout.readable)
+
+    parts: list[RenderableType] = []
+    for is_beside, group in groupby(pairs, key=fits):
+        if is_beside:
+            parts.append(_beside(group, heads, room, layout.gap))
+        else:
+            parts += _below(group, layout.indent)
+    return Group(*parts)
+
+
+def _has_room(text: str, room: int, readable: int) -> bool:
+    """Tell whether a text fits: on one line, or folded at its spaces so that it reads well."""
+    if cell_len(text) <= room:
+        return True
+    return room >= readable and all(cell_len(word) <= room for word in text.split())
+
+
+def _beside(pairs: Iterable[Pair], heads: int, room: int, gap: int) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), show_header=False)
+    table.add_column(width=heads, no_wrap=True)
+    table.add_column(max_width=room, overflow="fold")
+    for pair in pairs:
+        table.add_row(_head(pair), pair.text, style=pair.style)
+    return table
+
+
+def _below(pairs: Iterable[Pair], indent: int) -> Iterator[RenderableType]:
+    for pair in pairs:
+        if pair.head:
+            yield _head(pair)
+        text = Text(style=pair.style, overflow="fold").append(pair.text)
+        yield Padding(text, (0, 0, 0, indent), expand=False)
+
+
+def _head(pair: Pair) -> Text:
+    return Text(pair.head, style="dim", overflow="fold")
+
 
 GAP = 1
 """Between two drawn columns."""
@@ -244,3 +365,31 @@ def drawn_text(cell: Cell) -> str:
 
 def _flat(text: str) -> str:
     return text.replace("\n", " ")
+
+
+LAYOUT = BesideLayout(gap=2, indent=2, readable=40)
+
+
+class PairTable(ColumnTable):
+    """Names and values; only programs see its head, `field` and `value`."""
+
+    def __init__(self) -> None:
+        super().__init__([TableColumn("field", "field"), TableColumn("value", "value")], LAYOUT.gap)
+
+    def fitted(self, width: int) -> tuple[RenderableType, list[str]]:
+        """Return the pairs as rich draws them in that width; nothing is left out."""
+        found = [Pair(drawn_text(name), drawn_cell(value)) for (name, value), _ in self.rows]
+        return beside_or_below(found, width, LAYOUT), []
+
+
+def pairs(rows: Iterable[tuple[str, Cell]] = ()) -> PairTable:
+    """Return a table of names and values."""
+    table = PairTable()
+    for name, value in rows:
+        add_pair(table, name, value)
+    return table
+
+
+def add_pair(table: PairTable, name: str, value: Cell, *, told_name: str | None = None) -> None:
+    """Add a name and a value; where the drawn name says too little alone, programs get another."""
+    table.add(name if told_name is None else CellValue(name, told_name), value)

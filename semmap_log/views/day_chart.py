@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.core.folds.time_shares import TimeShares
+from semmap_log.core.folds.timeline import TimeShares
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.moments import format_local
 from semmap_log.core.texts import counted

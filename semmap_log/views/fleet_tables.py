@@ -9,7 +9,7 @@ from typing import Any
 from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.core.arrow.plain_rows import plain_rows
 from semmap_log.core.texts import counted
-from semmap_log.fleet.jobs.log_outcome import AskedLog
+from semmap_log.fleet.jobs.job import AskedLog
 from semmap_log.views.column_table import ColumnTable, TableColumn
 
 HIDDEN = ("log_id", "robot", "building")

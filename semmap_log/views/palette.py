@@ -1,11 +1,188 @@
-"""Every colour that is drawn, in one place; the report's page has its own paper in `page.css`."""
+"""Every colour that is drawn, in one place; the report's page has its own paper in `page.css`.
+
+Probabilities as colours: dark is surely closed, bright surely open, for all eyes and in grey.
+
+The colours are those of matplotlib's viridis, so that terminal, plot and viewer agree.
+
+Which tint each room of a level is drawn in: rooms beside each other get different ones.
+
+A costmap's cells as shades for people: clear on a grey print and for colour-blind eyes.
+
+Light is cheap, dark is dear: free is white, inflation runs from pale to deep violet, inscribed is
+darker than all of it, lethal is black. Unknown is hatched, as no cost is.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.analysis.costmap_2d.costs import (
+    FREE_SPACE,
+    INSCRIBED,
+    LETHAL,
+    NO_INFORMATION,
+    to_occupancy,
+)
+from semmap_log.analysis.rooms import RoomId
+from semmap_log.analysis.rooms.level_rooms import LevelRooms
 from semmap_log.core.model.doors import DoorState, reduced
+
+COLOUR_MAP = "viridis"
+"""What matplotlib calls it."""
+
+
+def shade(probability: float) -> Rgb:
+    """Return the colour of a probability in [0, 1]."""
+    anchors = np.array(VIRIDIS, np.float64)
+    places = np.linspace(0.0, 1.0, len(VIRIDIS))
+    red, green, blue = (
+        int(np.rint(np.interp(probability, places, anchors[:, channel]))) for channel in range(3)
+    )
+    return red, green, blue
+
+
+def ink_on(colour: Rgb) -> Rgb:
+    """Return black or white, whichever is easier to read on a colour."""
+    red, green, blue = colour
+    return BLACK if 0.299 * red + 0.587 * green + 0.114 * blue > 128 else WHITE
+
+
+BESIDE_CELLS = 9
+"""Rooms so near to each other are beside each other: a wall lies between."""
+MOST_CELLS = 4_000_000
+
+Image = NDArray[np.uint8]
+
+
+def rooms_image(rooms: LevelRooms, *, alpha: int = 255, most_cells: int = MOST_CELLS) -> Image:
+    """Return the rooms in their tints: (rows, columns, RGBA), row 0 at the lowest y.
+
+    What is no room is left out. Of a plan with more cells each second, third … is drawn: it covers
+    the same area.
+
+    Args:
+        rooms: A level's.
+        alpha: How much a tint covers, 0..255.
+        most_cells: How large the picture may be.
+    """
+    labels = sampled(rooms, most_cells)
+    tint_of = room_tints(labels)
+    colours = np.zeros((int(labels.max(initial=0)) + 1, 4), np.uint8)
+    for room, tint in tint_of.items():
+        colours[room] = (*ROOM_TINTS[tint], alpha)
+    image: Image = colours[labels]
+    return image
+
+
+def sampled(rooms: LevelRooms, most_cells: int) -> NDArray[np.int64]:
+    """Return the room of each cell, or of each second …: (rows, columns); 0: none."""
+    grid = rooms.geometry
+    stride = max(1, math.ceil(math.sqrt(grid.width * grid.height / most_cells)))
+    rows = np.arange(stride // 2, grid.height, stride)
+    columns = np.arange(stride // 2, grid.width, stride)
+    found = rooms.room_of[rooms.regions.label_at(rows[:, None], columns[None, :])]
+    return np.maximum(found, 0)
+
+
+def room_tints(labels: NDArray[np.int64]) -> dict[RoomId, int]:
+    """Return the number of each room's tint, for a picture of rooms."""
+    beside = _beside(labels)
+    tints: dict[RoomId, int] = {}
+    for room in sorted(beside):
+        taken = {tints[other] for other in beside[room] if other in tints}
+        free = [tint for tint in range(len(ROOM_TINTS)) if tint not in taken]
+        tints[room] = free[room % len(free)] if free else room % len(ROOM_TINTS)
+    return tints
+
+
+def _beside(labels: NDArray[np.int64]) -> dict[RoomId, set[RoomId]]:
+    """Return the rooms beside each room: a few cells away along a row or a column."""
+    found: dict[RoomId, set[RoomId]] = {int(room): set() for room in np.unique(labels) if room}
+    for gap in range(1, BESIDE_CELLS + 1):
+        for one, other in ((labels[gap:], labels[:-gap]), (labels[:, gap:], labels[:, :-gap])):
+            differ = (one != other) & (one > 0) & (other > 0)
+            pairs = np.unique(np.stack([one[differ], other[differ]]), axis=1)
+            for a, b in pairs.T.tolist():
+                found[a].add(b)
+                found[b].add(a)
+    return found
+
+
+Grid = NDArray[np.uint8] | NDArray[np.int8]
+
+HATCH_PX = 8
+LEVELS = 24
+"""Of the violet: as many as an eye can tell, and few enough that the file stays small."""
+
+
+def costs_of(grid: Grid) -> NDArray[np.uint8]:
+    """Return the grid as costs; map values (int8) as the least cost that is published so.
+
+    A map value that is none (below -1, above 100) is lethal, as the static layer takes it.
+    """
+    if grid.dtype == np.uint8:
+        return np.asarray(grid, np.uint8)
+    published = to_occupancy(np.arange(256, dtype=np.uint8)).view(np.uint8)
+    table = np.full(256, LETHAL, np.uint8)
+    table[published[::-1]] = np.arange(255, -1, -1, dtype=np.uint8)
+    costs: NDArray[np.uint8] = table[grid.view(np.uint8)]
+    return costs
+
+
+def shaded(costs: NDArray[np.uint8], scale: int) -> NDArray[np.uint8]:
+    """Return the cells as a picture, its top row first.
+
+    Args:
+        costs: (height, width), row 0 at the lowest y.
+        scale: Pixels a cell; or, below 0, so many cells a pixel: the dearest of them shows, so that
+            no wall and no door is lost.
+
+    Returns:
+        uint8, (rows, columns, 3).
+    """
+    if scale < 0:
+        costs = _dearest(costs, -scale)
+    picture = _shades()[costs[::-1]]
+    if scale > 1:
+        picture = picture.repeat(scale, axis=0).repeat(scale, axis=1)
+        costs = costs.repeat(scale, axis=0).repeat(scale, axis=1)
+    rows, columns = picture.shape[:2]
+    diagonal = np.add.outer(np.arange(rows), np.arange(columns)) % HATCH_PX < HATCH_PX // 4
+    picture[(costs[::-1] == NO_INFORMATION) & diagonal] = COST_HATCH
+    return picture
+
+
+def _dearest(costs: NDArray[np.uint8], cells: int) -> NDArray[np.uint8]:
+    """Return one cost for each block of cells; what lies beyond the edge is unknown."""
+    height, width = costs.shape
+    # Unknown is the least of all: a block that knows anything shows it.
+    ranked = costs + np.uint8(1)
+    rows = np.maximum.reduceat(ranked, np.arange(0, height, cells), axis=0)
+    blocks = np.maximum.reduceat(rows, np.arange(0, width, cells), axis=1)
+    least: NDArray[np.uint8] = np.subtract(blocks, 1, dtype=np.uint8)
+    return least
+
+
+def _shades() -> NDArray[np.uint8]:
+    """Return the colour of each cost, (256, 3)."""
+    costs = np.arange(256)
+    share = (costs - 1) * LEVELS // 252 / (LEVELS - 1)
+    least, most = np.array(COST_LEAST), np.array(COST_MOST)
+    table: NDArray[np.float64] = np.rint(least + np.clip(share, 0, 1)[:, None] * (most - least))
+    for cost, colour in (
+        (FREE_SPACE, COST_FREE),
+        (INSCRIBED, COST_INSCRIBED),
+        (LETHAL, COST_LETHAL),
+        (NO_INFORMATION, COST_UNKNOWN),
+    ):
+        table[cost] = colour
+    return table.astype(np.uint8)
+
 
 Rgb = tuple[int, int, int]
 

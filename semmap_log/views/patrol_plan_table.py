@@ -7,9 +7,8 @@ from collections.abc import Iterable
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.analysis.planning.patrol_plan import PatrolPlan, PlannedStop
+from semmap_log.analysis.planning.patrol_plan import NotVisited, PatrolPlan, PlannedStop
 from semmap_log.analysis.planning.patrol_round import EXPECTED_P
-from semmap_log.analysis.planning.patrol_targets import NotVisited
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.moments import SECOND_NS, format_local, format_short
 from semmap_log.core.texts import counted

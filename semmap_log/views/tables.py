@@ -32,16 +32,15 @@ from semmap_log.views.column_table import (
     ColumnTable,
     TableColumn,
     TextPicture,
+    add_pair,
+    pairs,
     with_line_end,
 )
 from semmap_log.views.event_words import printable, words_of
-from semmap_log.views.pairs import add_pair, pairs
 
 if TYPE_CHECKING:
-    from semmap_log.core.folds.diff import Diff, FieldChange
-    from semmap_log.core.folds.history import HistoryEntry
-    from semmap_log.log.door_log.personal_data import PersonalData
-    from semmap_log.log.door_log.summary import LogSummary
+    from semmap_log.core.folds.history import Diff, FieldChange, HistoryEntry
+    from semmap_log.log.door_log.door_labels import LogSummary, PersonalData
     from semmap_log.log.replay.read_model.indexing import IndexState
     from semmap_log.store.clock_check import SuspectCommit
 

@@ -1,23 +1,505 @@
 """A door's timeline for people: a row an interval, and how much of the time it was open.
 
 A sighting holds only for a time: how much of an interval the door was not seen has its own column.
+
+When to go to a door, for people.
+
+Why a door was in a state, for people: a fact a row, in whole words, all on one screen.
+
+Evaluations for people: a row an estimator, the best figures marked; then a row a door.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import islice
+from types import MappingProxyType
 
+from rich.console import Group, RenderableType
 from rich.text import Text
 
+from semmap_log.analysis.beliefs.best_times import BestTime, LikelyHours
+from semmap_log.analysis.beliefs.door_beliefs import DoorBelief
+from semmap_log.analysis.beliefs.evaluation import Evaluation
+from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_short
+from semmap_log.analysis.probabilities.scores import Scores
+from semmap_log.core.folds.history import HistoryEntry
 from semmap_log.core.folds.sighting_hold import Hold
 from semmap_log.core.folds.timeline import Interval, Timeline
-from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.moments import DAY_NS, SECOND_NS, format_local, format_short
 from semmap_log.core.model.object_classes import DOOR, ObjectClass
-from semmap_log.core.texts import counted
-from semmap_log.views.column_table import CellValue, ColumnTable, TableColumn, with_line_end
-from semmap_log.views.tables import state_in_words
+from semmap_log.core.texts import counted, percent
+from semmap_log.log.door_log.explanation import Explanation, StateReason
+from semmap_log.views.belief_words import moment_in_words, why_unknown, with_interval
+from semmap_log.views.column_table import (
+    Cell,
+    CellValue,
+    ColumnTable,
+    PairTable,
+    TableColumn,
+    TextPicture,
+    add_pair,
+    pairs,
+    with_line_end,
+)
+from semmap_log.views.event_words import printable, words_of
+from semmap_log.views.tables import (
+    LATE_NS,
+    OTHER_STATE_COLOUR,
+    STATE_COLOURS,
+    state_in_words,
+    taken_back,
+    values_before,
+)
+
+
+def best_time_table(found: BestTime) -> RenderableType:
+    """Return the best hours of the week, the next ones, the wait, and what nobody knows."""
+    now, label = found.now, printable(found.now.door.label)
+    if not found.is_known:
+        return Text(f"{label}: UNKNOWN, {why_unknown(now.evidence)}.")
+    next_ones = [_from_to(window, found.tz) for window in found.next_ones]
+    of_the_week = [_of_week(window) for window in found.of_the_week]
+    return Group(
+        _table(f"{label} {found.state}, from now on", found.next_ones, next_ones, name="next"),
+        Text(),
+        _table("in a typical week", found.of_the_week, of_the_week, name="of_the_week"),
+        *(Text(line, style="dim") for line in _notes(found)),
+    )
+
+
+def _table(
+    title: str, windows: Sequence[LikelyHours], when: Sequence[str], *, name: str
+) -> ColumnTable:
+    table = ColumnTable([
+        TableColumn(name, title, least=len("Mon 2026-03-02 08:00 to Tue 09:00")),
+        TableColumn("", "P (90 % interval)"),
+        TableColumn("p"),
+        TableColumn("low"),
+        TableColumn("high"),
+    ], gap=2)  # fmt: skip
+    for window, said in zip(windows, when, strict=True):
+        numbers = (window.probability, window.low, window.high)
+        table.add(said, with_interval(*numbers), *(f"{number:.4f}" for number in numbers))
+    return table
+
+
+def _from_to(window: LikelyHours, tz: str) -> str:
+    """Return `Mon 2026-03-02 08:00 to 12:00`, with the day again where it is another."""
+    start, end = (format_short(ns, tz, seconds=False) for ns in (window.start_ns, window.end_ns))
+    last_hour = window.first_hour + window.hours
+    day = DAY_NAMES[window.first_hour // HOURS]
+    last_date, _, until = end.partition(" ")
+    if not start.startswith(last_date) and until != "00:00":
+        until = f"{DAY_NAMES[last_hour // HOURS % 7]} {until}"
+    return f"{day} {start} to {'24:00' if until == '00:00' else until}"
+
+
+def _of_week(window: LikelyHours) -> str:
+    """Return `Mon 08:00 to 12:00`."""
+    first, last = window.first_hour, window.first_hour + window.hours
+    until = f"{(last - 1) % HOURS + 1:02}:00"
+    if (last - 1) // HOURS != first // HOURS:
+        until = f"{DAY_NAMES[(last - 1) // HOURS % 7]} {until}"
+    return f"{DAY_NAMES[first // HOURS]} {first % HOURS:02}:00 to {until}"
+
+
+def _wait(found: BestTime) -> str:
+    """Return `2 h 10 min (1 h 40 min to 3 h)`, the interval where there is a wait."""
+    assert found.wait_s is not None
+    assert found.wait_interval_s is not None
+    mean, least, most = (
+        duration(round(seconds) * SECOND_NS) for seconds in (found.wait_s, *found.wait_interval_s)
+    )
+    return mean if least == most else f"{mean} ({least} to {most})"
+
+
+def _notes(found: BestTime) -> list[str]:
+    now = found.now
+    said = with_interval(now.p_open, now.low, now.high) if now.is_known else "UNKNOWN"
+    notes = [f"now, {moment_in_words(now.known_ns, found.tz)} ({found.tz}): P(open) {said}"]
+    if found.wait_s is not None:
+        notes.append(f"expected wait until {found.state}: {_wait(found)}")
+    if found.never_seen.any():
+        notes.append(f"left out, never seen then: {spans_in_short(found.never_seen)}")
+    return notes
+
+
+MOST_OTHERWISE = 5
+"""So many events that say otherwise are shown, those nearest to the moment; `--json` has all."""
+LIKELY = 0.5
+OTHERS = "other reports"
+UNIT_WORDS = {"d": "day", "h": "hour", "min": "minute", "s": "second"}
+
+When = Callable[[int], str]
+"""How a time is written."""
+
+
+def explanation_table(told: Explanation, *, tz: str) -> RenderableType:
+    """Return what a log tells of a door at a moment.
+
+    Args:
+        told: The answer.
+        tz: IANA zone of the times.
+    """
+    rows = _Rows(told, tz)
+    rows.add("door", lambda _: Text(_called(told)))
+    rows.add("moment", lambda _: Text(format_local(told.time_ns, tz)))
+    rows.add_state("true", told.true)
+    if told.known_event is not None:
+        _add_believed(rows, told)
+    _add_otherwise(rows, told)
+    rows.add("P(open)", lambda _: _p_open(told))
+    rows.add("next change", lambda when: _next(told, when))
+    return Group(rows.table, Text(_caption(told, rows), style="dim"))
+
+
+class _Rows:
+    """Names and values; times are drawn short, and told to programs in full."""
+
+    def __init__(self, told: Explanation, tz: str) -> None:
+        self.table: PairTable = pairs()
+        self._told = told
+        self._tz = tz
+        self._of = _class_told(told)
+        self._day = format_short(told.time_ns, tz).partition(" ")[0]
+
+    def add(self, name: str, value: Callable[[When], Text], *, under: str = "") -> None:
+        """Add a row; one under another is told by both names."""
+        drawn, full = value(self.drawn), value(lambda ns: format_local(ns, self._tz))
+        told_name = f"{under}: {name}" if under else name
+        label = f"  {name}" if under and name else name
+        add_pair(self.table, label, CellValue(drawn, full.plain), told_name=told_name)
+
+    def add_state(self, name: str, known: StateReason) -> None:
+        """Add a state, what began it, and what told it last."""
+        told = self._told
+        self.add(name, lambda when: _state(known, told, when))
+        if known.begun_by is None or known.last is None:
+            return
+        begun, last = known.begun_by, known.last
+        self.add("begun by", lambda _: _event(begun, self._of), under=name)
+        if last.number != begun.number:
+            before = _length(told.time_ns - last.folds_ns)
+            count = f"the last of {known.times_told} reports, {before} earlier"
+            self.add(
+                "last report", lambda _: _event(last, self._of).append(f"; {count}"), under=name
+            )
+
+    def drawn(self, ns: int) -> str:
+        """Return a time: without the date on the day that is asked about."""
+        day, _, clock = format_short(ns, self._tz).partition(" ")
+        return clock if day == self._day else f"{day} {clock}"
+
+    def drawn_span(self, first_ns: int, last_ns: int) -> str:
+        """Return two times: with the dates of both, if one is of another day."""
+        both = [format_short(ns, self._tz) for ns in (first_ns, last_ns)]
+        if all(said.startswith(f"{self._day} ") for said in both):
+            both = [self.drawn(first_ns), self.drawn(last_ns)]
+        return " to ".join(both)
+
+
+def _class_told(told: Explanation) -> ObjectClass:
+    """Return what a log tells something of."""
+    door = told.true.door or told.believed.door
+    return DOOR if door is None else door.object_class
+
+
+def _called(told: Explanation) -> str:
+    door = told.true.door or told.believed.door
+    number = str(told.door_id)
+    name = "" if told.label == number else f" ({printable(told.label)})"
+    unplaced = ", unplaced" if door is not None and not door.is_placed else ""
+    return f"{number}{name}{unplaced}"
+
+
+def _state(known: StateReason, told: Explanation, when: When) -> Text:
+    """Return a state and since when; or that the door was not there."""
+    if known.state is None:
+        if known.since_ns is None:
+            return Text("not yet in the map", style=OTHER_STATE_COLOUR)
+        gone = _length(told.time_ns - known.since_ns)
+        return Text(f"removed at {when(known.since_ns)}, {gone} before", style=OTHER_STATE_COLOUR)
+    assert known.since_ns is not None, "a door that is there has a state since some time"
+    lasted = _length(told.time_ns - known.since_ns)
+    said = f" since {when(known.since_ns)}, for {lasted}"
+    return _coloured(known.state, _class_told(told)).append(said)
+
+
+def _coloured(state: DoorState, of: ObjectClass, said: str = "") -> Text:
+    """Return a state, or what is said of it, in its colour; what is appended has none."""
+    return Text.assemble((said or of.word(state), STATE_COLOURS.get(state, OTHER_STATE_COLOUR)))
+
+
+def _event(entry: HistoryEntry, of: ObjectClass) -> Text:
+    """Return an event in a sentence: its number, what it says, who and why, what was before."""
+    said = [f"{words_of(entry.event, of, in_full=True)}{taken_back(entry)}{_who(entry)}"]
+    known = values_before(entry, of)
+    if len(known) == 1:
+        said.append(f"before that {known[0][1]}")
+    elif known:
+        before = ", ".join(f"{field} {value}" for field, value in known)
+        said.append(f"before that {before}")
+    late_ns = entry.recorded_ns - entry.happened_ns
+    if late_ns > LATE_NS:
+        said.append(f"recorded {_length(late_ns)} later")
+    elif late_ns < 0:
+        said.append("its clock was ahead")
+    return Text(f"event {entry.number}: {printable('; '.join(said))}")
+
+
+def _length(ns: int) -> str:
+    """Return a length of time in whole words: `2 days 3 hours`, `1 minute`."""
+    parts = iter(duration(ns).split())
+    return " ".join(f"{count} {UNIT_WORDS[unit]}{'s' * (count != '1')}" for count, unit in
+                    zip(parts, parts, strict=True))  # fmt: skip
+
+
+def _who(entry: HistoryEntry) -> str:
+    """Return who did it, with what, why, and what it belongs to."""
+    actor = f", by {entry.actor}" if entry.actor else ""
+    source = f"{'' if actor else ','} with {entry.source}" if entry.source else ""
+    reason = f": {entry.reason}" if entry.reason else ""
+    correlation = f" ({entry.correlation})" if entry.correlation else ""
+    return printable(f"{actor}{source}{reason}{correlation}")
+
+
+def _add_believed(rows: _Rows, told: Explanation) -> None:
+    """Add what was believed where it was not what is true, and what made the difference."""
+    if told.agrees:
+        rows.add("believed", lambda _: Text("the same"))
+        return
+    if told.known_event == -1:
+        rows.add("believed", lambda _: Text("nothing: no event had been recorded by then"))
+    else:
+        rows.add_state("believed", told.believed)
+    if (wrong := told.taken_back) is not None:
+        rows.add("because", lambda when: _was_taken_back(told, wrong, when), under="believed")
+    if (late := told.told_since) is not None:
+        rows.add("because", lambda when: _was_told_late(late, when), under="believed")
+
+
+def _was_taken_back(told: Explanation, wrong: HistoryEntry, when: When) -> Text:
+    by = told.retractions[wrong.retracted_by or 0]
+    return Text(
+        f"event {wrong.number} was taken back later, at {when(by.recorded_ns)} by event "
+        f"{by.number}{_who(by)}"
+    )
+
+
+def _was_told_late(late: HistoryEntry, when: When) -> Text:
+    after = _length(late.recorded_ns - late.folds_ns)
+    return Text(
+        f"event {late.number} was recorded later, at {when(late.recorded_ns)}, {after} after it "
+        "happened"
+    )
+
+
+def _add_otherwise(rows: _Rows, told: Explanation) -> None:
+    """Add the events nearest to the moment that tell another state."""
+    if told.true.state is None:
+        return
+    if not told.otherwise:
+        rows.add(OTHERS, lambda _: Text("none"))
+        return
+    nearest = sorted(told.otherwise, key=lambda entry: abs(entry.folds_ns - told.time_ns))
+    shown = nearest[:MOST_OTHERWISE]
+    name = OTHERS
+    for entry in told.otherwise:
+        if entry in shown:
+            _add_one_otherwise(rows, name, entry, _class_told(told))
+            name = ""
+    if len(told.otherwise) > len(shown):
+        more = f"… and {len(told.otherwise) - len(shown)} more, farther away; --json has all"
+        rows.add("", lambda _: Text(more), under=OTHERS)
+
+
+def _add_one_otherwise(rows: _Rows, name: str, entry: HistoryEntry, of: ObjectClass) -> None:
+    under = "" if name else OTHERS
+    rows.add(
+        name, lambda when: Text(f"{when(entry.folds_ns)} ").append(_event(entry, of)), under=under
+    )
+
+
+def _p_open(told: Explanation) -> Text:
+    """Return P(open) as it could be known then; where it is not, why."""
+    belief = told.belief
+    if belief is None:
+        gone = "had been removed" if told.believed.is_removed else "was not known then"
+        return Text(f"UNKNOWN: the door {gone}", style=OTHER_STATE_COLOUR)
+    if not belief.is_known:
+        why = f": {why_unknown(belief.evidence)}" if isinstance(belief, DoorBelief) else ""
+        return Text(f"UNKNOWN{why}", style=OTHER_STATE_COLOUR)
+    likely = DoorState.OPEN if belief.p_open >= LIKELY else DoorState.CLOSED
+    of = _class_told(told)
+    said = _coloured(likely, of, _number(belief.p_open))
+    if _number(belief.low) != _number(belief.high):
+        said.append(f", with 90 % certainty {belief.low:.2f} to {belief.high:.2f}")
+    is_against = told.believed.state in STATE_COLOURS and told.believed.state is not likely
+    return said.append("; against what was believed" if is_against else "")
+
+
+def _number(probability: float) -> str:
+    """Return a probability in two digits, or that it is below or above what these can say."""
+    if probability < 0.005:
+        return "less than 0.01"
+    return "more than 0.99" if probability >= 0.995 else f"{probability:.2f}"
+
+
+def _next(told: Explanation, when: When) -> Text:
+    """Return what came after."""
+    change, of = told.next, _class_told(told)
+    if change is not None:
+        named = Text("removed") if change.state is None else _coloured(change.state, of)
+        later = _length(change.time_ns - told.time_ns)
+        return named.append(f" at {when(change.time_ns)}, {later} later; ").append(
+            _event(change.entry, of)
+        )
+    if told.time_ns > told.end_ns:
+        before = _length(told.time_ns - told.end_ns)
+        return Text(f"not known: the log ends {before} before, at {when(told.end_ns)}")
+    return Text(f"none up to the log's end, {when(told.end_ns)}")
+
+
+def _caption(told: Explanation, rows: _Rows) -> str:
+    """Return what the names of the rows mean."""
+    span = rows.drawn_span(*told.otherwise_ns)
+    notes = ["true: by all that is known today"]
+    if told.known_event is not None:
+        known = "" if told.known_event < 0 else f", up to event {told.known_event}"
+        notes.append(f"believed: by what had been recorded at the moment{known}")
+    if told.true.state is not None:
+        notes.append(f"other reports: events that say another state, from {span}")
+    notes.append("P(open): the probability that it was open, by what was known at the moment")
+    return "\n".join(notes)
+
+
+Names = Mapping[DoorId, str]
+
+MOST_DOORS = 40
+"""So many are shown one by one."""
+MOST_ESTIMATORS = 5
+"""Of doors one by one: so many columns fit; those that are best on the mean."""
+BEST = "*"
+FIGURES = ("brier", "log_loss", "ece", "bias")
+HEADS = ("Brier", "log-loss", "ECE", "bias")
+NAME_WIDTH = 14
+
+
+def evaluation_table(
+    evaluation: Evaluation, *, names: Names = MappingProxyType({})
+) -> RenderableType:
+    """Return the figures of an evaluation, in 80 columns.
+
+    Args:
+        evaluation: What came of it.
+        names: What the doors are called.
+    """
+    parts: list[RenderableType] = [_means(evaluation)]
+    if len(evaluation.doors) > 1:
+        parts += [Text(), _doors(evaluation, names)]
+        more = len(evaluation.doors) - MOST_DOORS
+        if more > 0:
+            parts.append(Text(f"and {counted(more, 'door')} more: --json has all", style="dim"))
+    parts += [Text(), Text(_said(evaluation), style="dim")]
+    return Group(*parts)
+
+
+def _means(evaluation: Evaluation) -> ColumnTable:
+    mean = evaluation.mean
+    best = {figure: _best(mean, figure) for figure in FIGURES}
+    heads = zip(FIGURES, HEADS, range(len(FIGURES)), strict=True)
+    table = ColumnTable([
+        TableColumn("estimator", "estimator", least=NAME_WIDTH),
+        *(TableColumn(name, head, right=True, yields=place) for name, head, place in heads),
+    ])  # fmt: skip
+    for name, scores in mean.items():
+        cells = [_cell(scores, figure, is_best=best[figure] == name) for figure in FIGURES]
+        table.add(printable(name), *cells)
+    return table
+
+
+def _doors(evaluation: Evaluation, names: Names) -> RenderableType:
+    """Return the Brier scores of each door; of many, and of many estimators, a part is drawn."""
+    mean = evaluation.mean
+    ranked = sorted(mean, key=lambda name: mean[name].brier or 0.0)[:MOST_ESTIMATORS]
+    drawn = _brier_scores(evaluation, names, [name for name in mean if name in ranked], MOST_DOORS)
+    return TextPicture(lambda _: drawn, _brier_scores(evaluation, names, list(mean), None))
+
+
+def _brier_scores(
+    evaluation: Evaluation, names: Names, estimators: list[str], most: int | None
+) -> ColumnTable:
+    mean = evaluation.mean
+    worst_first = sorted(estimators, key=lambda name: -(mean[name].brier or 0.0))
+    table = ColumnTable([
+        TableColumn("door", "door (Brier)", least=NAME_WIDTH),
+        *(TableColumn(f"brier_{name}", printable(name), right=True, least=7,
+                 yields=max(0, len(worst_first) - 1 - worst_first.index(name)))
+          for name in estimators),
+    ])  # fmt: skip
+    for door in evaluation.doors[:most]:
+        best = _best(door.scores, "brier")
+        cells = [_cell(door.scores[name], "brier", is_best=name == best) for name in estimators]
+        table.add(printable(names.get(door.door_id, str(door.door_id))), *cells)
+    return table
+
+
+def _best(scores: Mapping[str, Scores], figure: str) -> str | None:
+    """Return whose figure is nearest to 0; of a single one there is no best."""
+    if len(scores) < 2:
+        return None
+    return min(scores, key=lambda name: abs(getattr(scores[name], figure)))
+
+
+def _cell(scores: Scores, figure: str, *, is_best: bool) -> Cell:
+    value = getattr(scores, figure)
+    said = f"{value:+.4f}" if figure == "bias" else f"{value:.4f}"
+    return CellValue(
+        Text(f"{said}{BEST if is_best else ' '}", style="bold" if is_best else ""), said
+    )
+
+
+def _said(evaluation: Evaluation) -> str:
+    """Return in words what was forecast, and from what."""
+    tests = sum(door.tests for door in evaluation.doors)
+    unit = "sample" if evaluation.is_truth else "reading"
+    after = f"{counted(tests, unit)} after the first {evaluation.protocol.split:.0%}"
+    lines = [
+        f"{counted(len(evaluation.doors), 'door')}, {after}; mean over doors, {BEST} best",
+        known_in_words(evaluation),
+    ]
+    if evaluation.left_out:
+        lines.append(
+            f"left out, with too little known time: {counted(len(evaluation.left_out), 'door')}"
+        )
+    return "\n".join(lines)
+
+
+def known_in_words(evaluation: Evaluation) -> str:
+    """Return what each forecast knows: `known at each forecast: all up to 1 h before it`."""
+    protocol = evaluation.protocol
+    what = "all"
+    if (patrol := protocol.patrol) is not None:
+        what = (
+            f"what a visit each {duration(patrol.interval_ns)} read, right "
+            f"{percent(patrol.accuracy)} of the time (seed {patrol.seed}),"
+        )
+    return f"known at each forecast: {what} up to {_until_in_words(evaluation)}"
+
+
+def _until_in_words(evaluation: Evaluation) -> str:
+    protocol = evaluation.protocol
+    earlier = f"{duration(protocol.horizon_ns)} before it" if protocol.horizon_ns else ""
+    if protocol.prequential:
+        return f"the midnight before {f'what was {earlier}' if earlier else 'it'}"
+    if earlier:
+        return earlier
+    if protocol.patrol is not None or not evaluation.is_truth or protocol.horizon_ns is not None:
+        return "its moment"
+    return "the split"
+
 
 PAGE_ROWS = 500
 TIME_WIDTH = len("2026-03-02 08:00:00")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from semmap_log.analysis.beliefs.typical_week import TypicalWeek, WeekPattern
+from semmap_log.analysis.beliefs.door_beliefs import TypicalWeek, WeekPattern
 from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, HOURS
 from semmap_log.views.belief_words import (
     interval,
@@ -25,9 +25,8 @@ from semmap_log.views.belief_words import (
 )
 from semmap_log.views.column_table import ColumnTable, TableColumn, TextPicture
 from semmap_log.views.event_words import printable
-from semmap_log.views.palette import Rgb
+from semmap_log.views.palette import Rgb, ink_on, shade
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME
-from semmap_log.views.week_shades import ink_on, shade
 
 NEVER_SEEN = "·"
 LITTLE_SEEN = "?"

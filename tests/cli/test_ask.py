@@ -19,9 +19,9 @@ import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.errors import AddressError
 from semmap_log.live.planners.addresses import UnixAddress
-from semmap_log.live.planners.line_protocol.ask_client import AskClient
+from semmap_log.live.planners.line_protocol.tokens import AskClient
 from semmap_log.live.ros import joining
-from semmap_log.live.ros.action_names import DEFAULTS
+from semmap_log.live.ros.ros_node import DEFAULTS
 from tests.live.ros.collecting_node import CollectingNode
 from tests.live.ros.running import DEADLINE_S, Running, wait_until
 from tests.live.ros.serving.goals import goal_of

@@ -115,7 +115,7 @@ def test_many_changes_are_thinned_out_and_that_is_said(
     """
     And how to have all of them.
     """
-    monkeypatch.setattr("semmap_log.interop.exporting.stream_plan.MOST_DOORS_SENT", 6)
+    monkeypatch.setattr("semmap_log.interop.exporting.stream.MOST_DOORS_SENT", 6)
 
     code, _, err = run("export", "office", "x.mcap", "--markers")
 

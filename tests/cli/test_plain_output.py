@@ -15,8 +15,8 @@ from rich.table import Table
 from rich.text import Text
 
 import semmap_log as sl
-from semmap_log.cli.plain_console import PlainConsole
 from semmap_log.cli.plain_streams import PlainStream, json_text, plain, plain_streams
+from semmap_log.cli.printer import PlainConsole
 
 TITLE = "\x1b]0;owned\x07"
 EVIL = f"[red]x$\\frac{{$:door:{TITLE}\u202e\x9b31m"

@@ -8,7 +8,7 @@ import pytest
 
 from semmap_log.cli import main
 from semmap_log.views.palette import COLOUR_BLIND
-from semmap_log.views.report.page import hex_of
+from semmap_log.views.report.content import hex_of
 from tests.views.report.pages import data_of
 from tests.views.rerun.some_logs import small_log
 

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.log.signing.private_keys import make_key
+from semmap_log.log.signing.log_signing import make_key
 from tests.cli.test_verify import semmap
 from tests.live.ros.running import wait_until
 from tests.log.signing.authority import Authority, needs_openssl, served

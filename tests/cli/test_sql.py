@@ -17,7 +17,7 @@ import pytest
 pytest.importorskip("duckdb")
 
 import semmap_log as sl
-from semmap_log.analysis.sql.view_words import COLUMNS_OF
+from semmap_log.analysis.sql.sql_query import COLUMNS_OF
 from semmap_log.cli import INTERRUPTED, main
 
 COUNT = "select name, count(*) as n, max(last_seen) as seen from doors group by all order by all"

@@ -12,8 +12,8 @@ from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import LogError
 from semmap_log.fleet.shipping import ship
-from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.removed_source import ObjectSegments
 from tests.fleet.lying_store import Answer, Lie, honest, lying_store, objects_below
 from tests.fleet.test_shipping import a_log, events_of
 

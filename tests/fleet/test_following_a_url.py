@@ -21,8 +21,8 @@ from semmap_log.log.replay.care import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.form import MANIFEST_NAME
 from semmap_log.store.reading.following import FollowedCommit
-from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.removed_source import ObjectSegments
 from tests.fleet.test_shipping import RECORDINGS, a_log
 from tests.live.ros.running import DEADLINE_S
 

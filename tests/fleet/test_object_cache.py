@@ -22,8 +22,8 @@ from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import LogAccessError, LogError
 from semmap_log.fleet.shipping import ship
-from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.removed_source import ObjectSegments
 from tests.bucket import put_folder
 from tests.fleet.test_following_a_url import WatchedStore
 from tests.fleet.test_shipping import RECORDINGS, a_log, events_of

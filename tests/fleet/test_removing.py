@@ -19,9 +19,9 @@ from semmap_log.fleet.shipping import ship
 from semmap_log.log.replay.care import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.form import MANIFEST_NAME
-from semmap_log.store.log_objects import KeptManifest, read_manifest
-from semmap_log.store.reading.object_segments import ObjectSegments
+from semmap_log.store.manifest import KeptManifest, read_manifest
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.removed_source import ObjectSegments
 from tests.fleet.test_shipping import CountedStore, a_log, events_of, run
 
 DAY_NS = 86_400 * 10**9

@@ -20,8 +20,8 @@ from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError
 from semmap_log.fleet.ship_beside import ShipBeside, ShippingPauses
 from semmap_log.fleet.shipping import ship
-from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.removed_source import ObjectSegments
 from semmap_log.store.writing import segment_chain
 from tests.fleet.lying_store import Answer, lying_store
 from tests.fleet.test_shipping import events_of

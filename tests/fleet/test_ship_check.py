@@ -12,7 +12,7 @@ import semmap_log as sl
 from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import LogAccessError, LogError
-from semmap_log.fleet.ship_check import ObjectCount, check_shipping
+from semmap_log.fleet.keeping import ObjectCount, check_shipping
 from semmap_log.fleet.shipping import ship
 from semmap_log.store.compaction import compact
 from tests.fleet.test_shipping import CountedStore, ForgetfulStore, a_log, events_of, run

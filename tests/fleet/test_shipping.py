@@ -18,8 +18,8 @@ from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.shipping import check_conditions, ship
 from semmap_log.log.replay.care import verify
 from semmap_log.store.compaction import compact
-from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.removed_source import ObjectSegments
 
 RECORDINGS = Path(__file__).parents[2] / "recordings"
 

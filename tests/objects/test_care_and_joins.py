@@ -12,14 +12,13 @@ import semmap_log as sl
 from semmap_log.core.model.events import DoorAnnotated
 from semmap_log.errors import LogError
 from semmap_log.fleet.join.joining_logs import join
-from semmap_log.interop.exporting.json_lines import write_event_lines
+from semmap_log.interop.exporting.log_files import write_event_lines
 from semmap_log.interop.importing.importing import import_file
 from semmap_log.interop.pseudonyms.pseudonymous_log import pseudonymous
 from semmap_log.log.replay.care import copy, recover, verify
 from semmap_log.log.replay.replay import Scope
 from semmap_log.log.trimming.redaction import Annotation, Redaction
-from semmap_log.log.trimming.retention import Retention
-from semmap_log.log.trimming.trim_log import trim_log
+from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
 from tests.fleet.join.some_robots import START_NS, SetClock, a_robot

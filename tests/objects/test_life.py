@@ -13,12 +13,12 @@ from steady_clock import SteadyClock
 
 import semmap_log as sl
 from semmap_log.analysis.beliefs.door_beliefs import probabilities
-from semmap_log.core.folds.diff import Diff
-from semmap_log.core.folds.doors_present import DoorsPresent
+from semmap_log.core.folds.history import Diff
+from semmap_log.core.folds.levels import DoorsPresent
 from semmap_log.core.model.events import DoorAnnotated, DoorObserved
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.interop.formats.json.door_json import door_map_to_json
-from semmap_log.log.door_log.backdating import backdated, since_ever_ns
+from semmap_log.log.door_log.door_labels import backdated, since_ever_ns
 from semmap_log.store.reading.reader import LogReader
 
 

@@ -13,8 +13,7 @@ import semmap_log as sl
 from semmap_log.core.model.events import ClassDefined, DoorAdded, DoorAnnotated, DoorObserved, Event
 from semmap_log.core.model.object_classes import outline_text
 from semmap_log.log.replay.care import verify
-from semmap_log.log.trimming.retention import Retention
-from semmap_log.log.trimming.trim_log import trim_log
+from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain

@@ -51,9 +51,9 @@ def told(ask: Question, log: Callable[[], sl.DoorLog]) -> tuple[str, str]:
 
 def _force_fallback(how: str) -> None:
     """Forbid the call that copies; with `look` also the one that asks for pages."""
-    from semmap_log.store.reading import mapped_memory
+    from semmap_log.store.reading import mapped_file
 
-    library = mapped_memory._library()
+    library = mapped_file._library()
 
     def refused(*_: object) -> int:
         ctypes.set_errno(errno.ENOSYS)
@@ -64,7 +64,7 @@ def _force_fallback(how: str) -> None:
         madvise = library.madvise
 
         def unknown(address: int, size: int, advice: int) -> int:
-            if advice != mapped_memory._MADV_POPULATE_READ:
+            if advice != mapped_file._MADV_POPULATE_READ:
                 return int(madvise(address, size, advice))
             ctypes.set_errno(errno.EINVAL)
             return -1

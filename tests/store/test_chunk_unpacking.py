@@ -18,23 +18,26 @@ import semmap_log as sl
 from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.replay.care import verify
-from semmap_log.store import chunk_unpacking, record_scan
+from semmap_log.store import record_scan
+from semmap_log.store import record_scan as chunk_unpacking
 from semmap_log.store import records as mcap
-from semmap_log.store.chunk_unpacking import (
-    CLOSE_RATIO,
-    FREE_SEGMENT_BYTES,
-    MOST_AT_ONCE,
-    MOST_SEGMENT_RATIO,
-    PIECE_BYTES,
-    check_sizes,
-    unpack_records,
-)
 from semmap_log.store.chunks import NO_SPAN, BuiltChunk, ChunkFacts, assemble_chunk
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import KEYFRAME_CHANNEL, NO_HASH
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.reading.chunk_table import rows_of_indexes
-from semmap_log.store.record_scan import ChunkDamage, scan_together, walk
+from semmap_log.store.record_scan import (
+    CLOSE_RATIO,
+    FREE_SEGMENT_BYTES,
+    MOST_AT_ONCE,
+    MOST_SEGMENT_RATIO,
+    PIECE_BYTES,
+    ChunkDamage,
+    check_sizes,
+    scan_together,
+    unpack_records,
+    walk,
+)
 from semmap_log.store.segment import SegmentWriter
 from tests.store.logs import empty_keyframe
 

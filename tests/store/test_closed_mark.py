@@ -18,7 +18,7 @@ from semmap_log.log.replay.care import recover, verify
 from semmap_log.store.closed_mark import MOST_BYTES, read_mark
 from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.reading import local_segments
+from semmap_log.store.reading import segment_folder
 from semmap_log.store.verification.findings import Severity
 from semmap_log.store.writing import segment_chain
 from tests.marks import marks, remove_marks
@@ -169,19 +169,19 @@ def test_a_writer_that_rolls_at_every_look_is_no_damage(
     """
     What is closed after the files were listed is not among them, and nothing is missing.
     """
-    list_segments = local_segments.list_segments
+    list_segments = segment_folder.list_segments
     looks: list[int] = []
     with sl.append(log, compact=False, durability="flush") as writer:
         see(writer, 10)
 
-        def then_rolled(folder: LogFolder) -> local_segments.Listing:
+        def then_rolled(folder: LogFolder) -> segment_folder.Listing:
             found = list_segments(folder)
             looks.append(len(found))
             see(writer, 20)
             return found
 
         with monkeypatch.context() as patch:
-            patch.setattr(local_segments, "list_segments", then_rolled)
+            patch.setattr(segment_folder, "list_segments", then_rolled)
             seen = events(log)
 
     assert [4] == looks

@@ -15,8 +15,8 @@ import pytest
 from semmap_log.core.io.inflating import inflated
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.replay.pins import unpacked
-from semmap_log.store import chunk_unpacking
+from semmap_log.log.replay.state import unpacked
+from semmap_log.store import record_scan
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.removed_source import RemovedSource
 from semmap_log.store.removed_part import RemovedSegment
@@ -47,8 +47,8 @@ def test_what_is_damaged_is_an_error(data: bytes) -> None:
 @pytest.fixture
 def little(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Lets a MiB be unpacked for nothing; hands out what tells the greatest memory since."""
-    monkeypatch.setattr(chunk_unpacking, "FREE_CHUNK_BYTES", MIB)
-    monkeypatch.setattr(chunk_unpacking, "MOST_RATIO", 10)
+    monkeypatch.setattr(record_scan, "FREE_CHUNK_BYTES", MIB)
+    monkeypatch.setattr(record_scan, "MOST_RATIO", 10)
     tracemalloc.start()
     yield lambda: tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()

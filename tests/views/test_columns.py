@@ -9,8 +9,7 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
-from semmap_log.views.column_table import CellValue, ColumnTable, TableColumn
-from semmap_log.views.pairs import pairs
+from semmap_log.views.column_table import CellValue, ColumnTable, TableColumn, pairs
 
 LONG_NAME = "the door behind the kitchen of the canteen"
 

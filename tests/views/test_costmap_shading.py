@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from semmap_log.views.costmap_shading import costs_of, shaded
 from semmap_log.views.palette import (
     COST_FREE,
     COST_HATCH,
     COST_INSCRIBED,
     COST_LETHAL,
     COST_UNKNOWN,
+    costs_of,
+    shaded,
 )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from semmap_log.core.folds.time_shares import TimeShares
+from semmap_log.core.folds.timeline import TimeShares
 from semmap_log.core.model.doors import DoorId
 from semmap_log.log.door_log.day import SLOT_NS, Day, DoorDay
 from semmap_log.views.day_chart import day_chart

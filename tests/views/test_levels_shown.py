@@ -9,14 +9,14 @@ import pytest
 from steady_clock import SteadyClock
 
 import semmap_log as sl
-from semmap_log.cli.plain_console import PlainConsole
+from semmap_log.cli.printer import PlainConsole
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAdded, DoorAnnotated, LevelAdded, RobotPose
 from semmap_log.views.excerpt.shown_levels import home_of_0
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.report.content import report
 from semmap_log.views.rerun.contents import RecordingContents, find_scene
-from semmap_log.views.rerun.fitting import fits
+from semmap_log.views.rerun.live_view import fits
 from semmap_log.views.rerun.scene import Scene
 from semmap_log.views.tables import door_table
 from tests.browser import a_page, as_url

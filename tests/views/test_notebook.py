@@ -18,7 +18,7 @@ from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorObserved
 from semmap_log.errors import MissingExtraError
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.views import html_table
+from semmap_log.views import column_table
 from tests.conftest import SteadyClock
 
 EVIL = "<script>alert('x')</script> & \"co\""
@@ -123,7 +123,7 @@ def test_the_rows_of_a_door_map_are_its_doors(log: sl.DoorLogWriter) -> None:
 def test_long_tables_are_cut_and_say_so(
     log: sl.DoorLogWriter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(html_table, "MOST_ROWS", 3)
+    monkeypatch.setattr(column_table, "MOST_ROWS", 3)
     for _ in range(6):
         log.add_door()
 

@@ -6,8 +6,7 @@ import numpy as np
 from hypothesis import given
 
 from semmap_log.analysis.rooms import plan_of
-from semmap_log.views.palette import ROOM_TINTS
-from semmap_log.views.room_tints import room_tints, rooms_image, sampled
+from semmap_log.views.palette import ROOM_TINTS, room_tints, rooms_image, sampled
 from tests.analysis.rooms.buildings import Building, buildings
 
 

@@ -10,11 +10,10 @@ import pytest
 from rich.console import Console, RenderableType
 
 import semmap_log as sl
-from semmap_log.analysis.beliefs.typical_week import TypicalWeek, typical_weeks
+from semmap_log.analysis.beliefs.door_beliefs import TypicalWeek, typical_weeks
 from semmap_log.views.belief_words import short_number
-from semmap_log.views.palette import VIRIDIS
+from semmap_log.views.palette import VIRIDIS, ink_on, shade
 from semmap_log.views.week_map import hour_rows, week_maps, weekday_rows
-from semmap_log.views.week_shades import ink_on, shade
 from tests.analysis.beliefs.patrolled import patrolled
 
 

@@ -15,8 +15,7 @@ from benchmark.case import Case, Near, Peer, Work
 from benchmark.patrol import START_NS
 from benchmark.peers import OURS, on_cores
 from semmap_log.analysis.probabilities.chain import hour_modes
-from semmap_log.analysis.probabilities.chain.hour_looks import HourLooks
-from semmap_log.analysis.probabilities.chain.looks import Looks
+from semmap_log.analysis.probabilities.chain.looks import HourLooks, Looks
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence, Evidence
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.model.doors import DoorState

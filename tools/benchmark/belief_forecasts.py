@@ -15,7 +15,7 @@ from benchmark.case import Case, Near, Peer, Work
 from benchmark.peers import OURS, on_cores
 from semmap_log.analysis.beliefs.belief_query import ask
 from semmap_log.analysis.beliefs.door_beliefs import DoorBelief, belief, probabilities
-from semmap_log.analysis.probabilities.estimators import by_name
+from semmap_log.analysis.probabilities.belief_fold import by_name
 from semmap_log.analysis.probabilities.evidence.evidence import Evidence
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.model.doors import DoorId

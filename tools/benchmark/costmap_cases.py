@@ -32,9 +32,13 @@ from benchmark.logs import DAY_NS, Workshop
 from benchmark.made_building import Building, made_building
 from benchmark.patrol import START_NS
 from benchmark.peers import OURS
-from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
-from semmap_log.analysis.costmap_2d.door_layer import DoorLine
-from semmap_log.analysis.costmap_2d.lines import draw_lines
+from semmap_log.analysis.costmap_2d.costs import (
+    FREE_SPACE,
+    LETHAL,
+    NO_INFORMATION,
+    DoorLine,
+    draw_lines,
+)
 from semmap_log.core.io.clock import KeptClock
 from semmap_log.core.model.doors import DoorState
 

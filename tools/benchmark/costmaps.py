@@ -16,13 +16,16 @@ from benchmark import distance_peer, plain_costmap
 from benchmark.case import Case, Peer, Work
 from benchmark.made_building import RESOLUTION_M, Building, made_building
 from benchmark.peers import OURS
-from semmap_log.analysis.costmap_2d import door_layer
-from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
-from semmap_log.analysis.costmap_2d.door_layer import DoorLayer, DoorLine
+from semmap_log.analysis.costmap_2d import costs
+from semmap_log.analysis.costmap_2d.costs import (
+    FREE_SPACE,
+    LETHAL,
+    NO_INFORMATION,
+    DoorLayer,
+    DoorLine,
+)
 from semmap_log.analysis.costmap_2d.grid import CellWindow
-from semmap_log.analysis.costmap_2d.inflation import InflationLayer
-from semmap_log.analysis.costmap_2d.layered import LayeredCostmap
-from semmap_log.analysis.costmap_2d.static_layer import StaticLayer
+from semmap_log.analysis.costmap_2d.layered import InflationLayer, LayeredCostmap, StaticLayer
 
 PART = 1000
 """Cells along each edge of the corner of the map that slow peers are given."""
@@ -118,7 +121,7 @@ def _scipy(side: int) -> Work:
 
 
 def _by_exact_distances(building: Building) -> Grid:
-    doors = door_layer.drawn(building.geometry, building.doors)
+    doors = costs.drawn(building.geometry, building.doors)
     below = np.where(doors != NO_INFORMATION, doors, building.costs)
     return distance_peer.inflated(below, resolution=building.geometry.resolution, **INFLATION)
 

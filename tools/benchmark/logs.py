@@ -163,13 +163,13 @@ def uncompressed() -> Iterator[None]:
     from unittest.mock import patch
 
     from semmap_log.store.chunks import build_chunk
-    from semmap_log.store.compaction import rechunk
+    from semmap_log.store.compaction import merge
 
     def build_plain(records: Any, offsets: Any, *, compression: str = "") -> Any:
         del compression
         return build_chunk(records, offsets, compression="")
 
-    with patch.object(rechunk, "build_chunk", build_plain):
+    with patch.object(merge, "build_chunk", build_plain):
         yield
 
 

@@ -12,8 +12,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.costmap_2d.costs import INSCRIBED, LETHAL, NO_INFORMATION
-from semmap_log.analysis.costmap_2d.door_layer import DoorLine
+from semmap_log.analysis.costmap_2d.costs import INSCRIBED, LETHAL, NO_INFORMATION, DoorLine
 from semmap_log.analysis.costmap_2d.grid import CellWindow, GridGeometry
 
 Corners = tuple[int, int, int, int]

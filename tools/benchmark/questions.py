@@ -93,8 +93,8 @@ def index_cases(shop: Workshop, count: int, rounds: int | None) -> Iterator[Case
 
 def indexed_log(shop: Workshop, count: int, per_commit: int) -> Path | None:
     """Return a second folder of a patrol's compacted log, with an index; None: no pyarrow."""
+    from semmap_log.log.replay.read_model.events_about import has_pyarrow
     from semmap_log.log.replay.read_model.indexing import index
-    from semmap_log.log.replay.read_model.segment_tables import has_pyarrow
 
     path = shop.log(count, per_commit, ZSTD).path
     indexed = path.with_name("indexed") / path.name

@@ -70,7 +70,7 @@ def _thinned(log: Path, count: int) -> TrimRule:
 
 
 def _half(log: Path, count: int) -> TrimRule:
-    from semmap_log.log.trimming.retention import Retention
+    from semmap_log.log.trimming.trim_log import Retention
     from semmap_log.store.reading.reader import LogReader
 
     return Retention(LogReader(log), START_NS + count * STEP_NS // 2)

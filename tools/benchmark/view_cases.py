@@ -235,7 +235,7 @@ def _opening(recording: Path, folder: Path, rounds: int | None) -> Case:
 
 
 def _opened(recording: Path) -> Work:
-    from semmap_log.views.rerun.viewer import ViewerError, headless
+    from semmap_log.views.rerun.process import ViewerError, headless
 
     def once(_: None) -> bool:
         with headless(recording) as viewer:

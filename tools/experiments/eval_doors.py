@@ -52,10 +52,9 @@ from door_eval.tables import SetScores, legend, print_tables
 
 import semmap_log as sl
 from semmap_log.analysis.beliefs.evaluation import evaluate, evaluate_all
-from semmap_log.analysis.beliefs.patrol import Patrol
-from semmap_log.analysis.beliefs.protocol import Protocol
+from semmap_log.analysis.beliefs.protocol import Patrol, Protocol
+from semmap_log.analysis.probabilities.belief_fold import by_name
 from semmap_log.analysis.probabilities.estimator import Estimator
-from semmap_log.analysis.probabilities.estimators import by_name
 from semmap_log.analysis.probabilities.methods.baselines import CONSTANT
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId

@@ -25,8 +25,8 @@ from scan_eval.packed_logs import PackedLog, Told, packed_logs
 from scan_eval.proposal_scores import Doorway, Drive, figures
 from scan_eval.simulated_drives import NO_DOORS, simulated_drives
 
-from semmap_log.analysis.scans.proposing.kept_scans import KeptScans
 from semmap_log.analysis.scans.proposing.proposals import proposals_of
+from semmap_log.analysis.scans.proposing.swept_cells import KeptScans
 from semmap_log.errors import SemmapError
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -44,8 +44,7 @@ from scan_eval.visit_scores import (
 )
 
 from semmap_log.analysis.scans.door_watcher import DoorWatcher
-from semmap_log.analysis.scans.placed_scan import DoorPlaces, PlacedScan
-from semmap_log.analysis.scans.visit import Visit
+from semmap_log.analysis.scans.visit import DoorPlaces, PlacedScan, Visit
 from semmap_log.errors import SemmapError
 
 AT_ONCE = 256

@@ -40,10 +40,10 @@ from numpy.typing import NDArray
 from patrol_sim.habits import HOUR_NS
 
 from semmap_log.analysis.beliefs.best_times import best_runs
-from semmap_log.analysis.beliefs.patrol import Patrol
+from semmap_log.analysis.beliefs.protocol import Patrol
 from semmap_log.analysis.beliefs.trials import StateIntervals
+from semmap_log.analysis.probabilities.belief_fold import by_name
 from semmap_log.analysis.probabilities.estimator import StateModel
-from semmap_log.analysis.probabilities.estimators import by_name
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.forecast import LEAST, MOST
 from semmap_log.core.model.local_clock import LocalClock

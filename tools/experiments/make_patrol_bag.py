@@ -27,7 +27,7 @@ from patrol_sim.laser_sensor import Laser
 from patrol_sim.laser_world import World
 
 from semmap_log.errors import SemmapError
-from semmap_log.interop.formats.bags.bag_writing import bytes_of
+from semmap_log.interop.formats.bags.bag_reading import bytes_of
 
 ROOT = Path(__file__).resolve().parents[2]
 USUAL = World()

@@ -20,13 +20,17 @@ from semmap_log.core.lazily import lazy_names
 if TYPE_CHECKING:
     from semmap_log.analysis.beliefs.applying import Applied, apply_probabilities
     from semmap_log.analysis.beliefs.best_times import BestTime, best_time
-    from semmap_log.analysis.beliefs.door_beliefs import DoorBelief, DoorBeliefs, probabilities
+    from semmap_log.analysis.beliefs.door_beliefs import (
+        DoorBelief,
+        DoorBeliefs,
+        TypicalWeek,
+        probabilities,
+        typical_weeks,
+    )
     from semmap_log.analysis.beliefs.evaluation import Evaluation, evaluate
     from semmap_log.analysis.beliefs.explaining import explain
     from semmap_log.analysis.beliefs.sensor_calibration import Calibration, calibrate
-    from semmap_log.analysis.beliefs.typical_week import TypicalWeek, typical_weeks
-    from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs
-    from semmap_log.analysis.probabilities.estimators import by_name
+    from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs, by_name
     from semmap_log.log.door_log.explanation import Explanation, NextChange, StateReason
 
 __all__ = [
@@ -53,16 +57,40 @@ __all__ = [
 ]
 
 _HOMES = {
-    "analysis.beliefs.applying": ("Applied", "apply_probabilities"),
-    "analysis.beliefs.door_beliefs": ("DoorBelief", "DoorBeliefs", "probabilities"),
-    "analysis.beliefs.best_times": ("BestTime", "best_time"),
-    "analysis.beliefs.sensor_calibration": ("Calibration", "calibrate"),
-    "analysis.beliefs.evaluation": ("Evaluation", "evaluate"),
+    "analysis.beliefs.applying": (
+        "Applied",
+        "apply_probabilities",
+    ),
+    "analysis.beliefs.door_beliefs": (
+        "DoorBelief",
+        "DoorBeliefs",
+        "probabilities",
+        "TypicalWeek",
+        "typical_weeks",
+    ),
+    "analysis.beliefs.best_times": (
+        "BestTime",
+        "best_time",
+    ),
+    "analysis.beliefs.sensor_calibration": (
+        "Calibration",
+        "calibrate",
+    ),
+    "analysis.beliefs.evaluation": (
+        "Evaluation",
+        "evaluate",
+    ),
     "analysis.beliefs.explaining": ("explain",),
-    "analysis.beliefs.typical_week": ("TypicalWeek", "typical_weeks"),
-    "log.door_log.explanation": ("Explanation", "NextChange", "StateReason"),
-    "analysis.probabilities.belief_fold": ("BeliefProjection", "Beliefs"),
-    "analysis.probabilities.estimators": ("by_name",),
+    "log.door_log.explanation": (
+        "Explanation",
+        "NextChange",
+        "StateReason",
+    ),
+    "analysis.probabilities.belief_fold": (
+        "BeliefProjection",
+        "Beliefs",
+        "by_name",
+    ),
 }
 
 __getattr__ = lazy_names(__name__, _HOMES)

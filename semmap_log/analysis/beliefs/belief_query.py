@@ -1,4 +1,7 @@
-"""What every question about beliefs begins with: a moment, what was learnt by then, doors."""
+"""What every question about beliefs begins with: a moment, what was learnt by then, doors.
+
+On what a belief about a door rests, in numbers.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.beliefs.evidence_summary import EvidenceSummary
-from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs
+from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs, by_name
 from semmap_log.analysis.probabilities.estimator import Estimator
-from semmap_log.analysis.probabilities.estimators import by_name
-from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.analysis.probabilities.evidence.coverage import Coverage
+from semmap_log.analysis.probabilities.evidence.evidence import Counts, DoorEvidence
 from semmap_log.analysis.probabilities.forecast import Forecast
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId, DoorMap
@@ -28,6 +30,7 @@ from semmap_log.log.door_log.known_later import known_later, moment_asked_ns
 
 if TYPE_CHECKING:
     from semmap_log.analysis.probabilities.sensors.sensor_doubts import SensorDoubt
+
 
 FEWEST_WORDS = 30
 """Of so few nobody can tell how often a sensor errs: what would judge it is not even loaded."""
@@ -78,7 +81,7 @@ class BeliefQuery:
         """Return the sensors that are not as accurate as declared, having warned of each."""
         if len(self.beliefs.evidence) < FEWEST_WORDS:
             return []
-        from semmap_log.analysis.beliefs.sensor_warnings import warn_of_sensors
+        from semmap_log.analysis.beliefs.sensor_calibration import warn_of_sensors
 
         asked = [door.door_id for door in self.doors]
         return warn_of_sensors(log, self.beliefs.evidence, asked, self.known_ns)
@@ -192,7 +195,7 @@ def learn(
         log: The log.
         at: Only what had happened by then, with all that is known today.
         known_at: Only what had been recorded by then, whole commits.
-        estimator: A method, or its name: see `semmap_log.analysis.probabilities.estimators`.
+        estimator: A method, or its name: see `semmap_log.analysis.probabilities.belief_fold`.
         tz: IANA zone of hours and weekdays; None: the log's.
         doors: Learn of these alone, which an index makes quick; no door teaches of another.
         progress: Told how far the reading is.
@@ -209,3 +212,26 @@ def learn(
     for batch in log.visible_batches(scope, doors=doors, progress=progress):
         beliefs = projection.apply(beliefs, batch)
     return beliefs
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceSummary:
+    """What a belief rests on."""
+
+    coverage: Coverage
+    """On which hours of the week the evidence lies."""
+    known_ns: int
+    """For how long its state was known without a look, since it had been set."""
+    counts: Counts
+    """Words about its state, sightings among them, visits, and when it was last seen."""
+
+    @classmethod
+    def of(cls, evidence: DoorEvidence, counts: Counts, clock: LocalClock) -> EvidenceSummary:
+        """Return the evidence about a door in numbers."""
+        known_ns = int(np.sum(evidence.end_ns - evidence.start_ns))
+        return cls(Coverage.of(evidence, clock), known_ns, counts)
+
+    @property
+    def is_empty(self) -> bool:
+        """True for a door of which nobody ever said whether it is open."""
+        return self.counts.last_seen_ns is None

@@ -11,8 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.beliefs.belief_query import BeliefQuery, ask
-from semmap_log.analysis.beliefs.door_beliefs import DoorBelief, belief, default_estimator
-from semmap_log.analysis.beliefs.typical_week import WEEK_HOURS, WeekPattern, typical_week
+from semmap_log.analysis.beliefs.door_beliefs import (
+    WEEK_HOURS,
+    DoorBelief,
+    WeekPattern,
+    belief,
+    default_estimator,
+    typical_week,
+)
 from semmap_log.analysis.probabilities.estimator import StateModel
 from semmap_log.analysis.probabilities.evidence.coverage import HOURS, WeekMask
 from semmap_log.core.io.progress import Progress

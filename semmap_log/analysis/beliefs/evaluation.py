@@ -11,9 +11,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from semmap_log.analysis.beliefs.patrol import Patrol, visited
-from semmap_log.analysis.beliefs.protocol import Protocol
-from semmap_log.analysis.beliefs.sensor_warnings import warn_of_sensors
+from semmap_log.analysis.beliefs.protocol import Patrol, Protocol, visited
+from semmap_log.analysis.beliefs.sensor_calibration import warn_of_sensors
 from semmap_log.analysis.beliefs.trials import (
     StateIntervals,
     Trials,

@@ -1,21 +1,32 @@
-"""A sensor's two accuracies, from times in which the true state is known."""
+"""A sensor's two accuracies, from times in which the true state is known.
+
+Sensors that are not as accurate as declared: said whenever somebody asks what to believe.
+
+The numbers stay those of what is declared. What is learnt from the readings alone may be the door:
+only who knows the true state can tell, and declares what `calibrate` finds.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+import warnings
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.beliefs.trials import StateIntervals
 from semmap_log.analysis.probabilities.beta import beta_interval
+from semmap_log.analysis.probabilities.evidence.evidence import Evidence
 from semmap_log.analysis.probabilities.evidence.visits import visits_of
-from semmap_log.core.batches.distinct import distinct
+from semmap_log.analysis.probabilities.sensors.sensor_doubts import SensorDoubt, sensor_doubts
+from semmap_log.core.batches.event_batch import distinct
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorObserved
 from semmap_log.core.model.keywords import knows_keywords
-from semmap_log.errors import EstimatorError
+from semmap_log.core.texts import command_line
+from semmap_log.core.users_line import frames_of_ours
+from semmap_log.errors import EstimatorError, SensorWarning
 from semmap_log.log.door_log.door_log import DoorLog
 
 Times = NDArray[np.int64]
@@ -200,3 +211,29 @@ def truths_of_rows(
             start_ns[tells], end_ns[tells], state[tells] == DoorState.OPEN
         )
     return found
+
+
+def warn_of_sensors(
+    log: DoorLog, evidence: Evidence, door_ids: Iterable[DoorId], until_ns: int
+) -> list[SensorDoubt]:
+    """Return the sensors whose readings contradict what is declared, having warned of each.
+
+    Args:
+        log: Where the evidence is from.
+        evidence: What is known.
+        door_ids: The doors that are asked about.
+        until_ns: What comes after does not count.
+    """
+    found = sensor_doubts(evidence, door_ids, until_ns)
+    labels = log.door_labels() if found else {}
+    named = [replace(doubt, door=labels.get(doubt.door_id, "")) for doubt in found]
+    for doubt in named:
+        how = command_line("calibrate", log.path, "--truth", "FILE.csv")
+        source = f" --source {doubt.sensor.source}" if doubt.sensor.source else ""
+        warnings.warn(
+            f"{doubt}; with times at which the true state is known, find what to declare: "
+            f"{how}{source}",
+            SensorWarning,
+            stacklevel=frames_of_ours(),
+        )
+    return named

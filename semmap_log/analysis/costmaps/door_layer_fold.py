@@ -10,11 +10,16 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
-from semmap_log.analysis.costmap_2d.door_layer import DoorLayer, DoorLine
+from semmap_log.analysis.costmap_2d.costs import (
+    FREE_SPACE,
+    INSCRIBED,
+    LETHAL,
+    NO_INFORMATION,
+    DoorLayer,
+    DoorLine,
+)
 from semmap_log.analysis.costmap_2d.grid import CellWindow, GridGeometry
-from semmap_log.core.batches.distinct import distinct
-from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.batches.event_batch import EventBatch, distinct
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.core.model.events import ClassDefined

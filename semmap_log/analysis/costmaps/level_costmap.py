@@ -1,30 +1,48 @@
-"""A level's costmap at a moment of a log: floor, doors, and costs around both."""
+"""A level's costmap at a moment of a log: floor, doors, and costs around both.
+
+A level's costmap over time: one after the other of a log's past, or live beside a writer.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 
-from semmap_log.analysis.costmap_2d.costs import static_costs
-from semmap_log.analysis.costmap_2d.door_layer import DoorLayer, DoorLine
+from semmap_log.analysis.costmap_2d.costs import DoorLayer, DoorLine, static_costs
 from semmap_log.analysis.costmap_2d.grid import CellWindow, GridGeometry
-from semmap_log.analysis.costmap_2d.inflation import InflationLayer
-from semmap_log.analysis.costmap_2d.layered import CostmapLayer, LayeredCostmap
-from semmap_log.analysis.costmap_2d.static_layer import StaticLayer
+from semmap_log.analysis.costmap_2d.layered import (
+    CostmapLayer,
+    InflationLayer,
+    LayeredCostmap,
+    StaticLayer,
+)
 from semmap_log.analysis.costmaps.door_layer_fold import By, DoorLayerProjection, door_lines
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
-from semmap_log.core.folds.doors_of_class import check_class
-from semmap_log.core.folds.levels import level_shown, resolve_level
+from semmap_log.core.folds.levels import check_class, level_shown, resolve_level
 from semmap_log.core.model.doors import DoorId, DoorMap
-from semmap_log.core.model.events import FloorMap
+from semmap_log.core.model.events import (
+    POSE_KINDS,
+    SETTING_KINDS,
+    ClassDefined,
+    DoorAnnotated,
+    Event,
+    FloorMap,
+    Retracted,
+)
 from semmap_log.core.model.keywords import knows_its_keywords, knows_keywords
+from semmap_log.core.model.object_classes import OUTLINE, outline_told
 from semmap_log.errors import CostmapError
+from semmap_log.log.door_log.clock_warnings import warn_of_clock
 from semmap_log.log.door_log.door_log import DoorLog, Time
+from semmap_log.log.door_log.rebasing import are_same
+from semmap_log.log.replay.replay import Scope
+from semmap_log.store.reading.following import FollowedCommit
 
 MARGIN_M = 1.0
 """Around the doors, where there is no map."""
@@ -218,3 +236,210 @@ def _around(ends: Sequence[Point], level: int, cell_m: float) -> GridGeometry:
             "the door that is far away"
         )
     return GridGeometry(int(width), int(height), cell_m, *(low * cell_m).tolist())
+
+
+@dataclass(frozen=True, slots=True)
+class CostmapFrame:
+    """A moment at which the costmap changed."""
+
+    at_ns: int
+    """Happened time; live, when the commit was recorded."""
+    event: int
+    """Number of the last event in it."""
+    windows: Sequence[CellWindow]
+    """Where cells of the master may have changed."""
+    costmap: Costmap
+    """To look at: it goes on with the next frame. Where the level got another floor map, it is
+    another one, on another grid."""
+
+
+@knows_keywords
+def costmap_frames(
+    log: DoorLog,
+    options: CostmapOptions = CostmapOptions(),
+    *,
+    since: Time = None,
+    until: Time = None,
+    floor: FloorMap | None = None,
+) -> Iterator[CostmapFrame]:
+    """Yield the costmap at `since`, then at each later moment at which something changed.
+
+    What counts is what was true, with all that is known today: late events come in their place.
+
+    Args:
+        log: Where the doors are from.
+        options: Which level, and what is drawn how.
+        since: Default: before the first event, or the log's horizon.
+        until: The last moment; default: the log's end.
+        floor: As for `costmap_at`; the log's own is that of each moment, and before the first the
+            first.
+
+    Raises:
+        CostmapError: As for `costmap_at`.
+        UnknownLevelError: As for `costmap_at`.
+    """
+    first_ns, end_ns = log.instant(since), log.instant(until)
+    warn_of_clock(log, first_ns)
+    if first_ns is None:
+        later_ns = log.shown_from_ns(None, None if end_ns is None else end_ns + 1)
+        first_ns = _first_ns(log) if later_ns is None else later_ns - 1
+    end_ns = log.end_ns() if end_ns is None else end_ns
+    at_end = log.replay(at=end_ns)
+    level = level_drawn(options, at_end)
+    kinds = DRAWN_KINDS if at_end.classes else SETTING_KINDS
+    floors = [(first_ns, floor)] if floor is not None else _floors(log, level, first_ns, end_ns)
+    ends = [since_ns for since_ns, _ in floors[1:]] + [end_ns + 1]
+    for (since_ns, drawn), until_ns in zip(floors, ends, strict=True):
+        yield from _frames_on(log, drawn, level, options, (since_ns, until_ns - 1), kinds=kinds)
+
+
+def _floors(
+    log: DoorLog, level: int, first_ns: int, end_ns: int
+) -> list[tuple[int, FloorMap | None]]:
+    """Return the floor maps of a level in a span of time, each with from when on it is drawn."""
+    stamps = [
+        (min(each.happened_ns, each.recorded_ns), each.number)
+        for batch in log.batches(kinds=[FloorMap])
+        for each in batch
+        if isinstance(each.event, FloorMap) and each.event.level == level
+    ]
+    numbers = {max(at_ns, first_ns): n for at_ns, n in sorted(stamps) if at_ns <= end_ns}
+    floors: list[tuple[int, FloorMap | None]] = []
+    for at_ns, number in numbers.items():
+        floor = log.event(number).event
+        assert isinstance(floor, FloorMap)
+        if not floors or not are_same([replace(floor, happened_ns=None)], [floors[-1][1] or floor]):
+            floors.append((at_ns if floors else first_ns, floor))
+    return floors or [(first_ns, None)]
+
+
+def _frames_on(
+    log: DoorLog,
+    floor: FloorMap | None,
+    level: int,
+    options: CostmapOptions,
+    span: tuple[int, int],
+    *,
+    kinds: Sequence[type[Event]],
+) -> Iterator[CostmapFrame]:
+    """Yield the costmap on one floor map: at the first moment, and each change up to the last."""
+    first_ns, last_ns = span
+    state = log.state_in(log.scope(at=first_ns))
+    later = list(log.batches(first_ns + 1, last_ns + 1, kinds=kinds))
+    points = [*ends_of(state.door_map(), level), *_places(later, level, state.door_map())]
+    costmap = Costmap(state, geometry_of(floor, points, level, options), floor, level, options)
+    yield CostmapFrame(first_ns, state.event, [costmap.geometry.whole], costmap)
+    for at_ns, batches in _in_order(later):
+        windows = costmap.advance(batches)
+        if windows:
+            yield CostmapFrame(at_ns, state.event, windows, costmap)
+
+
+@knows_keywords
+def costmap_live(
+    log: DoorLog,
+    options: CostmapOptions = CostmapOptions(),
+    *,
+    floor: FloorMap | None = None,
+    poll_s: float = 0.1,
+    stop: Callable[[], bool] | None = None,
+) -> Iterator[CostmapFrame]:
+    """Yield the costmap of now, then one for each commit that changes it, while another writes.
+
+    What a retraction takes back is gone with the retraction's commit. The grid stays as it is until
+    the level gets another floor map; then the costmap is another one, on that.
+
+    Args:
+        log: Where the doors are from; it stays as it was opened.
+        options: Which level, and what is drawn how.
+        floor: As for `costmap_at`.
+        poll_s: How long to wait before looking again, when nothing was new.
+        stop: Asked before each look; once it says yes, what is there then is the end.
+
+    Raises:
+        CostmapError: As for `costmap_at`.
+        UnknownLevelError: As for `costmap_at`.
+        LogError: As for `DoorLog.follow`.
+    """
+    costmap = costmap_at(log, options, floor=floor)
+    known = costmap.doors
+    yield CostmapFrame(known.latest_ns, known.event, [costmap.geometry.whole], costmap)
+    for followed in log.follow(known.event, poll_s=poll_s, stop=stop):
+        commit, batch = followed.commit, followed.batch
+        anew = None if floor is not None else _on_another_map(log, costmap, options, followed)
+        if anew is not None:
+            costmap = anew
+            windows: Sequence[CellWindow] = [costmap.geometry.whole]
+        elif Retracted in batch:
+            windows = costmap.show(log.opened_anew().state_in(Scope(event=commit.last_event)))
+        else:
+            windows = costmap.advance([batch])
+        if windows:
+            yield CostmapFrame(commit.recorded_ns, commit.last_event, windows, costmap)
+
+
+def _on_another_map(
+    log: DoorLog, costmap: Costmap, options: CostmapOptions, followed: FollowedCommit
+) -> Costmap | None:
+    """Return the costmap on the floor map that a commit gives its level; None: none is new."""
+    if not any(kind in followed.batch for kind in (FloorMap, Retracted)):
+        return None
+    last = followed.commit.last_event
+    there = costmap_at(log.opened_anew(), options, event=last)
+    return None if there.floor is None or there.floor == costmap.floor else there
+
+
+def _in_order(batches: list[EventBatch]) -> Iterator[tuple[int, list[EventBatch]]]:
+    """Yield the events of each happened time, times ascending: halves, and halves of them."""
+    times = np.unique(np.concatenate([batch.folds_ns for batch in batches] or [np.empty(0, "i8")]))
+    if len(times) < 2:
+        yield from [(int(at_ns), batches) for at_ns in times]
+        return
+    middle = times[len(times) // 2]
+    for chosen in (np.less, np.greater_equal):
+        half = (batch.select(chosen(batch.folds_ns, middle)) for batch in batches)
+        yield from _in_order([batch for batch in half if len(batch)])
+
+
+def _first_ns(log: DoorLog) -> int:
+    """Return a moment just before the first event that draws something; of none, the log's end."""
+    firsts = (int(batch.folds_ns.min()) for batch in log.batches(kinds=SETTING_KINDS))
+    return min(firsts, default=log.end_ns() + 1) - 1
+
+
+def _places(batches: Sequence[EventBatch], level: int, before: DoorMap) -> Iterator[Point]:
+    """Yield points around all places on a level to which events bring doors.
+
+    How wide a door is then, or where the corners of an outline are, may be told elsewhere: the
+    widest of all is taken.
+    """
+    kinds = [(batch, kind) for batch in batches for kind in POSE_KINDS]
+    told = [batch[kind] for batch, kind in kinds if kind in batch]
+    reaches = [math.dist(door.start, end) for door in before.doors.values() for end in door.extent]
+    for rows in told:
+        reaches += rows["width"].tolist()
+    for batch in batches:
+        for event in batch.objects.get(DoorAnnotated.kind, ()):
+            reaches += _reaches(event)
+    widest = max((reach for reach in reaches if not math.isnan(reach)), default=0.0)
+    is_outlined = any(DoorAnnotated in batch for batch in batches)
+    for door in before.doors.values() if is_outlined else ():
+        if door.is_placed and door.level == level:
+            yield door.x - widest, door.y - widest
+            yield door.x + widest, door.y + widest
+    for rows in told:
+        places = rows[(rows["level"] == level) & np.isfinite(rows["x"] + rows["y"])]
+        for x, y in zip(places["x"].tolist(), places["y"].tolist(), strict=True):
+            yield x - widest, y - widest
+            yield x + widest, y + widest
+
+
+def _reaches(event: Event) -> Iterator[float]:
+    """Yield how far the corners of an outline are from where their object is, metres."""
+    if isinstance(event, DoorAnnotated) and event.key == OUTLINE:
+        with suppress(ValueError):
+            yield from (math.hypot(x, y) for x, y in outline_told(event.value))
+
+
+DRAWN_KINDS = (*SETTING_KINDS, DoorAnnotated, ClassDefined)
+"""Kinds of events that may change what is drawn: the annotations of an object say what it is."""

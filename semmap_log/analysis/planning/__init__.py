@@ -10,16 +10,19 @@
 The rules are told in the guide *Plan a patrol*.
 """
 
-from semmap_log.analysis.planning.asked_round import begun_round, patrol_plan
 from semmap_log.analysis.planning.door_chances import SkipRule
 from semmap_log.analysis.planning.door_trip import DoorTrip, TripStop, door_trip
 from semmap_log.analysis.planning.followed_round import FollowedRound, RoundStep
-from semmap_log.analysis.planning.patrol_plan import PatrolOptions, PatrolPlan, PlannedStop
+from semmap_log.analysis.planning.patrol_plan import (
+    NotVisited,
+    PatrolOptions,
+    PatrolPlan,
+    PlannedStop,
+    WantedTarget,
+)
 from semmap_log.analysis.planning.patrol_round import PatrolRound, PatrolTarget, PlannedTry
-from semmap_log.analysis.planning.patrol_targets import NotVisited, WantedTarget
-from semmap_log.analysis.planning.round_planner import BegunRound
-from semmap_log.analysis.planning.round_task import RoundTask
-from semmap_log.analysis.planning.trip_policy import AtShutDoor, ShutDoorChoice
+from semmap_log.analysis.planning.round_planner import BegunRound, begun_round, patrol_plan
+from semmap_log.analysis.planning.round_task import AtShutDoor, RoundTask, ShutDoorChoice
 
 __all__ = [
     "AtShutDoor",

@@ -1,11 +1,196 @@
-"""How likely doors let a robot in while it is on a round, and which of them are worth a try."""
+"""How likely doors let a robot in while it is on a round, and which of them are worth a try.
+
+What was learnt of doors, as the chances of a round.
+
+What is believed at the moment that a plan starts from.
+
+P(a door lets a robot in) where the robot may ask: learnt from who went through, or gave up.
+
+A door that is shut may open for who asks, and one that is locked does not. P(open) cannot tell the
+two apart; what became of earlier tries can.
+
+How often a door was open when it was looked at, at such hours of such days.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from semmap_log.analysis.beliefs.belief_query import BeliefQuery, ask
+from semmap_log.analysis.beliefs.door_beliefs import default_estimator
+from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs
+from semmap_log.analysis.probabilities.beta import beta_interval
+from semmap_log.analysis.probabilities.estimator import StateModel
+from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.analysis.probabilities.evidence.samples import KnownTime
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.sighting_hold import REPEATS_NS
+from semmap_log.core.io.progress import Progress
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import DoorAdded, DoorObserved, DoorPassed, DoorRemoved
+from semmap_log.core.model.local_clock import LocalClock
+from semmap_log.core.model.moments import DAY_NS, HOUR_NS, SECOND_NS, Moment
+from semmap_log.log.door_log.door_log import DoorLog, Time
+
+STEP_S = 300.0
+"""Between two times at which P is asked for."""
+LONGEST_S = 12 * 3600.0
+"""Of a round: from then on P stays as it is."""
+
+
+def round_times_s(longest_s: float) -> NDArray[np.float64]:
+    """Return the times of a round at which P is asked for, from its start on, seconds."""
+    count = math.ceil(min(longest_s, LONGEST_S) / STEP_S) + 1
+    return np.arange(count, dtype=np.float64) * STEP_S
+
+
+def learnt_chances(
+    beliefs: Beliefs,
+    doors: Sequence[DoorId],
+    *,
+    known_ns: int,
+    start_ns: int,
+    times_s: NDArray[np.float64],
+    others: NDArray[np.float64] | None = None,
+) -> DoorChances:
+    """Return how likely doors are so, at times of a round, by what was known at a moment.
+
+    Args:
+        beliefs: Of P(open), or P(passes).
+        doors: Which.
+        known_ns: What happened later does not count.
+        start_ns: Of the round.
+        times_s: (k,): of the round, `STEP_S` apart.
+        others: See `DoorChances.with_stand_ins`.
+    """
+    times_ns = start_ns + np.round(times_s * SECOND_NS).astype(np.int64)
+    known = np.full(len(times_ns), known_ns)
+    said = [beliefs.predict(door, times_ns, known) for door in doors]
+    looks = [
+        looks_then(
+            beliefs.evidence.door(door, known_ns), beliefs.clock,
+            time_ns=start_ns, known_ns=known_ns,
+        )
+        for door in doors
+    ]  # fmt: skip
+    shape = (len(doors), len(times_ns))
+    return DoorChances(
+        p_passes=np.array([each.p_open for each in said]).reshape(shape),
+        low=np.array([each.low for each in said]).reshape(shape),
+        high=np.array([each.high for each in said]).reshape(shape),
+        is_known=np.array([each.is_known.all() for each in said], np.bool_),
+        looks=np.array(looks, np.int64).reshape(-1, 2),
+        looks_high=np.array([each.high for each in looks]),
+        unseen_s=np.array(unseen_s(beliefs, doors, known_ns=known_ns, start_ns=start_ns)),
+        step_s=STEP_S,
+    ).with_stand_ins(others)
+
+
+def unseen_s(
+    beliefs: Beliefs, doors: Sequence[DoorId], *, known_ns: int, start_ns: int
+) -> list[float]:
+    """Return for how long nobody has looked at doors when a round begins; inf: nobody ever did."""
+    seen_ns = [beliefs.evidence.counts(door, known_ns).last_seen_ns for door in doors]
+    return [math.inf if at is None else (start_ns - at) / SECOND_NS for at in seen_ns]
+
+
+def beliefs_at(
+    log: DoorLog, start: Time, *, estimator: str | None, tz: str | None, progress: Progress | None
+) -> tuple[BeliefQuery, int]:
+    """Return what is known of all doors, and when the plan starts, ns.
+
+    Before the log's end counts only what had happened by then: one does not foretell the past.
+
+    Args:
+        log: Whose doors.
+        start: When the plan starts; None: at the log's end.
+        estimator: None: as far ahead as that is from the log's end.
+        tz: IANA zone; None: the log's.
+        progress: Told how far the reading is.
+
+    Raises:
+        EstimatorError: There is no such estimator.
+        MomentError: The time or the zone cannot be read.
+    """
+    end_ns = log.end_ns()
+    start_ns = end_ns if start is None else log.instant(log.moment(start))
+    assert start_ns is not None, "only None means no time"
+    at = Moment(ns=start_ns) if start_ns < end_ns else None
+    chosen = estimator or default_estimator(max(0, start_ns - end_ns))
+    return ask(log, at=at, estimator=chosen, tz=tz, doors=None, progress=progress), start_ns
+
+
+def wait_s(
+    query: BeliefQuery,
+    door_id: DoorId,
+    at_ns: int,
+    *,
+    most_s: float | None = None,
+    is_shut: bool = False,
+) -> float | None:
+    """Return the expected wait until a door is open, from then on; None: nobody knows.
+
+    Args:
+        query: What is known.
+        door_id: The door.
+        at_ns: From then on.
+        most_s: Who has waited so long goes.
+        is_shut: It is found shut then; else it may be open, which is no wait.
+    """
+    learnt = query.beliefs.learnt(query.known_ns)
+    if not isinstance(learnt, StateModel):
+        return None
+    seconds = learnt.wait_s(
+        door_id, at_ns, most_s=most_s, known_ns=query.known_ns, is_other=is_shut
+    )
+    return seconds if math.isfinite(seconds) else None
+
+
+class PassingProjection(BeliefProjection):
+    """The fold whose beliefs are of P(passes): `log.fold(PassingProjection("filter", tz))`."""
+
+    name = "passing"
+    version = 1
+
+    def apply(self, state: Beliefs, batch: EventBatch, /) -> Beliefs:
+        """Fold a batch in."""
+        return super().apply(state, passings_in(batch))
+
+
+def passings_in(batch: EventBatch) -> EventBatch:
+    """Return a batch's tries as sightings that cannot err: passed is OPEN, gave up is CLOSED.
+
+    Beside these there is only when doors came and went.
+    """
+    kinds = (DoorAdded, DoorRemoved, DoorPassed)
+    places = np.sort(np.concatenate([batch.where(kind) for kind in kinds]))
+    when_ns, door_ids = batch.folds_ns[places], batch.door_ids()[places]
+    of_kind = {kind: batch.kind[places] == kind.kind for kind in kinds}
+    became = np.where(of_kind[DoorPassed], DoorObserved.kind, batch.kind[places])
+    made = [
+        EventBatch.of(kind, happened_ns=when_ns[of_kind[kind]], door_id=door_ids[of_kind[kind]])
+        for kind in (DoorAdded, DoorRemoved)
+        if of_kind[kind].any()
+    ]
+    tried = of_kind[DoorPassed]
+    if tried.any():
+        passed = batch[DoorPassed]["passed"].astype(np.bool_)
+        states = np.where(passed, DoorState.OPEN, DoorState.CLOSED).astype(np.uint8)
+        made.append(
+            EventBatch.of(
+                DoorObserved, happened_ns=when_ns[tried], door_id=door_ids[tried], state=states,
+                accuracy_open=1.0, accuracy_closed=1.0,
+            )
+        )  # fmt: skip
+    return EventBatch.mixed(became, *made)
+
 
 Probabilities = NDArray[np.float64]
 
@@ -117,3 +302,76 @@ class SkipRule:
         """Return which doors are left out of the round."""
         found: NDArray[np.bool_] = self.seem_shut(chances) & (chances.unseen_s < self.again_s)
         return found
+
+
+REACH_H = 3.0
+"""To both sides of the time of day."""
+WORKDAYS = 5
+BACK_NS = 28 * DAY_NS
+"""What is older does not count."""
+
+
+class LooksThen(NamedTuple):
+    """Looks at a door at such hours: visits, and whole hours in which its state was known."""
+
+    looks: int
+    found_open: int
+
+    @property
+    def high(self) -> float:
+        """The upper end of the 90 % interval of the share that is open; 1: there was no look.
+
+        Jeffreys' interval: that of a Beta distribution, half a look more of each kind.
+        """
+        if not self.looks:
+            return 1.0
+        return _interval(self.found_open, self.looks)[1]
+
+
+def looks_then(
+    evidence: DoorEvidence, clock: LocalClock, *, time_ns: int, known_ns: int
+) -> LooksThen:
+    """Return the looks at a door at about that time of day, on working days or at weekends.
+
+    Args:
+        evidence: What is known of the door.
+        clock: Whose hours and days.
+        time_ns: That time.
+        known_ns: Later looks do not count.
+    """
+    known = KnownTime.of(evidence.up_to(known_ns))
+    # Of sightings that follow on each other the last one tells how the visit ended.
+    ends = np.append(np.diff(known.seen_ns) >= REPEATS_NS, True)[: len(known.seen_ns)]
+    in_stretches, are_open = _hours(known, known_ns)
+    times_ns = np.concatenate([known.seen_ns[ends], in_stretches])
+    is_open = np.concatenate([known.reads_open[ends], are_open])
+    wall_h = clock.wall_s(np.append(times_ns, time_ns)) / 3600
+    then_h, wall_h = wall_h[-1], wall_h[:-1]
+    apart_h = np.abs((wall_h - then_h + 12) % 24 - 12)
+    alike = _is_workday(wall_h) == _is_workday(then_h)
+    counts = (apart_h <= REACH_H) & alike & (times_ns > known_ns - BACK_NS)
+    return LooksThen(int(counts.sum()), int(is_open[counts].sum()))
+
+
+def _hours(known: KnownTime, known_ns: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return a time for each hour in which the state was known all through, and that state."""
+    times_ns = [np.empty(0, np.int64)]
+    states = [np.empty(0, np.bool_)]
+    for start, end, state in zip(
+        known.start_ns.tolist(), known.end_ns.tolist(), known.is_open.tolist(), strict=True
+    ):
+        first = max(start, known_ns - BACK_NS)
+        hours = np.arange(first + HOUR_NS // 2, end, HOUR_NS, dtype=np.int64)
+        times_ns.append(hours)
+        states.append(np.full(len(hours), state))
+    return np.concatenate(times_ns), np.concatenate(states)
+
+
+def _is_workday(wall_h: NDArray[np.float64]) -> NDArray[np.bool_]:
+    found: NDArray[np.bool_] = wall_h // 24 % 7 < WORKDAYS
+    return found
+
+
+@lru_cache(4096)
+def _interval(found_open: int, looks: int) -> tuple[float, float]:
+    return beta_interval(found_open + 0.5, looks - found_open + 0.5)

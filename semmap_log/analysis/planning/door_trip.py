@@ -1,30 +1,40 @@
-"""A trip through a log's building: how long it takes, and what to do at doors that are shut."""
+"""A trip through a log's building: how long it takes, and what to do at doors that are shut.
+
+Which doors a trip can lead through: those on a way that comes to no room twice.
+"""
 
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from semmap_log.analysis.beliefs.belief_query import BeliefQuery
-from semmap_log.analysis.planning.asked_beliefs import beliefs_at, wait_s
-from semmap_log.analysis.planning.door_chances import UNKNOWN_P, DoorChances
-from semmap_log.analysis.planning.doors_on_ways import doors_between
-from semmap_log.analysis.planning.learnt_chances import learnt_chances, round_times_s
-from semmap_log.analysis.planning.named_places import NamedPlaces
-from semmap_log.analysis.planning.passing import PassingProjection
-from semmap_log.analysis.planning.trip_policy import (
+from semmap_log.analysis.planning.door_chances import (
+    UNKNOWN_P,
+    DoorChances,
+    PassingProjection,
+    beliefs_at,
+    learnt_chances,
+    round_times_s,
+    wait_s,
+)
+from semmap_log.analysis.planning.patrol_plan import NamedPlaces, WaysBetween
+from semmap_log.analysis.planning.round_task import (
+    GOAL,
     MOST_DOORS,
     NOTHING,
+    START,
     ShutDoorChoice,
+    TripDoor,
     TripPolicy,
+    TripTask,
     opened,
 )
-from semmap_log.analysis.planning.trip_task import GOAL, START, TripDoor, TripTask
-from semmap_log.analysis.planning.ways_between import WaysBetween
-from semmap_log.analysis.rooms import Place, room_plan
+from semmap_log.analysis.rooms import OUTSIDE, Place, RoomGraph, RoomId, room_plan
 from semmap_log.analysis.rooms.walking import SPEED_M_S
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId
@@ -339,3 +349,69 @@ class _Trip:
                 f"doors not all can be thought through"
             )
         return notes
+
+
+Pair = frozenset[RoomId]
+
+
+def doors_between(graph: RoomGraph, start: RoomId, goal: RoomId) -> list[DoorId]:
+    """Return the doors on the ways between two rooms, ascending; none: they are one room.
+
+    Nobody goes into a room and back into the one from which they came: of all doors these are few.
+    The outside is on no way but one that begins or ends there.
+    """
+    if start == goal:
+        return []
+    doors = _doors_of_pairs(graph, {start, goal})
+    wanted = frozenset((start, goal))
+    pairs = set(doors) | {wanted}
+    block = next(block for block in _blocks(pairs, start) if wanted in block)
+    return sorted(door for pair in block for door in doors.get(pair, ()))
+
+
+def _doors_of_pairs(graph: RoomGraph, ends: set[RoomId]) -> dict[Pair, list[DoorId]]:
+    """Return the doors between each two rooms; a lift joins rooms without one."""
+    doors: defaultdict[Pair, list[DoorId]] = defaultdict(list)
+    for door_id, doorway in graph.doorways.items():
+        if doorway.joins_two and graph.lift_of(door_id) is None:
+            doors[frozenset((doorway.left, doorway.right))].append(door_id)  # type: ignore[arg-type]
+    for lift in graph.lifts:
+        stops = [graph.doorways[door] for door in lift.doors if door in graph.doorways]
+        rooms = {side for each in stops for side in (each.left, each.right) if side is not None}
+        for one in rooms:
+            for other in rooms - {one}:
+                doors[frozenset((one, other))] += []
+    return {pair: ids for pair, ids in doors.items() if OUTSIDE not in pair or OUTSIDE in ends}
+
+
+def _blocks(pairs: set[Pair], start: RoomId) -> list[set[Pair]]:
+    """Return the parts of a graph that no single room's loss divides, as sets of their edges.
+
+    J. Hopcroft, R. Tarjan, Commun. ACM 16, 1973; without recursion.
+    """
+    beside: defaultdict[RoomId, list[RoomId]] = defaultdict(list)
+    for one, other in sorted(tuple(sorted(pair)) for pair in pairs):
+        beside[one].append(other)
+        beside[other].append(one)
+    depth, low = {start: 0}, {start: 0}
+    path, edges, blocks = [(start, iter(beside[start]))], list[Pair](), list[set[Pair]]()
+    while path:
+        here, onward = path[-1]
+        there = next(onward, None)
+        before = path[-2][0] if len(path) > 1 else None
+        if there is None:
+            path.pop()
+            if before is not None:
+                low[before] = min(low[before], low[here])
+                if low[here] >= depth[before]:
+                    cut = edges.index(frozenset((before, here)))
+                    blocks.append(set(edges[cut:]))
+                    del edges[cut:]
+        elif there not in depth:
+            depth[there] = low[there] = len(path)
+            edges.append(frozenset((here, there)))
+            path.append((there, iter(beside[there])))
+        elif there != before and depth[there] < depth[here]:
+            low[here] = min(low[here], depth[there])
+            edges.append(frozenset((here, there)))
+    return blocks

@@ -20,11 +20,9 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from semmap_log.analysis.planning.patrol_plan import PlannedStop
+from semmap_log.analysis.planning.patrol_plan import PlannedStop, WantedTarget, middle_of
 from semmap_log.analysis.planning.patrol_round import PatrolRound, PlannedTry
-from semmap_log.analysis.planning.patrol_targets import WantedTarget
 from semmap_log.analysis.planning.round_planner import BegunRound
-from semmap_log.analysis.planning.ways_between import middle_of
 from semmap_log.analysis.rooms import Place
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.core.batches.retraction import Retractions

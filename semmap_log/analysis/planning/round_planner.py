@@ -1,30 +1,178 @@
-"""One round: its plan from what is believed, and a plan anew while the robot is under way."""
+"""One round: its plan from what is believed, and a plan anew while the robot is under way.
+
+A log's patrol: in which order to visit rooms or doors, what to expect there, and why.
+
+Where a log's robot was last.
+
+What is told of doors while a robot is on its round, and what that makes of their chances.
+
+Why a stop is where it is, and why another is none, in words.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.beliefs.belief_query import BeliefQuery
-from semmap_log.analysis.planning.asked_beliefs import wait_s
-from semmap_log.analysis.planning.door_chances import UNKNOWN_P, DoorChances
-from semmap_log.analysis.planning.learnt_chances import LONGEST_S, learnt_chances, round_times_s
-from semmap_log.analysis.planning.patrol_plan import LOOK_S, PatrolOptions, PatrolPlan, PlannedStop
-from semmap_log.analysis.planning.patrol_round import PatrolRound, PatrolTarget, PlannedTry
-from semmap_log.analysis.planning.patrol_targets import NotVisited, Wanted, WantedTarget
-from semmap_log.analysis.planning.patrol_words import shut_in_words, why_then
-from semmap_log.analysis.planning.round_news import RoundNews
+from semmap_log.analysis.planning.door_chances import (
+    LONGEST_S,
+    UNKNOWN_P,
+    DoorChances,
+    PassingProjection,
+    SkipRule,
+    beliefs_at,
+    learnt_chances,
+    passings_in,
+    round_times_s,
+    wait_s,
+)
+from semmap_log.analysis.planning.patrol_plan import (
+    LOOK_S,
+    NamedPlaces,
+    NotVisited,
+    PatrolOptions,
+    PatrolPlan,
+    PlannedStop,
+    Wanted,
+    WantedTarget,
+    WaysBetween,
+    all_wanted,
+    check_options,
+    wanted_by_name,
+)
+from semmap_log.analysis.planning.patrol_round import (
+    EXPECTED_P,
+    PatrolRound,
+    PatrolTarget,
+    PlannedTry,
+)
 from semmap_log.analysis.planning.round_task import RoundTask
-from semmap_log.analysis.planning.ways_between import WaysBetween
-from semmap_log.analysis.probabilities.belief_fold import Beliefs
-from semmap_log.analysis.rooms import Place
+from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs
+from semmap_log.analysis.rooms import Place, room_plan
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId
-from semmap_log.core.model.moments import SECOND_NS
+from semmap_log.core.model.events import RobotPose
+from semmap_log.core.model.keywords import knows_keywords, share_keywords
+from semmap_log.core.model.moments import SECOND_NS, Moment
 from semmap_log.errors import PlanError
+from semmap_log.log.door_log.door_log import DoorLog, Time
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+
+class RoundWish(TypedDict, total=False):
+    """The keywords of `patrol_plan`, which says what each is; `begun_round` takes them, too."""
+
+    start_at: str | None
+    rooms: Sequence[str]
+    doors: Sequence[str]
+    start: Time
+    estimator: str | None
+    tz: str | None
+    options: PatrolOptions
+    progress: Progress | None
+
+
+_USUAL: Final[RoundWish] = {
+    "start_at": None,
+    "rooms": (),
+    "doors": (),
+    "start": None,
+    "estimator": None,
+    "tz": None,
+    "options": PatrolOptions(),
+    "progress": None,
+}
+share_keywords(RoundWish, _USUAL)
+
+
+@knows_keywords
+def patrol_plan(log: DoorLog, **wish: Unpack[RoundWish]) -> PatrolPlan:
+    """Return in which order to visit rooms and doors, so that the mean time to visit is least.
+
+    Args:
+        log: Whose building.
+        start_at: Where the robot starts: `X,Y`, `X,Y,LEVEL`, a room, or a door; None: where the
+            log saw it last.
+        rooms: Numbers or names of rooms to visit.
+        doors: Ids or names of doors to go through; without either: all rooms.
+        start: When; None: at the log's end. Of an earlier time counts only what had happened by
+            then.
+        estimator: None: `filter` up to a day after the log's end, `schedule` beyond.
+        tz: IANA zone of the building's clocks; None: the log's.
+        options: What a round is like.
+        progress: Told how far the reading is.
+
+    Raises:
+        PlanError: There is nothing to visit, no such place, no time, or no way.
+        UnknownDoorError: There is no such door.
+        EstimatorError: There is no such estimator.
+        MomentError: The time or the zone cannot be read.
+    """
+    return begun_round(log, **wish).plan
+
+
+@knows_keywords
+def begun_round(log: DoorLog, **wish: Unpack[RoundWish]) -> BegunRound:
+    """Return the same with what it takes to go on with it: see `FollowedRound`.
+
+    Args:
+        log: Whose building.
+        **wish: The keywords of `patrol_plan`.
+
+    Raises:
+        PlanError: There is nothing to visit, no such place, no time, or no way.
+        UnknownDoorError: There is no such door.
+        EstimatorError: There is no such estimator.
+        MomentError: The time or the zone cannot be read.
+    """
+    given = _USUAL | wish
+    options = given["options"]
+    check_options(options)
+    query, start_ns = beliefs_at(
+        log, given["start"], estimator=given["estimator"], tz=given["tz"],
+        progress=given["progress"],
+    )  # fmt: skip
+    at = None if start_ns > query.known_ns else Moment(ns=start_ns)
+    ways = WaysBetween(room_plan(log, at=at), speed_m_s=options.speed_m_s)
+    names = NamedPlaces(log, ways, at)
+    where = _start_place(log, names, given["start_at"], at)
+    if given["rooms"] or given["doors"]:
+        wanted = wanted_by_name(ways, names, given["rooms"], given["doors"], where)
+    else:
+        wanted = all_wanted(ways, where)
+    passing = None
+    if options.asks:
+        passing = log.fold(PassingProjection(query.estimator, query.clock.tz), at)
+    return RoundPlanner(AskedRound(query, start_ns, passing), ways, options, where).begun(wanted)
+
+
+def _start_place(
+    log: DoorLog, names: NamedPlaces, start_at: str | None, at: Moment | None
+) -> Place | None:
+    if start_at is not None:
+        return names.place(start_at, "--from")
+    last = log.fold(LastPoseProjection(), at)
+    if last is None or _was_mapped_anew(log, last[1].level, last[0], at):
+        return None
+    return last[1]
+
+
+def _was_mapped_anew(log: DoorLog, level: int, since_ns: int, at: Moment | None) -> bool:
+    """Tell whether a level got another floor map since: places of before are none on it."""
+    since = Moment(ns=max(since_ns, log.horizon_ns()))
+    then, now = (log.replay(at=moment).levels.get(level) for moment in (since, at))
+    known = None if then is None else then.floor_map_event
+    return known is not None and now is not None and now.floor_map_event != known
+
 
 THROUGH_P = 0.8
 """Ways lead through doors that are at least so likely open; through others only if they must."""
@@ -257,3 +405,107 @@ def _nothing(left_out: list[NotVisited]) -> str:
     first = left_out[0]
     more = f" (and {len(left_out) - 1} more)" if len(left_out) > 1 else ""
     return f"patrol-plan: nothing can be visited. {first.name}: {first.said}{more}."
+
+
+_Stamped = tuple[int, Place] | None
+
+
+class LastPoseProjection:
+    """The fold: the robot's last place and when it was there; None before the first."""
+
+    name = "last_pose"
+    version = 1
+
+    def initial(self) -> _Stamped:
+        """Return no place."""
+        return None
+
+    def apply(self, state: _Stamped, batch: EventBatch, /) -> _Stamped:
+        """Fold a batch in."""
+        if RobotPose not in batch:
+            return state
+        times_ns = batch.folds_ns[batch.where(RobotPose)]
+        latest = len(times_ns) - 1 - int(times_ns[::-1].argmax())
+        if state is not None and times_ns[latest] < state[0]:
+            return state
+        row = batch[RobotPose][latest]
+        place = Place(int(row["level"]), float(row["x"]), float(row["y"]))
+        return int(times_ns[latest]), place
+
+
+@dataclass(slots=True)
+class RoundNews:
+    """What was known at a round's start, and what was told since."""
+
+    query: BeliefQuery
+    passing: Beliefs | None
+    """Of P(passes); None: the robot does not ask."""
+    start_ns: int
+    times_s: NDArray[np.float64]
+    """(k,), of the round: at these P is asked for."""
+    mean: NDArray[np.float64]
+    """(k,), P of the doors on average, for one of which too little is known."""
+
+    def take_in(self, batch: EventBatch) -> None:
+        """Take in what is told of doors."""
+        self.query.beliefs.evidence.apply(batch)
+        if self.passing is not None:
+            self.passing.evidence.apply(passings_in(batch))
+
+    def learn_anew(self, log: DoorLog, event: int) -> None:
+        """Learn from a log anew, up to an event, which took some of it back."""
+        estimator, tz = self.query.estimator, self.query.clock.tz
+        beliefs = log.fold(BeliefProjection(estimator, tz), event=event)
+        self.query = replace(self.query, beliefs=beliefs)
+        if self.passing is not None:
+            self.passing = log.fold(PassingProjection(estimator, tz), event=event)
+
+    def chances(self, door_id: DoorId, known_ns: int) -> DoorChances:
+        """Return those of one door as known at a moment; at earlier times of the round, as then."""
+        by_state = self._learnt(self.query.beliefs, door_id, known_ns)
+        if self.passing is None:
+            return by_state
+        return self._learnt(self.passing, door_id, known_ns).or_else(by_state)
+
+    def _learnt(self, beliefs: Beliefs, door_id: DoorId, known_ns: int) -> DoorChances:
+        since_s = (known_ns - self.start_ns) / SECOND_NS
+        return learnt_chances(
+            beliefs, [door_id], known_ns=known_ns, start_ns=self.start_ns,
+            times_s=np.maximum(self.times_s, since_s), others=self.mean,
+        )  # fmt: skip
+
+
+CHANGES_BY = 0.15
+"""P at arrival is told beside that at the start where they differ by so much."""
+HOUR_S = 3600.0
+
+
+def why_then(chances: DoorChances, row: int, planned: PlannedTry, skip: SkipRule) -> str:
+    """Return why a door is tried then."""
+    if skip.seem_shut(chances)[row]:
+        return f"seems shut, {unseen_in_words(float(chances.unseen_s[row]))}: looked at again"
+    if not chances.is_known[row]:
+        return "UNKNOWN: too little seen of it"
+    now = float(chances.p_passes[row, 0])
+    if abs(planned.p_passes - now) >= CHANGES_BY:
+        turns = "opens" if planned.p_passes > now else "closes"
+        return f"{turns} about then: {now:.2f} at the start"
+    return "likely open" if planned.p_passes >= EXPECTED_P else "more likely shut: worth a try"
+
+
+def shut_in_words(chances: DoorChances, rows: Sequence[int]) -> str:
+    """Return why a target is left out all whose doors seem shut."""
+    looks, found_open = (int(each) for each in chances.looks[list(rows)].sum(axis=0))
+    high = max(float(chances.looks_high[row]) for row in rows)
+    unseen = unseen_in_words(max(float(chances.unseen_s[row]) for row in rows))
+    at_looks = f"at {looks - found_open} of {looks} looks at such hours"
+    return f"shut {at_looks}, open at most {high:.2f} of the time; {unseen}"
+
+
+def unseen_in_words(seconds: float) -> str:
+    """Return how long nobody has looked at a door."""
+    if not math.isfinite(seconds):
+        return "never looked at"
+    if seconds < HOUR_S:
+        return f"looked at {seconds / 60:.0f} min before"
+    return f"looked at {seconds / HOUR_S:.0f} h before"

@@ -1,19 +1,29 @@
-"""An estimator as a fold over a log's events: evidence comes in, beliefs are asked for."""
+"""An estimator as a fold over a log's events: evidence comes in, beliefs are asked for.
+
+The estimators by the names that the command line knows them by.
+"""
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.probabilities.estimator import Estimator, LearntModel
-from semmap_log.analysis.probabilities.estimators import by_name
 from semmap_log.analysis.probabilities.evidence.evidence import Evidence
 from semmap_log.analysis.probabilities.forecast import Forecast
+from semmap_log.analysis.probabilities.methods.baselines import CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK
+from semmap_log.analysis.probabilities.methods.count import Count
+from semmap_log.analysis.probabilities.methods.filter import Filter
+from semmap_log.analysis.probabilities.methods.fremen import PERIODS_S, Fremen
+from semmap_log.analysis.probabilities.methods.last import Last
+from semmap_log.analysis.probabilities.methods.schedule import Schedule
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.local_clock import LocalClock
+from semmap_log.errors import EstimatorError
 
 
 class Beliefs:
@@ -119,3 +129,36 @@ class BeliefProjection:
     def load(self, data: bytes, /) -> Beliefs:
         """Return the beliefs of the evidence that `dump` made these bytes of."""
         return Beliefs(self._estimator, self._clock, Evidence.load(data))
+
+
+ESTIMATORS: dict[str, Estimator] = {
+    one.name: one
+    for one in (
+        Filter(),
+        Schedule(),
+        Count(),
+        Last(),
+        Fremen(),
+        CONSTANT,
+        HOUR_OF_DAY,
+        HOUR_OF_WEEK,
+    )
+}
+"""Name -> estimator, with the settings that it has by default."""
+
+
+def by_name(name: str) -> Estimator:
+    """Return the estimator of that name; FreMEn of any order: fremen1..fremen84.
+
+    Raises:
+        EstimatorError: There is none.
+    """
+    if name in ESTIMATORS:
+        return ESTIMATORS[name]
+    fremen = re.fullmatch(r"fremen(\d{1,2})", name, re.ASCII)
+    if fremen and 1 <= int(fremen[1]) <= len(PERIODS_S):
+        return Fremen(int(fremen[1]))
+    known = ", ".join(ESTIMATORS)
+    raise EstimatorError(
+        f"estimator {name!r}: expected one of {known}, fremen1..fremen{len(PERIODS_S)}."
+    )

@@ -11,8 +11,8 @@ The rule by which rooms are cut, and how they get their names, is told in the gu
 """
 
 from semmap_log.analysis.rooms.door_ways import Place
+from semmap_log.analysis.rooms.level_rooms import RoomPlan, plan_of, room_plan, rooms_of
 from semmap_log.analysis.rooms.room_graph import OUTSIDE, Doorway, Lift, Room, RoomGraph, RoomId
-from semmap_log.analysis.rooms.rooms_at import RoomPlan, plan_of, room_plan, rooms_of
 from semmap_log.analysis.rooms.walking import TravelTimes, WalkingDistances
 
 __all__ = [

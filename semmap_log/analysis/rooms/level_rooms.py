@@ -5,22 +5,374 @@ shut; what they leave falls into 4-connected regions. A region at the border of 
 outside, one below 1 m² a shaft, any other a room. Unknown cells are floor here: only walls and
 doors cut. So rooms need walls all around: one whose floor ends in the unknown, as a laser's map may
 have it, is part of the outside.
+
+The rooms of a log at a moment: its floor plans then, cut by the doors that it had then.
+
+Which rooms lie on a door's two sides.
+
+Seven probes start on the middle 60 % of the door's line and go straight away from it, at most a
+metre, to the first cell of a room or of the outside; most of them decide.
+
+Whether a door hangs in a wall: one that does not keeps no two rooms apart.
+
+A point in each room that is far from its walls: where a robot may stand, and a name be written.
+
+Rooms are eaten from their walls inward, a cell at a time, by turns with and without the corners,
+so that what is left last is about the middle of the widest circle that lies in the room.
+
+Lines with a thickness, taken from a grid: what a shut door takes of the floor.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
 from semmap_log.analysis.rooms.regions import Regions, regions_of
-from semmap_log.analysis.rooms.room_graph import OUTSIDE, RoomId
-from semmap_log.analysis.rooms.strokes import clear_stroke
-from semmap_log.core.model.doors import Door
+from semmap_log.analysis.rooms.room_graph import (
+    LIFT,
+    OUTSIDE,
+    Doorway,
+    Lift,
+    Room,
+    RoomGraph,
+    RoomId,
+    room_names,
+)
+from semmap_log.core.folds.levels import only_doors
+from semmap_log.core.model.doors import Door, DoorMap
 from semmap_log.core.model.events import FloorMap
+from semmap_log.core.model.keywords import knows_keywords
+from semmap_log.core.model.moments import format_local
+from semmap_log.log.door_log.door_log import DoorLog, Time
+
+
+@dataclass(frozen=True)
+class RoomPlan:
+    """The rooms of a building, and where they lie.
+
+    Attributes:
+        graph: What joins them.
+        levels: For each level with a floor plan, which room each cell lies in.
+        floors: The floor plans.
+        door_map: The doors.
+        later: Of levels without a floor plan that got one later: from when on it counts, in words.
+    """
+
+    graph: RoomGraph
+    levels: Mapping[int, LevelRooms]
+    floors: Mapping[int, FloorMap]
+    door_map: DoorMap
+    later: Mapping[int, str] = field(default_factory=dict)
+
+    def why_no_plan(self, levels: Iterable[int] | None = None) -> str:
+        """Return that levels have no floor plan, as the end of a sentence about them.
+
+        Args:
+            levels: Those that are asked about; None: all.
+        """
+        chosen = self.later.keys() if levels is None else self.later.keys() & set(levels)
+        if not chosen:
+            return "has no floor plan"
+        since = min(self.later[level] for level in chosen)
+        return (
+            f"has no floor plan then, only from {since} on (if it was there before, say so: import "
+            "LOG MAP.YAML --since TIME)"
+        )
+
+    def room_at(self, level: int, x: float, y: float) -> RoomId | None:
+        """Return the room that a point lies in; None: a wall, a door, or a level without a plan."""
+        if level not in self.levels:
+            return None
+        found = int(self.levels[level].rooms_at(x, y))
+        return found if found >= OUTSIDE else None
+
+
+@knows_keywords
+def rooms_of(
+    log: DoorLog, *, at: Time = None, known_at: Time = None, event: int | None = None
+) -> RoomGraph:
+    """Return the rooms of all levels at a moment, and what joins them; without arguments: now.
+
+    Rooms are cut from the log's floor plans by the doors, in whatever state these are, so that
+    they change only with the plan, or with where doors are. A level without a floor plan has
+    none: it is named in `levels_without_plan`.
+
+    Args:
+        log: Where the plans and the doors are from.
+        at: What was true then, with all that is known today.
+        known_at: Only what had been recorded by then.
+        event: Only what has a number up to that.
+
+    Raises:
+        CostmapError: A floor plan is turned against its grid.
+        MomentError: A time cannot be read.
+    """
+    return room_plan(log, at=at, known_at=known_at, event=event).graph
+
+
+@knows_keywords
+def room_plan(
+    log: DoorLog, *, at: Time = None, known_at: Time = None, event: int | None = None
+) -> RoomPlan:
+    """Return the same with where the rooms lie.
+
+    Args:
+        log: Where the plans and the doors are from.
+        at: What was true then, with all that is known today.
+        known_at: Only what had been recorded by then.
+        event: Only what has a number up to that.
+
+    Raises:
+        CostmapError: A floor plan is turned against its grid.
+        MomentError: A time cannot be read.
+    """
+    door_map = only_doors(log.replay(at, known_at, event))
+    floors = {
+        level: floor
+        for level in sorted(door_map.levels)
+        if (floor := log.floor_of(door_map, level)) is not None
+    }
+    plan = plan_of(door_map, floors)
+    return plan if (at, event) == (None, None) else replace(plan, later=_later(log, floors))
+
+
+def _later(log: DoorLog, floors: Mapping[int, FloorMap]) -> dict[int, str]:
+    """Return from when on levels have a floor plan that have none among `floors`, in words."""
+    now = log.replay()
+    events = {
+        level: known.floor_map_event
+        for level, known in now.levels.items()
+        if known.floor_map_event is not None and level not in floors
+    }
+    zone = log.info.timezone
+    return {
+        level: format_local(log.entry(event).happened_ns, zone) for level, event in events.items()
+    }
+
+
+def plan_of(door_map: DoorMap, floors: Mapping[int, FloorMap]) -> RoomPlan:
+    """Return the rooms of these floor plans, by level, cut by these doors.
+
+    Raises:
+        CostmapError: A floor plan is turned against its grid.
+    """
+    placed = placed_on(door_map.doors.values())
+    levels: dict[int, LevelRooms] = {}
+    rooms: dict[RoomId, Room] = {}
+    doorways: list[Doorway] = []
+    for level, floor in sorted(floors.items()):
+        doors = placed.get(level, [])
+        levels[level] = found = level_rooms(floor, doors, first_room=len(rooms) + 1)
+        doorways += _doorways(floor, found, doors)
+        rooms |= _rooms(found)
+    doorways.sort(key=lambda doorway: doorway.door_id)
+    names = room_names(rooms, doorways, door_map.doors)
+    graph = RoomGraph(
+        rooms={i: replace(room, name=names.get(i)) for i, room in rooms.items()},
+        doorways={doorway.door_id: doorway for doorway in doorways},
+        lifts=lifts_of(door_map.doors.values()),
+        levels_without_plan=tuple(sorted(placed.keys() - floors.keys())),
+    )
+    return RoomPlan(graph, levels, floors, door_map)
+
+
+def placed_on(doors: Iterable[Door]) -> dict[int, list[Door]]:
+    """Return the doors that have a place, by their level, ids ascending."""
+    placed = defaultdict(list)
+    for door in sorted(doors, key=lambda door: door.door_id):
+        if door.is_placed:
+            placed[door.level].append(door)
+    return dict(placed)
+
+
+def lifts_of(doors: Iterable[Door]) -> tuple[Lift, ...]:
+    """Return the lifts that doors belong to, by name."""
+    named = defaultdict(list)
+    for door in sorted(doors, key=lambda door: (door.level, door.door_id)):
+        if door.annotations.get(LIFT):
+            named[door.annotations[LIFT]].append(door.door_id)
+    return tuple(Lift(name, tuple(ids)) for name, ids in sorted(named.items()))
+
+
+def _doorways(floor: FloorMap, rooms: LevelRooms, doors: Sequence[Door]) -> list[Doorway]:
+    if not doors:
+        return []
+    found = zip(doors, sides_of(rooms, doors), in_walls(floor, doors), strict=True)
+    return [
+        Doorway(door.door_id, door.level, left, right, in_wall=in_wall)
+        for door, (left, right), in_wall in found
+    ]
+
+
+def _rooms(rooms: LevelRooms) -> dict[RoomId, Room]:
+    points = room_points(rooms)
+    cells = rooms.regions.cell_counts()
+    made = {}
+    for room in rooms.rooms:
+        area_m2 = float(cells[rooms.label_of(room)]) * rooms.geometry.resolution**2
+        made[room] = Room(room, rooms.level, None, area_m2, *points[room])
+    return made
+
+
+PROBES = np.array([0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8])
+"""Where on the line they start, from its middle on: of two equal counts the nearer one decides."""
+REACH_M = 1.0
+"""How far a probe goes."""
+STEPS_A_CELL = 2
+
+LEFT, RIGHT = 1.0, -1.0
+
+
+def sides_of(rooms: LevelRooms, doors: Sequence[Door]) -> list[tuple[RoomId | None, RoomId | None]]:
+    """Return the rooms on the left and on the right of doors; None: no probe found one.
+
+    A door off the plan has none on either side.
+    """
+    left = _found(rooms, doors, LEFT)
+    right = _found(rooms, doors, RIGHT)
+    return [(_most(a), _most(b)) for a, b in zip(left, right, strict=True)]
+
+
+def _found(rooms: LevelRooms, doors: Sequence[Door], side: float) -> NDArray[np.int64]:
+    """Return what each door's probes found on a side: (doors, probes)."""
+    start_x, start_y, theta, width = (
+        np.array([getattr(door, name) for door in doors])[:, None]
+        for name in ("x", "y", "theta", "width")
+    )
+    x = start_x + PROBES * width * np.cos(theta)
+    y = start_y + PROBES * width * np.sin(theta)
+    found = np.full(x.shape, NO_ROOM, np.int64)
+    columns, rows = rooms.cells_at(x, y)
+    on_plan = (columns >= 0) & (columns < rooms.geometry.width)
+    on_plan &= (rows >= 0) & (rows < rooms.geometry.height)
+    step_m = rooms.geometry.resolution / STEPS_A_CELL
+    for step in range(int(REACH_M / step_m) + 1):
+        seeking = on_plan & (found == NO_ROOM)
+        if not seeking.any():
+            break
+        away = side * step * step_m
+        here = rooms.rooms_at(x - away * np.sin(theta), y + away * np.cos(theta))
+        found[seeking] = here[seeking]
+    return found
+
+
+def _most(found: NDArray[np.int64]) -> RoomId | None:
+    """Return what most probes found; of several the one that comes first."""
+    rooms = Counter(room for room in found.tolist() if room >= OUTSIDE)
+    return rooms.most_common(1)[0][0] if rooms else None
+
+
+NEAR_M = 0.3
+"""An end so near to a wall, or to another door, hangs there."""
+
+
+def in_walls(floor: FloorMap, doors: Sequence[Door]) -> list[bool]:
+    """Return of each door whether both of its ends are at a wall or at another door."""
+    geometry = GridGeometry.of_floor(floor)
+    return [
+        all(
+            _at_wall(floor, geometry, end) or _at_another(door, end, doors)
+            for end in (door.start, door.end)
+        )
+        for door in doors
+    ]
+
+
+def _at_wall(floor: FloorMap, geometry: GridGeometry, point: Point) -> bool:
+    x, y = point
+    window = geometry.window_of(x - NEAR_M, y - NEAR_M, x + NEAR_M, y + NEAR_M)
+    rows, columns = np.nonzero(floor.cells[window.slices] >= OCCUPIED_FROM)
+    cell_m = geometry.resolution
+    wall_x = geometry.origin_x + (columns + window.x0 + 0.5) * cell_m
+    wall_y = geometry.origin_y + (rows + window.y0 + 0.5) * cell_m
+    return bool((np.hypot(wall_x - x, wall_y - y) <= NEAR_M + cell_m / 2).any())
+
+
+def _at_another(door: Door, point: Point, doors: Sequence[Door]) -> bool:
+    x, y = np.array(point[0]), np.array(point[1])
+    return any(
+        float(distances(x, y, other.start, other.end)) <= NEAR_M
+        for other in doors
+        if other is not door
+    )
+
+
+MOST_CELLS = 100_000
+"""Of a larger plan only each second, third … cell is looked at."""
+SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1))
+CORNERS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+
+Labels = NDArray[np.int32]
+Cells = NDArray[np.intp]
+
+
+def room_points(rooms: LevelRooms) -> dict[RoomId, Point]:
+    """Return a point of each room, metres, frame `map`."""
+    grid = rooms.geometry
+    stride = max(1, math.ceil(math.sqrt(grid.width * grid.height / MOST_CELLS)))
+    rows, columns = np.arange(0, grid.height, stride), np.arange(0, grid.width, stride)
+    sampled = rooms.room_of[rooms.regions.label_at(rows[:, None], columns[None, :])]
+    found = _deepest(np.maximum(sampled, 0).astype(np.int32))
+    cells = {room: (int(rows[r]), int(columns[c])) for room, (r, c) in found.items()}
+    chosen = {room: cells.get(room) or _longest_run(rooms, room) for room in rooms.rooms}
+    return {room: grid.map_to_world(column, row) for room, (row, column) in chosen.items()}
+
+
+def _deepest(labels: Labels) -> dict[RoomId, tuple[int, int]]:
+    """Return the cell of each label that is eaten last; of several the one nearest their mean."""
+    depth = np.zeros(labels.shape, np.int32)
+    left = np.pad(labels, 1)
+    while left.any():
+        depth += left[1:-1, 1:-1] > 0
+        left = _eaten(left, SIDES if depth.max() % 2 else (*SIDES, *CORNERS))
+    rows, columns = np.nonzero(labels)
+    return _last(labels[rows, columns], depth[rows, columns], rows, columns)
+
+
+def _eaten(labels: Labels, neighbours: tuple[tuple[int, int], ...]) -> Labels:
+    """Return the labels without the cells that have a neighbour of another."""
+    kept: Labels = labels.copy()
+    inner = kept[1:-1, 1:-1]
+    height, width = labels.shape
+    for up, right in neighbours:
+        beside = labels[1 + up : height - 1 + up, 1 + right : width - 1 + right]
+        inner[beside != labels[1:-1, 1:-1]] = 0
+    return kept
+
+
+def _last(
+    label: Labels, depth: Labels, rows: Cells, columns: Cells
+) -> dict[RoomId, tuple[int, int]]:
+    """Return the deepest cell of each label; of several the one nearest the label's mean."""
+    count = np.bincount(label)
+    with np.errstate(invalid="ignore"):
+        row = (np.bincount(label, rows) / count)[label]
+        column = (np.bincount(label, columns) / count)[label]
+    order = np.lexsort((columns, rows, np.hypot(rows - row, columns - column), -depth, label))
+    labels, first = np.unique(label[order], return_index=True)
+    chosen = order[first]
+    return {
+        int(room): (int(rows[cell]), int(columns[cell]))
+        for room, cell in zip(labels, chosen, strict=True)
+    }
+
+
+def _longest_run(rooms: LevelRooms, room: RoomId) -> tuple[int, int]:
+    """Return the middle cell of the longest row of cells of a room that is in no sample."""
+    regions = rooms.regions
+    runs = np.flatnonzero(regions.labels == rooms.label_of(room))
+    longest = runs[np.argmax(regions.ends[runs] - regions.starts[runs])]
+    middle = int(regions.starts[longest] + regions.ends[longest]) // 2
+    row, column = divmod(middle, regions.shape[1])
+    return row, column
+
 
 STROKE_M = 0.1
 """How thick a door is drawn; where cells are larger, one cell."""
@@ -106,3 +458,64 @@ def _numbered(regions: Regions, geometry: GridGeometry, first_room: RoomId) -> N
     rooms = np.where(is_room, first_room - 1 + np.cumsum(is_room), NO_ROOM)
     rooms[border] = OUTSIDE
     return rooms
+
+
+Point = tuple[float, float]
+BLOCK_CELLS = 1_000_000
+"""So many cells are looked at together, however long a line is."""
+
+
+def clear_stroke(
+    cells: NDArray[np.bool_], geometry: GridGeometry, start: Point, end: Point, half_m: float
+) -> None:
+    """Clear the cells whose centres lie at most `half_m` from a line; off the grid nothing is done.
+
+    With at least half a cell no way of 4-connected cells leads through the line.
+    """
+    for rows, columns in _blocks(geometry, start, end, half_m):
+        x = geometry.origin_x + (np.arange(columns.start, columns.stop) + 0.5) * geometry.resolution
+        y = geometry.origin_y + (np.arange(rows.start, rows.stop) + 0.5) * geometry.resolution
+        cells[rows, columns] &= distances(x[None, :], y[:, None], start, end) > half_m
+
+
+def distances(
+    x: NDArray[np.float64], y: NDArray[np.float64], start: Point, end: Point
+) -> NDArray[np.float64]:
+    """Return how far points lie from a line with two ends, metres."""
+    (x0, y0), (x1, y1) = start, end
+    dx, dy = x1 - x0, y1 - y0
+    square = dx * dx + dy * dy
+    along = ((x - x0) * dx + (y - y0) * dy) / square if square > 0 else np.zeros(())
+    along = np.clip(along, 0.0, 1.0)
+    return np.hypot(x - x0 - along * dx, y - y0 - along * dy)
+
+
+def _blocks(
+    geometry: GridGeometry, start: Point, end: Point, half_m: float
+) -> Iterator[tuple[slice, slice]]:
+    """Yield the parts of the grid in which a line can lie."""
+    cell_m = geometry.resolution
+    left, right = _span((start[0], end[0]), half_m, (geometry.origin_x, cell_m, geometry.width))
+    low, high = _span((start[1], end[1]), half_m, (geometry.origin_y, cell_m, geometry.height))
+    if left >= right:
+        return
+    rows = max(1, BLOCK_CELLS // (right - left))
+    for row in range(low, high, rows):
+        yield slice(row, min(high, row + rows)), slice(left, right)
+
+
+def _span(
+    ends: tuple[float, float], half_m: float, axis: tuple[float, float, int]
+) -> tuple[int, int]:
+    """Return the first cell of an axis that a line can touch, and the one behind the last.
+
+    Args:
+        ends: Of the line, along that axis.
+        half_m: How far it reaches beside itself.
+        axis: Where its first cell begins, metres a cell, how many cells it has.
+    """
+    origin, cell_m, count = axis
+    lowest, highest = min(ends) - half_m, max(ends) + half_m
+    first = min(max((lowest - origin) / cell_m - 1, 0), count)
+    behind = min(max((highest - origin) / cell_m + 1, 0), count)
+    return math.floor(first), math.ceil(behind)

@@ -2,14 +2,162 @@
 
 Rooms are nodes, doorways edges. A door with the same room on both sides is a loop: a corridor or
 a hall that has another, open end. What lies around the building is the room `OUTSIDE`.
+
+What rooms are called: by what is told at their doors, by a lift, or by their doors' names.
+
+1. The doors' annotation `rooms`, `lobby,corridor`: the room on the left and that on the right,
+   looking from the door's start along its line. The doors of a room decide together, so that a
+   person who takes one for the other is outvoted. The import of a building sets it where a named
+   vertex lies alone in a room; a person, with `semmap-log annotate LOG DOOR rooms …`.
+2. A room whose doors are all of one lift is that lift's cabin, and has its name.
+3. A room with several doors has the name that these have in common but for a last word such as
+   `_inner` or `_outer`; a room with one door, that of its door. A door that is only numbered
+   (`L2_door5`) names none, nor does one between two rooms that have no other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.doors import Door, DoorId
+
+ROOMS = "rooms"
+"""The annotation of a door: what the rooms on its left and its right are called."""
+LIFT = "lift"
+"""The annotation of a lift's doors: the lift's name. Doors with the same one are of one lift."""
+
+ON_ITS_SIDE, ON_THE_OTHER = 3, 2
+"""How much a name that a door tells counts for the room on its side, and for the other."""
+
+_SIDE = re.compile(r"[ _-](inner|outer|inside|outside|in|out|front|back|door)$", re.IGNORECASE)
+_NUMBERED = re.compile(r"(.*[ _-])?door[ _-]?\d+|door", re.IGNORECASE)
+
+
+def room_names(
+    rooms: Mapping[RoomId, Room], doorways: Sequence[Doorway], doors: Mapping[DoorId, Door]
+) -> dict[RoomId, str]:
+    """Return the names of the rooms that have one.
+
+    Args:
+        rooms: All of them, by number.
+        doorways: All of them, by door, ascending.
+        doors: The doors.
+    """
+    every = _leading(doorways)
+    walked = _leading([each for each in doorways if not doors[each.door_id].annotations.get(LIFT)])
+    told = _told({room: every[room] for room in rooms if room in every}, doors)
+    found = {}
+    for room in rooms:
+        name = (
+            told.get(room)
+            or _lift_of(rooms[room], every.get(room, ()), rooms, doors)
+            or _common([doors[doorway.door_id] for doorway in walked.get(room, ())])
+            or _of_its_door(room, walked, doors)
+        )
+        if name:
+            found[room] = name
+    return found
+
+
+def rooms_told(door: Door) -> tuple[str, str] | None:
+    """Return what a door's annotation calls the rooms on its left and right; "": not that one.
+
+    None: it tells nothing, or not two.
+    """
+    names = [name.strip() for name in door.annotations.get(ROOMS, "").split(",")]
+    if len(names) != 2 or not any(names) or names[0] == names[1]:
+        return None
+    return names[0], names[1]
+
+
+def stem(name: str) -> str:
+    """Return a door's name without its last word, where that says which door of a room it is."""
+    return _SIDE.sub("", name)
+
+
+def _leading(doorways: Sequence[Doorway]) -> dict[RoomId, list[Doorway]]:
+    """Return the doorways that lead into each room from another."""
+    found: dict[RoomId, list[Doorway]] = {}
+    for doorway in doorways:
+        if doorway.joins_two:
+            for side in (doorway.left, doorway.right):
+                assert side is not None
+                found.setdefault(side, []).append(doorway)
+    return found
+
+
+def _told(
+    leading: Mapping[RoomId, Sequence[Doorway]], doors: Mapping[DoorId, Door]
+) -> dict[RoomId, str]:
+    """Return what the doors of rooms call them; the surest first, whose name no neighbour has."""
+    votes: dict[RoomId, Counter[str]] = {}
+    for room, doorways in leading.items():
+        for doorway in doorways:
+            if told := _votes(room, doorway, doors[doorway.door_id]):
+                votes.setdefault(room, Counter()).update(told)
+    found: dict[RoomId, str] = {}
+    while votes:
+        room = max(votes, key=lambda each: (max(votes[each].values()), -each))
+        ((name, count),) = votes.pop(room).most_common(1)
+        if not count:
+            continue
+        found[room] = name
+        for doorway in leading[room]:
+            beyond = doorway.beyond(room)
+            if beyond in votes:
+                votes[beyond].subtract(_votes(beyond, doorway, doors[doorway.door_id], only=name))
+    return found
+
+
+def _votes(
+    room: RoomId, doorway: Doorway, door: Door, *, only: str | None = None
+) -> dict[str, int]:
+    """Return what a door tells of a room: more of the name on its side, less of the other."""
+    told = rooms_told(door) or ("", "")
+    left, right = (ON_ITS_SIDE, ON_THE_OTHER) if room == doorway.left else (
+        ON_THE_OTHER, ON_ITS_SIDE
+    )  # fmt: skip
+    weights = {told[1]: right, told[0]: left}
+    return {name: weight for name, weight in weights.items() if name and only in (None, name)}
+
+
+def _lift_of(
+    room: Room,
+    doorways: Sequence[Doorway],
+    rooms: Mapping[RoomId, Room],
+    doors: Mapping[DoorId, Door],
+) -> str | None:
+    """Return the lift whose cabin a room is: no larger than what lies before its doors."""
+    lifts = {doors[doorway.door_id].annotations.get(LIFT) for doorway in doorways}
+    beyond = [rooms.get(doorway.beyond(room.room_id) or OUTSIDE) for doorway in doorways]
+    if len(lifts) != 1 or any(other and other.area_m2 < room.area_m2 for other in beyond):
+        return None
+    return lifts.pop()
+
+
+def _common(doors: Sequence[Door]) -> str | None:
+    """Return the stem that all names of several doors have."""
+    stems = {stem(door.name or "") for door in doors}
+    only = stems.pop() if len(doors) > 1 and len(stems) == 1 else ""
+    return only or None
+
+
+def _of_its_door(
+    room: RoomId, leading: Mapping[RoomId, Sequence[Doorway]], doors: Mapping[DoorId, Door]
+) -> str | None:
+    """Return the name of a room's only door, if it can mean that room only."""
+    if len(leading.get(room, ())) != 1:
+        return None
+    (doorway,) = leading[room]
+    beyond = doorway.beyond(room)
+    name = doors[doorway.door_id].name or ""
+    if not beyond or len(leading[beyond]) == 1 or _NUMBERED.fullmatch(name):
+        return None
+    return stem(name) or None
+
 
 RoomId = int
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.rooms.level_rooms import LevelRooms
+from semmap_log.analysis.rooms.level_rooms import LevelRooms, Point
 from semmap_log.analysis.rooms.room_graph import RoomId
-from semmap_log.analysis.rooms.strokes import Point
 
 Corner = tuple[int, int]
 """(column, row) of the lower left corner of a cell."""

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.rooms.door_ways import LEFT, RIGHT, DoorWays, Place
+from semmap_log.analysis.rooms.level_rooms import Point, RoomPlan, placed_on
 from semmap_log.analysis.rooms.room_graph import Lift
-from semmap_log.analysis.rooms.rooms_at import RoomPlan, placed_on
-from semmap_log.analysis.rooms.strokes import Point
 from semmap_log.analysis.rooms.walking_floor import WalkingFloor
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.core.model.events import FloorMap

@@ -16,10 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
-from semmap_log.analysis.rooms.distance_fields import DIAGONAL, STRAIGHT, DistanceFields
-from semmap_log.analysis.rooms.level_rooms import OCCUPIED_FROM, draw_doors
-from semmap_log.analysis.rooms.regions import Index, Regions, regions_of
-from semmap_log.analysis.rooms.strokes import Point
+from semmap_log.analysis.rooms.level_rooms import OCCUPIED_FROM, Point, draw_doors
+from semmap_log.analysis.rooms.regions import (
+    DIAGONAL,
+    STRAIGHT,
+    DistanceFields,
+    Index,
+    Regions,
+    regions_of,
+)
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import CostmapError

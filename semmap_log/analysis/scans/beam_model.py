@@ -25,9 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.scans.door_beams import DoorBeams
-from semmap_log.analysis.scans.leaves import Leaves
-from semmap_log.analysis.scans.scan_model import ScanModel
-from semmap_log.analysis.scans.shifts import shifted, shifted_planes
+from semmap_log.analysis.scans.leaves import Leaves, shifted, shifted_planes
+from semmap_log.analysis.scans.visit import ScanModel
 
 Floats = NDArray[np.float64]
 Table = NDArray[np.float32]

@@ -1,14 +1,186 @@
-"""What all visits to a door tell together, counted visit by visit: however many there are."""
+"""What all visits to a door tell together, counted visit by visit: however many there are.
+
+What a laser saw of all doors, for who wants to know how far to trust it.
+
+What visits tell of a door that should be looked at: its line, its glass, the robot's poses.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 from math import isfinite, nan, sqrt
 
 from semmap_log.analysis.scans.visit import Visit
 from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.texts import counted
+
+
+@dataclass(frozen=True, slots=True)
+class ScanReport:
+    """The figures and warnings of each door."""
+
+    doors: Sequence[DoorFigures]
+    """Of those that were visited, ids ascending."""
+    warnings: Sequence[DoorWarning]
+    not_met: Sequence[DoorId]
+    """Doors that have a place, and were never visited."""
+    labels: Mapping[DoorId, str]
+    """What doors are called that have a name."""
+    summary: Sequence[str] = ()
+    """What there was of scans."""
+    oddities: Sequence[str] = ()
+    """What is odd about the scans, beside the doors."""
+
+    def label(self, door_id: DoorId) -> str:
+        """Return what to call a door."""
+        return self.labels.get(door_id) or str(door_id)
+
+    def warnings_of(self, door_id: DoorId) -> list[DoorWarning]:
+        """Return the warnings about a door."""
+        return [warning for warning in self.warnings if warning.door_id == door_id]
+
+
+def scan_report(
+    visits: Iterable[Visit],
+    *,
+    labels: Mapping[DoorId, str],
+    placed: Collection[DoorId],
+    glass: Collection[DoorId] = (),
+    summary: Sequence[str] = (),
+    oddities: Sequence[str] = (),
+) -> ScanReport:
+    """Return the report of some visits.
+
+    Args:
+        visits: To any doors.
+        labels: What doors are called.
+        placed: Doors that could have been met.
+        glass: Those that are known to be of glass.
+        summary: What there was of scans.
+        oddities: What is odd about them.
+    """
+    doors = door_figures(visits)
+    met = {door.door_id for door in doors}
+    return ScanReport(
+        doors=doors,
+        warnings=door_warnings(doors, glass=glass),
+        not_met=sorted(door_id for door_id in placed if door_id not in met),
+        labels=labels,
+        summary=summary,
+        oddities=oddities,
+    )
+
+
+FEW = 5
+"""Habits are told of doors with at least so many visits."""
+LEAST_OFFSETS = 3
+"""Visits that an offset is told of."""
+OFF_M = 0.12
+"""Less is a leaf in its recess, as drawings go."""
+SURE = 3.0
+"""Standard errors that an offset must be away from 0."""
+MOSTLY = 0.5
+MOVE_IT = "if its line is drawn there by mistake, move it with `update`"
+GLASS_IT = "a shut glass door looks so; if it is one, annotate it (key glass, yes)"
+
+
+class Concern(str, Enum):
+    """What a warning is about."""
+
+    contradiction = "contradiction"
+    offset = "offset"
+    undecided = "undecided"
+    glass = "glass"
+
+
+@dataclass(frozen=True, slots=True)
+class DoorWarning:
+    """A warning about a door, with its numbers."""
+
+    door_id: DoorId
+    concern: Concern
+    text: str
+    """Without the door: `beams end 0.22 m behind its line on average (12 visits)`."""
+
+    def about(self, label: str) -> str:
+        """Return the warning as a line of its own, of a door that is called so."""
+        return f"door {label}: {self.text}"
+
+
+def door_warnings(
+    doors: Iterable[DoorFigures], *, glass: Container[DoorId] = ()
+) -> list[DoorWarning]:
+    """Return what should be looked at, door by door.
+
+    Args:
+        doors: The figures of each.
+        glass: Doors that are known to be of glass.
+    """
+    found = []
+    for door in doors:
+        told = {
+            Concern.contradiction: _contradiction(door),
+            Concern.offset: _offset(door),
+            Concern.undecided: _undecided(door),
+            Concern.glass: "" if door.door_id in glass else _glass(door),
+        }
+        found += [
+            DoorWarning(door.door_id, concern, text) for concern, text in told.items() if text
+        ]
+    return found
+
+
+def _contradiction(door: DoorFigures) -> str:
+    if not door.contradictions:
+        return ""
+    return (
+        f"CLOSED while the robot drove through it ({counted(door.contradictions, 'visit')}): are "
+        "its line and the poses right?"
+    )
+
+
+def _offset(door: DoorFigures) -> str:
+    if door.behind_m.count < LEAST_OFFSETS:
+        return ""
+    # Seen from both sides a line that is drawn too far left has its leaf before it, and behind.
+    if len(door.sides) > 1 and _is_off(door.left_m):
+        mean, count = door.left_m.value, door.left_m.count
+        side = "left" if mean > 0 else "right"
+        return (
+            f"beams end {abs(mean):.2f} m to the {side} of its line on average "
+            f"({counted(count, 'visit')} from both sides); {MOVE_IT}"
+        )
+    if not _is_off(door.behind_m):
+        return ""
+    mean, count = door.behind_m.value, door.behind_m.count
+    side = "behind" if mean > 0 else "before"
+    return (
+        f"beams end {abs(mean):.2f} m {side} its line on average ({counted(count, 'visit')}); "
+        f"{MOVE_IT}"
+    )
+
+
+def _is_off(offsets: Mean) -> bool:
+    """Tell whether offsets are one on average, and not by chance."""
+    return abs(offsets.value) >= max(OFF_M, SURE * offsets.error)
+
+
+def _undecided(door: DoorFigures) -> str:
+    if door.visits < FEW or door.undecided <= MOSTLY * door.visits:
+        return ""
+    return f"{door.undecided} of {counted(door.visits, 'visit')} undecided, mostly: {door.why}"
+
+
+def _glass(door: DoorFigures) -> str:
+    """Return a question where the laser may see through what nobody walks through."""
+    if door.closed or door.passed or door.open < FEW:
+        return ""
+    visits = counted(door.open, "visit")
+    return f"always open ({visits}), never driven through: glass? {GLASS_IT}"
+
 
 LEAST_LOOKS = 2.0
 """Of a visit: fewer do not tell where a leaf is; they met its frame, or by chance another thing."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.scans.leaves import Leaves
-from semmap_log.analysis.scans.scan_model import ScanModel
+from semmap_log.analysis.scans.visit import ScanModel
 from semmap_log.analysis.scans.visit_sums import VisitSums
 from semmap_log.core.model.doors import DoorState
 

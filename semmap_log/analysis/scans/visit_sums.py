@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.scans.door_beams import Sights
-from semmap_log.analysis.scans.leaves import Leaves
-from semmap_log.analysis.scans.scan_model import ScanModel
-from semmap_log.analysis.scans.shifts import LOG_WEIGHTS, SHIFTS
+from semmap_log.analysis.scans.leaves import LOG_WEIGHTS, SHIFTS, Leaves
 from semmap_log.analysis.scans.sight_sums import SightSums
+from semmap_log.analysis.scans.visit import ScanModel
 
 Floats = NDArray[np.float64]
 

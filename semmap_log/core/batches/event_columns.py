@@ -2,6 +2,8 @@
 
 An event checks its values when it is made; rows that never were events are checked here by the
 same rules, and the first that breaks one is named.
+
+Where among many events those of each kind are.
 """
 
 from __future__ import annotations
@@ -13,11 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.core.loops import compiled
 from semmap_log.core.messages import OBJECT_KINDS, fixed_layout
 from semmap_log.core.model.doors import NO_LEVEL, is_given
-from semmap_log.core.model.event_base import HAPPENED
 from semmap_log.core.model.events import KINDS, Event, defaults_of, event_of
-from semmap_log.core.model.meaning import Changed
+from semmap_log.core.model.meaning import HAPPENED, Changed
 from semmap_log.core.model.rules import Fit, Rule
 from semmap_log.errors import InvalidEventError
 
@@ -256,3 +258,19 @@ def _same_fields(mine: np.dtype[np.void], wanted: np.dtype[np.void]) -> bool:
     """Tell whether rows have the same fields, of the same types, wherever they lie."""
     names = wanted.names or ()
     return mine.names == names and all(mine[name] == wanted[name] for name in names)
+
+
+def places_by_kind(kinds: NDArray[np.uint8]) -> dict[int, NDArray[np.intp]]:
+    """Return the places of each kind that is there, ascending; kinds ascend, too."""
+    loops = compiled()
+    if loops is None:
+        there = np.flatnonzero(np.bincount(kinds)).tolist()
+        return {kind: np.flatnonzero(kinds == kind) for kind in there}
+    places, ends = np.empty(len(kinds), np.int64), np.empty(2**8, np.int64)
+    loops.sort_places(kinds, places, ends)
+    found, start = {}, 0
+    for kind, end in enumerate(ends.tolist()):
+        if end > start:
+            found[kind] = places[start:end]
+            start = end
+    return found

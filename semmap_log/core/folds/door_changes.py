@@ -1,19 +1,34 @@
 """What events do to doors, side by side as rows: the one form in which all follow doors over time.
 
 Pure numpy. Who needs less than all of `CHANGE` asks for some of its columns: see `columns`.
+
+What doors and levels were called at the time of an event, by all that is known now.
+
+Registers over time: what each of many keys held at a stamp, asked of many at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.model.doors import DoorState
-from semmap_log.core.model.events import SETTING_KINDS, Event
+from semmap_log.core.batches.event_batch import EventBatch, distinct
+from semmap_log.core.folds.levels import NAME
+from semmap_log.core.model.doors import NO_LEVEL, DoorState
+from semmap_log.core.model.events import (
+    ADDING_KINDS,
+    DOOR_KINDS,
+    KINDS,
+    SETTING_KINDS,
+    DoorAnnotated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    field_names,
+)
 from semmap_log.core.model.meaning import ALL_CHANGED, FIELDS, Changed, Presence
 
 Changes = NDArray[Any]
@@ -167,3 +182,241 @@ _IS_SIGHTING = np.zeros(256, np.bool_)
 for _kind in SETTING_KINDS:
     _PRESENCE[_kind.kind] = _kind.effect.presence.value
     _IS_SIGHTING[_kind.kind] = _kind.effect.is_sighting
+
+
+Texts = tuple[NDArray[np.intp], Sequence[str]]
+"""Of each event the place of its text among some; an empty one: there is none."""
+
+NOTHING = ""
+_NEVER = (0, -1)
+"""Comes before every stamp."""
+_LEVEL_CHANGE = columns("door_id", "folds_ns", "number", "level")
+_TELLING_KINDS = (DoorAnnotated.kind, LevelAdded.kind)
+_ON_A_LEVEL = [kind.kind for kind in KINDS
+               if kind.kind not in DOOR_KINDS and "level" in field_names(kind)]  # fmt: skip
+"""Kinds that are about no door, and say on which level they happened."""
+
+
+class NamesThen:
+    """Takes in events that say names and levels, in any order; then tells those of other events.
+
+    A door's name is what was said last when the event happened, since the door was added, by events
+    of the same moment, too: as a replay of that moment tells it. A door that was removed keeps its
+    last. A level without a name is called by its number.
+    """
+
+    def __init__(self) -> None:
+        self._added: dict[int, Stamp] = {}
+        self._said: list[tuple[int, Stamp, str]] = []
+        self._moves = [np.empty(0, _LEVEL_CHANGE)]
+        self._called: list[tuple[int, Stamp, str]] = []
+        self._doors: _Called | None = None
+        self._levels: _Called | None = None
+        self._moved: LastWritten | None = None
+        """Door -> its level; all three are made when somebody asks, and then nothing comes in."""
+
+    def apply(self, batch: EventBatch) -> None:
+        """Take in events, retracted ones left out."""
+        folds_ns = batch.folds_ns.tolist()
+        for kind in (kind for kind in ADDING_KINDS if kind in batch):
+            for door_id, at in zip(
+                batch[kind]["door_id"].tolist(), batch.where(kind).tolist(), strict=True
+            ):
+                self._added[door_id] = (folds_ns[at], int(batch.number[at]))
+        self._moves += parts_of(batch, _LEVEL_CHANGE, setting=int(Changed.POSE))
+        for told in _TELLING_KINDS:
+            for event, at in zip(
+                batch.objects.get(told, ()), batch.places_of(told).tolist(), strict=True
+            ):
+                stamp = (folds_ns[at], int(batch.number[at]))
+                if isinstance(event, LevelAdded):
+                    self._called.append((event.level, stamp, event.name))
+                elif isinstance(event, DoorAnnotated) and event.key == NAME:
+                    self._said.append((event.door_id, stamp, event.value))
+
+    def door_names(self, batch: EventBatch) -> Texts:
+        """Return what the door of each event was called then."""
+        if self._doors is None:
+            self._doors = _Called(
+                each for each in self._said if each[1] > self._added.get(each[0], _NEVER)
+            )
+        codes = self._doors.codes.at(batch.door_ids(), batch.folds_ns, _of_that_moment(batch))
+        if 0 in self._doors.codes:  # else what is about no door has the name of none
+            codes[~batch.about_doors()] = 0
+        return codes, self._doors.texts
+
+    def level_names(self, batch: EventBatch) -> Texts:
+        """Return what the level was called on which each event's door, robot or map was then."""
+        if self._levels is None:
+            self._moved = self._levels_of_doors()
+            self._levels = _Called(
+                [
+                    *((level, _NEVER, str(level)) for level in sorted({0, *self._moved.values()})),
+                    *((level, stamp, name or str(level)) for level, stamp, name in self._called),
+                ]
+            )
+        levels = self._levels_of(batch)
+        codes = self._levels.codes.at(levels, batch.folds_ns, _of_that_moment(batch))
+        nameless = np.flatnonzero((codes == 0) & (levels != NO_LEVEL))
+        if not len(nameless):
+            return codes, self._levels.texts
+        numbers, places = np.unique(levels[nameless], return_inverse=True)
+        codes[nameless] = len(self._levels.texts) + places
+        return codes, [*self._levels.texts, *map(str, numbers.tolist())]
+
+    def _levels_of(self, batch: EventBatch) -> NDArray[np.int64]:
+        """Return on which level each event's door, robot or map was; `NO_LEVEL`: on none."""
+        assert self._moved is not None
+        levels = self._moved.at(batch.door_ids(), batch.folds_ns, batch.number)
+        if 0 in self._moved:
+            levels[~batch.about_doors()] = NO_LEVEL
+        for kind in _ON_A_LEVEL:
+            if kind in batch.columns:
+                levels[batch.places_of(kind)] = batch.columns[kind]["level"]
+            elif kind in batch.objects:
+                told = [getattr(event, "level", NO_LEVEL) for event in batch.objects[kind]]
+                levels[batch.places_of(kind)] = told
+        return levels
+
+    def _levels_of_doors(self) -> LastWritten:
+        moves = np.concatenate(self._moves)
+        added = np.array([self._added.get(d, _NEVER) for d in moves["door_id"].tolist()], np.int64)
+        ns, number = added.reshape(-1, 2).T
+        happened, number_of = moves["folds_ns"], moves["number"]
+        moves = moves[(happened > ns) | ((happened == ns) & (number_of >= number))]
+        return LastWritten(
+            *(moves[name].astype(np.int64) for name in ("door_id", "folds_ns", "number", "level")),
+            nothing=NO_LEVEL,
+        )
+
+
+def _of_that_moment(batch: EventBatch) -> NDArray[np.int64]:
+    """Return numbers behind which, at the time of each event, nothing more was said."""
+    return np.full(len(batch), np.iinfo(np.int64).max)
+
+
+def levels_told(batch: EventBatch) -> set[int]:
+    """Return the levels that events name, draw, or put new doors on."""
+    found: set[int] = set()
+    for kind in (kind for kind in ADDING_KINDS if kind in batch):
+        found.update(batch[kind]["level"].tolist())
+    for told in (LevelAdded.kind, FloorMap.kind):
+        events = batch.objects.get(told, ())
+        found.update(e.level for e in events if isinstance(e, LevelAdded | FloorMap))
+    return found
+
+
+class _Called:
+    """Texts by key and stamp; an empty one says nothing."""
+
+    def __init__(self, said: Iterable[tuple[int, Stamp, str]]) -> None:
+        known = {NOTHING: 0}
+        rows = [(key, *stamp, known.setdefault(text, len(known))) for key, stamp, text in said]
+        keys, ns, numbers, codes = np.array(rows, np.int64).reshape(-1, 4).T
+        self.codes = LastWritten(keys, ns, numbers, codes, nothing=0)
+        self.texts = list(known)
+
+
+Integers = NDArray[np.integer[Any]]
+
+MAX_TABLE = 2**20
+"""Keys below are looked up in a table; greater ones are searched for."""
+
+
+class LastWritten:
+    """Values by key and stamp, (happened, number); the one with the greatest stamp counts."""
+
+    def __init__(
+        self,
+        keys: Integers,
+        happened_ns: NDArray[np.int64],
+        numbers: NDArray[np.int64],
+        values: NDArray[np.int64],
+        *,
+        nothing: int,
+    ) -> None:
+        """Take all that was ever written, in any order.
+
+        Args:
+            keys: What each was written to.
+            happened_ns: When it happened.
+            numbers: Of its event.
+            values: What was written.
+            nothing: What a key holds before anything was.
+        """
+        order = np.lexsort((numbers, happened_ns, keys))
+        keys, values = keys[order], values[order]
+        is_first = np.diff(keys, prepend=-1) != 0
+        before = np.where(is_first, nothing, np.roll(values, 1))
+        changes = np.flatnonzero(values != before)
+        self._happened_ns = happened_ns[order][changes]
+        self._numbers = numbers[order][changes]
+        self._values = np.append(values[changes], nothing)
+        """The last is that of whoever has none before it, by the place -1."""
+        self._keys, self._starts = np.unique(keys[changes], return_index=True)
+        self._ends = np.append(self._starts[1:], len(changes))
+        self._starts, self._ends = np.append(self._starts, 0), np.append(self._ends, 0)
+        """Of each key, and last of a key that is none of them."""
+        self._last_ns = np.append(self._happened_ns, -1)[self._ends - 1]
+        self._final = np.where(self._ends > self._starts, self._values[self._ends - 1], nothing)
+        self._latest_ns = self._last_ns.max()
+        self._table = self._table_of_keys()
+
+    def __contains__(self, key: int) -> bool:
+        """Tell whether a key ever held something."""
+        return key in self._keys
+
+    def values(self) -> list[int]:
+        """Return what was ever held, each value once."""
+        found: list[int] = distinct(self._values[:-1]).tolist()
+        return found
+
+    def at(
+        self, keys: Integers, happened_ns: NDArray[np.int64], numbers: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        """Return what keys held right after events of these stamps."""
+        rows = self._rows(keys)
+        found: NDArray[np.int64] = self._final.take(rows)
+        if not len(keys) or happened_ns.min() > self._latest_ns:  # as nearly always
+            return found
+        early = np.flatnonzero(happened_ns <= self._last_ns.take(rows))
+        if len(early):
+            found[early] = self._values[
+                self._behind(rows[early], happened_ns[early], numbers[early]) - 1
+            ]
+        return found
+
+    def _behind(
+        self, rows: NDArray[np.intp], happened_ns: NDArray[np.int64], numbers: NDArray[np.int64]
+    ) -> NDArray[np.intp]:
+        """Return the place behind the last change up to each stamp; 0: its key has none so early.
+
+        All are halved at once, as often as the key with the most changes needs.
+        """
+        low, high = self._starts[rows], self._ends[rows]
+        first = low.copy()
+        while (is_open := low < high).any():
+            middle = np.where(is_open, (low + high) // 2, 0)
+            ns = self._happened_ns[middle]
+            is_by_then = (ns < happened_ns) | (
+                (ns == happened_ns) & (self._numbers[middle] <= numbers)
+            )
+            low = np.where(is_open & is_by_then, middle + 1, low)
+            high = np.where(is_open & ~is_by_then, middle, high)
+        return np.where(low > first, low, 0)
+
+    def _rows(self, keys: Integers) -> NDArray[np.intp]:
+        """Return the place of each key among those that have changes; behind them: it has none."""
+        if self._table is not None:
+            return self._table.take(keys, mode="clip")
+        rows = np.searchsorted(self._keys, keys)
+        is_known = np.append(self._keys, -1)[rows] == keys
+        return np.where(is_known, rows, len(self._keys))
+
+    def _table_of_keys(self) -> NDArray[np.intp] | None:
+        if len(self._keys) and self._keys[-1] >= MAX_TABLE:
+            return None
+        size = int(self._keys[-1]) + 2 if len(self._keys) else 1
+        table = np.full(size, len(self._keys), np.intp)  # greater keys are clipped to the last
+        table[self._keys] = np.arange(len(self._keys))
+        return table

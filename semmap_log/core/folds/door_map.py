@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.batches.retraction import in_ranges
-from semmap_log.core.folds.annotations import Annotations, Stamp
-from semmap_log.core.folds.doors_present import DoorsPresent
+from semmap_log.core.folds.levels import Annotations, DoorsPresent, Stamp
 from semmap_log.core.folds.registers import NEVER, NOBODY, DoorColumns, writes_of
 from semmap_log.core.model.doors import Door, DoorId, DoorMap, Level, RemovedDoor
 from semmap_log.core.model.events import (

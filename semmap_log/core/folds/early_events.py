@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.batches.distinct import distinct
-from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.batches.event_batch import EventBatch, distinct
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import SETTING_KINDS, DoorAnnotated, DoorEvent
 from semmap_log.core.model.meaning import Presence

@@ -1,20 +1,238 @@
-"""Who changed what, when, why: events side by side with the notes of their commits."""
+"""Who changed what, when, why: events side by side with the notes of their commits.
+
+What is different between two door maps, door by door and field by field: enough to go over.
+
+The robot's patrol rounds: when each began and ended, whose and what it was.
+
+What each event changed in the map: the value that a field of a door had before, and since.
+
+Seen in the order of event numbers: what the log knew when the event was recorded, and what it knew
+then. A late event that something newer outranks changes nothing.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.core.batches.retraction import Retractions
-from semmap_log.core.folds.value_changes import Changes, ValueChange
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.folds.registers import NEVER, Writes, writes_of
+from semmap_log.core.model import meaning
 from semmap_log.core.model.commits import NoteTexts
-from semmap_log.core.model.doors import DoorId
-from semmap_log.core.model.events import DoorEvent, Event
-from semmap_log.core.model.shown_as_table import ShownAsTable
+from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState, Level, ShownAsTable
+from semmap_log.core.model.events import (
+    DoorAnnotated,
+    DoorEvent,
+    Event,
+    PatrolFinished,
+    PatrolStarted,
+)
+from semmap_log.core.texts import counted
+from semmap_log.errors import CommandError
+
+FIELDS = (*meaning.FIELDS, "annotations", "object_class")
+"""The fields that make a door what it is: if one differs, the door was changed."""
+
+STAMPS = ("last_seen_ns", "last_event")
+"""What tells that something was heard of a door, though it may be the same as before."""
+
+
+@dataclass(frozen=True, slots=True)
+class FieldChange:
+    """One field of a door that is in both maps."""
+
+    door: Door
+    """As it is in the later map."""
+    field: str
+    before: Any
+    after: Any
+
+
+@dataclass(frozen=True, slots=True)
+class LevelChange:
+    """A level that came, went, or is another now; None: it is not there."""
+
+    number: int
+    before: Level | None
+    after: Level | None
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Diff(ShownAsTable):
+    """What leads from one door map to another."""
+
+    before: DoorMap
+    after: DoorMap
+    added: Sequence[Door]
+    removed: Sequence[Door]
+    changed: Sequence[FieldChange]
+    """Of the doors in both maps, by `FIELDS`."""
+    heard: Sequence[FieldChange]
+    """Of the same, by `STAMPS`."""
+    levels: Sequence[LevelChange]
+    events: Sequence[HistoryEntry]
+    """Those with happened time behind the first moment, up to and with the second."""
+
+    def __repr__(self) -> str:
+        changed = len({change.door.door_id for change in self.changed})
+        doors = f"{len(self.added)} added, {len(self.removed)} removed, {changed} changed"
+        return f"<Diff of doors: {doors}; {counted(len(self.events), 'event')}>"
+
+    def __bool__(self) -> bool:
+        """Tell whether a door is another than before; that it was seen again does not count."""
+        return bool(self.added or self.removed or self.changed)
+
+    def applied_to(self, before: DoorMap) -> DoorMap:
+        """Return the later map, made of the earlier one and what is different: equal in all fields.
+
+        Args:
+            before: The earlier map, from wherever.
+
+        Raises:
+            CommandError: It is another: a door, a level or a value is not as it was then.
+        """
+        doors = dict(before.doors)
+        for door in self.removed:
+            _check(doors.pop(door.door_id, None), door, f"door {door.door_id}")
+        for door in self.added:
+            _check(doors.get(door.door_id), None, f"door {door.door_id}")
+            doors[door.door_id] = door
+        for change in (*self.changed, *self.heard):
+            door_id = change.door.door_id
+            if door_id not in doors:
+                _check(None, "a door", f"door {door_id}")
+            _check(getattr(doors[door_id], change.field), change.before,
+                   f"{change.field} of door {door_id}")  # fmt: skip
+            doors[door_id] = replace(doors[door_id], **{change.field: change.after})
+        levels = dict(before.levels)
+        for level in self.levels:
+            _check(levels.pop(level.number, None), level.before, f"level {level.number}")
+            if level.after is not None:
+                levels[level.number] = level.after
+        return replace(
+            self.after,  # the moment that it is of: its event, its times
+            doors=MappingProxyType(dict(sorted(doors.items()))),
+            levels=MappingProxyType(dict(sorted(levels.items()))),
+        )
+
+
+def diff(before: DoorMap, after: DoorMap, events: Sequence[HistoryEntry] = ()) -> Diff:
+    """Return the difference; doors ascending, fields in the order of `FIELDS` and `STAMPS`."""
+    numbers = sorted({*before.levels, *after.levels})
+    levels = (LevelChange(n, before.levels.get(n), after.levels.get(n)) for n in numbers)
+    return Diff(
+        before=before,
+        after=after,
+        added=_doors_only_in(after.doors, before.doors),
+        removed=_doors_only_in(before.doors, after.doors),
+        changed=list(_changes(before, after, FIELDS)),
+        heard=list(_changes(before, after, STAMPS)),
+        levels=[level for level in levels if not _is_same(level.before, level.after)],
+        events=events,
+    )
+
+
+def _doors_only_in(doors: Mapping[DoorId, Door], others: Mapping[DoorId, Door]) -> Sequence[Door]:
+    return [door for door_id, door in doors.items() if door_id not in others]
+
+
+def _changes(before: DoorMap, after: DoorMap, names: Sequence[str]) -> Iterator[FieldChange]:
+    """Yield the fields of these names in which doors that are in both maps differ."""
+    for door_id, door in after.doors.items():
+        known = before.doors.get(door_id)
+        for field in names if known is not None else ():
+            old, new = getattr(known, field), getattr(door, field)
+            if not _is_same(old, new):
+                yield FieldChange(door, field, old, new)
+
+
+def _check(actual: Any, expected: Any, what: str) -> None:
+    """Return if a map that a diff is applied to is as the diff knows it.
+
+    Raises:
+        CommandError: It is not.
+    """
+    if not _is_same(actual, expected):
+        raise CommandError(
+            f"{what}: expected {_said(expected)} before the change, got {_said(actual)}; "
+            "this is not the map that the diff is from."
+        )
+
+
+def _said(value: Any) -> str:
+    if isinstance(value, DoorState):
+        return value.name
+    return "none" if value is None else str(value)
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    """Tell whether two values are equal, NaN being equal to NaN."""
+    if isinstance(one, float) and isinstance(other, float):
+        return one == other or (math.isnan(one) and math.isnan(other))
+    if isinstance(one, (Door, Level)) and type(one) is type(other):
+        return all(_is_same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+    return bool(one == other)
+
+
+ROUND_KINDS = (PatrolStarted, PatrolFinished)
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """One patrol round."""
+
+    patrol: int
+    """Its number."""
+    start_ns: int | None
+    """None: nobody told of its start."""
+    end_ns: int | None
+    """None: it goes on, or nobody told of its end."""
+    actor: str
+    """Who drove, by the note of its start, else of its end."""
+    name: str
+    """What it was for, from the same note."""
+
+    @property
+    def label(self) -> str:
+        """What people call it."""
+        return self.name or f"round {self.patrol}"
+
+    def overlaps(self, since_ns: int, until_ns: int) -> bool:
+        """Tell whether some of it lies between two times, as far as anybody knows."""
+        begun = self.start_ns is None or self.start_ns < until_ns
+        return begun and (self.end_ns is None or self.end_ns >= since_ns)
+
+
+def rounds(entries: Iterable[HistoryEntry]) -> list[Round]:
+    """Return the rounds, in the order in which they were first heard of.
+
+    Of several starts or ends of one number the first counts; retracted ones do not.
+
+    Args:
+        entries: Of a history; other kinds than `ROUND_KINDS` are passed over.
+    """
+    found: dict[int, Round] = {}
+    for entry in entries:
+        event = entry.event
+        if entry.retracted or not isinstance(event, ROUND_KINDS):
+            continue
+        known = found.get(event.patrol)
+        here = known or Round(event.patrol, None, None, entry.actor, entry.reason)
+        if isinstance(event, PatrolStarted) and here.start_ns is None:
+            here = replace(here, start_ns=entry.folds_ns, actor=entry.actor, name=entry.reason)
+        elif isinstance(event, PatrolFinished) and here.end_ns is None:
+            here = replace(here, end_ns=entry.folds_ns)
+        found[event.patrol] = here
+    return list(found.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,3 +314,98 @@ def history(
                 retracted_by=retractions.first_hiding(recorded.number) if is_hidden else None,
                 changes=changes.get(recorded.number, ()),
             )
+
+
+@dataclass(frozen=True, slots=True)
+class ValueChange:
+    """A field of a door, or a key of its annotations, that an event gave another value."""
+
+    field: str
+    before: Any
+    """None: it had none."""
+    after: Any
+
+
+Changes = dict[int, tuple[ValueChange, ...]]
+"""Event number -> what it changed; events that changed nothing are left out."""
+
+
+def changes_of(batch: EventBatch, state: DoorMapState) -> Changes:
+    """Return what the events of a batch change.
+
+    Args:
+        batch: Events without gaps in their numbers, none of them a retraction.
+        state: The map before the first of them.
+    """
+    found: dict[int, list[ValueChange]] = defaultdict(list)
+    by_register: dict[str, list[Writes]] = defaultdict(list)
+    for writes in writes_of(batch):
+        by_register[writes.register].append(writes)
+    for register, parts in by_register.items():
+        for number, change in _changes_of_register(batch, state, register, parts):
+            found[number].append(change)
+    for number, change in _changes_of_texts(batch, state):
+        found[number].append(change)
+    return {number: tuple(changes) for number, changes in sorted(found.items())}
+
+
+def _changes_of_register(
+    batch: EventBatch, state: DoorMapState, register: str, parts: list[Writes]
+) -> Iterator[tuple[int, ValueChange]]:
+    """Yield (event number, change) of one register of all doors.
+
+    The value before a write is that of the greatest stamp among those before it, the state's own
+    included: a running maximum over the writes to each door, in the order of their numbers.
+    """
+    where = np.concatenate([part.positions for part in parts])
+    in_order = np.argsort(where)
+    where = where[in_order]
+    doors, group = np.unique(batch.door_ids()[where], return_inverse=True)
+    known_ns, known_events, known = state.register_of(doors, register)
+    happened = np.concatenate([known_ns, batch.folds_ns[where]])
+    numbers = np.concatenate([known_events, batch.number[where]])
+    groups = np.concatenate([np.arange(len(doors)), group])
+    by_stamp = np.lexsort((numbers, happened, groups))
+    rank = np.empty(len(groups), np.int64)
+    rank[by_stamp] = np.arange(len(groups))
+    rows = np.argsort(groups, kind="stable")  # of each door: what was known, then the writes
+    greatest = np.maximum.accumulate(rank[rows])
+    counts = rank[rows][1:] > greatest[:-1]
+    counts &= rows[1:] >= len(doors)
+    before, after = by_stamp[greatest[:-1]][counts], rows[1:][counts]
+    written = [part.values_of(np.arange(len(part.positions))) for part in parts]
+    for name, old in known.items():
+        new = np.concatenate([values[name] for values in written])[in_order]
+        values = np.concatenate([old, new])
+        was, now = values[before], values[after]
+        is_new = numbers[before] == NEVER
+        is_empty = np.isnan(now)
+        differs = np.where(is_new, ~is_empty, (was != now) & ~(np.isnan(was) & is_empty))
+        told = zip(
+            numbers[after][differs].tolist(), is_new[differs].tolist(),
+            was[differs].tolist(), now[differs].tolist(), strict=True,
+        )  # fmt: skip
+        for number, first, one, other in told:
+            yield number, ValueChange(name, None if first else _value(name, one),
+                                      _value(name, other))  # fmt: skip
+
+
+def _changes_of_texts(batch: EventBatch, state: DoorMapState) -> Iterator[tuple[int, ValueChange]]:
+    if DoorAnnotated not in batch:
+        return
+    where = batch.where(DoorAnnotated)
+    said: dict[tuple[int, str], tuple[tuple[int, int], str]] = {}
+    stamps = zip(batch.folds_ns[where].tolist(), batch.number[where].tolist(), strict=True)
+    for event, stamp in zip(batch.objects[DoorAnnotated.kind], stamps, strict=True):
+        assert isinstance(event, DoorAnnotated)
+        place = (event.door_id, event.key)
+        before = said.get(place) or state.text(*place)
+        if before is not None and before[0] > stamp:
+            continue
+        said[place] = (stamp, event.value)
+        if before is None or before[1] != event.value:
+            yield stamp[1], ValueChange(event.key, before and before[1], event.value)
+
+
+def _value(name: str, value: Any) -> Any:
+    return DoorState.of(value) if name == "state" else value

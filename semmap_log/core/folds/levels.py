@@ -10,16 +10,31 @@ warning where another level has that number; `number:2` is the number. Where non
 
 A robot's poses and doors without a place make no level. Events take what the log holds when they
 are appended, the events before them in the same commit included.
+
+Of the objects in a map those of one class; doors, for those who know nothing else.
+
+The doors of a map as values, each made when it is asked for: of hundreds, one is wanted.
+
+What is said of doors in words: for each door and key the text with the greatest stamp.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import ItemsView, Iterable, Iterator, Mapping, ValuesView
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
 
-from semmap_log.core.folds.doors_present import DoorsPresent
-from semmap_log.core.model.doors import DoorMap, Level
-from semmap_log.errors import LevelNameWarning, UnknownLevelError
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.core.batches.event_batch import distinct
+from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState, Level, door_called
+from semmap_log.core.model.events import ClassDefined
+from semmap_log.core.model.meaning import FIELDS
+from semmap_log.core.model.object_classes import CLASS, DOOR, ObjectClass
+from semmap_log.errors import CommandError, LevelNameWarning, LogError, UnknownLevelError
 
 NUMBER_PREFIX = "number:"
 
@@ -130,3 +145,291 @@ def level_shown(door_map: DoorMap) -> int:
 def told(names: Mapping[int, str | None]) -> str:
     """Return levels in words: `1 (L1), 2 (L2)`."""
     return ", ".join(f"{n} ({name})" if name else str(n) for n, name in names.items())
+
+
+def of_class(door_map: DoorMap, name: str) -> DoorMap:
+    """Return a map with the objects of one class only; `door` is that of all doors.
+
+    Raises:
+        CommandError: No class is called so.
+    """
+    check_class(door_map, name)
+    if not door_map.classes:
+        return door_map
+    assert isinstance(door_map.doors, DoorsPresent), "a map that a log gave"
+    return replace(door_map, doors=door_map.doors.of_class(name))
+
+
+def check_class(door_map: DoorMap, name: str) -> None:
+    """Return if a class is called so.
+
+    Raises:
+        CommandError: None is.
+    """
+    if name != DOOR.name and name not in door_map.classes:
+        known = ", ".join([DOOR.name, *door_map.classes])
+        raise CommandError(f"no class {name!r}; there are: {known}.")
+
+
+def only_doors(door_map: DoorMap) -> DoorMap:
+    """Return a map without what is no door: planners, and the thesis, know doors alone."""
+    return of_class(door_map, DOOR.name)
+
+
+class DoorsPresent(Mapping[DoorId, Door]):
+    """Door id -> door, ids ascending; does not change. A door's name can be looked up, too."""
+
+    def __init__(self, columns: Mapping[str, NDArray[Any]], annotations: Annotations) -> None:
+        """Take the doors up.
+
+        Args:
+            columns: The fields of the doors and their stamps, one row a door, ids ascending.
+            annotations: What is said of them; must not change any more.
+        """
+        self._columns = columns
+        self._annotations = annotations
+        self.classes = annotations.classes()
+        """The classes of objects that are defined, names ascending."""
+        self._ids: list[int] = columns["door_id"].tolist()
+        self._places = dict(zip(self._ids, range(len(self._ids)), strict=True))
+        self._made: dict[DoorId, Door] = {}
+        """Those that were asked for, in the order in which they were."""
+        self._everything: dict[DoorId, Door] | None = None
+        """All of them, ids ascending, once somebody asked for all."""
+
+    def __getitem__(self, door_id: DoorId | str) -> Door:
+        if isinstance(door_id, str):
+            return door_called(door_id, ((door, (door.name,)) for door in self.values()))
+        door = self._made.get(door_id)
+        if door is None:
+            place = self._places[door_id]
+            row = {name: column[place].item() for name, column in self._columns.items()}
+            door = self._made[door_id] = self._door(row)
+        return door
+
+    def __iter__(self) -> Iterator[DoorId]:
+        return map(DoorId, self._ids)
+
+    def __len__(self) -> int:
+        return len(self._ids)
+
+    def __contains__(self, door_id: object) -> bool:
+        return door_id in self._places
+
+    def items(self) -> ItemsView[DoorId, Door]:
+        """Return all doors with their ids."""
+        return self._all().items()
+
+    def values(self) -> ValuesView[Door]:
+        """Return all doors."""
+        return self._all().values()
+
+    def placed_levels(self) -> set[int]:
+        """Return the levels of all doors that have a place; none of the doors is made for it."""
+        is_placed = ~np.isnan(self._columns["x"])
+        return set(distinct(self._columns["level"][is_placed]).tolist())
+
+    def in_state(self, state: DoorState) -> list[DoorId]:
+        """Return the doors in a state, ids ascending; none of them is made for it."""
+        states = self._columns["state"]
+        chosen = states == state
+        if state is DoorState.UNKNOWN:
+            chosen |= states > max(DoorState)  # what only a later version knows
+        return [DoorId(self._ids[place]) for place in np.flatnonzero(chosen).tolist()]
+
+    def of_class(self, name: str) -> DoorsPresent:
+        """Return those of a class only."""
+        chosen = np.array([door.object_class.name == name for door in self.values()], np.bool_)
+        columns = {field: column[chosen] for field, column in self._columns.items()}
+        return DoorsPresent(columns, self._annotations)
+
+    def names(self) -> dict[DoorId, str]:
+        """Return the name of each door that has one, ids ascending."""
+        named = (i for i in self._annotations.names() if i in self._places)
+        return {i: name for i in named if (name := self[i].name)}
+
+    def others_than(self, before: DoorsPresent) -> tuple[list[DoorId], list[DoorId]]:
+        """Return the doors that are new or not as they were, and those that are gone.
+
+        What is the same costs next to nothing: the columns are compared, and no door is made.
+        """
+        mine, theirs = self._columns["door_id"], before._columns["door_id"]
+        common, at, there = np.intersect1d(mine, theirs, assume_unique=True, return_indices=True)
+        differs = np.zeros(len(common), np.bool_)
+        for name, column in self._columns.items():
+            now, then = column[at], before._columns[name][there]
+            differs |= (now != then) & ~((now != now) & (then != then))  # noqa: PLR0124 - NaN
+        said, old = self._said(), before._said()
+        told_anew = {i for i in said.keys() | old if said.get(i) != old.get(i)}
+        changed = {*common[differs].tolist(), *np.setdiff1d(mine, theirs).tolist(), *told_anew}
+        gone = np.setdiff1d(theirs, mine).tolist()
+        return (
+            [DoorId(i) for i in sorted(changed) if i in self._places],
+            [DoorId(i) for i in gone],
+        )
+
+    def _said(self) -> Mapping[DoorId, object]:
+        """Return what is said of each in words: its name and, where there are classes, what it is.
+
+        Where there are none, no door is made for it.
+        """
+        if not self.classes:
+            return self._annotations.names()
+        return {i: (door.name, door.object_class, door.outline) for i, door in self.items()}
+
+    def __repr__(self) -> str:
+        return repr(self._all())
+
+    def _all(self) -> dict[DoorId, Door]:
+        if self._everything is None:
+            names = list(self._columns)
+            rows = zip(*(column.tolist() for column in self._columns.values()), strict=True)
+            self._everything = {
+                DoorId(door_id): self._door(dict(zip(names, row, strict=True)))
+                for door_id, row in zip(self._ids, rows, strict=True)
+            }
+        return self._everything
+
+    def _door(self, row: dict[str, Any]) -> Door:
+        values = {name: row[name] for name in FIELDS}
+        annotations = self._annotations.of(
+            row["door_id"], (row["added_happened_ns"], row["added_event"])
+        )
+        return Door(
+            door_id=DoorId(row["door_id"]),
+            **values | {"state": DoorState.of(row["state"])},
+            last_seen_ns=row["state_happened_ns"],
+            last_event=row["last_event"],
+            annotations=annotations,
+            object_class=self.classes.get(annotations.get(CLASS, ""), DOOR),
+        )
+
+
+NAME = "name"
+"""The key under which a door's name is said."""
+
+_NO_DOOR = 0
+_DEFINES = "\x01class:"
+"""What is said of a class stands beside what is said of door 0, under keys that begin so, as nobody
+types them: in keyframes, too, which have no other place for it."""
+
+Stamp = tuple[int, int]
+"""(happened time, event number)."""
+
+_Said = dict[int, dict[str, tuple[Stamp, str]]]
+
+_COLUMNS = ("door_id", "key", "value", "happened_ns", "event")
+
+
+class Annotations:
+    """Registers of texts; what was stored is unpacked when somebody asks."""
+
+    def __init__(self) -> None:
+        self._said: _Said = {}
+        self._stored: Mapping[str, Any] | None = None
+        self._is_shared = False
+        """Whether a snapshot holds the same dictionaries: they must not change any more."""
+
+    def write(self, door_id: int, key: str, value: str, stamp: Stamp) -> None:
+        """Note what was said at a stamp, unless something later is known."""
+        if self._is_shared:
+            self._said = {door: dict(texts) for door, texts in self._unpacked().items()}
+            self._is_shared = False
+        said = self._unpacked().setdefault(door_id, {})
+        if key not in said or stamp > said[key][0]:
+            said[key] = (stamp, value)
+
+    def define(self, event: ClassDefined, stamp: Stamp) -> None:
+        """Note what objects of a class are like."""
+        texts = (event.geometry, event.states, event.blocks)
+        told = "\n".join(text.replace("\n", " ") for text in texts)
+        self.write(_NO_DOOR, _DEFINES + event.class_name, told, stamp)
+
+    def classes(self) -> dict[str, ObjectClass]:
+        """Return the classes that were defined, names ascending."""
+        if self._stored is not None and _NO_DOOR not in np.asarray(self._stored["door_id"]):
+            return {}  # nothing is unpacked for it
+        said = self._unpacked().get(_NO_DOOR, {})
+        defined = {
+            key.removeprefix(_DEFINES): text.split("\n", 2)
+            for key, (_, text) in sorted(said.items())
+            if key.startswith(_DEFINES)
+        }
+        return {name: ObjectClass.told(name, *told) for name, told in defined.items()}
+
+    def defined(self, name: str) -> Stamp | None:
+        """Return when a class was defined last; None: never."""
+        told = self.get(_NO_DOOR, _DEFINES + name)
+        return None if told is None else told[0]
+
+    def said_under(self, key: str) -> dict[DoorId, tuple[Stamp, str]]:
+        """Return what is said of each door under a key, and its stamp; ids ascending."""
+        said = sorted(self._unpacked().items())
+        return {DoorId(door_id): texts[key] for door_id, texts in said if key in texts}
+
+    def forget(self, door_id: int, key: str, before: int) -> None:
+        """Leave out what events below a number said of a door under a key."""
+        said = self._unpacked().get(door_id, {})
+        if key in said and said[key][0][1] < before:
+            del said[key]
+
+    def get(self, door_id: int, key: str) -> tuple[Stamp, str] | None:
+        """Return a text and its stamp; None: it was never written."""
+        return self._unpacked().get(door_id, {}).get(key)
+
+    def of(self, door_id: int, added: Stamp) -> Mapping[str, str]:
+        """Return what is said of a door since it was added, keys ascending."""
+        said = self._unpacked().get(door_id, {})
+        since = {key: value for key, (stamp, value) in sorted(said.items()) if stamp > added}
+        if door_id == _NO_DOOR:
+            since = {key: value for key, value in since.items() if not key.startswith(_DEFINES)}
+        return MappingProxyType({key: value for key, value in since.items() if value})
+
+    def names(self) -> dict[DoorId, str]:
+        """Return the latest name of every door that has one, ids ascending."""
+        said = {DoorId(door_id): texts.get(NAME) for door_id, texts in self._unpacked().items()}
+        return {door_id: name[1] for door_id, name in sorted(said.items()) if name and name[1]}
+
+    def events(self) -> list[int]:
+        """Return the number of the event of each text."""
+        return [stamp[1] for said in self._unpacked().values() for stamp, _ in said.values()]
+
+    def snapshot(self) -> Annotations:
+        """Return them as they are now, whatever is written later."""
+        copy = Annotations()
+        copy._said, copy._stored = self._said, self._stored
+        self._is_shared = copy._is_shared = True
+        return copy
+
+    def to_arrays(self) -> dict[str, list[Any]]:
+        """Return them as parallel lists, by door and key."""
+        texts = [
+            (door_id, key, value, *stamp)
+            for door_id, said in sorted(self._unpacked().items())
+            for key, (stamp, value) in sorted(said.items())
+        ]
+        return {f"annotation_{name}": [t[i] for t in texts] for i, name in enumerate(_COLUMNS)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Any]) -> Annotations:
+        """Return those that `to_arrays` gave; not unpacked before they are needed."""
+        annotations = cls()
+        annotations._stored = {name: arrays[f"annotation_{name}"] for name in _COLUMNS}
+        return annotations
+
+    def _unpacked(self) -> _Said:
+        if self._stored is not None:
+            try:
+                self._said, self._stored = _unpack(self._stored), None
+            except ValueError as error:
+                raise LogError(f"A keyframe's texts are none: {error}; verify the log.") from None
+        return self._said
+
+
+def _unpack(stored: Mapping[str, Any]) -> _Said:
+    columns = [list(stored["key"]), list(stored["value"])]
+    columns += [np.asarray(stored[name]).tolist() for name in ("door_id", "happened_ns", "event")]
+    said: _Said = {}
+    for key, value, door_id, happened, event in zip(*columns, strict=True):
+        said.setdefault(door_id, {})[key] = ((happened, event), value)
+    return said

@@ -1,4 +1,7 @@
-"""When doors were in which state: intervals as numpy columns."""
+"""When doors were in which state: intervals as numpy columns.
+
+How much of each slot of time a door was open, and how much of it that was known: pure numpy.
+"""
 
 from __future__ import annotations
 
@@ -25,14 +28,50 @@ from semmap_log.core.folds.sighting_hold import Hold, hold_of
 from semmap_log.core.folds.thinned_runs import sightings_of_runs
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.late_answers import answer_of
-from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.doors import DoorId, DoorState, ShownAsTable
 from semmap_log.core.model.events import SightingsThinned
 from semmap_log.core.model.meaning import Presence
-from semmap_log.core.model.shown_as_table import ShownAsTable
 from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.core.arrow.arrow_sdk import DataFrame
+
+
+Shares = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class TimeShares:
+    """What is said of a door in slots of time that follow each other."""
+
+    opened: Shares
+    """(slots,): share of the time known to be open or closed in which it was open; NaN: none."""
+    known: Shares
+    """(slots,): share of the slot in which that was known: a sighting held, or a set state."""
+    there: Shares
+    """(slots,): share of the slot in which the door was in the map."""
+
+
+def time_shares(timeline: Timeline, edges_ns: Times) -> TimeShares:
+    """Return how a door spent slots of time.
+
+    Args:
+        timeline: The door's.
+        edges_ns: (slots + 1,), ascending: where each slot begins, and the last one ends.
+    """
+    length_ns = np.diff(edges_ns)
+    open_ns, closed_ns = (
+        timeline.spent_ns(state, edges_ns) for state in (DoorState.OPEN, DoorState.CLOSED)
+    )
+    there_ns = sum(
+        timeline.spent_ns(state, edges_ns) + timeline.lapsed_ns(state, edges_ns)
+        for state in DoorState
+    )
+    known_ns = open_ns + closed_ns
+    opened = np.full(len(length_ns), np.nan)
+    np.divide(open_ns, known_ns, out=opened, where=known_ns > 0)
+    return TimeShares(opened, known_ns / length_ns, there_ns / length_ns)
+
 
 Times = NDArray[np.int64]
 NO_TIMES: Times = np.empty(0, np.int64)
@@ -215,7 +254,7 @@ class Timeline(ShownAsTable):
             MissingExtraError: pyarrow or pandas is not installed.
         """
         from semmap_log.core.arrow.arrow_sdk import frame_of
-        from semmap_log.core.arrow.intervals import interval_table
+        from semmap_log.core.arrow.event_view import interval_table
 
         return frame_of(
             interval_table(

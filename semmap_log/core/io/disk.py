@@ -2,21 +2,109 @@
 
 A power cut leaves an unsynced file empty, and a rename that was not followed by a sync of its
 folder undone; so does everything here.
+
+Files that come with this package, copied to where somebody uses them.
+
+What is there already stays: plans and launch files are there to be changed.
+
+What reading asks of the system, as far as each one has it.
+
+Windows knows neither folders that are opened nor links that are not followed, macOS no `preadv`:
+what is missing is left out. Who writes needs all of it: `check_can_write`.
 """
 
 from __future__ import annotations
 
 import errno
+import mmap
 import os
 import re
+import shutil
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from fnmatch import fnmatch
 from pathlib import Path, PurePath
 from typing import BinaryIO
 
-from semmap_log.core.io.file_calls import CAN_OPEN_FOLDERS, FOLDER, NO_LINK, PLAIN
-from semmap_log.errors import OutputError
+from semmap_log.errors import LogAccessError, OutputError
+
+
+def copy_folder(
+    shipped: Path,
+    target: Path,
+    *,
+    kind: str,
+    made: Sequence[str],
+    finish: Callable[[Path], object] = lambda _: None,
+) -> bool:
+    """Copy a folder, whole or not at all.
+
+    Args:
+        shipped: What is copied.
+        target: Where to; it is made.
+        kind: What it is called where another is there: a `package`.
+        made: Names with wildcards: what installers and compilers put into it is no part of it.
+        finish: What is done to the copy before it is there.
+
+    Returns:
+        Whether it was written now: the same is left as it is.
+
+    Raises:
+        OutputError: Something else bears its name there, or it cannot be written.
+    """
+    if target.exists():
+        if differing := _differing(shipped, target, made):
+            raise _is_another(target, kind, f" ({differing} differs)")
+        return False
+    with output_errors(target), whole_folder(target) as temporary:
+        shutil.copytree(shipped, temporary, ignore=shutil.ignore_patterns(*made))
+        finish(temporary)
+    return True
+
+
+def copy_file(shipped: bytes, target: Path, *, kind: str) -> bool:
+    """Copy a file, whole or not at all; its folder is made if it is not there.
+
+    Args:
+        shipped: What is in it.
+        target: Where to.
+        kind: What it is called where another is there: a `module`.
+
+    Returns:
+        Whether it was written now: the same is left as it is.
+
+    Raises:
+        OutputError: Another bears its name there, or it cannot be written.
+    """
+    with output_errors(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if target.exists():
+            if target.read_bytes() != shipped:
+                raise _is_another(target, kind)
+            return False
+        replace_file(target, shipped)
+    return True
+
+
+def _is_another(target: Path, kind: str, differing: str = "") -> OutputError:
+    return OutputError(
+        f"{target}: is there already, and is not this {kind} as it is now{differing}. "
+        "Remove it first, if nobody needs it."
+    )
+
+
+def _differing(shipped: Path, target: Path, made: Sequence[str]) -> str:
+    """Return a file that another folder has not, or not alike; "": there is none."""
+    for path in sorted(shipped.rglob("*")):
+        name = path.relative_to(shipped)
+        other = target / name
+        if path.is_dir() or any(fnmatch(part, each) for part in name.parts for each in made):
+            continue
+        if not (other.is_file() and other.read_bytes() == path.read_bytes()):
+            return str(name)
+    return ""
+
 
 TEMPORARY_SUFFIX = ".tmp"
 TOKEN_BYTES = 8
@@ -291,3 +379,75 @@ def _is_running(process: int) -> bool:
     except (PermissionError, OverflowError):
         pass
     return True
+
+
+NO_LINK = getattr(os, "O_NOFOLLOW", 0)
+"""A link in the file's place is an error."""
+PLAIN = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+"""A pipe in the file's place is not waited for, no child inherits it, no line end is changed."""
+FOLDER = getattr(os, "O_DIRECTORY", 0)
+CAN_OPEN_FOLDERS = bool(FOLDER)
+
+
+def open_plainly(path: Path) -> int:
+    """Return a descriptor of a file that is read; it may be a pipe or a device.
+
+    Raises:
+        OSError: As the system says.
+    """
+    return os.open(path, os.O_RDONLY | PLAIN)
+
+
+_NEEDED = ("O_DIRECTORY", "O_NOFOLLOW", "O_CLOEXEC", "fdatasync", "link")
+"""Of `os`, by whoever writes."""
+
+
+def check_can_write(path: Path) -> None:
+    """Return if this system has what keeps a log whole while it is written.
+
+    Raises:
+        LogAccessError: It has not; names what is missing.
+    """
+    from importlib.util import find_spec
+
+    missing = ["fcntl (locks on files)"] if find_spec("fcntl") is None else []
+    missing += [f"os.{name}" for name in _NEEDED if not hasattr(os, name)]
+    if not os.supports_dir_fd:
+        missing.append("dir_fd (folders that are held open)")
+    if missing:
+        raise LogAccessError(
+            f"{path}: a log cannot be written on this system, which lacks {', '.join(missing)}. "
+            "Reading works. To write, use Linux; on Windows: WSL."
+        )
+
+
+def read_into(fd: int, target: memoryview, at: int) -> int:
+    """Read bytes of an open file from an offset on; return how many: 0 behind its end.
+
+    Raises:
+        OSError: As the kernel says.
+    """
+    if hasattr(os, "preadv"):  # not on macOS
+        return os.preadv(fd, [target], at)
+    if hasattr(os, "pread"):
+        data = os.pread(fd, len(target), at)
+    else:  # Windows; nobody else has this descriptor
+        os.lseek(fd, at, os.SEEK_SET)
+        data = os.read(fd, len(target))
+    target[: len(data)] = data
+    return len(data)
+
+
+def read_page_into(fd: int, target: memoryview, at: int) -> int:
+    """Read some bytes where reading more has failed, to the end of a page at most.
+
+    Around a bad sector one read fails for all that the kernel fetches together.
+
+    Raises:
+        OSError: As the kernel says: that page cannot be read.
+    """
+    room = mmap.PAGESIZE - at % mmap.PAGESIZE
+    if hasattr(os, "posix_fadvise"):  # not on macOS
+        os.posix_fadvise(fd, at, len(target), os.POSIX_FADV_DONTNEED)
+        os.posix_fadvise(fd, 0, 0, os.POSIX_FADV_RANDOM)
+    return read_into(fd, target[:room], at)

@@ -3,26 +3,29 @@
 The only room that knows CDR. The `.msg` texts are the definition; layouts are derived from them.
 """
 
-from semmap_log.core.messages.cdr import CDR_HEADER, read_message, write_message
-from semmap_log.core.messages.codec import (
+from semmap_log.core.messages.layout import (
     OBJECT_KINDS,
+    Layout,
     decode,
     encode,
     field_getter,
     field_getters,
     fixed_layout,
+    layout,
     ros_type,
 )
-from semmap_log.core.messages.definitions import (
+from semmap_log.core.messages.type_hash import (
+    CDR_HEADER,
     OCCUPANCY_GRID,
     PACKAGE,
     comments_of,
     message_text,
+    read_message,
     schema_text,
+    type_hash,
     type_name,
+    write_message,
 )
-from semmap_log.core.messages.layout import Layout, layout
-from semmap_log.core.messages.type_hash import type_hash
 
 __all__ = [
     "CDR_HEADER",

@@ -3,19 +3,159 @@
 CDR (XCDR1, little endian, as ROS 2 writes it): four bytes of encapsulation, then the fields in
 order, each aligned to its own size, counted from behind those four bytes. A message without
 strings and unbounded arrays therefore has one size for ever, and n of them are one numpy array.
+
+Event <-> CDR bytes, one at a time.
 """
 
 from __future__ import annotations
 
+import math
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from semmap_log.core.messages.cdr import CDR_HEADER
-from semmap_log.core.messages.definitions import CODES, flat_fields, type_name
+from semmap_log.core.messages.type_hash import (
+    CDR_HEADER,
+    CODES,
+    OCCUPANCY_GRID,
+    flat_fields,
+    read_message,
+    type_name,
+    write_message,
+)
+from semmap_log.core.model.events import KINDS, Event, FloorMap, event_of, field_names
+
+OBJECT_KINDS: frozenset[int] = frozenset(
+    kind.kind for kind in KINDS if not all(rule.dtype for rule in kind.rules.fields.values())
+)
+"""Kinds with text or arrays, read as objects; all others are read as columns."""
+
+
+def ros_type(kind: int) -> str:
+    """Return the ROS 2 type that carries events of that kind."""
+    cls = KINDS[kind - 1]
+    return OCCUPANCY_GRID if cls is FloorMap else type_name(cls.__name__)
+
+
+@cache
+def fixed_layout(kind: int) -> Layout:
+    """Return the layout of a kind of fixed size."""
+    return layout(KINDS[kind - 1].__name__)
+
+
+@cache
+def field_getter(kind: int) -> Callable[[Event], tuple[Any, ...]]:
+    """Return what takes the field values out of an event of a fixed-size kind, in wire order."""
+    names = fixed_layout(kind).fields
+    getter = attrgetter(*names)
+    return getter if len(names) > 1 else lambda event: (getter(event),)
+
+
+@cache
+def field_getters(kind: int) -> tuple[Callable[[Event], Any], ...]:
+    """Return the same as one for each field: of many events, a field at a time is taken faster."""
+    return tuple(map(attrgetter, fixed_layout(kind).fields))
+
+
+def encode(event: Event, happened_ns: int) -> bytes:
+    """Return the CDR bytes of an event; `happened_ns` stamps the header of a FloorMap."""
+    if event.kind not in OBJECT_KINDS:
+        fixed = fixed_layout(event.kind)
+        return fixed.pack(*field_getter(event.kind)(event))
+    if isinstance(event, FloorMap):
+        return write_message(OCCUPANCY_GRID, _floor_map_fields(event, happened_ns))
+    values = {name: getattr(event, name) for name in field_names(type(event))}
+    if "salt" in values:
+        values["salt"] = values["salt"] or bytes(16)
+    return write_message(ros_type(event.kind), values)
+
+
+def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: int = 0) -> Event:
+    """Return the event that these CDR bytes hold.
+
+    Args:
+        kind: `Event.kind`.
+        data: The CDR bytes.
+        happened_ns: When it happened.
+        level: The level of a FloorMap, which its channel tells.
+
+    Raises:
+        ValueError: The bytes are not such an event.
+    """
+    if kind not in OBJECT_KINDS:
+        fixed = fixed_layout(kind)
+        if len(data) != fixed.dtype.itemsize:
+            raise ValueError(
+                f"{fixed.name}: expected {fixed.dtype.itemsize} bytes, got {len(data)}"
+            )
+        return event_of(KINDS[kind - 1], fixed.unpack(data), happened_ns)
+    values = read_message(ros_type(kind), bytes(data))  # a copy: its arrays outlive the file
+    cls = KINDS[kind - 1]
+    if cls is FloorMap:
+        return _floor_map(values, happened_ns, level)
+    if "salt" in values:
+        values["salt"] = bytes(values["salt"])
+    return event_of(cls, values, happened_ns)
+
+
+def _floor_map_fields(event: FloorMap, happened_ns: int) -> dict[str, Any]:
+    height, width = event.cells.shape
+    half = event.origin_theta / 2
+    sec, nanosec = min(happened_ns // 10**9, 2**31 - 1), happened_ns % 10**9
+    return {
+        "header.stamp.sec": sec,
+        "header.stamp.nanosec": nanosec,
+        "header.frame_id": "map",
+        "info.map_load_time.sec": sec,
+        "info.map_load_time.nanosec": nanosec,
+        "info.resolution": event.resolution,
+        "info.width": width,
+        "info.height": height,
+        "info.origin.position.x": event.origin_x,
+        "info.origin.position.y": event.origin_y,
+        "info.origin.position.z": 0.0,
+        "info.origin.orientation.x": 0.0,
+        "info.origin.orientation.y": 0.0,
+        "info.origin.orientation.z": math.sin(half),
+        "info.origin.orientation.w": math.cos(half),
+        "data": np.ravel(event.cells),
+    }
+
+
+def _floor_map(values: dict[str, Any], happened_ns: int | None, level: int) -> FloorMap:
+    turn = (values["info.origin.orientation.z"], values["info.origin.orientation.w"])
+    return FloorMap(
+        happened_ns=happened_ns,
+        level=level,
+        resolution=values["info.resolution"],
+        origin_x=values["info.origin.position.x"],
+        origin_y=values["info.origin.position.y"],
+        origin_theta=_angle_of(*turn),
+        cells=values["data"].reshape(values["info.height"], values["info.width"]),
+    )
+
+
+def _angle_of(z: float, w: float) -> float:
+    """Return the angle about z of a quaternion: where there is one, that which packs to it again.
+
+    The arc tangent may be a bit beside it; a map that is copied from log to log must not turn.
+    """
+    angle = below = above = 2 * math.atan2(z, w)
+    for _ in range(BITS_BESIDE):
+        below, above = math.nextafter(below, -math.inf), math.nextafter(above, math.inf)
+        for near in (angle, below, above):
+            if (math.sin(near / 2), math.cos(near / 2)) == (z, w):
+                return near
+    return angle
+
+
+BITS_BESIDE = 2
+"""So many floats on either side are tried: enough for every angle from -pi to pi."""
 
 
 @dataclass(frozen=True, slots=True)

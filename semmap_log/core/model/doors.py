@@ -2,6 +2,8 @@
 
 Lengths are metres, angles radians, both in the frame `map`; times are integer nanoseconds since
 the Unix epoch, UTC. A probability is in [0, 1]; NaN means that it was not given.
+
+Values that show themselves in a notebook; a room above draws them.
 """
 
 from __future__ import annotations
@@ -13,10 +15,7 @@ from itertools import count
 from types import MappingProxyType
 from typing import Final, NewType
 
-from semmap_log.core.model.door_states import THESIS_STATES as THESIS_STATES  # noqa: PLC0414 - a door's
-from semmap_log.core.model.door_states import DoorState as DoorState  # noqa: PLC0414
-from semmap_log.core.model.door_states import reduced as reduced  # noqa: PLC0414
-from semmap_log.core.model.door_states import thesis_state as thesis_state  # noqa: PLC0414
+from semmap_log.core.late_answers import answer_of
 from semmap_log.core.model.object_classes import (
     DOOR,
     OUTLINE,
@@ -25,8 +24,22 @@ from semmap_log.core.model.object_classes import (
     ObjectClass,
     outline_told,
 )
-from semmap_log.core.model.shown_as_table import ShownAsTable
+from semmap_log.core.model.object_classes import THESIS_STATES as THESIS_STATES  # noqa: PLC0414 - handed on
+from semmap_log.core.model.object_classes import DoorState as DoorState  # noqa: PLC0414 - handed on
+from semmap_log.core.model.object_classes import reduced as reduced  # noqa: PLC0414 - handed on
+from semmap_log.core.model.object_classes import thesis_state as thesis_state  # noqa: PLC0414 - handed on
 from semmap_log.core.texts import counted
+
+
+class ShownAsTable:
+    """A value that a notebook shows as a table."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        html: str = answer_of("html")(self)
+        return html
+
 
 DoorId = NewType("DoorId", int)
 """Given from 1 on, never used twice in a log, at most `MAX_DOOR_ID`.

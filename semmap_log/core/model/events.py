@@ -17,14 +17,15 @@ from numpy.typing import NDArray
 
 from semmap_log.core.model.doors import LEVEL_NOT_GIVEN, NAN, DoorState, is_given
 from semmap_log.core.model.doors import NO_LEVEL as NO_LEVEL  # noqa: PLC0414 - a column of events has it
-from semmap_log.core.model.event_base import DoorEvent, Event
 from semmap_log.core.model.meaning import (
     ALL_CHANGED,
     NO_EFFECT,
     POSE_IF_SET,
     WIDTH_WITH_POSE,
+    DoorEvent,
     DoorValues,
     Effect,
+    Event,
     LevelNumber,
     Presence,
     Probability,

@@ -1,10 +1,30 @@
-"""Jobs that ask about doors: the map of a moment, openings by hour, how likely they are open."""
+"""Jobs that ask about doors: the map of a moment, openings by hour, how likely they are open.
+
+Jobs that look after logs: what each holds, and whether it is as it was written.
+
+Answers of earlier runs, so that a run that was cut goes on, and one that is repeated is short.
+
+They lie where `answer_places` says. One checked file an answer: a line of JSON, and a table in
+Arrow's stream format.
+
+Which engine asks the logs, and how much of it.
+
+Logs handed to an engine, and their answers as they come.
+
+Small logs are asked a few at a time, since an engine takes milliseconds to hand one out; long ones
+in parts.
+"""
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,12 +32,31 @@ import numpy as np
 from semmap_log.analysis.beliefs.door_beliefs import default_estimator, probabilities
 from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.core.folds.timeline import Timeline, timelines
+from semmap_log.core.io.checked_file import read_checked, write_checked
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.moments import HOUR_NS
-from semmap_log.fleet.jobs.job import TIME, Holds, Told
+from semmap_log.errors import EngineError, OutputError
+from semmap_log.fleet.answer_places import SUFFIX, answer_name, digits_of
+from semmap_log.fleet.jobs.dask_engine import DaskEngine
+from semmap_log.fleet.jobs.engine import TIMEOUT_S, Engine, NoAnswer, SerialEngine, WorkerDied
+from semmap_log.fleet.jobs.job import (
+    TIME,
+    AskedLog,
+    Holds,
+    Job,
+    LogAnswer,
+    LogOutcome,
+    LogQuestion,
+    Told,
+    answers,
+    joined_answer,
+)
+from semmap_log.fleet.jobs.ray_engine import RayEngine
 from semmap_log.log.door_log.door_labels import labels_ever
 from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log.replay.care import verify
 from semmap_log.log.replay.replay import Scope
+from semmap_log.store.verification import Severity
 
 PART_EVENTS = 1_000_000
 """So many events of a log are held at once: some 60 bytes each while they are put in order."""
@@ -166,3 +205,299 @@ class ProbabilitiesJob:
         for name in ("p_open", "low", "high", "is_known", "estimator"):
             rows[name] = [getattr(belief, name) for belief in found]
         return Told(rows)
+
+
+def _counts(*names: str) -> tuple[pa.Field, ...]:
+    return tuple(pa.field(name, pa.int64(), nullable=False) for name in names)
+
+
+@dataclass(frozen=True, slots=True)
+class InfoJob:
+    """What each log holds, as `info` says it of one."""
+
+    name: ClassVar[str] = "info"
+    holds: ClassVar[Holds] = Holds.with_head
+    fields: ClassVar[tuple[pa.Field, ...]] = (
+        *_counts("doors", "events", "commits", "segments", "bytes"),
+        pa.field("first", TIME),
+        pa.field("last", TIME),
+        pa.field("timezone", pa.string(), nullable=False),
+        pa.field("head", pa.string(), nullable=False),
+        *_counts("warnings"),
+    )
+
+    def parameters(self) -> str:
+        """Return that there are none."""
+        return ""
+
+    def ask(self, log: DoorLog) -> Told:
+        """Return one row."""
+        found = log.summary()
+        first, last = found.happened_ns or (None, None)
+        return Told(
+            {
+                "doors": [len(found.door_map.doors)],
+                "events": [found.events],
+                "commits": [found.commits],
+                "segments": [len(found.segments)],
+                "bytes": [found.bytes],
+                "first": [first],
+                "last": [last],
+                "timezone": [found.info.timezone],
+                "head": [found.head.hex()],
+                "warnings": [len(found.warnings)],
+            }
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class VerifyJob:
+    """Whether each log is as it was written: every byte of each is read."""
+
+    name: ClassVar[str] = "verify"
+    holds: ClassVar[Holds] = Holds.within_a_run
+    fields: ClassVar[tuple[pa.Field, ...]] = (
+        pa.field("exit_code", pa.int8(), nullable=False),
+        *_counts("segments", "commits", "events", "bytes", "findings"),
+        pa.field("head", pa.string(), nullable=False),
+        pa.field("finding", pa.string(), nullable=False),
+    )
+
+    def parameters(self) -> str:
+        """Return that there are none."""
+        return ""
+
+    def ask(self, log: DoorLog) -> Told:
+        """Return one row, and the worst that was found."""
+        found = verify(log.path)
+        told = [each for each in found.findings if each.severity is not Severity.NOTE]
+        worst = told[0] if told else None
+        rows: dict[str, list[Any]] = {
+            "exit_code": [found.exit_code],
+            "segments": [found.segments],
+            "commits": [found.commits],
+            "events": [found.events],
+            "bytes": [found.size],
+            "findings": [len(told)],
+            "head": [found.head.hex()],
+            "finding": ["" if worst is None else worst.text],
+        }
+        if worst is None or found.exit_code in (0, 3):
+            return Told(rows, LogOutcome.live if found.exit_code else LogOutcome.ok)
+        return Told(rows, LogOutcome.damaged, worst.path.name, worst.offset, worst.text)
+
+
+FORMAT = 1
+MOST_BYTES = 2**28
+"""Of an answer that is kept; a longer one is not."""
+
+
+class KeptAnswers:
+    """The answers to one question."""
+
+    def __init__(self, folder: Path, job: Job) -> None:
+        """Look what is there.
+
+        Raises:
+            OutputError: The folder cannot be made.
+        """
+        ours = f"{FORMAT} {version('semmap-log')} {[str(field) for field in job.fields]}"
+        asked = f"{ours} {job.name} {job.parameters()}"
+        self.folder = folder / f"{job.name}-{digits_of(asked)}"
+        try:
+            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # who was where
+        except OSError as error:
+            raise OutputError(
+                f"{folder}: answers cannot be kept there: {error.strerror}; name another folder "
+                "with --results."
+            ) from None
+        self._holds = job.holds
+        self._files = {path.name.split("-", 1)[0]: path for path in self.folder.glob(f"*{SUFFIX}")}
+
+    def of(self, places: Iterable[str]) -> dict[str, LogAnswer]:
+        """Return the answers of these logs, as far as they are there, whole."""
+        found = ((place, self.get(place)) for place in places)
+        return {place: kept for place, kept in found if kept is not None}
+
+    def get(self, place: str) -> LogAnswer | None:
+        """Return the answer of a log; None: there is none that is whole."""
+        path = self._files.get(digits_of(place))
+        if path is None:
+            return None
+        data = read_checked(path, MOST_BYTES)
+        if data is None:
+            return None
+        try:
+            line, _, table = data.partition(b"\n")
+            told = json.loads(line)
+            if told["place"] != place:
+                return None
+            asked = AskedLog(**{**told, "outcome": LogOutcome(told["outcome"])})
+            return LogAnswer(replace(asked, is_kept=True), pa.ipc.open_stream(table).read_all())
+        except (ValueError, TypeError, KeyError, pa.ArrowException):
+            return None
+
+    def keep(self, answer: LogAnswer) -> None:
+        """Keep an answer in the place of the log's last one.
+
+        Where that fails, or the answer is too long, the log is asked again by the next run.
+        """
+        assert answer.table is not None
+        asked = answer.asked
+        out = pa.BufferOutputStream()
+        with pa.ipc.new_stream(out, answer.table.schema) as writer:
+            writer.write_table(answer.table)
+        body = json.dumps(asdict(asked)).encode() + b"\n" + out.getvalue().to_pybytes()
+        if len(body) > MOST_BYTES:
+            return
+        of = digits_of(asked.place)
+        path = self.folder / answer_name(asked.place, asked.log_id, asked.head)
+        before = self._files.get(of)
+        with suppress(OSError):
+            write_checked(path, body)
+            self._files[of] = path
+            if before not in (None, path):
+                before.unlink(missing_ok=True)
+
+    def finish(self) -> None:
+        """Say that a run has come to its end: what holds for one run only is not kept."""
+        if self._holds is Holds.within_a_run:
+            for path in self._files.values():
+                with suppress(OSError):
+                    path.unlink(missing_ok=True)
+            self._files.clear()
+
+
+ENGINES = ("dask", "ray", "serial")
+WORKER_MEMORY = "1GiB"
+
+
+@dataclass(frozen=True, slots=True)
+class EngineChoice:
+    """Which engine, and how much of it."""
+
+    name: str = "dask"
+    """One of `ENGINES`."""
+    scheduler: str = ""
+    """Address of a cluster that runs; empty: one of this machine is started, and ended."""
+    workers: int | None = None
+    """Of a cluster that is started; None: as many as there are cores."""
+    memory: str = WORKER_MEMORY
+    """Of each such worker at most; beyond, it is ended, and its question is given up."""
+    timeout_s: float = TIMEOUT_S
+    """Where no worker answers for so long, the logs that are left are given up."""
+
+    def open(self) -> Engine:
+        """Start it, or join the cluster.
+
+        Raises:
+            EngineError: There is no such engine, or nobody answers at the address.
+            MissingExtraError: Its package is not installed.
+        """
+        workers = self.workers or len(os.sched_getaffinity(0))
+        if self.name == "serial":
+            return SerialEngine()
+        if self.name == "dask":
+            return DaskEngine(self.scheduler, workers, self.memory, self.timeout_s)
+        if self.name == "ray":
+            return RayEngine(self.scheduler, workers, self.timeout_s)
+        raise EngineError(f"engine {self.name!r}: expected one of {', '.join(ENGINES)}.")
+
+
+BATCHES, MOST_IN_A_BATCH = 50, 16
+
+
+def ask_logs(engine: Engine, job: Job, questions: Sequence[LogQuestion]) -> Iterator[LogAnswer]:
+    """Yield the answer of each log, those of long ones last.
+
+    Raises:
+        EngineError: The engine has gone.
+    """
+    long: list[tuple[AskedLog, int]] = []
+    late: list[AskedLog] = []
+    for _, found in _asked(engine, job, questions):
+        if found.parts:
+            long.append((found.asked, found.parts))
+            continue
+        if found.asked.outcome is LogOutcome.no_answer:
+            late.append(found.asked)
+        yield found
+    if late:  # nobody answers any more
+        yield from (_given_up(asked, late[0]) for asked, _ in long)
+    else:
+        yield from _in_parts(engine, job, long)
+
+
+def _in_parts(
+    engine: Engine, job: Job, long: Sequence[tuple[AskedLog, int]]
+) -> Iterator[LogAnswer]:
+    """Yield the answers of logs that are asked in parts: asked log, and how many parts."""
+    parts = [
+        LogQuestion(asked.place, part=n, parts=count, last_event=asked.events - 1)
+        for asked, count in long
+        for n in range(count)
+    ]
+    whole = {asked.place: asked for asked, _ in long}
+    got: dict[str, dict[int, Any]] = {place: {} for place in whole}
+    bad: dict[str, LogAnswer] = {}
+    for part, found in _asked(engine, job, parts):
+        if not found.asked.outcome.is_good:
+            bad.setdefault(part.place, found)
+            continue
+        here = got[part.place]
+        here[part.part] = found.part
+        if len(here) == part.parts:
+            yield joined_answer(job, whole[part.place], [here[n] for n in range(part.parts)])
+            del got[part.place]
+    yield from bad.values()
+
+
+def _asked(
+    engine: Engine, job: Job, questions: Sequence[LogQuestion]
+) -> Iterator[tuple[LogQuestion, LogAnswer]]:
+    """Yield what workers answer.
+
+    What was with a worker whenever one died is asked once more, each alone: only so it is known
+    which it was. Once no worker answers in time, none is waited for again.
+    """
+    size = min(max(len(questions) // BATCHES, 1), MOST_IN_A_BATCH)
+    batches = [questions[at : at + size] for at in range(0, len(questions), size)]
+    suspects: list[LogQuestion] = []
+    late: NoAnswer | None = None
+    for number, found in engine.run(answers, job, batches):
+        if isinstance(found, WorkerDied):
+            suspects += batches[number]
+        elif isinstance(found, NoAnswer):
+            late = found
+            yield from ((each, _late(each, found)) for each in batches[number])
+        else:
+            yield from zip(batches[number], found, strict=True)
+    for suspect in suspects:
+        if late is None:
+            ((_, found),) = engine.run(answers, job, [[suspect]])
+            late = found if isinstance(found, NoAnswer) else None
+        if late is not None:
+            yield suspect, _late(suspect, late)
+        else:
+            yield suspect, _died(suspect) if isinstance(found, WorkerDied) else found[0]
+
+
+def _late(question: LogQuestion, late: NoAnswer) -> LogAnswer:
+    text = (
+        f"no worker has answered for {late.within_s:g} s: one has gone, or needs longer. What was "
+        "answered is kept; run it again with a longer --timeout, or ask it alone: --engine serial"
+    )
+    return LogAnswer(AskedLog(question.place, LogOutcome.no_answer, text=text))
+
+
+def _given_up(asked: AskedLog, late: AskedLog) -> LogAnswer:
+    """Return the answer of a long log whose parts are not asked, since another log was late."""
+    return LogAnswer(replace(asked, outcome=late.outcome, text=late.text))
+
+
+def _died(question: LogQuestion) -> LogAnswer:
+    text = (
+        "each worker that was given it was ended, by its memory or by a crash; ask it alone: "
+        "--engine serial"
+    )
+    return LogAnswer(AskedLog(question.place, LogOutcome.worker_died, text=text))

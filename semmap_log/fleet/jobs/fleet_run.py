@@ -21,26 +21,32 @@ from semmap_log.core.io.url_path import place_of
 from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.errors import MomentError
 from semmap_log.fleet.answer_places import default_folder
-from semmap_log.fleet.jobs.asked_logs import ask_logs
-from semmap_log.fleet.jobs.care_jobs import InfoJob, VerifyJob
-from semmap_log.fleet.jobs.door_jobs import DoorMapJob, OpeningsJob, ProbabilitiesJob
+from semmap_log.fleet.jobs.door_jobs import (
+    WORKER_MEMORY,
+    DoorMapJob,
+    EngineChoice,
+    InfoJob,
+    KeptAnswers,
+    OpeningsJob,
+    ProbabilitiesJob,
+    VerifyJob,
+    ask_logs,
+)
 from semmap_log.fleet.jobs.engine import TIMEOUT_S, Engine
-from semmap_log.fleet.jobs.engine_choice import WORKER_MEMORY, EngineChoice
-from semmap_log.fleet.jobs.fleet_answer import (
+from semmap_log.fleet.jobs.job import (
     FleetAnswer,
     FleetProgress,
     FoldAnswer,
+    FoldJob,
+    Holds,
+    Job,
+    LogAnswer,
+    LogQuestion,
     Tell,
     joined_answers,
 )
-from semmap_log.fleet.jobs.fold_job import FoldJob
-from semmap_log.fleet.jobs.job import Holds, Job
-from semmap_log.fleet.jobs.kept_answers import KeptAnswers
 from semmap_log.fleet.jobs.lake_folder import lake_files, remove_earlier_files
-from semmap_log.fleet.jobs.lake_tables import commit_delta, commit_iceberg
-from semmap_log.fleet.jobs.log_answer import LogAnswer, LogQuestion
-from semmap_log.fleet.jobs.log_places import log_places
-from semmap_log.fleet.jobs.month_export import MonthExport
+from semmap_log.fleet.jobs.log_places import MonthExport, commit_delta, commit_iceberg, log_places
 
 if TYPE_CHECKING:
     from typing_extensions import Self

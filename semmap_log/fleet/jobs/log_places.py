@@ -1,14 +1,47 @@
-"""Which logs are meant: paths and URLs, folders of logs, patterns, and files that list them."""
+"""Which logs are meant: paths and URLs, folders of logs, patterns, and files that list them.
+
+The job that copies events to a lake: Parquet files, a folder a month, a file a log.
+
+Hive's way to name folders: DuckDB, Spark, polars and pandas read OUT as one table with a column
+`month`, of the time when an event happened (UTC). `happened_ns` and `recorded_ns` are whole
+nanoseconds, which some tables' own times are not. A file is made once, and named by what is in it.
+
+Exported files as one table of a lake: Delta's or Iceberg's, committed once, at the end of a run.
+
+The files stay where they are. What an earlier run has put into the table and this one has not (a
+log has grown since) is taken out by the same commit: a reader sees the lake as it was, or as it is.
+"""
 
 from __future__ import annotations
 
+import json
+import os
+import time
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timezone
 from fnmatch import fnmatchcase
+from importlib import import_module
 from pathlib import Path, PurePath
+from typing import Any, ClassVar
 
+from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.core.io.url_path import UrlPath, place_of
-from semmap_log.errors import FormatError, NotALogError
+from semmap_log.errors import EngineError, FormatError, NotALogError
+from semmap_log.fleet.jobs.job import Holds, Told
+from semmap_log.fleet.jobs.lake_folder import (
+    EVENT_COLUMNS,
+    LAKE_FILE_FIELDS,
+    LAKE_SCHEMA,
+    MONTH,
+    LakeFile,
+    LakeFolder,
+    log_of,
+    month_of,
+)
+from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.store.reading.window import Window
 
 MARKS = "*?["
 """Of a pattern: in any part of a path or URL, each for one part."""
@@ -110,4 +143,199 @@ def _names(place: Path | UrlPath) -> Sequence[str]:
     ends = (".zip", ".join.json")
     return sorted(
         each.name for each in place.iterdir() if each.is_dir() or each.name.endswith(ends)
+    )
+
+
+HEAD_DIGITS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class MonthExport:
+    """Every event of each log, retracted ones marked, with who and why."""
+
+    out: str
+    """A folder that each worker sees, absolute, or a URL."""
+
+    name: ClassVar[str] = "export"
+    holds: ClassVar[Holds] = Holds.never
+    fields: ClassVar[tuple[pa.Field, ...]] = LAKE_FILE_FIELDS
+
+    def parameters(self) -> str:
+        """Return where to."""
+        return self.out
+
+    def ask(self, log: DoorLog) -> Told:
+        """Write what is not there yet; return a row a file."""
+        last = log.find_commit(log.last_event())
+        if last is None:
+            return Told({each.name: [] for each in self.fields})
+        name = f"{log.info.log_id}-{last.hash.hex()[:HEAD_DIGITS]}.parquet"
+        tables = _MonthTables(log)
+        found: list[tuple[str, str, int, int]] = []
+        for month in _months_of(log):
+            events, size = LakeFolder(self.out, month).put(name, tables.of(month))
+            if events:
+                found.append((month, name, events, size))
+        columns = map(list, zip(*found, strict=True))
+        return Told({each.name: c for each, c in zip(self.fields, columns, strict=True)})
+
+
+class _MonthTables:
+    """The tables of a log's months, as it is at the first."""
+
+    def __init__(self, log: DoorLog) -> None:
+        self._log = log
+        self._limit = log.last_event()
+
+    def of(self, month: str) -> Iterator[pa.Table]:
+        """Yield the events that happened in a month, numbers ascending."""
+        since_ns, until_ns = _bounds_of(month)
+        window = Window(
+            happened_from_ns=since_ns,
+            happened_before_ns=until_ns,
+            before_event=self._limit + 1,
+            only_kept=True,
+        )
+        names = [column.name for column in EVENT_COLUMNS]
+        for table in self._log.tables_in(window, columns=names, limit=self._limit):
+            yield _as_lake(table, self._log.info.log_id)
+
+
+def _as_lake(table: pa.Table, log_id: str) -> pa.Table:
+    columns = [pa.array([log_id] * table.num_rows, pa.string()), *table.columns]
+    return pa.Table.from_arrays(
+        [column.cast(field.type) for column, field in zip(columns, LAKE_SCHEMA, strict=True)],
+        schema=LAKE_SCHEMA,
+    )
+
+
+def _months_of(log: DoorLog) -> Iterator[str]:
+    """Yield the months from a log's first event to its last, earliest first."""
+    span = log.happened_span()
+    if span is None:
+        return
+    month, last = (_month_of(time_ns) for time_ns in span)
+    while month <= last:
+        yield month
+        month = _month_of(_bounds_of(month)[1])
+
+
+def _month_of(time_ns: int) -> str:
+    return datetime.fromtimestamp(time_ns // 10**9, timezone.utc).strftime("%Y-%m")
+
+
+def _bounds_of(month: str) -> tuple[int, int]:
+    year, number = map(int, month.split("-"))
+    following = (year + number // 12, number % 12 + 1)
+    since, until = (datetime(*each, 1, tzinfo=timezone.utc) for each in ((year, number), following))
+    return int(since.timestamp()) * 10**9, int(until.timestamp()) * 10**9
+
+
+def commit_delta(out: str, files: Sequence[LakeFile]) -> None:
+    """Make the table at a lake's folder have these files of their logs, and no others of them.
+
+    Files that the table does not have any more lie there until its `vacuum` removes them.
+
+    Raises:
+        EngineError: deltalake is not installed, or refuses.
+    """
+    deltalake: Any = _module("deltalake", "deltalake")
+    writing: Any = import_module("deltalake.transaction")
+    options = {"allow_http": "true"} if "http://" in os.environ.get("AWS_ENDPOINT_URL", "") else {}
+    schema = LAKE_SCHEMA.append(MONTH)
+    try:
+        if deltalake.DeltaTable.is_deltatable(out, storage_options=options):
+            table = deltalake.DeltaTable(out, storage_options=options)
+        else:
+            table = deltalake.DeltaTable.create(
+                out, schema, partition_by=["month"], name="semmap_log_events",
+                storage_options=options,
+            )  # fmt: skip
+        there = {row["path"]: row for row in _rows(table.get_add_actions(flatten=True))}
+        ours, logs = {file.path for file in files}, {file.log_id for file in files}
+        new = [file for file in files if file.path not in there]
+        old = [path for path in there if path not in ours and log_of(path) in logs]
+        now_ms = int(time.time() * 1000)
+        actions = [
+            writing.AddAction(f.path, f.bytes, {"month": f.month}, now_ms, True, _stats_of(f))
+            for f in new
+        ] + [
+            writing.RemoveAction(
+                path, True, now_ms, there[path]["size_bytes"], {"month": month_of(path)}
+            )
+            for path in old
+        ]  # fmt: skip
+        if actions:
+            table.create_write_transaction(actions, "append", schema, ["month"])
+    except (deltalake.exceptions.DeltaError, OSError, ValueError) as error:
+        raise EngineError(f"{out}: no commit to the Delta table: {error}") from None
+
+
+def commit_iceberg(name: str, out: str, files: Sequence[LakeFile]) -> None:
+    """Make a table of a catalog have these files of their logs, and no others of them.
+
+    Args:
+        name: `catalog.namespace.table`; pyiceberg knows the catalog by its own file or environment.
+        out: The lake's folder, absolute, or its URL.
+        files: Of an export.
+
+    Raises:
+        EngineError: pyiceberg is not installed, knows no such catalog, or refuses.
+    """
+    catalogs: Any = _module("pyiceberg.catalog", "'pyiceberg[sql-sqlite]'")
+    catalog_name, dot, identifier = name.partition(".")
+    if not dot or "." not in identifier:
+        raise EngineError(f"--iceberg {name}: expected CATALOG.NAMESPACE.TABLE.")
+    try:
+        catalog = catalogs.load_catalog(catalog_name)
+        catalog.create_namespace_if_not_exists(identifier.rpartition(".")[0])
+        table = catalog.create_table_if_not_exists(identifier, schema=LAKE_SCHEMA)
+        there = {path.removeprefix("file://") for path in _paths(table)}
+        ours = {f"{out}/{file.path}": file for file in files}
+        logs = {file.log_id for file in files}
+        old = [path for path in there if path not in ours and log_of(path) in logs]
+        changed = {log_of(path) for path in old}
+        new = [path for path, f in ours.items() if path not in there or f.log_id in changed]
+        with table.transaction() as commit:
+            if changed:
+                expressions: Any = import_module("pyiceberg.expressions")
+                commit.delete(expressions.In("log_id", sorted(changed)))
+            if new:
+                commit.add_files(new, check_duplicate_files=False)
+    except Exception as error:  # noqa: BLE001  pyiceberg's errors have no common class
+        raise EngineError(f"--iceberg {name}: no commit: {type(error).__name__}: {error}") from None
+
+
+def _module(name: str, install: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError:
+        package = name.partition(".")[0]
+        raise EngineError(
+            f"{package} is not installed; install it with: pip install {install}"
+        ) from None
+
+
+def _rows(table: Any) -> list[dict[str, Any]]:
+    from semmap_log.core.arrow.arrow_sdk import pa
+
+    rows: list[dict[str, Any]] = pa.table(table).to_pylist()
+    return rows
+
+
+def _paths(table: Any) -> list[str]:
+    paths: list[str] = table.inspect.files()["file_path"].to_pylist()
+    return paths
+
+
+def _stats_of(file: LakeFile) -> str:
+    """Return what lets a reader skip a file."""
+    ends = {"log_id": file.log_id}
+    return json.dumps(
+        {
+            "numRecords": file.events,
+            "minValues": ends,
+            "maxValues": ends,
+            "nullCount": {"log_id": 0},
+        }
     )

@@ -1,26 +1,50 @@
-"""Writes the events of several logs as one, by the ordinary writer, as they were recorded."""
+"""Writes the events of several logs as one, by the ordinary writer, as they were recorded.
+
+Where logs do not agree about a door that they share, and which doors may be one by geometry.
+
+Where the history of a join begins: where that of all of its logs has begun.
+
+Where logs that are joined disagree about a door while the sightings of one were thinned.
+
+A log that was thinned keeps the first and the last of sightings that repeat each other. If another
+log saw the door otherwise in between, its state until the last of them cannot be known any more.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from heapq import merge
+from itertools import combinations
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.core.folds.registers import COMES, STATE_ROW, state_rows
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Commit, Note
+from semmap_log.core.model.events import STATE_KINDS, SightingsThinned
 from semmap_log.errors import LogError
-from semmap_log.fleet.join.door_plan import DoorPlan
+from semmap_log.fleet.join.door_plan import BuildingDoor, DoorPlan, LogDoor
 from semmap_log.fleet.join.event_translation import EventTranslation
-from semmap_log.fleet.join.join_horizon import horizon_of
-from semmap_log.fleet.join.joined_logs import JoinedLog, JoinedLogs
+from semmap_log.fleet.join.joined_logs import DoorRow, JoinedLog, JoinedLogs
 from semmap_log.log.door_log.robot_names import BEHIND_ROBOT, BETWEEN_ROBOTS
 from semmap_log.log.replay.kept_commits import kept_commits
+from semmap_log.log.replay.state import retractions_behind
 from semmap_log.log.rewriting.log_anew import LogAnew
 from semmap_log.store.header import LogInfo
+from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.following import FollowedCommit
+from semmap_log.store.reading.window import Window
+
+if TYPE_CHECKING:
+    from semmap_log.store.reading.reader import LogReader
+
 
 ID_BYTES = 16
 TOLD_EVERY = 1000
@@ -179,3 +203,247 @@ def _commits(log: JoinedLog) -> Iterator[Found]:
             raise LogError(f"{log.place}: event {commit.first_event} was recorded out of order.")
         last_ns = commit.recorded_ns
         yield commit.recorded_ns, log.log_id, commit.first_event, log, followed
+
+
+TOLERANCE_M = 0.3
+"""Ends of one door that lie farther apart are two meanings of it."""
+NEAR_M = 0.6
+"""Doors whose ends lie nearer are proposed as one."""
+
+Ends = tuple[tuple[float, float], tuple[float, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class DoorConflict:
+    """What two logs say of one door; the later event counts, whoever told it."""
+
+    door: BuildingDoor
+    what: str
+    """`geometry`, `type`, `level` or `removed`."""
+    says: tuple[str, str]
+    """Log and value, of the one and of the other."""
+
+
+@dataclass(frozen=True, slots=True)
+class DoorProposal:
+    """Two doors that lie at the same place."""
+
+    first: LogDoor
+    second: LogDoor
+    apart_m: float
+    """How far their ends lie apart at most."""
+
+    def rows(self) -> Iterator[DoorRow]:
+        """Yield the rows of a table by which they would be one."""
+        name = self.first.door.name or self.second.door.name
+        called = name or f"{self.first.log}/{self.first.door_id}"
+        for each in (self.first, self.second):
+            yield DoorRow(each.log, f"id:{each.door_id}", called)
+
+
+def door_conflicts(joined: JoinedLogs, plan: DoorPlan) -> list[DoorConflict]:
+    """Return where logs differ about shared doors, by the doors' numbers."""
+    return [
+        DoorConflict(door, what, says)
+        for door in plan.doors
+        for one, other in combinations(sorted(door.doors, key=_key), 2)
+        if one.log != other.log
+        for what, says in _differing(joined, plan, one, other)
+    ]
+
+
+def _key(each: LogDoor) -> tuple[str, int]:
+    return each.log, each.door_id
+
+
+def _differing(
+    joined: JoinedLogs, plan: DoorPlan, one: LogDoor, other: LogDoor
+) -> Iterator[tuple[str, tuple[str, str]]]:
+    logs = (one.log, other.log)
+
+    def said(*values: object) -> tuple[str, str]:
+        first, second = (f"{log}: {value}" for log, value in zip(logs, values, strict=True))
+        return first, second
+
+    if one.is_present != other.is_present:
+        values = ("there" if each.is_present else "removed" for each in (one, other))
+        yield "removed", said(*values)
+    levels = [plan.levels.of(each.log, each.door.level) for each in (one, other)]
+    if levels[0] != levels[1]:
+        yield "level", said(*levels)
+    types = [each.door.annotations.get("type") for each in (one, other)]
+    if None not in types and types[0] != types[1]:
+        yield "type", said(*types)
+    ends = [_ends(joined, each) for each in (one, other)]
+    if ends[0] and ends[1] and (apart := _apart(ends[0], ends[1])) > TOLERANCE_M:
+        yield "geometry", said(*(f"{_told(each)}, {apart:.2f} m apart" for each in ends if each))
+
+
+def _told(ends: Ends) -> str:
+    return " to ".join(f"({x:.2f}, {y:.2f})" for x, y in ends)
+
+
+def _ends(joined: JoinedLogs, each: LogDoor) -> Ends | None:
+    """Return a door's ends in the building's frame; None: they are not known there."""
+    frame = next(log.frame for log in joined.logs if log.name == each.log)
+    if frame is None or not each.door.is_placed:
+        return None
+    start, end = (frame.moved(x, y, 0.0)[:2] for x, y in (each.door.start, each.door.end))
+    return (float(start[0]), float(start[1])), (float(end[0]), float(end[1]))
+
+
+def _apart(one: Ends, other: Ends) -> float:
+    """Return how far the ends lie apart at most, in whichever order fits better."""
+    return min(max(math.dist(one[0], other[i]), math.dist(one[1], other[1 - i])) for i in (0, 1))
+
+
+def propose_doors(joined: JoinedLogs, plan: DoorPlan) -> list[DoorProposal]:
+    """Return doors of two logs at one place, nearest first; each door once for each pair of logs.
+
+    Only doors that are there, not shared yet, and of logs in the building's frame.
+    """
+    free = [door.doors[0] for door in plan.unmatched if door.doors[0].is_present]
+    found = sorted(
+        _near(joined, plan, free), key=lambda p: (p.apart_m, _key(p.first), _key(p.second))
+    )
+    taken: set[tuple[tuple[str, int], str]] = set()
+    chosen = []
+    for proposal in found:
+        keys = {
+            (_key(proposal.first), proposal.second.log),
+            (_key(proposal.second), proposal.first.log),
+        }
+        if not keys & taken:
+            taken |= keys
+            chosen.append(proposal)
+    return chosen
+
+
+def _near(joined: JoinedLogs, plan: DoorPlan, doors: Sequence[LogDoor]) -> Iterator[DoorProposal]:
+    placed = [(each, ends) for each in sorted(doors, key=_key) if (ends := _ends(joined, each))]
+    for (one, one_ends), (other, other_ends) in combinations(placed, 2):
+        levels = {plan.levels.of(each.log, each.door.level) for each in (one, other)}
+        apart = _apart(one_ends, other_ends)
+        if one.log != other.log and len(levels) == 1 and apart <= NEAR_M:
+            yield DoorProposal(one, other, apart)
+
+
+def horizon_of(joined: JoinedLogs, plan: DoorPlan) -> int:
+    """Return the moment (ns) from which on all of a join is known; -1: always.
+
+    That of the log that keeps least; later, if one disagrees with what was thinned of another, or
+    if afterwards one takes back what was before it: a state at the horizon cannot know both.
+    """
+    readers = [log.opened for log in joined.logs]
+    horizon_ns = max(known_again_ns(joined, plan), *(reader.horizon_ns for reader in readers))
+    if horizon_ns < 0:
+        return -1
+    spans = sorted(span for reader in readers for span in _taken_back(reader))
+    for taken_back_ns, first_ns in spans:
+        if first_ns <= horizon_ns < taken_back_ns:
+            horizon_ns = taken_back_ns
+    return horizon_ns
+
+
+def _taken_back(reader: LogReader) -> Iterator[tuple[int, int]]:
+    """Yield of each retraction when its commit was recorded, and that of the first it reaches.
+
+    None from before a log's own horizon reaches what is asked about; what is gone matters no more.
+    """
+    for one in retractions_behind(reader, reader.horizon - 1):
+        reached = Window(first_event=one.first_event, before_event=one.last_event + 1)
+        for batch in reader.batches(reached):
+            first, last = (reader.commit_at(n) for n in (int(batch.number[0]), one.number))
+            yield last.recorded_ns, first.recorded_ns
+            break
+
+
+def known_again_ns(joined: JoinedLogs, plan: DoorPlan) -> int:
+    """Return when the last of such sightings was recorded (ns); -1: there is no such conflict."""
+    thinned = {log.name: runs for log in joined.logs if len(runs := _thinned(log, plan))}
+    if not thinned or len(joined.logs) < 2:
+        return -1
+    rows = {log.name: _states_of(log, plan) for log in joined.logs}
+    return max(
+        (
+            known_ns
+            for name, runs in thinned.items()
+            for known_ns in _known_again(runs, rows[name], _others(rows, name))
+        ),
+        default=-1,
+    )
+
+
+def _known_again(
+    runs: NDArray[np.void], own: NDArray[np.void], others: NDArray[np.void]
+) -> Iterator[int]:
+    """Yield when the last sighting of each run with a conflict was recorded.
+
+    Args:
+        runs: What was thinned of a log.
+        own: The states that it keeps, by door and time.
+        others: Those of the other logs, by door and time.
+    """
+    for run in runs:
+        mine, theirs = (_of_door(rows, run["door_id"]) for rows in (own, others))
+        before = int(np.searchsorted(mine["folds_ns"], run["first_ns"], "right")) - 1
+        start_ns = mine["folds_ns"][before] if before >= 0 else run["first_ns"]
+        first, end = np.searchsorted(theirs["folds_ns"], [start_ns, run["last_ns"]])
+        if (theirs["state"][first:end] != run["state"]).any():
+            last = int(np.searchsorted(mine["folds_ns"], run["last_ns"], "right"))
+            after = mine["recorded_ns"][last : last + 1]
+            yield int(max(run["recorded_ns"] if not len(after) else after[0], run["last_ns"]))
+
+
+def _of_door(rows: NDArray[np.void], door_id: int) -> NDArray[np.void]:
+    first, end = np.searchsorted(rows["door_id"], [door_id, door_id + 1])
+    return rows[first:end]
+
+
+def _others(rows: dict[str, NDArray[np.void]], name: str) -> NDArray[np.void]:
+    found = [each for other, each in rows.items() if other != name]
+    return _sorted(np.concatenate(found))
+
+
+def _states_of(log: JoinedLog, plan: DoorPlan) -> NDArray[np.void]:
+    """Return the states that a log tells of the building's doors, by door and time."""
+    reader = log.opened
+    hidden = reader.retractions()
+    window = Window(kinds=bits_of_kinds(STATE_KINDS), first_event=reader.horizon or None)
+    rows = state_rows(map(hidden.visible, reader.batches(window)))
+    rows = rows[rows["state"] < COMES]
+    return _sorted(_in_building(rows, log, plan))
+
+
+def _thinned(log: JoinedLog, plan: DoorPlan) -> NDArray[np.void]:
+    """Return what was thinned of a log, with the doors' numbers in the building."""
+    reader = log.opened
+    hidden, found = reader.retractions(), [np.empty(0, _RUN)]
+    window = Window(kinds=bits_of_kinds([SightingsThinned]), first_event=reader.horizon or None)
+    for batch in reader.batches(window):
+        told = hidden.visible(batch)
+        if len(told):
+            rows = np.zeros(len(told), _RUN)
+            rows["recorded_ns"] = told.recorded_ns
+            for name in ("door_id", "state", "first_ns", "last_ns"):
+                rows[name] = told[SightingsThinned][name]
+            found.append(rows)
+    return _in_building(np.concatenate(found), log, plan)
+
+
+def _in_building(rows: NDArray[np.void], log: JoinedLog, plan: DoorPlan) -> NDArray[np.void]:
+    own, building = plan.ids[log.name]
+    rows = rows[np.isin(rows["door_id"], own)]
+    rows["door_id"] = building[np.searchsorted(own, rows["door_id"])]
+    return rows
+
+
+def _sorted(rows: NDArray[np.void]) -> NDArray[np.void]:
+    assert rows.dtype == STATE_ROW
+    return rows[np.lexsort((rows["number"], rows["folds_ns"], rows["door_id"]))]
+
+
+_RUN: np.dtype[np.void] = np.dtype(
+    [("door_id", "u4"), ("state", "u1"), ("first_ns", "i8"), ("last_ns", "i8"),
+     ("recorded_ns", "i8")]
+)  # fmt: skip

@@ -25,11 +25,18 @@ from semmap_log.core.io.url_path import place_of
 from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.rigid_transform import RigidTransform
 from semmap_log.errors import LogAccessError, LogError
-from semmap_log.fleet.join.door_matches import DoorRow, read_door_rows
 from semmap_log.fleet.join.door_plan import plan_doors
 from semmap_log.fleet.join.join_building import build_join
-from semmap_log.fleet.join.join_definition import JoinDefinition, JoinedPlace, read_definition
-from semmap_log.fleet.join.joined_logs import JoinedLogs, log_called, open_joined
+from semmap_log.fleet.join.joined_logs import (
+    DoorRow,
+    JoinDefinition,
+    JoinedLogs,
+    JoinedPlace,
+    log_called,
+    open_joined,
+    read_definition,
+    read_door_rows,
+)
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.reader import LogReader

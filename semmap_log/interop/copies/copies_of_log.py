@@ -19,7 +19,7 @@ from enum import Enum
 from functools import partial
 from pathlib import Path, PurePath
 
-from semmap_log.analysis.scans.kept_visit import FOLDER_SUFFIX
+from semmap_log.analysis.scans.visit import FOLDER_SUFFIX
 from semmap_log.core.io.object_cache import VARIABLE, ObjectCache
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import FormatError, LogError
@@ -29,13 +29,13 @@ from semmap_log.fleet.join.joining_logs import is_view_of, views_of
 from semmap_log.interop.copies.going import EVER, Going
 from semmap_log.interop.copies.same_log import beside, holds
 from semmap_log.interop.formats.files.thesis_yaml import SAVED_SUFFIX
-from semmap_log.interop.formats.kept_scans.visit_removal import (
+from semmap_log.interop.formats.kept_scans.writing import (
     VisitsInFile,
     take_out_visits,
     visits_in_file,
 )
+from semmap_log.log.replay.read_model.events_about import FOLDER as INDEX_FOLDER
 from semmap_log.log.replay.read_model.indexing import remove_stale_tables_alone
-from semmap_log.log.replay.read_model.segment_tables import FOLDER as INDEX_FOLDER
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import (
     BAG_METADATA_NAME,

@@ -11,12 +11,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from semmap_log.core.io.disk import TEMPORARY_SUFFIX
-from semmap_log.core.io.file_calls import open_plainly
+from semmap_log.core.io.disk import TEMPORARY_SUFFIX, open_plainly
 from semmap_log.errors import LogError
-from semmap_log.log.replay.checkpoint import START_BYTES, log_id_of
+from semmap_log.log.replay.state import START_BYTES, log_id_of
+from semmap_log.store.folder import is_zip
 from semmap_log.store.reading.segment_scan import MOST_HEADER_BYTES, head_in
-from semmap_log.store.zip_files import is_zip
 
 
 class SameLog(NamedTuple):

@@ -10,7 +10,7 @@ from semmap_log.core.io.disk import refuse_own_folder
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.interop.exporting.stream import StreamOptions, log_stream
-from semmap_log.interop.formats.bags.bag_writing import bytes_of, new_bag, ros_version_of
+from semmap_log.interop.formats.bags.bag_reading import bytes_of, new_bag, ros_version_of
 from semmap_log.interop.formats.ros.door_markers import is_drawn
 from semmap_log.log.door_log.door_labels import labels_of
 from semmap_log.log.door_log.door_log import DoorLog, Time

@@ -1,31 +1,49 @@
-"""A log's state or events as a file for other programs: written whole, or not at all."""
+"""A log's state or events as a file for other programs: written whole, or not at all.
+
+A log's events as JSON lines, with all that `import` needs to make the same log of them.
+
+A log's doors as a problem for a planner that reads PDDL.
+"""
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
+from semmap_log.analysis.beliefs import probabilities
 from semmap_log.analysis.costmaps import costmap_at
-from semmap_log.core.folds.doors_of_class import of_class
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.levels import of_class, only_doors
 from semmap_log.core.io.disk import output_errors, refuse_own_folder, whole_file
 from semmap_log.core.io.progress import Progress
-from semmap_log.core.model.doors import DoorMap
+from semmap_log.core.model.commits import Commit
+from semmap_log.core.model.doors import DoorId, DoorMap
 from semmap_log.core.model.keywords import knows_keywords
+from semmap_log.core.model.moments import Moment
 from semmap_log.core.texts import counted
 from semmap_log.errors import CommandError, FormatError, UnknownLevelError
 from semmap_log.interop.exporting.costmap_files import write_costmap
-from semmap_log.interop.exporting.json_lines import write_event_lines
-from semmap_log.interop.exporting.planning_problem import planning_problem
 from semmap_log.interop.formats.files.door_csv import dump_door_csv, sighting_of
 from semmap_log.interop.formats.files.geojson import dump_geojson
-from semmap_log.interop.formats.files.pddl import Wishes
-from semmap_log.interop.formats.files.pddl_domain import dump_domain
+from semmap_log.interop.formats.files.pddl import (
+    Likely,
+    PddlProblem,
+    Wishes,
+    dump_domain,
+    rooms_between,
+)
 from semmap_log.interop.formats.files.thesis_yaml import dump_thesis_yaml
+from semmap_log.interop.formats.json.door_json import line_to_json
 from semmap_log.log.door_log.door_labels import labels_of
 from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log.replay.kept_commits import happened_by
 from semmap_log.log.replay.replay import Scope
 from semmap_log.store.reading.window import Window
 
@@ -257,3 +275,197 @@ def _html(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) -> 
     made = report(log, until=until, progress=progress)
     path.write_text(made.html, encoding="utf-8")
     return Exported(f"{counted(made.doors, 'door')}, {counted(made.events, 'event')}")
+
+
+TOLD_EVERY = 1000
+"""Commits between two words of progress."""
+
+
+@dataclass(slots=True)
+class WrittenLines:
+    """How much was written."""
+
+    events: int = 0
+    retracted: int = 0
+    """So many of them were taken back, by what is known in the scope."""
+
+
+def write_event_lines(
+    log: DoorLog,
+    path: Path,
+    scope: Scope,
+    *,
+    progress: Progress | None = None,
+) -> WrittenLines:
+    """Write the events of a scope, numbers ascending, retracted ones marked.
+
+    A retraction counts whenever it happened, as it does for every question about the scope. The
+    first line also tells the log's time zone. What stands for events that the log no longer keeps
+    is told, too: a log that is made of the lines answers as this one does, from its horizon on.
+
+    Args:
+        log: The log.
+        path: The file.
+        scope: Which events.
+        progress: Told how many of the events are done.
+
+    Raises:
+        HorizonError: The scope ends before the log's horizon.
+    """
+    retractions = log.retractions(log.limit_of(scope))
+    written, zone = WrittenLines(), {"timezone": log.info.timezone}
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        for batch, commit_of in _told(log, scope, progress):
+            hidden = retractions.hidden(batch).tolist()
+            for recorded, retracted in zip(batch, hidden, strict=True):
+                commit = commit_of(recorded.number)
+                file.write(_line(zone | line_to_json(recorded, commit, retracted=retracted)))
+                zone = {}
+                written.events += 1
+                written.retracted += retracted
+    return written
+
+
+CommitOf = Callable[[int], Commit]
+"""Returns the commit of an event, by its number."""
+
+
+def _told(
+    log: DoorLog, scope: Scope, progress: Progress | None
+) -> Iterator[tuple[EventBatch, CommitOf]]:
+    """Yield what is told: in large batches where the log keeps all, which is quicker."""
+    if not log.horizon():
+        finder, limit = log.commit_finder(), log.limit_of(scope)
+        if limit is None or limit >= 0:
+            window = Window.up_to(at_ns=None, event=limit)
+            for batch in log.batches_in(window, progress=progress, on_page=finder.look_at):
+                chosen = batch if scope.at_ns is None else happened_by(batch, scope.at_ns)
+                yield chosen, finder.commit_at
+        return
+    total = log.last_event() + 1
+    for place, followed in enumerate(log.kept_commits(scope)):
+        yield followed.batch, partial(_that, followed.commit)
+        if progress is not None and place % TOLD_EVERY == 0:
+            progress(followed.commit.last_event, total)
+
+
+def _that(commit: Commit, _: int) -> Commit:
+    return commit
+
+
+def _line(shown: dict[str, Any]) -> str:
+    return json.dumps(shown, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+MOST_NAMED = 2
+"""So many doors are named in a note."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanningProblem:
+    """The text of a problem, and what to know of it."""
+
+    text: str
+    doors: int
+    rooms: int
+    notes: tuple[str, ...]
+
+
+def planning_problem(
+    log: DoorLog,
+    scope: Scope,
+    wishes: Wishes,
+    about: Mapping[str, str],
+    *,
+    default_prob: float | None = None,
+    progress: Progress | None = None,
+) -> PlanningProblem:
+    """Return the doors of a moment as a PDDL problem: what they were, and how likely open.
+
+    Args:
+        log: Whose doors.
+        scope: The moment. How likely a door is open is learnt from what counts then, as
+            `probabilities` does it.
+        wishes: Start, goal, costs.
+        about: What is said of the log.
+        default_prob: P(open) of doors of which too little was seen; None: what that little says.
+        progress: Told how far the reading is.
+
+    Raises:
+        CommandError: There is no such room or door, or the goal is no PDDL.
+        MomentError: The moment is before the log's first.
+    """
+    if default_prob is not None and not 0 <= default_prob <= 1:
+        raise CommandError(f"--default-prob: expected a number from 0 to 1, got {default_prob!r}.")
+    door_map = only_doors(log.replay(scope.at_ns, scope.known_at_ns, scope.event))
+    problem = PddlProblem.of(door_map)
+    likely = _likely(log, scope, door_map, default_prob, progress) if len(door_map) else {}
+    text = problem.dump(likely, about, wishes)
+    notes = (
+        _unknown(door_map, likely, default_prob) if wishes.with_costs else "",
+        _without_rooms(door_map),
+        "no goal: --goal ROOM, DOOR or a condition" if wishes.goal is None else "",
+        "no start: --start ROOM says where the robot is"
+        if wishes.start is None and problem.room_names
+        else "",
+    )
+    told = tuple(note for note in notes if note)
+    return PlanningProblem(text, len(door_map), len(problem.room_names), told)
+
+
+def _likely(
+    log: DoorLog,
+    scope: Scope,
+    door_map: DoorMap,
+    default_prob: float | None,
+    progress: Progress | None,
+) -> dict[DoorId, Likely]:
+    known_at = Moment(ns=scope.known_at_ns)
+    if scope.event is not None:
+        known_at = Moment(event=log.limit_of(scope))
+    believed = probabilities(
+        log,
+        at=Moment(ns=door_map.moment_ns),  # the last event's, where an event is asked for
+        known_at=known_at,
+        doors=list(door_map.doors),
+        progress=progress,
+    )
+    return {
+        each.door.door_id: Likely(
+            default_prob if not each.is_known and default_prob is not None else each.p_open,
+            each.is_known,
+        )
+        for each in believed
+    }
+
+
+def _unknown(door_map: DoorMap, likely: Mapping[DoorId, Likely], default_prob: float | None) -> str:
+    """Say of which doors too little was seen; "": none."""
+    unknown = [door_id for door_id, each in likely.items() if not each.is_known]
+    if not unknown:
+        return ""
+    named = f"{counted(len(unknown), 'door')} ({_named(door_map, unknown)})"
+    if default_prob is not None:
+        return f"P(open) of {named} is {default_prob:g}, by --default-prob"
+    return f"P(open) of {named} rests on too little; --default-prob P sets one"
+
+
+def _without_rooms(door_map: DoorMap) -> str:
+    """Say which doors lead nowhere; "": none."""
+    alone = [door.door_id for door in door_map.doors.values() if rooms_between(door) is None]
+    if not alone:
+        return ""
+    return (
+        f"no way leads through {counted(len(alone), 'door')} without two rooms "
+        f"({_named(door_map, alone)}); to name them: annotate LOG DOOR rooms lobby,corridor"
+    )
+
+
+def _named(door_map: DoorMap, doors: Sequence[DoorId]) -> str:
+    labels = labels_of(door_map)
+    return _listed(labels.get(door_id, f"door {door_id}") for door_id in doors)
+
+
+def _listed(words: Iterable[str]) -> str:
+    first = list(islice(words, MOST_NAMED + 1))
+    return ", ".join([*first[:MOST_NAMED], *(["…"] if len(first) > MOST_NAMED else [])])

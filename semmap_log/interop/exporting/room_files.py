@@ -9,7 +9,7 @@ from semmap_log.core.folds.levels import OPTION, told
 from semmap_log.core.io.disk import output_errors, refuse_own_folder, whole_file
 from semmap_log.errors import FormatError, UnknownLevelError
 from semmap_log.interop.exporting.log_files import about
-from semmap_log.interop.formats.files.room_geojson import dump_room_geojson
+from semmap_log.interop.formats.files.geojson import dump_room_geojson
 from semmap_log.interop.formats.files.topological_map import dump_topological_map
 from semmap_log.log.door_log.door_log import DoorLog
 

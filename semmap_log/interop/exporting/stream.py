@@ -3,6 +3,13 @@
 At each moment of the stream the last message of each topic is what `replay(at=…)` says of that
 moment: what was true, with all that is known today. So it can be played, and jumped in. It goes
 into a bag (`log_bag`) or out to live subscribers (`live.player`) alike.
+
+What a log's stream will hold: it has to be known before its first message.
+
+A log's events in the order in which they count, with who and why, in memory of a slice.
+
+The log has them in the order of recording; late ones are put in their place slice by slice of
+happened time. Only the times themselves, 8 bytes an event, are held all at once.
 """
 
 from __future__ import annotations
@@ -10,33 +17,54 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby, pairwise
+from operator import attrgetter
 from typing import Any
 
-from semmap_log.core.folds.history import HistoryEntry
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.folds.history import HistoryEntry, history
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId, DoorMap
-from semmap_log.core.model.events import ClassDefined, DoorEvent, FloorMap, LevelAdded, RobotPose
+from semmap_log.core.model.events import (
+    ADDING_KINDS,
+    POSE_KINDS,
+    ClassDefined,
+    DoorEvent,
+    FloorMap,
+    LevelAdded,
+    RobotPose,
+)
 from semmap_log.core.model.keywords import knows_its_keywords
 from semmap_log.core.model.moments import refuse_reversed
 from semmap_log.core.model.object_classes import DOOR
-from semmap_log.interop.exporting.in_order import Times, moments, times_of
-from semmap_log.interop.exporting.latest_doors import LatestDoors
-from semmap_log.interop.exporting.stream_plan import ROBOT, THESIS, StreamPlan, plan_of
 from semmap_log.interop.exporting.stream_topics import (
+    LatestDoors,
     LevelDoors,
     ThesisDoors,
     WholeTopic,
     heights_of,
 )
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
-from semmap_log.interop.formats.ros.door_markers import DoorMarkers
-from semmap_log.interop.formats.ros.event_messages import LogLine, log_message, pose_message
-from semmap_log.interop.formats.ros.grid_messages import grid_message
-from semmap_log.interop.formats.ros.ros_messages import Messages
-from semmap_log.interop.formats.ros.ros_types import RosVersion, encoded
-from semmap_log.interop.formats.ros.thesis_messages import ThesisMessages
+from semmap_log.interop.formats.ros.door_markers import DoorMarkers, ThesisMessages, grid_message
+from semmap_log.interop.formats.ros.ros_types import (
+    DOOR_MAP,
+    GRID,
+    MARKERS,
+    POSE_STAMPED,
+    LogLine,
+    Messages,
+    RosVersion,
+    encoded,
+    log_message,
+    log_type,
+    pose_message,
+)
 from semmap_log.log.door_log.clock_warnings import warn_of_clock
 from semmap_log.log.door_log.door_log import DoorLog, Time
+from semmap_log.store.reading.window import Window
 from semmap_log.views.event_words import printable, words_of
 from semmap_log.views.palette import DEFAULT, Palette
 
@@ -302,3 +330,151 @@ class _Fold:
     def _send(self, topic: BagTopic, at_ns: int, data: bytes) -> None:
         self._out.append(StreamMessage(topic, at_ns, data))
         self._counts[topic] += 1
+
+
+ROBOT = BagTopic("/semmap/robot_pose", POSE_STAMPED, is_latched=False)
+THESIS = BagTopic("/lta_semantic_map_door_db", DOOR_MAP, is_latched=True)
+
+EVERY_S = (0, 1, 10, 60, 600, 3600, 86_400)
+"""How far whole arrays may lie apart: of these the first with which there are not too many."""
+MOST_DOORS_SENT = 10_000_000
+"""Doors in all arrays of a topic together: some 5 GB to whoever unpacks them all. A week of a
+clinic with 133 doors and 19,000 sightings stays below it, a year of it comes at most each 600 s."""
+
+
+@dataclass(frozen=True, slots=True)
+class StreamPlan:
+    """The topics of a stream: bags and publishers want to know them before the first message."""
+
+    floors: dict[int, BagTopic]
+    """By the level."""
+    doors: dict[int, BagTopic]
+    events: BagTopic
+    has_robot: bool
+    every_s: float
+    markers: bool
+    """Doors and events are shown, too: not only said to who knows the thesis's message."""
+
+    @property
+    def levels(self) -> dict[int, None]:
+        """All that are shown."""
+        return dict.fromkeys(sorted({*self.floors, *self.doors}))
+
+    @property
+    def topics(self) -> list[BagTopic]:
+        """All of the stream."""
+        robot = [ROBOT] if self.has_robot else []
+        if not self.markers:
+            return [*self.floors.values(), THESIS, *robot]
+        return [*self.floors.values(), *self.doors.values(), THESIS, *robot, self.events]
+
+
+def plan_of(
+    log: DoorLog,
+    before: DoorMap,
+    times: Times,
+    *,
+    ros_version: RosVersion,
+    markers: bool,
+    every_s: float | None,
+) -> StreamPlan:
+    """Return what a stream of a log will hold.
+
+    Args:
+        log: The log.
+        before: The doors before the first event.
+        times: When the events count: see `times_of`.
+        ros_version: Whose types.
+        markers: With the topics that show doors and events.
+        every_s: How far arrays lie apart; None: see `EVERY_S`.
+    """
+    doors = {door.level for door in before.doors.values() if door.is_placed}
+    floors = {level.level for level in before.levels.values() if level.floor_map_event is not None}
+    count, has_robot = len(before), False
+    changes = [np.empty(0, np.int64)]
+    if len(times):
+        for batch in log.batches(int(times[0]), int(times[-1]) + 1):
+            has_robot |= RobotPose in batch
+            count += sum(len(batch.where(kind)) for kind in ADDING_KINDS)
+            changes.append(batch.folds_ns[batch.about_doors()])
+            floors |= {
+                each.level
+                for each in batch.objects.get(FloorMap.kind, ())
+                if isinstance(each, FloorMap)
+            }
+            for kind in POSE_KINDS:
+                if kind in batch:
+                    rows = batch[kind]
+                    doors.update(rows["level"][np.isfinite(rows["x"])].tolist())
+    several = len(doors | floors) > 1
+
+    def topics(name: str, ros_type: str, levels: set[int]) -> dict[int, BagTopic]:
+        return {
+            level: BagTopic(f"{name}/level_{level}" if several and level else name, ros_type, True)
+            for level in sorted(levels)
+        }
+
+    if every_s is None:
+        every_s = 0 if not markers else _every_s(np.sort(np.concatenate(changes)), count)
+    events = BagTopic("/semmap/events", log_type(ros_version), is_latched=False)
+    return StreamPlan(topics("/map", GRID, floors), topics("/semmap/doors", MARKERS, doors or {0}),
+                 events, has_robot, every_s, markers)  # fmt: skip
+
+
+def _every_s(times: Times, doors: int) -> float:
+    """Return how far arrays have to lie apart, if each of these moments changed a door."""
+    for every_s in EVERY_S:
+        arrays = 1 + np.count_nonzero(np.diff(times // max(1, every_s * 10**9)))
+        if arrays * doors <= MOST_DOORS_SENT:
+            return every_s
+    return EVERY_S[-1]
+
+
+SLICE_EVENTS = 20_000
+
+Times = NDArray[np.int64]
+"""Nanoseconds, ascending, one for each event."""
+
+
+def times_of(log: DoorLog, since_ns: int | None, until_ns: int | None) -> Times:
+    """Return when the events of a range count, without retracted ones.
+
+    Args:
+        log: Where from.
+        since_ns: From then on.
+        until_ns: The last moment.
+    """
+    until = None if until_ns is None else until_ns + 1
+    times = [np.empty(0, np.int64), *(batch.folds_ns for batch in log.batches(since_ns, until))]
+    return np.sort(np.concatenate(times))
+
+
+def moments(
+    log: DoorLog, times: Times, progress: Progress | None = None
+) -> Iterator[tuple[int, Sequence[HistoryEntry]]]:
+    """Yield each moment at which something happened, and what did, in the order that counts.
+
+    Args:
+        log: Where from.
+        times: `times_of` its range.
+        progress: Told how many of the events are done.
+    """
+    done = 0
+    starts = np.unique(times[::SLICE_EVENTS]).tolist()
+    behind = int(times[-1]) + 1 if len(times) else 0
+    for first_ns, before_ns in pairwise([*starts, behind]):
+        entries = sorted(_slice(log, first_ns, before_ns), key=attrgetter("folds_ns", "number"))
+        for at_ns, together in groupby(entries, attrgetter("folds_ns")):
+            yield at_ns, list(together)
+        done += len(entries)
+        if progress is not None:
+            progress(done, len(times))
+
+
+def _slice(log: DoorLog, first_ns: int, before_ns: int) -> Iterator[HistoryEntry]:
+    finder = log.said_finder()
+    window = Window(happened_from_ns=first_ns, happened_before_ns=before_ns)
+    hidden = log.retractions()
+    batches = log.batches_in(window, on_page=finder.look_at)
+    seen = (hidden.visible(batch) for batch in batches)
+    return history((b for b in seen if len(b)), finder.said_of, Retractions())

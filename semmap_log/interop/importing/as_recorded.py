@@ -3,23 +3,39 @@
 So history that was written by another program can be asked what was known at a moment. A log's
 recorded times only grow: none of a file may be earlier than what the log has. What is of the same
 time as the log's last commit is recorded just after it, as doors after the plan of one day.
+
+Names of rooms, from a building's file to the doors that lead into them.
+
+A building names points, not rooms. Where one such point lies in a room, and no other, the room is
+called so; each of its doors is told, by the annotation `rooms`. So the name stays with the
+doors wherever the floor plan comes from later.
+
+Whether the times at which lines say that they were recorded can be those of a log.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
+from semmap_log.analysis.rooms.level_rooms import LevelRooms, level_rooms, sides_of
+from semmap_log.analysis.rooms.room_graph import OUTSIDE, ROOMS, RoomId
 from semmap_log.core.batches.event_batch import EventBatch, one_by_one
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Note
+from semmap_log.core.model.doors import NAN, Door, DoorId, DoorState
 from semmap_log.core.model.events import Event
 from semmap_log.core.model.moments import format_local
+from semmap_log.core.texts import counted
 from semmap_log.errors import FormatError
+from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor, TablePlace
+from semmap_log.interop.formats.json.event_json_reader import ParsedLine
 from semmap_log.interop.importing.import_plan import ImportPlan
-from semmap_log.interop.importing.recorded_times import last_recorded_ns
+from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 
 MOST_SORTED = 200_000
@@ -147,3 +163,124 @@ def _given(events: list[Event]) -> Callable[[int], Iterable[Event]]:
 
 def _id_at(file_id: bytes, at_ns: int) -> bytes:
     return hashlib.sha256(file_id + f"known at {at_ns}".encode()).digest()[: len(file_id)]
+
+
+Number = int
+"""Of a door in the table."""
+
+
+def with_room_names(table: DoorTable) -> DoorTable:
+    """Return a building whose doors say what the rooms on their sides are called.
+
+    Raises:
+        CostmapError: A floor plan is turned against its grid.
+    """
+    told: dict[Number, dict[str, str]] = {}
+    used: set[TablePlace] = set()
+    for floor in table.floor_maps:
+        numbers = [n for n, door in enumerate(table.doors) if door.level == floor.level]
+        doors = [_door(table.doors[n]) for n in numbers]
+        rooms = level_rooms(floor, doors)
+        named = _named(rooms, [place for place in table.places if place.level == floor.level])
+        sides = sides_of(rooms, doors) if doors else []
+        for number, (left, right) in zip(numbers, sides, strict=True):
+            names = [named[side].name if side in named else "" for side in (left, right)]
+            if any(names) and left != right:
+                told[number] = {ROOMS: ",".join(names)}
+                used |= {named[side] for side in (left, right) if side in named}
+    doors_told = tuple(
+        replace(door, annotations={**door.annotations, **told.get(number, {})})
+        for number, door in enumerate(table.doors)
+    )
+    return replace(
+        table, doors=doors_told, left_out=(*table.left_out, *_said(len(table.places), len(used)))
+    )
+
+
+def _named(rooms: LevelRooms, places: Sequence[TablePlace]) -> dict[RoomId | None, TablePlace]:
+    """Return the places that lie alone in a room, or with others of the same name, by room."""
+    inside: defaultdict[RoomId, list[TablePlace]] = defaultdict(list)
+    for place in places:
+        inside[int(rooms.rooms_at(place.x, place.y))].append(place)
+    return {
+        room: found[0]
+        for room, found in inside.items()
+        if room > OUTSIDE and len({place.name for place in found}) == 1 and "," not in found[0].name
+    }
+
+
+def _said(places: int, used: int) -> Iterable[str]:
+    if places > used:
+        yield (
+            f"{counted(places - used, 'named point')}: one names a room where it lies there alone, "
+            "at the room's doors"
+        )
+
+
+def _door(door: TableDoor) -> Door:
+    return Door(
+        DoorId(0), door.level, door.x, door.y, door.theta, door.width, DoorState.UNKNOWN, NAN, NAN
+    )
+
+
+def last_recorded_ns(log: DoorLog) -> int | None:
+    """Return when a log's last commit was recorded; None: it has none."""
+    last = log.last_event()
+    commit = log.find_commit(last) if last >= 0 else None
+    return None if commit is None else commit.closed_ns
+
+
+@dataclass(slots=True)
+class RecordedTimes:
+    """Goes along with the lines of a file."""
+
+    tz: str
+    """The log's, for messages."""
+    now_ns: int
+    """The log's clock: nothing was recorded later."""
+    has_any: bool = False
+    """Some line says when it was recorded."""
+    why: str = ""
+    """Why they cannot be a log's, with the line; empty: they can."""
+    happened_later: int = 0
+    """So many events say that they happened after they were recorded."""
+    _first: tuple[int, int] | None = None
+    """Line and time of the first."""
+    _last: tuple[int, int] = (0, 1)
+
+    def add(self, line: int, parsed: ParsedLine) -> None:
+        """Take note of the next event: its time has to be later than the last, and not to come."""
+        recorded_ns, happened_ns = parsed.recorded_ns, parsed.event.happened_ns
+        self.has_any |= recorded_ns is not None
+        if self.why:
+            return
+        if recorded_ns is None:
+            self.why = f"line {line} does not say when it was recorded"
+        elif recorded_ns <= self._last[1]:
+            self.why = (
+                f"line {line} was recorded at {self._told(recorded_ns)}, not after line "
+                f"{self._last[0]} ({self._told(self._last[1])}): recorded times only grow"
+            )
+        elif recorded_ns > self.now_ns:
+            self.why = f"line {line} was recorded at {self._told(recorded_ns)}, which is to come"
+        else:
+            self._first = self._first or (line, recorded_ns)
+            self._last = (line, recorded_ns)
+            self.happened_later += happened_ns is not None and happened_ns > recorded_ns
+
+    def why_not_after(self, ended_ns: int | None) -> str:
+        """Return why they cannot follow what a log has; empty: they can.
+
+        Args:
+            ended_ns: When the log's last commit was recorded; None: it has none.
+        """
+        if self._first is None or ended_ns is None or self._first[1] > ended_ns:
+            return ""
+        line, recorded_ns = self._first
+        return (
+            f"line {line} was recorded at {self._told(recorded_ns)}, not after the log's last "
+            f"commit ({self._told(ended_ns)}): recorded times only grow"
+        )
+
+    def _told(self, ns: int) -> str:
+        return format_local(ns, self.tz)

@@ -1,24 +1,54 @@
-"""What a bag means for a log as it stands: its messages, read as a mapping says, as events."""
+"""What a bag means for a log as it stands: its messages, read as a mapping says, as events.
+
+Visits that a log has already: by an earlier import, or recorded while the robot drove.
+
+The places of a log's doors at the moments of scans: as they were then, by what is known now.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
+from bisect import bisect_left, bisect_right
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from math import hypot
+from operator import itemgetter
 from pathlib import Path
 
+import numpy as np
+
+from semmap_log.analysis.scans.door_watcher import ONE_PASSAGE_NS
+from semmap_log.analysis.scans.visit import DoorPlaces, Visit
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.door_changes import STATE, STATE_CHANGE, known_states, parts_of
 from semmap_log.core.io.progress import Progress
-from semmap_log.core.model.events import Event
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import (
+    STATE_KINDS,
+    DoorAdded,
+    DoorAnnotated,
+    DoorObserved,
+    DoorPassed,
+    DoorRemoved,
+    DoorUpdated,
+    Event,
+    RobotPose,
+)
+from semmap_log.core.model.meaning import PLACING, sets_part
+from semmap_log.core.model.moments import HOUR_NS
 from semmap_log.errors import FormatError
 from semmap_log.interop.formats.bags.bag_protocol import BagChannel, BagReader
 from semmap_log.interop.formats.bags.bag_reading import open_bag
 from semmap_log.interop.formats.ros.ros_types import short_name
 from semmap_log.interop.importing.held_sightings import HeldSightings
 from semmap_log.interop.importing.import_plan import ImportPlan, weight_of
-from semmap_log.interop.topics.known import Known
-from semmap_log.interop.topics.topic_problems import TopicProblems
+from semmap_log.interop.topics.lasers.door_places import changes_places, places_of
+from semmap_log.interop.topics.lasers.scan_keeper import WAY_NS, VisitCommit, is_laser
+from semmap_log.interop.topics.topic_reader import Known, TopicProblems
 from semmap_log.interop.topics.topic_rules import RosMapping
 from semmap_log.interop.topics.translator import Translator
 from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log.replay.replay import Scope
 
 MOST_KEPT = 200_000
 """Of more events none is kept in memory: their bag is read twice. For `weight_of`."""
@@ -210,3 +240,195 @@ class _Passage:
 
 
 MOST_TOPICS = 20
+
+
+SAME_PLACE_M = 1.0
+"""Two robots are not so near to each other at one moment."""
+_KINDS = (RobotPose, DoorObserved, DoorPassed)
+_Key = tuple[str, str, int, type[Event]]
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedVisit:
+    """A commit for the log."""
+
+    command_id: bytes
+    commit: VisitCommit
+
+
+@dataclass(frozen=True, slots=True)
+class SeenBefore:
+    """What a log has of the lasers of a bag, at the time of the bag.
+
+    A visit that is told twice would count as two.
+    """
+
+    commands: frozenset[bytes]
+    told: Mapping[_Key, Sequence[int]]
+    """Actor, source, door and kind -> when, nanoseconds, ascending."""
+    from_where: Mapping[tuple[int, type[Event]], Sequence[RobotPose]] = field(default_factory=dict)
+    """Door and kind -> where a robot was when its laser told that."""
+
+    @classmethod
+    def of(cls, log: DoorLog, visits: Sequence[VisitCommit]) -> SeenBefore:
+        """Return what a log has that may be some of these visits."""
+        if not visits:
+            return cls(frozenset(), {})
+        poses: dict[tuple[bytes, int], RobotPose] = {}
+        from_where: dict[tuple[int, type[Event]], list[RobotPose]] = {}
+        told: dict[_Key, list[int]] = {}
+        commands: set[bytes] = set()
+        since = min(each.visit.first_ns for each in visits) - ONE_PASSAGE_NS
+        until = max(each.visit.last_ns for each in visits) + ONE_PASSAGE_NS + 1
+        for entry in log.history(since=since, until=until, kinds=_KINDS):
+            event = entry.event
+            if isinstance(event, RobotPose):  # before what was seen from there
+                poses[entry.command_id, entry.happened_ns] = event
+                continue
+            assert isinstance(event, DoorObserved | DoorPassed)
+            commands.add(entry.command_id)
+            key = (entry.actor, entry.source, event.door_id, type(event))
+            told.setdefault(key, []).append(entry.happened_ns)
+            pose = poses.get((entry.command_id, entry.happened_ns))
+            if pose is not None and is_laser(entry.source):
+                from_where.setdefault((event.door_id, type(event)), []).append(pose)
+        in_order = {key: sorted(times) for key, times in told.items()}
+        return cls(frozenset(commands), in_order, from_where)
+
+    def holds(self, planned: PlannedVisit) -> bool:
+        """Tell whether this very visit is stored."""
+        return planned.command_id in self.commands
+
+    def overlaps(self, planned: PlannedVisit, actor: str = "") -> bool:
+        """Tell whether the same laser told of the same door meanwhile, or another of its robot.
+
+        Or whoever it was that told that the robot drove through it: it did so once. Whatever name
+        it was told in: two robots are not at one place at one moment.
+
+        Args:
+            planned: The visit.
+            actor: Who will be named as who saw it, and may have been before; "": the robot.
+        """
+        names = {planned.commit.note.actor, actor or planned.commit.note.actor}
+        if any(self._overlaps(planned, name) for name in names):
+            return True
+        visit, way = planned.commit.visit, planned.commit.way
+        told = self.from_where.get((visit.door_id, kind_of(visit)), ())
+        return any(_was_there(way, pose) for pose in told)
+
+    def _overlaps(self, planned: PlannedVisit, actor: str) -> bool:
+        visit, source = planned.commit.visit, planned.commit.note.source
+        kind = kind_of(visit)
+        own = (actor, source, visit.door_id, kind)
+        if self._is_told(own, visit.first_ns, visit.last_ns):
+            return True
+        if not visit.passed:
+            return False
+        others = [key for key in self.told if key[::2] == (actor, visit.door_id) and key != own
+                  and key[3] is kind]  # fmt: skip
+        around = visit.first_ns - ONE_PASSAGE_NS, visit.last_ns + ONE_PASSAGE_NS
+        return any(self._is_told(key, *around) for key in others)
+
+    def _is_told(self, key: _Key, first_ns: int, last_ns: int) -> bool:
+        times = self.told.get(key, ())
+        place = bisect_left(times, first_ns)
+        return place < len(times) and times[place] <= last_ns
+
+
+def kind_of(visit: Visit) -> type[DoorObserved | DoorPassed]:
+    """Return the kind of event that a visit becomes."""
+    return DoorPassed if visit.passed else DoorObserved
+
+
+def _was_there(way: Sequence[RobotPose], pose: RobotPose) -> bool:
+    """Tell whether a robot came by a place at that very moment."""
+    at_ns = pose.happened_ns or 0
+    for before, after in pairwise(way):
+        first_ns, last_ns = before.happened_ns or 0, after.happened_ns or 0
+        if first_ns <= at_ns <= last_ns and last_ns - first_ns <= 2 * WAY_NS:
+            share = (at_ns - first_ns) / (last_ns - first_ns)
+            x = before.x + share * (after.x - before.x)
+            y = before.y + share * (after.y - before.y)
+            return pose.level == before.level and hypot(pose.x - x, pose.y - y) <= SAME_PLACE_M
+    return False
+
+
+AHEAD_NS = 4 * HOUR_NS
+"""What was said so long after a moment is read with it: visits come in the order of time."""
+
+
+class DoorsThen:
+    """The places of a log's doors over time, with events that are to come into it."""
+
+    def __init__(self, log: DoorLog, others: Sequence[Event] = ()) -> None:
+        self._log = log
+        of_state = [event for event in others if isinstance(event, STATE_KINDS)]
+        self._states = _States(log, EventBatch.from_events(of_state))
+        self._others = [event for event in others if changes_places(event)]
+        self._moments = sorted({*_changes(log), *(e.happened_ns or 0 for e in self._others)})
+        self._current: tuple[int, DoorPlaces] | None = None
+
+    def at(self, when_ns: int) -> DoorPlaces:
+        """Return the places of a moment; the same object until one of them changes."""
+        number = bisect_right(self._moments, when_ns)
+        if self._current is None or self._current[0] != number:
+            self._current = (number, self._places(when_ns))
+        return self._current[1]
+
+    def state(self, door_id: int, since_ns: int, when_ns: int) -> DoorState | None:
+        """Return how a door is by then, by what was said after `since_ns`; None: nothing was."""
+        return self._states.last(door_id, since_ns, when_ns)
+
+    def _places(self, when_ns: int) -> DoorPlaces:
+        state = self._log.state_in(Scope(at_ns=when_ns))
+        for number, event in enumerate(self._others, start=self._log.last_event() + 1):
+            if (event.happened_ns or 0) <= when_ns:
+                state.apply_one(replace(event, happened_ns=event.happened_ns or 0), number)
+        return places_of(state.door_map().doors.values())
+
+
+def _changes(log: DoorLog) -> Iterator[int]:
+    """Yield when a door came, went, or may have got another place."""
+    kinds = [DoorAdded, DoorRemoved, DoorUpdated, DoorAnnotated]
+    for batch in log.batches(kinds=kinds):
+        when = batch.folds_ns
+        moves = np.ones(len(batch), np.bool_)
+        if DoorUpdated in batch:
+            parts = batch[DoorUpdated]["changed"]
+            moves[batch.where(DoorUpdated)] = sets_part(parts, int(PLACING))
+        yield from np.unique(when[moves]).tolist()
+
+
+class _States:
+    """What was said of the states of doors: some hours of it are in memory at a time."""
+
+    def __init__(self, log: DoorLog, others: EventBatch) -> None:
+        self._log, self._others = log, others
+        self._from_ns = self._until_ns = 0
+        self._of_door: dict[int, list[tuple[int, int, DoorState]]] = {}
+        """Door -> when, number, state; ascending."""
+
+    def last(self, door_id: int, since_ns: int, when_ns: int) -> DoorState | None:
+        """Return the last one from after `since_ns` to `when_ns`; None: there is none."""
+        if not self._from_ns <= since_ns <= when_ns < self._until_ns:
+            self._read(since_ns, when_ns + AHEAD_NS)
+        said = self._of_door.get(door_id, [])
+        place = bisect_right(said, when_ns, key=itemgetter(0))
+        return said[place - 1][2] if place and said[place - 1][0] > since_ns else None
+
+    def _read(self, from_ns: int, until_ns: int) -> None:
+        self._from_ns, self._until_ns = from_ns, until_ns
+        self._of_door.clear()
+        behind = self._log.last_event() + 1
+        for batch in self._log.batches(since=from_ns, until=until_ns, kinds=STATE_KINDS):
+            self._take(batch, 0)
+        self._take(self._others, behind)
+        for said in self._of_door.values():
+            said.sort()
+
+    def _take(self, batch: EventBatch, first: int) -> None:
+        for rows in parts_of(batch, STATE_CHANGE, setting=STATE):
+            rows["state"] = known_states(rows["state"])
+            for door_id, at_ns, number, _, state in rows.tolist():
+                said = (at_ns, first + number, DoorState(state))
+                self._of_door.setdefault(door_id, []).append(said)

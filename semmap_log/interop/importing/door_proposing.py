@@ -10,16 +10,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.scans.proposing.kept_scans import KeptScans
 from semmap_log.analysis.scans.proposing.proposals import Proposal, proposals_of
-from semmap_log.analysis.scans.proposing.swept_cells import ends_of
+from semmap_log.analysis.scans.proposing.swept_cells import KeptScans, ends_of
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Note
 from semmap_log.core.model.doors import DoorId, next_door_id
 from semmap_log.core.model.events import DoorAdded, DoorAnnotated, Event, FloorMap
 from semmap_log.interop.importing.importing import ImportOptions, mapping_of
-from semmap_log.interop.importing.scan_importing import placed_scans
-from semmap_log.interop.importing.scan_topics import with_scans
+from semmap_log.interop.importing.scan_topics import placed_scans, with_scans
 from semmap_log.interop.topics.lasers.door_places import places_of
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter

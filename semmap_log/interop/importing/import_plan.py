@@ -37,8 +37,8 @@ from semmap_log.core.model.meaning import PLACING, changed
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
 from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor
-from semmap_log.log.door_log.backdating import added_since
 from semmap_log.log.door_log.door_index import DoorIndex
+from semmap_log.log.door_log.door_labels import added_since
 from semmap_log.log.door_log.known_past import KnownPast
 
 BYTES_AN_EVENT = 256

@@ -22,38 +22,48 @@ from semmap_log.errors import CommandError, FormatError
 from semmap_log.interop.formats.bags.bag_reading import READABLE_BAGS, files_of, is_bag
 from semmap_log.interop.formats.files.building import read_building
 from semmap_log.interop.formats.files.door_csv import read_door_csv
-from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor
-from semmap_log.interop.formats.files.map_server import DEFAULT_RULES, is_map, picture_of, read_map
-from semmap_log.interop.formats.files.table_forms import TableForm
+from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor, TableForm
+from semmap_log.interop.formats.files.map_server import (
+    DEFAULT_RULES,
+    YamlKind,
+    is_map,
+    is_yaml,
+    kind_of_yaml,
+    picture_of,
+    read_map,
+)
 from semmap_log.interop.formats.files.thesis_yaml import read_thesis_yaml
-from semmap_log.interop.formats.files.yaml_kinds import YamlKind, is_yaml, kind_of_yaml
 from semmap_log.interop.formats.kept_scans.reading import kept_already
 from semmap_log.interop.formats.kept_scans.writing import keeping_scans
 from semmap_log.interop.formats.parsing.foreign_file import open_regular
-from semmap_log.interop.importing.as_recorded import append_as_recorded
+from semmap_log.interop.importing.as_recorded import append_as_recorded, with_room_names
 from semmap_log.interop.importing.bag_importing import plan_bag
-from semmap_log.interop.importing.earlier_doors import backdating, with_backdated
-from semmap_log.interop.importing.held_sightings import HeldSightings
+from semmap_log.interop.importing.held_sightings import HeldSightings, plan_sightings
 from semmap_log.interop.importing.import_plan import Imported, ImportPlan, Present, plan_doors
 from semmap_log.interop.importing.importing_lines import LinesPlan, plan_event_lines
-from semmap_log.interop.importing.importing_sightings import plan_sightings
 from semmap_log.interop.importing.line_commits import LineOptions
-from semmap_log.interop.importing.line_importing import append_lines
-from semmap_log.interop.importing.present_log import now_ns, present, stored_commits
-from semmap_log.interop.importing.room_naming import with_room_names
-from semmap_log.interop.importing.scan_importing import (
+from semmap_log.interop.importing.present_log import (
+    append_lines,
+    backdating,
+    now_ns,
+    present,
+    stored_commits,
+    with_backdated,
+)
+from semmap_log.interop.importing.scan_topics import (
     BagIds,
     ScanImport,
+    ScanOptions,
     append_with_scans,
     plan_with_scans,
+    with_scans,
 )
-from semmap_log.interop.importing.scan_topics import ScanOptions, with_scans
 from semmap_log.interop.topics.lasers.scan_keeper import ScanKeeper
 from semmap_log.interop.topics.mapping_file import read_mapping
 from semmap_log.interop.topics.topic_rules import WELL_KNOWN, RosMapping
-from semmap_log.log.door_log.command_content import are_same
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log.door_log.rebasing import are_same
 
 READABLE = (
     ".yaml (a building of Open-RMF, a map of map_server, the thesis's doors), .csv, .csv.gz, "

@@ -24,14 +24,20 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.core.texts import counted
 from semmap_log.errors import CommandError, FormatError
-from semmap_log.interop.formats.json.event_json import means_same
+from semmap_log.interop.formats.json.door_json import means_same
 from semmap_log.interop.formats.json.event_json_reader import ParsedLine
-from semmap_log.interop.importing.held_lines import HeldLines
+from semmap_log.interop.importing.as_recorded import RecordedTimes, last_recorded_ns
 from semmap_log.interop.importing.import_plan import Present, weight_of
-from semmap_log.interop.importing.line_commits import LineOptions, PlannedCommit, grouped, taken
-from semmap_log.interop.importing.line_numbers import NumberMap, OpenRetractions
-from semmap_log.interop.importing.line_reading import LineReader
-from semmap_log.interop.importing.recorded_times import RecordedTimes, last_recorded_ns
+from semmap_log.interop.importing.line_commits import (
+    HeldLines,
+    LineOptions,
+    LineReader,
+    NumberMap,
+    OpenRetractions,
+    PlannedCommit,
+    grouped,
+    taken,
+)
 from semmap_log.log.door_log.door_index import DoorIndex
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.validator import Validator

@@ -8,9 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 
-from semmap_log.analysis.scans.kept_visit import KeptVisit, folder_beside
-from semmap_log.analysis.scans.scan_report import ScanReport, scan_report
-from semmap_log.analysis.scans.visit import Visit
+from semmap_log.analysis.scans.door_figures import ScanReport, scan_report
+from semmap_log.analysis.scans.visit import KeptVisit, Visit, folder_beside
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId
 from semmap_log.errors import FormatError

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import fields, replace
 
-from semmap_log.analysis.rooms.room_names import LIFT, ROOMS
+from semmap_log.analysis.rooms.room_graph import LIFT, ROOMS
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
 from semmap_log.core.model.events import (
     ClassDefined,

@@ -1,22 +1,38 @@
-"""What readers of messages share: what they look at, what they make, how they look doors up."""
+"""What readers of messages share: what they look at, what they make, how they look doors up.
+
+What is wrong with messages: told once for each kind, counted, summed up at the end.
+
+What the log knows, as far as messages are compared with it, and as it is after each event.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
+from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.levels import resolve_level
 from semmap_log.core.io.clock import MAX_TIME_NS
-from semmap_log.core.model.doors import DoorId, DoorMap
-from semmap_log.core.model.events import DoorAdded, DoorAnnotated, Event
+from semmap_log.core.model.doors import Door, DoorId, DoorMap, next_door_id
+from semmap_log.core.model.events import (
+    ClassDefined,
+    DoorAdded,
+    DoorAnnotated,
+    DoorEvent,
+    Event,
+    FloorMap,
+    PatrolFinished,
+    PatrolStarted,
+)
+from semmap_log.core.model.meaning import Presence
 from semmap_log.errors import UnknownDoorError, UnknownLevelError
 from semmap_log.interop.formats.parsing.problems import shown
-from semmap_log.interop.topics.known import Known
-from semmap_log.interop.topics.topic_problems import TopicProblems
 from semmap_log.interop.topics.topic_rules import RosMapping, Unknown
+from semmap_log.log.door_log.door_log import DoorLog
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,3 +222,173 @@ def happened_ns(stamp: Any, received_ns: int, *, within_s: float) -> int:
         if told_ns > 0 and received_ns - int(within_s * 1e9) <= told_ns <= received_ns:
             return told_ns
     return received_ns
+
+
+@dataclass(slots=True)
+class TopicProblems:
+    """A count for each topic and kind of trouble, with what was seen first."""
+
+    tell: Callable[[str], None] = lambda _: None
+    """Hears of each kind when it comes for the first time."""
+    _counts: Counter[tuple[str, str]] = field(default_factory=Counter)
+    _first: dict[tuple[str, str], str] = field(default_factory=dict)
+
+    def add(self, topic: str, kind: str, example: object = "") -> None:
+        """Note trouble.
+
+        Args:
+            topic: Where.
+            kind: What, without values: so many kinds there are, so many lines.
+            example: The values.
+        """
+        key = (topic, kind)
+        self._counts[key] += 1
+        if key not in self._first:
+            self._first[key] = str(example)[:MOST_SHOWN]
+            self.tell(self._line(key))
+
+    def __len__(self) -> int:
+        return self._counts.total()
+
+    def lines(self) -> tuple[str, ...]:
+        """Return each kind with how often it came."""
+        return tuple(
+            self._line(key) + (f" ({count:,} times)" if count > 1 else "")
+            for key, count in sorted(self._counts.items())
+        )
+
+    def _line(self, key: tuple[str, str]) -> str:
+        example = f": {self._first[key]}" if self._first[key] else ""
+        return f"{key[0]}: {key[1]}{example}"
+
+
+MOST_SHOWN = 200
+
+
+class Known:
+    """The doors that are there, and what else messages are measured by."""
+
+    def __init__(self, state: DoorMapState | None = None) -> None:
+        """Begin with a state, which is changed from here on."""
+        self._state = state or DoorMapState()
+        self.floor_maps: dict[int, FloorMap] = {}
+        """By the level; those that are looked up."""
+        self.last_started = 0
+        """The greatest number of a round that began."""
+        self.last_finished = 0
+        self._doors: dict[int, Door] = {
+            door.door_id: door for door in self._state.door_map().doors.values()
+        }
+        self._stale: set[int] = set()
+        """Doors that an event was about since they were made."""
+        self._named: dict[str, set[int]] = {}
+        for door in self._doors.values():
+            self._call(door.door_id, None, door.name)
+
+    @classmethod
+    def of(cls, log: DoorLog) -> Known:
+        """Return what a log knows now."""
+        state = log.state_in()
+        known = cls(state)
+        for level in state.door_map().levels.values():
+            if level.floor_map_event is not None:
+                drawn = log.event(level.floor_map_event).event
+                assert isinstance(drawn, FloorMap)
+                known.floor_maps[level.level] = drawn
+        known.last_started = log.last_patrol(PatrolStarted)
+        known.last_finished = log.last_patrol(PatrolFinished)
+        return known
+
+    @property
+    def doors(self) -> Mapping[int, Door]:
+        """Those in the map."""
+        for door_id in self._stale:
+            door = self._state.door(door_id)
+            if door is None:
+                self._doors.pop(door_id, None)
+            else:
+                self._doors[door_id] = door
+        self._stale.clear()
+        return self._doors
+
+    @property
+    def used_ids(self) -> Collection[int]:
+        """Every id that was ever given."""
+        return self._state.used_door_ids
+
+    def added_ns(self, door_id: int) -> int:
+        """Return when a door came into the map; 0: that is not known."""
+        stamp = self._state.stamp(door_id, "added")
+        return stamp[0] if stamp else 0
+
+    @property
+    def next_id(self) -> DoorId:
+        """The id after the greatest that was ever given: see `next_door_id`."""
+        return self.next_id_but(frozenset())
+
+    def next_id_but(self, others: Collection[int]) -> DoorId:
+        """Return a new id that is none of some others that want to stay free."""
+        return next_door_id({*self.used_ids, *others}, max(self.used_ids, default=0))
+
+    def called(self, text: str, *, or_id: bool = True, level: str | None = None) -> DoorId | None:
+        """Return the door of that name, level/name or id; None: there is none.
+
+        Args:
+            text: What it is called.
+            or_id: People write an id, too; a robot's own names are names, even if they are digits.
+            level: Number or name of the level that is meant where several have the name.
+
+        Raises:
+            UnknownDoorError: It can mean several.
+        """
+        found = set(self._named.get(text, ()))
+        if len(found) > 1 and level is not None:
+            found = {i for i in found if level in self._names_of_level(i)}
+        if not found and "/" in text:
+            level, _, name = text.partition("/")
+            found = {i for i in self._named.get(name, ()) if level in self._names_of_level(i)}
+        if not found and or_id and text.isdecimal() and self._state.is_present(int(text)):
+            found = {int(text)}
+        if len(found) > 1:
+            ids = ", ".join(map(str, sorted(found)))
+            raise UnknownDoorError(f"can mean doors {ids}; write level/name, or the id")
+        return DoorId(next(iter(found))) if found else None
+
+    def door_map(self) -> DoorMap:
+        """Return the map as it is now, whatever is applied later."""
+        return self._state.door_map()
+
+    def apply(self, event: Event) -> None:
+        """Take in what an event changes; one without a time happens last of all."""
+        if event.happened_ns is None:
+            event = replace(event, happened_ns=self._state.latest_happened_ns)
+        before = self._name_of(event)
+        self._state.apply_one(event, self._state.event + 1)
+        if isinstance(event, DoorEvent):
+            self._stale.add(event.door_id)
+            self._call(event.door_id, before, self._name_of(event))
+        elif isinstance(event, ClassDefined):
+            self._stale.update(self._doors)
+        elif isinstance(event, FloorMap):
+            self.floor_maps[event.level] = event
+        elif isinstance(event, PatrolStarted):
+            self.last_started = max(self.last_started, event.patrol)
+        elif isinstance(event, PatrolFinished):
+            self.last_finished = max(self.last_finished, event.patrol)
+
+    def _name_of(self, event: Event) -> str | None:
+        """Return what the door is called that an event may call otherwise."""
+        if isinstance(event, DoorAnnotated) or event.effect.presence is not Presence.STAYS:
+            door = self._state.door(event.door_id)  # type: ignore[attr-defined]
+            return door.name if door else None
+        return None
+
+    def _call(self, door_id: int, before: str | None, name: str | None) -> None:
+        if before != name:
+            self._named.get(before or "", set()).discard(door_id)
+            if name:
+                self._named.setdefault(name, set()).add(door_id)
+
+    def _names_of_level(self, door_id: int) -> tuple[str, str]:
+        level = self._state.level_of(door_id)
+        return str(level), self._state.level_names().get(level) or str(level)

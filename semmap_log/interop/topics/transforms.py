@@ -1,25 +1,24 @@
-"""The tree of frames that TF tells: each link as it came last, and as it was a moment ago."""
+"""The tree of frames that TF tells: each link as it came last, and as it was a moment ago.
+
+What TF told of one link over the last seconds, and how it was at any moment in between.
+
+Turns in space as quaternions: one at a time, or many as arrays.
+
+A vector is (x, y, z), a quaternion (x, y, z, w); each component is a number, or an array of as many
+as there are of the others.
+"""
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from semmap_log.interop.topics.link_history import LinkHistory, LinkPose, Times
-from semmap_log.interop.topics.rotations import (
-    NO_SHIFT,
-    NO_TURN,
-    Quaternion,
-    Vector,
-    product,
-    rotated,
-    unit,
-    yaw,
-)
 from semmap_log.interop.topics.topic_reader import yaw_of
 
 LONGEST_CHAIN = 100
@@ -218,3 +217,169 @@ def _composed(poses: Sequence[LinkPose]) -> LinkPose:
 def stamp_ns(stamp: Any) -> int:
     """Return a message's stamp in nanoseconds; 0: it has none."""
     return 0 if stamp is None else int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+Times = NDArray[np.int64]
+LEAST_APART_NS = 10**6
+"""Of poses that follow each other faster some are left out, however many come: nothing that has
+wheels moves by a centimetre meanwhile."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkPose:
+    """Where a frame stands in its parent; the components are numbers, or arrays of many moments."""
+
+    shift: Vector
+    turn: Quaternion
+
+
+@dataclass(slots=True)
+class LinkHistory:
+    """Poses of one link by their stamps, ascending."""
+
+    keep_ns: int
+    """So long before the newest they are kept; 0: nothing is."""
+    holds: bool = False
+    """A pose holds until the next one comes: nothing lies between two of them."""
+    stamps: list[int] = field(default_factory=list)
+    poses: list[LinkPose] = field(default_factory=list)
+    _odd: tuple[int, LinkPose] | None = None
+    """One whose stamp is far from the others': theirs is the clock, unless the next agrees."""
+
+    def add(self, stamp_ns: int, pose: LinkPose) -> int | None:
+        """Take in a pose; return the stamp of one that is left out for good by that, if one is.
+
+        A single stamp from the future, or from long ago, is left out. Two that follow each other
+        are a clock that was set, or a recording that was stopped: what was before is forgotten.
+        """
+        if not self.keep_ns:
+            return None
+        odd_ns = None if self._odd is None else self._odd[0]
+        fits = not self.stamps or abs(stamp_ns - self.stamps[-1]) <= self.keep_ns or self.holds
+        if not fits:
+            if self._odd is None or abs(stamp_ns - self._odd[0]) > self.keep_ns:
+                self._odd = (stamp_ns, pose)
+                return odd_ns
+            odd_ns = None
+            self.stamps[:], self.poses[:] = [self._odd[0]], [self._odd[1]]
+        self._odd = None
+        self._insert(stamp_ns, pose)
+        return odd_ns
+
+    def _insert(self, stamp_ns: int, pose: LinkPose) -> None:
+        place = bisect_left(self.stamps, stamp_ns)
+        if place < len(self.stamps) and self.stamps[place] == stamp_ns:
+            self.poses[place] = pose  # told again: the later word counts
+            return
+        if place == len(self.stamps) > 1 and stamp_ns - self.stamps[-2] < LEAST_APART_NS:
+            self.stamps[-1], self.poses[-1] = stamp_ns, pose
+            return
+        is_between = 0 < place < len(self.stamps)
+        if is_between and self.stamps[place] - self.stamps[place - 1] < LEAST_APART_NS:
+            return
+        self.stamps.insert(place, stamp_ns)
+        self.poses.insert(place, pose)
+        old = bisect_right(self.stamps, self.stamps[-1] - self.keep_ns) - 1
+        if old > 0:  # the last one before is kept: it is where an interval begins
+            del self.stamps[:old], self.poses[:old]
+
+    def steps(self, first_ns: int, last_ns: int) -> list[tuple[int, int]]:
+        """Return the neighbours between which a time lies, as places: (before, after)."""
+        if self.holds:
+            return []
+        begin = bisect_right(self.stamps, first_ns) - 1
+        end = bisect_left(self.stamps, last_ns)
+        return [(i, i + 1) for i in range(max(begin, 0), min(end, len(self.stamps) - 1))]
+
+    def at(self, times: Times) -> LinkPose:
+        """Return the poses at moments that it reaches over; in between by time, the short way."""
+        stamps = np.array(self.stamps, np.int64)
+        before = np.clip(np.searchsorted(stamps, times, "right") - 1, 0, None)
+        first, last = int(before.min()), min(int(before.max()) + 2, len(stamps))
+        before = before - first
+        after = before if self.holds else np.minimum(before + 1, last - first - 1)
+        stamps = stamps[first:last]
+        gap = np.maximum(stamps[after] - stamps[before], 1)
+        share = np.where(after == before, 0.0, (times - stamps[before]) / gap)
+        shifts, turns = (
+            np.array([getattr(pose, name) for pose in self.poses[first:last]], float)
+            for name in ("shift", "turn")
+        )
+        shift = shifts[before] + share[:, None] * (shifts[after] - shifts[before])
+        turn = between(_columns(turns[before]), _columns(turns[after]), share)
+        return LinkPose(_columns(shift), turn)
+
+
+def _columns(rows: NDArray[np.float64]) -> Any:
+    return tuple(rows.T)
+
+
+Vector: TypeAlias = tuple[Any, Any, Any]
+Quaternion: TypeAlias = tuple[Any, Any, Any, Any]
+
+NO_SHIFT: Vector = (0.0, 0.0, 0.0)
+NO_TURN: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+
+def product(a: Quaternion, b: Quaternion) -> Quaternion:
+    """Return the rotation by b, then by a."""
+    ax, ay, az, aw = a
+    bx, by, bz, bw = b
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def inverse(turn: Quaternion) -> Quaternion:
+    """Return the rotation back."""
+    x, y, z, w = turn
+    return -x, -y, -z, w
+
+
+def unit(turn: Sequence[Any]) -> Quaternion:
+    """Return a quaternion of length 1, as a turn has it: a longer one would stretch, too."""
+    length = np.sqrt(sum(part * part for part in turn))
+    x, y, z, w = (part / length for part in turn)
+    return x, y, z, w
+
+
+def rotated(vector: Vector, turn: Quaternion) -> Vector:
+    """Return a vector turned."""
+    return product(product(turn, (*vector, 0.0)), inverse(turn))[:3]
+
+
+def between(a: Quaternion, b: Quaternion, share: Any) -> Quaternion:
+    """Return the turn that lies a share of the way from a to b: at a constant rate, the short way.
+
+    Two quaternions are the same turn if one is the other's negative: of those of `b` the one nearer
+    to `a` counts, or a turn by one degree would go around by 359.
+    """
+    dot = sum(one * other for one, other in zip(a, b, strict=True))
+    sign = np.where(np.less(dot, 0), -1.0, 1.0)
+    angle = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
+    sine = np.sin(angle)
+    is_small = sine < SMALL
+    safe = np.where(is_small, 1.0, sine)
+    of_a = np.where(is_small, 1 - share, np.sin((1 - share) * angle) / safe)
+    of_b = np.where(is_small, share, np.sin(share * angle) / safe) * sign
+    mixed = [of_a * one + of_b * other for one, other in zip(a, b, strict=True)]
+    return unit(mixed)
+
+
+SMALL = 1e-6
+"""Sine of an angle below which the arc is as good as straight."""
+
+
+def angle_between(a: Quaternion, b: Quaternion) -> Any:
+    """Return by how much two turns differ, radians."""
+    *xyz, w = product(inverse(a), b)
+    return 2 * np.arctan2(np.sqrt(sum(part * part for part in xyz)), np.abs(w))
+
+
+def yaw(turn: Quaternion) -> Any:
+    """Return the angle around z, radians."""
+    x, y, z, w = turn
+    return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

@@ -1,28 +1,50 @@
-"""Message after message to events: what the recorder and the import of bags have in common."""
+"""Message after message to events: what the recorder and the import of bags have in common.
+
+Floor plans, from nav_msgs/OccupancyGrid: each content once.
+
+The robot's rounds, from the status of the action that drives them, or from any marker.
+
+Messages that say how a door is, or shall be: Open-RMF's, and any sensor's.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from semmap_log.core.model.events import DoorObserved, Event
+import numpy as np
+
+from semmap_log.core.model.doors import MAX_LEVEL, DoorId, DoorState
+from semmap_log.core.model.events import (
+    DoorObserved,
+    DoorRequested,
+    Event,
+    FloorMap,
+    PatrolFinished,
+    PatrolStarted,
+)
 from semmap_log.errors import CommandError, SemmapError, UnknownLevelError
-from semmap_log.interop.formats.ros.ros_decoding import MessageType, decode_message
-from semmap_log.interop.formats.ros.ros_types import short_name
-from semmap_log.interop.topics.clicked_doors import ClickedDoors
-from semmap_log.interop.topics.door_maps import DoorMaps
-from semmap_log.interop.topics.floors import FloorMaps
-from semmap_log.interop.topics.known import Known
+from semmap_log.interop.formats.parsing.problems import shown
+from semmap_log.interop.formats.ros.ros_types import MessageType, decode_message, short_name
+from semmap_log.interop.topics.door_maps import ClickedDoors, DoorMaps
 from semmap_log.interop.topics.lasers.laser_topics import LaserScans, RobotFrames, RobotPlaces
 from semmap_log.interop.topics.lasers.lasers import Lasers, RobotScan
 from semmap_log.interop.topics.robot_poses import PoseFilter, Poses, Transforms
-from semmap_log.interop.topics.round_topics import Rounds
-from semmap_log.interop.topics.state_topics import RmfRequests, RmfStates, SensorReader
-from semmap_log.interop.topics.topic_problems import TopicProblems
-from semmap_log.interop.topics.topic_reader import Context, TopicMessage, TopicReader
+from semmap_log.interop.topics.topic_reader import (
+    Context,
+    DoorsByName,
+    Known,
+    TopicMessage,
+    TopicProblems,
+    TopicReader,
+    field_of,
+    yaw_of,
+)
 from semmap_log.interop.topics.topic_rules import (
     ONLY_TYPES,
+    Accuracy,
     ReadClicks,
     ReadDoorMap,
     ReadFloorMap,
@@ -38,6 +60,7 @@ from semmap_log.interop.topics.topic_rules import (
     RosMapping,
     TopicRule,
 )
+from semmap_log.log.door_log.rebasing import are_same
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,3 +194,313 @@ _PLACING = (ReadScan, ReadFrames, ReadPlace, ReadTransforms, ReadPose)
 
 _TELLING = (SemmapError, ValueError, OverflowError)
 """Errors whose text says enough without their type."""
+
+
+_NEW_LEVEL = re.compile(f"[0-9]{{1,{len(str(MAX_LEVEL))}}}")
+
+MOST_CELLS = 100_000_000
+
+
+class FloorMaps:
+    """Reads a map's topic."""
+
+    def __init__(self, topic: str, rule: ReadFloorMap, context: Context) -> None:
+        self._topic = topic
+        self._context = context
+        self._level = _level(rule.level, context)
+
+    def events(self, got: TopicMessage) -> Iterator[Event]:
+        """Return the floor plan, unless it is the one that is known."""
+        frame = got.message.header.frame_id.removeprefix("/")
+        if frame != self._context.mapping.map_frame:
+            self._context.complaints.add(
+                self._topic,
+                f"a map in another frame than {self._context.mapping.map_frame}; passed over",
+                shown(frame),
+            )
+            return
+        drawn = replace(self._drawn(got), happened_ns=None)
+        known = self._context.known.floor_maps.get(self._level)
+        if known is None or not are_same([drawn], [known]):
+            yield replace(drawn, happened_ns=self._context.happened_ns(got))
+
+    def actor(self, _got: TopicMessage) -> str:
+        """Return nobody."""
+        return ""
+
+    def _drawn(self, got: TopicMessage) -> FloorMap:
+        info = got.message.info
+        cells = np.asarray(got.message.data, np.int8)
+        if cells.size != info.width * info.height or not 0 < cells.size <= MOST_CELLS:
+            raise ValueError(f"{cells.size:,} cells for a map of {info.width} x {info.height}")
+        return FloorMap(
+            level=self._level,
+            resolution=float(info.resolution),
+            origin_x=info.origin.position.x,
+            origin_y=info.origin.position.y,
+            origin_theta=yaw_of(info.origin.orientation),
+            cells=cells.reshape(info.height, info.width),
+        )
+
+
+def _level(text: str | None, context: Context) -> int:
+    """Return the level that is drawn; a number may be that of a new one.
+
+    Raises:
+        UnknownLevelError: There is none of that name, or there are several.
+    """
+    if text is not None and _NEW_LEVEL.fullmatch(text) and int(text) <= MAX_LEVEL:
+        return int(text)
+    return context.level(text)
+
+
+_RUNNING = {1: frozenset({1, 6}), 2: frozenset({2, 3})}
+"""By the ROS: ACTIVE, PREEMPTING of actionlib_msgs/GoalStatus; EXECUTING, CANCELING of
+action_msgs/GoalStatus."""
+
+
+class Rounds:
+    """Reads what marks rounds: a round begins where another began before, and that one is over.
+
+    Of an action's status: a round is a goal that runs, and over once it does not any more, however
+    it ended. Nav2's FollowWaypoints and move_base are such actions.
+    """
+
+    def __init__(self, rule: ReadPatrol, context: Context) -> None:
+        self._rule = rule
+        self._context = context
+        self._goal: bytes | None = None
+        """Whose round is under way; None: nobody's that an action's status told of."""
+
+    def events(self, got: TopicMessage) -> Iterator[Event]:
+        """Return the beginning or the end of a round."""
+        happened_ns = self._context.happened_ns(got)
+        status_list = getattr(got.message, "status_list", None)
+        if status_list is not None:
+            yield from self._of_status(status_list, happened_ns)
+            return
+        value = field_of(got.message, self._rule.path)
+        if _is_among(value, self._rule.starts):
+            yield from self._begin(happened_ns)
+        elif _is_among(value, self._rule.finishes):
+            yield from self._end(happened_ns)
+        else:
+            self._context.complaints.add(
+                got.topic, "a value that marks no round; passed over", shown(value)
+            )
+
+    def actor(self, _got: TopicMessage) -> str:
+        """Return nobody."""
+        return ""
+
+    def _of_status(self, status_list: object, happened_ns: int | None) -> Iterator[Event]:
+        running = set()
+        for each in status_list:  # type: ignore[attr-defined]
+            is_ros2 = hasattr(each, "goal_info")
+            goal = bytes(each.goal_info.goal_id.uuid) if is_ros2 else each.goal_id.id.encode()
+            if each.status in _RUNNING[2 if is_ros2 else 1]:
+                running.add(goal)
+        if self._goal is not None and self._goal not in running:
+            self._goal = None
+            yield from self._end(happened_ns)
+        if self._goal is None and running:
+            self._goal = min(running)
+            yield from self._begin(happened_ns)
+
+    def _begin(self, happened_ns: int | None) -> Iterator[Event]:
+        yield from self._end(happened_ns)
+        yield PatrolStarted(patrol=self._context.known.last_started + 1, happened_ns=happened_ns)
+
+    def _end(self, happened_ns: int | None) -> Iterator[Event]:
+        known = self._context.known
+        if known.last_started > known.last_finished:
+            yield PatrolFinished(patrol=known.last_started, happened_ns=happened_ns)
+
+
+def _is_among(value: object, marks: tuple[object, ...]) -> bool:
+    """Tell whether a value is one of the marks: true is not 1."""
+    kind = isinstance(value, bool)
+    return any(value == mark and kind == isinstance(mark, bool) for mark in marks)
+
+
+RMF_MODES = {
+    0: DoorState.CLOSED,
+    1: DoorState.MOVING,
+    2: DoorState.OPEN,
+    3: DoorState.OFFLINE,
+    4: DoorState.UNKNOWN,
+}
+"""rmf_door_msgs/DoorMode."""
+
+
+@dataclass(slots=True)
+class SightingMaker:
+    """Makes sightings of one topic, and leaves out those that repeat."""
+
+    accuracy: Accuracy
+    repeats: RepeatFilter
+
+    def of(
+        self, door: DoorId, state: DoorState, got: TopicMessage, happened_ns: int | None
+    ) -> Iterator[Event]:
+        """Yield the sighting, unless it repeats the one before."""
+        at_ns = got.received_ns if happened_ns is None else happened_ns
+        if not self.repeats.is_repeat(door, state, at_ns):
+            yield DoorObserved(
+                door_id=door,
+                state=state,
+                accuracy_open=self.accuracy.open,
+                accuracy_closed=self.accuracy.closed,
+                happened_ns=happened_ns,
+            )
+
+
+@dataclass(slots=True)
+class RepeatFilter:
+    """Tells what only says again what was said a moment ago."""
+
+    within_ns: int
+    _last: dict[tuple[DoorId, str], tuple[DoorState, int]] = field(default_factory=dict)
+    """Door and sayer -> the state that was kept last, and when."""
+
+    def is_repeat(self, door: DoorId, state: DoorState, at_ns: int, sayer: str = "") -> bool:
+        """Tell whether it can be left out; what cannot is remembered as kept."""
+        last = self._last.get((door, sayer))
+        if last is not None and last[0] == state and 0 <= at_ns - last[1] < self.within_ns:
+            return True
+        self._last[door, sayer] = (state, at_ns)
+        return False
+
+
+class RmfStates:
+    """Reads rmf_door_msgs/DoorState."""
+
+    def __init__(self, topic: str, rule: ReadRmfState, context: Context) -> None:
+        self._doors = _RmfDoors(topic, rule, context)
+        self._sightings = SightingMaker(
+            rule.accuracy, RepeatFilter(int(context.mapping.repeats_s * 1e9))
+        )
+
+    def events(self, got: TopicMessage) -> Iterator[Event]:
+        """Return a sighting, unless it repeats the last one."""
+        said = self._doors.said(got, got.message.current_mode, got.message.door_time)
+        yield from said.new
+        if said.door is not None:
+            yield from self._sightings.of(said.door, said.state, got, said.happened_ns)
+
+    def actor(self, _got: TopicMessage) -> str:
+        """Return nobody."""
+        return ""
+
+
+class RmfRequests:
+    """Reads rmf_door_msgs/DoorRequest; one that is sent again and again is kept once in a while."""
+
+    def __init__(self, topic: str, rule: ReadRmfRequest, context: Context) -> None:
+        self._doors = _RmfDoors(topic, rule, context)
+        self._repeats = RepeatFilter(int(context.mapping.repeats_s * 1e9))
+
+    def events(self, got: TopicMessage) -> Iterator[Event]:
+        """Return a request, unless the same one asked for the same a moment ago."""
+        said = self._doors.said(got, got.message.requested_mode, got.message.request_time)
+        yield from said.new
+        if said.door is None:
+            return
+        at_ns = got.received_ns if said.happened_ns is None else said.happened_ns
+        if not self._repeats.is_repeat(said.door, said.state, at_ns, self.actor(got)):
+            yield DoorRequested(door_id=said.door, state=said.state, happened_ns=said.happened_ns)
+
+    def actor(self, got: TopicMessage) -> str:
+        """Return who asked."""
+        return str(got.message.requester_id).replace("\0", "")
+
+
+class SensorReader:
+    """Reads a field of a message as the state of one door."""
+
+    def __init__(self, topic: str, rule: ReadSensor, context: Context) -> None:
+        self._rule = rule
+        self._context = context
+        self._doors = DoorsByName(topic, context, rule.unknown, rule.level)
+        self._sightings = SightingMaker(
+            rule.accuracy, RepeatFilter(int(context.mapping.repeats_s * 1e9))
+        )
+
+    def events(self, got: TopicMessage) -> Iterator[Event]:
+        """Return a sighting, unless it repeats the last one."""
+        value = field_of(got.message, self._rule.path)
+        state = self._state(value)
+        if state is None:
+            self._context.complaints.add(
+                got.topic, "a value that means no state; passed over", shown(value)
+            )
+            return
+        stamp = getattr(getattr(got.message, "header", None), "stamp", None)
+        happened_ns = self._context.happened_ns(got, stamp)
+        door, new = self._doors.find(self._rule.door, happened_ns)
+        yield from new
+        if door is not None:
+            yield from self._sightings.of(door, state, got, happened_ns)
+
+    def actor(self, _got: TopicMessage) -> str:
+        """Return nobody."""
+        return ""
+
+    def _state(self, value: Any) -> DoorState | None:
+        rule = self._rule
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            if value > rule.open_above:
+                return DoorState.OPEN
+            if value < rule.closed_below:
+                return DoorState.CLOSED
+        if rule.states:
+            return rule.states.get(value) if isinstance(value, (str, int, float)) else None
+        if isinstance(value, bool):
+            return DoorState.OPEN if value else DoorState.CLOSED
+        if isinstance(value, str):
+            return DoorState.__members__.get(value.strip().upper())
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class _Said:
+    """What a message of Open-RMF says of a door."""
+
+    door: DoorId | None = None
+    """None: of no door that is read."""
+    state: DoorState = DoorState.UNKNOWN
+    happened_ns: int | None = None
+    new: Sequence[Event] = ()
+    """What makes the door known, before anything is said of it."""
+
+
+class _RmfDoors:
+    """Finds the door, the state and the time of Open-RMF's messages."""
+
+    def __init__(self, topic: str, rule: ReadRmfState | ReadRmfRequest, context: Context) -> None:
+        self._ours = rule.doors
+        self._context = context
+        self._doors = DoorsByName(topic, context, rule.unknown, rule.level)
+
+    def said(self, got: TopicMessage, mode: Any, stamp: Any) -> _Said:
+        """Return what a message says; what it says amiss is complained about.
+
+        Args:
+            got: The message.
+            mode: Its rmf_door_msgs/DoorMode.
+            stamp: Its time.
+        """
+        state, name = RMF_MODES.get(int(mode.value)), str(got.message.door_name)
+        happened_ns = self._context.happened_ns(got, stamp)
+        if state is None:
+            kind = "a door mode that Open-RMF does not have; passed over"
+            self._context.complaints.add(got.topic, kind, int(mode.value))
+            return _Said()
+        if not name or "\0" in name:
+            kind = "a door without a name; passed over"
+            self._context.complaints.add(got.topic, kind, shown(name))
+            return _Said()
+        door, new = self._doors.find(
+            self._ours.get(name, name), happened_ns, or_id=name in self._ours
+        )
+        return _Said(door, state, happened_ns, new)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from semmap_log.core.io.shipped_files import copy_folder
+from semmap_log.core.io.disk import copy_folder
 from semmap_log.errors import OutputError
 
 NAME = "semantic_map_oprs"

@@ -2,30 +2,51 @@
 
 It knows no socket. What is true now is held in memory and taken anew at each change. Questions of
 the past replay the log; their answers are remembered until it changes. Several threads may ask.
+
+Questions that wait until a door is in a state.
+
+What planners want done: each action one commit, and T once it lasts.
 """
 
 from __future__ import annotations
 
+import os
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.model.doors import DoorId
-from semmap_log.core.model.events import Retracted
+from semmap_log.core.model.commits import Note
+from semmap_log.core.model.doors import DoorId, DoorMap, DoorState
+from semmap_log.core.model.events import DoorRemoved, DoorUpdated, Event, Retracted
+from semmap_log.core.model.meaning import Changed
 from semmap_log.core.model.moments import Moment, format_wall
-from semmap_log.errors import MomentError, QuestionError, SemmapError, UnknownDoorError
+from semmap_log.errors import (
+    CommandError,
+    MomentError,
+    QuestionError,
+    SemmapError,
+    UnknownDoorError,
+)
 from semmap_log.interop.formats.parsing.problems import shown
-from semmap_log.live.planners.actions import AskedDoors, act
-from semmap_log.live.planners.asked import AskedQuestion
-from semmap_log.live.planners.door_view import DoorView, atom_of_state
-from semmap_log.live.planners.known_doors import KnownDoors
-from semmap_log.live.planners.likely_answers import LikelyAnswers
+from semmap_log.live.planners.asked import BY_NAME, QUESTIONS, AskedQuestion, QuestionKind, similar
+from semmap_log.live.planners.door_view import (
+    HOLDS,
+    STATE_QUESTIONS,
+    DoorView,
+    KnownDoors,
+    LikelyAnswers,
+    atom_of_state,
+    nothing,
+    state_answer,
+)
 from semmap_log.live.planners.question_lines import Answer, Value, as_word
-from semmap_log.live.planners.questions import BY_NAME, QUESTIONS, QuestionKind, similar
-from semmap_log.live.planners.state_answers import HOLDS, STATE_QUESTIONS, nothing, state_answer
-from semmap_log.live.planners.waits import Wait, Waits
+from semmap_log.live.ros.serving.door_server import when_ns
+from semmap_log.log.door_log.door_commands import content_of
 from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.log.door_log.known_later import known_later
 from semmap_log.log.door_log.state_reason import what_set
 from semmap_log.log.replay.replay import Scope
@@ -270,3 +291,152 @@ def _why(log: DoorLog, view: DoorView, asked: AskedQuestion, scope: Scope) -> An
     when = format_wall(entry.folds_ns, log.info.timezone)
     who: list[Value] = [entry.actor, entry.source, entry.reason]
     return Answer([entry.number, entry.kind, atom_of_state(door), when, *who])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wait:
+    """A question that waits."""
+
+    door: str
+    state: DoorState
+    done: Callable[[Answer], None]
+    """Told the answer, once, by whichever thread has it first."""
+
+    def answer_in(self, view: DoorView) -> Answer | None:
+        """Return the answer that the doors as they are give; None: wait on."""
+        try:
+            return Answer(value=True) if view.door(self.door).state is self.state else None
+        except UnknownDoorError as error:
+            return Answer(value=False, reason=str(error))
+
+
+class Waits:
+    """All that wait; may be used by several threads."""
+
+    def __init__(self) -> None:
+        self._waiting: set[Wait] = set()
+        self._mutex = threading.Lock()
+
+    def add(self, wait: Wait) -> None:
+        """Let it wait; who adds it looks at the doors as they are after that."""
+        with self._mutex:
+            self._waiting.add(wait)
+
+    def doors(self) -> set[str]:
+        """Return the doors that are waited for, as they were called."""
+        with self._mutex:
+            return {wait.door for wait in self._waiting}
+
+    def look(self, view: DoorView) -> None:
+        """Answer those that need to wait no longer."""
+        with self._mutex:
+            waiting = list(self._waiting)
+        for wait in waiting:
+            answer = wait.answer_in(view)
+            if answer is not None:
+                self.end(wait, answer)
+
+    def end(self, wait: Wait, answer: Answer) -> None:
+        """Answer it, unless it was answered."""
+        with self._mutex:
+            if wait not in self._waiting:
+                return
+            self._waiting.remove(wait)
+        wait.done(answer)
+
+
+ACTOR = "planner"
+
+
+class AskedDoors(Protocol):
+    """The doors that planners ask about: a `DoorServer`, or a `DoorFollower`."""
+
+    @property
+    def log(self) -> DoorLog:
+        """The log, with all that is written now."""
+
+    def door_map(self) -> DoorMap:
+        """Return the doors as they are now."""
+
+    def append(
+        self,
+        make: Callable[[DoorLogWriter], list[Event]],
+        *,
+        note: Note,
+        command_id: bytes,
+        content: bytes,
+    ) -> int | None:
+        """Append what `make` gives, once, as one commit that lasts."""
+
+
+def act(doors: AskedDoors, asked: AskedQuestion, client: str = "") -> None:
+    """Do what is asked; it lasts, as the log's durability promises, when this returns.
+
+    What the map is already needs no event. With a command id one is stored all the same: sent
+    again, later, the command must be known.
+
+    Args:
+        doors: Of the log.
+        asked: An action.
+        client: Who asks, for the note.
+
+    Raises:
+        SemmapError: It is not done, or nobody knows; the message says why.
+    """
+    name = asked.question.name
+    given = asked.command_id
+    note = Note(
+        actor=ACTOR,
+        source=f"{name} from {client}" if client else name,
+        correlation="" if given is None else given.hex(),
+    )
+    doors.append(
+        lambda log: _events(log, asked),
+        note=note,
+        command_id=os.urandom(16) if given is None else given,
+        content=content_of(name, asked.doors, asked.number),
+    )
+
+
+def _events(log: DoorLogWriter, asked: AskedQuestion) -> list[Event]:
+    """Return what an action means for the log as it stands; the log is held meanwhile."""
+    door = DoorView(log.door_map()).door(asked.doors[0])
+    happened_ns = when_ns(log)
+    if asked.question.name == "REMOVE_DOOR":
+        return [DoorRemoved(door_id=door.door_id, happened_ns=happened_ns)]
+    changed, field, value = _set_by(asked)
+    if getattr(door, field) == value and asked.command_id is None:
+        return []
+    values: dict[str, Any] = {field: value}
+    return [
+        DoorUpdated(
+            door_id=door.door_id,
+            changed=changed,
+            level=door.level,
+            happened_ns=happened_ns,
+            **values,
+        )
+    ]
+
+
+def _set_by(asked: AskedQuestion) -> tuple[Changed, str, DoorState | float]:
+    """Return the part of a door that an action sets, its field, and what it becomes.
+
+    Raises:
+        CommandError: A probability that is none.
+    """
+    changed, field, value = _SETS[asked.question.name]
+    if value is not None:
+        return changed, field, value
+    if not 0 <= asked.number <= 1:  # neither is NaN
+        raise CommandError(f"expected a probability from 0 to 1, got {asked.number!r}.")
+    return changed, field, asked.number
+
+
+_SETS: Mapping[str, tuple[Changed, str, DoorState | None]] = {
+    "SET_DOOR_OPEN": (Changed.STATE, "state", DoorState.OPEN),
+    "SET_DOOR_CLOSED": (Changed.STATE, "state", DoorState.CLOSED),
+    "SET_OPEN_PROBABILITY": (Changed.PROB_OPEN, "prob_open", None),
+    "SET_CLOSED_PROBABILITY": (Changed.PROB_CLOSED, "prob_closed", None),
+}
+"""Action -> part, field and value; None: the number that is asked for."""

@@ -14,9 +14,8 @@ from semmap_log.core.model.doors import DoorState
 from semmap_log.core.texts import counted
 from semmap_log.errors import CommandError, RosError, UnknownDoorError
 from semmap_log.interop.formats.ros.ros_types import decoded, log_type
-from semmap_log.live.ros.action_names import action_name
-from semmap_log.live.ros.ros_node import GoalAnswer, Received, RosNode, Values
-from semmap_log.live.ros.serving.served_doors import DOOR_DB, MARKERS_NAME
+from semmap_log.live.ros.ros_node import GoalAnswer, Received, RosNode, Values, action_name
+from semmap_log.live.ros.serving.served_topics import DOOR_DB, MARKERS_NAME
 
 REASON_WITHIN_S = 3.0
 """How long to listen for why a goal was aborted, where results do not say it (ROS 2)."""

@@ -26,17 +26,16 @@ from semmap_log.errors import (
     LogPoisonedError,
     SemmapError,
 )
-from semmap_log.interop.formats.json.event_json import means_same
+from semmap_log.interop.formats.json.door_json import means_same
 from semmap_log.interop.formats.json.event_json_reader import (
     DoorLookup,
     ParsedLine,
     command_id_of,
     parse_event_line,
 )
-from semmap_log.interop.formats.parsing.file_order import FileOrder
+from semmap_log.interop.formats.parsing.foreign_file import FileOrder
 from semmap_log.interop.formats.parsing.strict_json import load_object
-from semmap_log.log.door_log.appended import Appended
-from semmap_log.log.door_log.appender import POSES_WAIT_S
+from semmap_log.log.door_log.appended import POSES_WAIT_S, Appended
 from semmap_log.log.door_log.door_commands import content_of
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 

@@ -12,8 +12,7 @@ from threading import Event
 from semmap_log.core.model.keywords import knows_its_keywords
 from semmap_log.interop.exporting.stream import LogStream, StreamMessage
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
-from semmap_log.interop.formats.ros.ros_messages import Messages
-from semmap_log.interop.formats.ros.ros_types import CLOCK, encoded
+from semmap_log.interop.formats.ros.ros_types import CLOCK, Messages, encoded
 from semmap_log.live.ros.ros_node import Publisher, RosNode
 
 CLOCK_TOPIC = BagTopic("/clock", CLOCK, is_latched=False)

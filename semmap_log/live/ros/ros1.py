@@ -16,15 +16,19 @@ from typing import Any
 from semmap_log.errors import RosError
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
 from semmap_log.interop.formats.ros.ros_types import RosVersion, long_name
-from semmap_log.live.ros.ros1_actions import caller_of, given_id, patient_server_class
-from semmap_log.live.ros.ros1_links import (
+from semmap_log.live.ros.ros1_messages import message_module
+from semmap_log.live.ros.ros1_topics import (
+    Ros1Publisher,
+    caller_of,
+    given_id,
+    is_sending,
     make_each_link_once,
+    patient_server_class,
+    stay_known,
     wait_for_listener,
     wait_for_server,
     wait_to_be_sent_results,
 )
-from semmap_log.live.ros.ros1_messages import message_module
-from semmap_log.live.ros.ros1_topics import Ros1Publisher, is_sending, stay_known
 from semmap_log.live.ros.ros_node import (
     GOALS_AT_ONCE,
     TICK_S,

@@ -11,11 +11,13 @@ from typing import Any
 from semmap_log.errors import RosError
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
 from semmap_log.interop.formats.ros.ros_types import RosVersion
-from semmap_log.live.ros.ros2_actions import action_class, callers_of, patient_server_class
 from semmap_log.live.ros.ros2_topics import (
     MatchedReader,
     Ros2Publisher,
+    action_class,
+    callers_of,
     message_class,
+    patient_server_class,
 )
 from semmap_log.live.ros.ros_node import (
     GOALS_AT_ONCE,

@@ -2,6 +2,13 @@
 
 Messages cross this line as the bytes that ROS sends, so that `formats` reads and writes live topics
 as it does bags. Goals and results cross it as plain values, by the names in the .action files.
+
+How the servers of the thesis's four actions are called; the thesis itself does not say.
+
+Each name is relative, so that it follows the node's namespace, and a private parameter of server
+and client, so that both fit a robot on which they are called otherwise.
+
+The ROS package that comes with this one, copied into somebody's workspace.
 """
 
 from __future__ import annotations
@@ -9,10 +16,97 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib.resources import as_file, files
+from pathlib import Path
 from typing import Any, Protocol
 
+from semmap_log.core.io.disk import copy_folder, whole_folder
+from semmap_log.errors import OutputError
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
 from semmap_log.interop.formats.ros.ros_types import RosVersion
+from semmap_log.live.ros.ros1_messages import generate
+
+DEFAULTS = {
+    "AddDoor": "lta_semantic_map/add_door",
+    "UpdateDoor": "lta_semantic_map/update_door",
+    "RemoveDoor": "lta_semantic_map/remove_door",
+    "SaveDoorDB": "lta_semantic_map/save_door_db",
+}
+"""Action -> its server's name."""
+
+PARAMETERS = {
+    "AddDoor": "add_door",
+    "UpdateDoor": "update_door",
+    "RemoveDoor": "remove_door",
+    "SaveDoorDB": "save_door_db",
+}
+"""Action -> the parameter that says another: `_add_door:=doors/add`, `-p add_door:=doors/add`."""
+
+
+def action_name(node: RosNode, action: str) -> str:
+    """Return the name of an action's server, as the node's parameters have it."""
+    return str(node.parameter(PARAMETERS[action], DEFAULTS[action]))
+
+
+NAME = "lta_semantic_map"
+COMPILED = "__pycache__"
+"""What installers put beside launch files."""
+
+
+def write_ros_package(workspace_src: Path) -> tuple[Path, bool]:
+    """Copy the package, whole or not at all.
+
+    Args:
+        workspace_src: The `src` folder of a catkin or colcon workspace.
+
+    Returns:
+        Where it is, and whether it was written now: the same files are left as they are.
+
+    Raises:
+        OutputError: There is no such folder, something else bears the package's name in it, or it
+            cannot be written.
+    """
+    target = workspace_src / NAME
+    if not workspace_src.is_dir():
+        raise OutputError(f"{workspace_src}: no such folder; expected a workspace's src.")
+    with as_file(files("semmap_log") / "live" / "robot_files" / NAME) as package:
+        return target, copy_folder(
+            package, target, kind="package", made=(COMPILED,), finish=_let_run_scripts
+        )
+
+
+def write_ros1_messages(folder: Path) -> tuple[Path, bool]:
+    """Write the package's messages as Python modules, for ROS 1 without a workspace.
+
+    Args:
+        folder: Is to be on PYTHONPATH where they are used; made if it is not there.
+
+    Returns:
+        Where they are, and whether they were written now: modules that are there are left.
+
+    Raises:
+        RosError: genpy is not here.
+        OutputError: Something else bears the package's name in the folder.
+    """
+    target = folder / NAME
+    if target.exists():
+        if not (target / "msg" / "_DoorMap.py").is_file():
+            raise OutputError(f"{target}: is there already, and has no messages of ROS 1 in it.")
+        return target, False
+    folder.mkdir(parents=True, exist_ok=True)
+    with (
+        as_file(files("semmap_log") / "live" / "robot_files" / NAME) as package,
+        whole_folder(target) as temporary,
+    ):
+        generate(package, into=temporary.parent)
+    return target, True
+
+
+def _let_run_scripts(package: Path) -> None:
+    """Make the scripts programs: an installer may have dropped that they are."""
+    for script in (package / "scripts").iterdir():
+        script.chmod(0o755)
+
 
 GOALS_AT_ONCE = 8
 """Goals that run at the same time share the syncs of their commits."""

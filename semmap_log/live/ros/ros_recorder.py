@@ -20,14 +20,10 @@ from semmap_log.core.model.commits import Durability, Note
 from semmap_log.core.model.events import Event
 from semmap_log.core.texts import counted
 from semmap_log.errors import CommandError, InvalidEventError, RosError
-from semmap_log.interop.formats.ros.ros_decoding import MessageType
-from semmap_log.interop.formats.ros.ros_types import RosVersion, short_name
-from semmap_log.interop.topics.known import Known
+from semmap_log.interop.formats.ros.ros_types import MessageType, RosVersion, short_name
 from semmap_log.interop.topics.lasers.lasers import RobotScan
-from semmap_log.interop.topics.lasers.scan_keeper import ScanKeeper
-from semmap_log.interop.topics.lasers.scan_watch import ScanWatch
-from semmap_log.interop.topics.lasers.visit_events import VisitCommit
-from semmap_log.interop.topics.topic_problems import TopicProblems
+from semmap_log.interop.topics.lasers.scan_keeper import ScanKeeper, ScanWatch, VisitCommit
+from semmap_log.interop.topics.topic_reader import Known, TopicProblems
 from semmap_log.interop.topics.topic_rules import EXPECTED_TOPICS, RosMapping, TopicRule
 from semmap_log.interop.topics.translator import Translator
 from semmap_log.live.ros.ros_node import Received, RosNode

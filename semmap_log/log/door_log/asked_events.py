@@ -9,11 +9,10 @@ from semmap_log.core.folds.history import HistoryEntry, history
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.moments import Moment
 from semmap_log.log.replay.change_finder import ChangeFinder
-from semmap_log.log.replay.read_model.events_about import events_about
-from semmap_log.log.replay.read_model.segment_tables import SegmentTables
-from semmap_log.store.pages import Page
-from semmap_log.store.reading.note_sources import SaidFinder
+from semmap_log.log.replay.read_model.events_about import SegmentTables, events_about
+from semmap_log.store.kind_bits import Page
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_reading import SaidFinder
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
 

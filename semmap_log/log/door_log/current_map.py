@@ -1,27 +1,324 @@
-"""The map as it stands, while a log is written: what commands are made of and checked against."""
+"""The map as it stands, while a log is written: what commands are made of and checked against.
+
+What commands say of objects that are no doors: their class, their place, their states.
+
+Commands: what a log is asked to append, as values.
+
+A command tells who asks and why, and makes its events of the map as it stands when its turn has
+come: one that is sent again may speak of a door that it has removed itself.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import PurePath
 from threading import RLock
+from typing import NamedTuple, TypeAlias
 from weakref import WeakMethod
 
+from semmap_log.core.batches.event_batch import EventBatch, one_by_one
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.io.clock import believable_ns
-from semmap_log.core.model.commits import Commit
+from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
 from semmap_log.core.model.doors import DoorId, DoorMap
-from semmap_log.core.model.events import Event, RobotPose, is_whole_number
-from semmap_log.errors import InvalidEventError, UnexpectedEventError, UnknownDoorError
-from semmap_log.log.door_log.door_index import DoorIndex
-from semmap_log.log.door_log.door_names import resolve_door
+from semmap_log.core.model.events import ClassDefined, Event, RobotPose, is_whole_number
+from semmap_log.core.model.object_classes import (
+    CLASS,
+    DOOR,
+    LEAST_CORNERS,
+    OUTLINE,
+    Corners,
+    DoorState,
+    Geometry,
+    ObjectClass,
+    outline_text,
+    outline_told,
+)
+from semmap_log.errors import (
+    CommandError,
+    InvalidEventError,
+    UnexpectedEventError,
+    UnknownDoorError,
+)
+from semmap_log.log.door_log.door_index import (
+    DoorIndex,
+    removed_called,
+    resolve_door,
+    several_removed,
+)
 from semmap_log.log.door_log.known_past import KnownPast
-from semmap_log.log.door_log.removed_doors import removed_called, several_removed
+from semmap_log.log.door_log.rebasing import are_same
 from semmap_log.log.door_log.times import Time, happened_ns_of
-from semmap_log.log.replay.written_state import WrittenState
+from semmap_log.log.replay.care import WrittenState
+from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing.writer_opening import OpenedLog
+
+DIGITS = 9
+"""Of the corners of an outline that is stored: nanometres."""
+
+
+@dataclass(frozen=True, slots=True)
+class NewPlace:
+    """Where an object is: start, direction and length of its line; NaN: it is unplaced."""
+
+    x: float
+    y: float
+    theta: float
+    width: float
+
+    def of(self, kind: ObjectClass, outline: Corners) -> tuple[NewPlace, str]:
+        """Return where an object of a class is, and the annotation of its outline; "": it has none.
+
+        Args:
+            kind: Its class. A point and a polygon have no width, and need no direction.
+            outline: The corners of a polygon, metres, frame `map`. Where no place is given, the
+                first is its place.
+
+        Raises:
+            CommandError: A polygon without an outline, or one for what is no polygon.
+        """
+        if kind.geometry is not Geometry.POLYGON and outline:
+            raise CommandError(f"an outline is for polygons; a {kind.name} is a "
+                               f"{kind.geometry.value}.")  # fmt: skip
+        if kind.geometry is Geometry.SEGMENT:
+            return self, ""
+        if kind.geometry is Geometry.POLYGON and len(outline) < LEAST_CORNERS:
+            raise CommandError(
+                f"a {kind.name} is a polygon: expected an outline of at least {LEAST_CORNERS} "
+                f"corners, got {len(outline)}."
+            )
+        if outline:
+            check_outline(outline_text(outline))
+        x, y = (self.x, self.y) if outline == () or not math.isnan(self.x) else outline[0]
+        if math.isnan(x):
+            return self, ""
+        place = NewPlace(x, y, 0.0 if math.isnan(self.theta) else self.theta, 0.0)
+        return place, outline_text([place.seen(corner) for corner in outline])
+
+    def seen(self, point: tuple[float, float]) -> tuple[float, float]:
+        """Return a point of the frame `map` in the object's own frame, metres."""
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        x, y = point[0] - self.x, point[1] - self.y
+        return round(cos * x + sin * y, DIGITS) + 0.0, round(cos * y - sin * x, DIGITS) + 0.0
+
+
+def class_meant(name: str, now: CurrentMap) -> ObjectClass:
+    """Return the class of that name; "" and `door`: that of doors.
+
+    Raises:
+        CommandError: None is defined that is called so.
+    """
+    known = now.door_index.classes
+    if name in ("", DOOR.name):
+        return DOOR
+    if name not in known:
+        defined = f"defined are: {', '.join(sorted(known))}" if known else "none is defined"
+        raise CommandError(f"no class {name!r}; {defined}. `define` defines one.")
+    return known[name]
+
+
+def state_meant(state: DoorState | str, of: ObjectClass) -> DoorState:
+    """Return the state that somebody means who speaks of an object of a class.
+
+    Args:
+        state: A state, or the class's word for it, or its name, in any case of letters.
+        of: The class.
+
+    Raises:
+        InvalidEventError: The class has no such state.
+    """
+    if isinstance(state, DoorState) and (of is DOOR or of.has(state)):
+        return state
+    try:
+        return of.state(state if isinstance(state, str) else state.name)
+    except ValueError:
+        got = state if isinstance(state, str) else state.name
+        raise InvalidEventError("state", f"one of {of.words_told}", got) from None
+
+
+def class_of(door_id: DoorId, now: CurrentMap) -> ObjectClass:
+    """Return what an object is; of what is not in the map: a door."""
+    known = now.state.door(door_id) if now.door_index.classes else None
+    return known.object_class if known else DOOR
+
+
+def defined_by_then(
+    kind: ObjectClass, happened_ns: int | None, now: CurrentMap
+) -> Iterator[ClassDefined]:
+    """Yield the definition of a class once more where an object is of it before that was told."""
+    defined = None if kind.is_door else now.state.defined(kind.name)
+    if happened_ns is not None and defined is not None and happened_ns < defined[0]:
+        yield ClassDefined.of(kind, happened_ns)
+
+
+def check_annotation(key: str, value: str, now: CurrentMap) -> None:
+    """Return if something that makes an object what it is may be said so.
+
+    Raises:
+        CommandError: No class is called so, though there are others; or it is no outline.
+    """
+    if key == CLASS and value and now.door_index.classes:
+        class_meant(value, now)
+    if key == OUTLINE and value and now.door_index.classes:
+        check_outline(value)
+
+
+def check_outline(text: str) -> None:
+    """Return if an annotation tells an outline.
+
+    Raises:
+        CommandError: It tells none.
+    """
+    try:
+        outline_told(text)
+    except ValueError as error:
+        raise CommandError(f"outline: {error}") from None
+
+
+Events: TypeAlias = "Iterable[Event | EventBatch] | EventBatch"
+"""What can be appended: events, and batches of them, in any order."""
+
+
+class CommandContext(NamedTuple):
+    """When, who and why: what a command tells besides what it asks for."""
+
+    at: Time = None
+    """When it happened; None: when it is recorded."""
+    note: Note = Note()
+    """Who, with what, why."""
+    command_id: bytes | None = None
+    """16 bytes: the same command, sent again, is stored once."""
+    expected_event: int | None = None
+    """Number of the last event, as the caller knows it; -1: none; None: nothing is expected."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command(ABC):
+    """What is to be appended as one commit, all or none."""
+
+    context: CommandContext
+
+    @property
+    @abstractmethod
+    def content(self) -> bytes:
+        """Digest of what it asks for, 16 bytes, by which it is known when it is sent again."""
+
+    @abstractmethod
+    def events(self, now: CurrentMap) -> Iterable[Event | EventBatch]:
+        """Return its events, as the map stands.
+
+        Raises:
+            CommandError: The map forbids it.
+        """
+
+    def is_stored_as(self, commit: Commit, events: Sequence[Event]) -> bool:
+        """Tell whether a commit of its id is what it became.
+
+        Args:
+            commit: The commit.
+            events: All of its events.
+        """
+        del events
+        return commit.content == self.content
+
+    def is_sealed_as(self, stored: StoredCommand) -> bool:
+        """Tell whether a command of its id, of which something was taken out, is this one."""
+        return stored.has_content(self.content)
+
+    @property
+    def own_count(self) -> int | None:
+        """How many events it has; None: none of them is a pose, so that it shows."""
+        return None
+
+    def door_expected(self, events: Iterable[Event | EventBatch]) -> DoorId | None:
+        """Return of which door `expected_event` tells the last event; None: of the log.
+
+        Args:
+            events: Its own, as the map stands.
+        """
+        del events
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class GivenEvents(Command):
+    """Events that somebody has made; those of a command of theirs are compared, or a digest is."""
+
+    given: Iterable[Event | EventBatch]
+    content: bytes = NO_CONTENT
+
+    @classmethod
+    def of(
+        cls, events: Events, context: CommandContext, content: bytes = NO_CONTENT
+    ) -> GivenEvents:
+        """Return the command; its events are read at once only if they may have to be compared."""
+        given = [events] if isinstance(events, EventBatch) else events
+        if context.command_id is not None and content == NO_CONTENT and not isinstance(given, list):
+            given = list(given)
+        return cls(context, given, content)
+
+    def events(self, now: CurrentMap) -> Iterable[Event | EventBatch]:
+        """Return what was given."""
+        del now
+        return self.given
+
+    @property
+    def own_count(self) -> int | None:
+        """How many there are; None: they come one after the other."""
+        if not isinstance(self.given, Sequence) or not self.given:
+            return None
+        return sum(len(one) if isinstance(one, EventBatch) else 1 for one in self.given)
+
+    def is_stored_as(self, commit: Commit, events: Sequence[Event]) -> bool:
+        """Tell whether the digest is that of the commit; without one, the events and the note."""
+        if self.content != NO_CONTENT:
+            return commit.content == self.content
+        wanted = list(one_by_one(self.given))
+        return self.context.note == commit.note and are_same(wanted, events[-len(wanted) :])
+
+    def is_sealed_as(self, stored: StoredCommand) -> bool:
+        """Tell the same, by the digest, or by the events and the note."""
+        if self.content != NO_CONTENT or stored.seal is None:
+            return stored.has_content(self.content)
+        command_id = stored.commit.command_id
+        return stored.seal.fits(
+            command_id, NO_CONTENT, self.context.note, list(one_by_one(self.given))
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class MadeEvents(Command):
+    """Events that somebody makes when the command's turn has come; maybe none are wanted then."""
+
+    make: Callable[[], Sequence[Event]]
+    content: bytes
+
+    def events(self, now: CurrentMap) -> Sequence[Event]:
+        """Return what is made."""
+        del now
+        return self.make()
+
+
+@dataclass(frozen=True, slots=True)
+class TakenOver(Command):
+    """A commit of another log."""
+
+    make: Callable[[int], Iterable[Event | EventBatch]]
+    """Gives its events; is told the number that the first of them gets."""
+    content: bytes
+
+    def events(self, now: CurrentMap) -> Iterable[Event | EventBatch]:
+        """Return what is given."""
+        return self.make(now.next_event)
+
+
+WAITING_POSES = GivenEvents(CommandContext(), ())
+"""No events of its own: what waits is written."""
 
 
 class CurrentMap:

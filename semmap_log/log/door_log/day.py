@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from semmap_log.core.folds.time_shares import TimeShares, time_shares
-from semmap_log.core.folds.timeline import Times
+from semmap_log.core.folds.timeline import Times, TimeShares, time_shares
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.core.model.moments import HOUR_NS, Moment, format_local

@@ -2,16 +2,19 @@
 
 Each is known by a digest of its words when it is sent again, since what they mean may have changed
 meanwhile: a name, the next free id. The words, and their order, stay as they are for ever.
+
+The command by which a level has a new map, and the same asked without writing.
 """
 
 from __future__ import annotations
 
 import hashlib
 from abc import abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.model.commits import NO_CONTENT
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import (
@@ -25,6 +28,7 @@ from semmap_log.core.model.events import (
     DoorRequested,
     DoorUpdated,
     Event,
+    FloorMap,
     MomentPinned,
     PatrolFinished,
     PatrolStarted,
@@ -33,12 +37,12 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.core.model.meaning import PART_OF, Changed, changed
 from semmap_log.core.model.object_classes import CLASS, DOOR, OUTLINE, Corners
+from semmap_log.core.model.rigid_transform import RigidTransform
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CommandError
-from semmap_log.log.door_log.commands import Command
-from semmap_log.log.door_log.current_map import CurrentMap
-from semmap_log.log.door_log.last_patrol import last_patrol
-from semmap_log.log.door_log.new_objects import (
+from semmap_log.log.door_log.current_map import (
+    Command,
+    CurrentMap,
     NewPlace,
     check_annotation,
     class_meant,
@@ -46,6 +50,11 @@ from semmap_log.log.door_log.new_objects import (
     defined_by_then,
     state_meant,
 )
+from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log.door_log.last_patrol import last_patrol
+from semmap_log.log.door_log.rebasing import MapStates, MeasuredDoor, RebasePlan, plan_rebase
+from semmap_log.log.replay.replay import Scope, replay
+from semmap_log.store.reading.reader import LogReader
 
 
 def content_of(*words: object) -> bytes:
@@ -434,3 +443,87 @@ def _check_unused(now: CurrentMap, name: str, level: int, *, but: DoorId | None 
                 f"door {door.door_id} of that level is called {name!r} already; "
                 "choose another name."
             )
+
+
+DIGITS = 6
+"""A fit gives other last bits on another processor: the command is the same by micrometres."""
+
+
+@dataclass(frozen=True, slots=True)
+class RebaseMap(WordedCommand):
+    """A level is to have a new map, and its doors their places in it."""
+
+    floor: FloorMap
+    by: RigidTransform
+    measured: Mapping[DoorId | str, MeasuredDoor]
+    level: int | str | None
+
+    def words(self) -> tuple[object, ...]:
+        """Return the verb, and what it was given; of the map a digest of its cells."""
+        floor = self.floor
+        cells = (floor.cells.shape, hashlib.sha256(floor.cells.tobytes()).hexdigest())
+        lies = (floor.resolution, floor.origin_x, floor.origin_y, floor.origin_theta)
+        doors = sorted((str(door), tuple(at)) for door, at in self.measured.items())
+        by = [round(number, DIGITS) for number in self.by.as_list()]
+        return ("rebase", self.level or 0, lies, cells, by, doors)
+
+    def events(self, now: CurrentMap) -> list[Event]:
+        """Return the map, and each door's new place.
+
+        Raises:
+            CommandError: As for `plan_rebase`.
+            UnknownDoorError: A measured door is not known.
+        """
+        at_ns = happened_ns = self._happened(now)
+        if at_ns is None and now.state.latest_happened_ns > now.now_ns():
+            happened_ns = now.state.latest_happened_ns  # the clock went back: all comes before it
+        level = now.level_meant(self.level)
+        then = now.state if at_ns is None else replay(now.reader, Scope(at_ns=at_ns))
+        measured = {now.resolve(door): at for door, at in self.measured.items()}
+        event = _floor_event(then, level)
+        there = None if event is None else _floor(now.reader, event)
+        states = MapStates(then, now.state, there, now.path)
+        plan = plan_rebase(states, self.floor, self.by, measured, level=level)
+        return list(plan.events(happened_ns))
+
+
+def rebase_plan(
+    log: DoorLog,
+    floor: FloorMap,
+    by: RigidTransform,
+    measured: Mapping[DoorId, MeasuredDoor],
+    *,
+    level: int,
+    at_ns: int | None = None,
+    event: int | None = None,
+) -> RebasePlan:
+    """Return what `DoorLogWriter.rebase` would do to a log as it stands; nothing is written.
+
+    Args:
+        log: The log.
+        floor: The new map.
+        by: From the old map's frame to the new one's.
+        measured: Doors that were measured again, in the new map's frame.
+        level: The number of the level.
+        at_ns: When the new map comes; None: now.
+        event: Only events up to that number count; None: all.
+
+    Raises:
+        CommandError: As for `plan_rebase`.
+    """
+    now = log.state_in(Scope(event=event))
+    then = now if at_ns is None else log.state_in(Scope(at_ns=at_ns, event=event))
+    states = MapStates(then, now, log.floor_of(then.door_map(), level), log.path)
+    return plan_rebase(states, floor, by, measured, level=level)
+
+
+def _floor_event(state: DoorMapState, level: int) -> int | None:
+    known = state.door_map().levels.get(level)
+    return None if known is None else known.floor_map_event
+
+
+def _floor(reader: LogReader, number: int) -> FloorMap:
+    """Return the floor plan that an event carries."""
+    event = reader.event(number).event
+    assert isinstance(event, FloorMap)
+    return event

@@ -1,20 +1,32 @@
-"""Which doors and levels a log has, as far as commands must know it."""
+"""Which doors and levels a log has, as far as commands must know it.
+
+Which door a person means by what it is called.
+
+Which events of a batch can be wrong, and so must be looked at one by one.
+
+Doors that were removed, by what people call them.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 
 import numpy as np
+from numpy.typing import NDArray
 
+from semmap_log.core.batches.event_batch import EventBatch, distinct
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.levels import level_called, level_numbers, only_level
 from semmap_log.core.io.clock import MAX_TIME_NS
-from semmap_log.core.model.doors import DoorId, DoorMap, is_given, next_door_id
+from semmap_log.core.messages import OBJECT_KINDS
+from semmap_log.core.model.doors import MAX_DOOR_ID, DoorId, DoorMap, is_given, next_door_id
 from semmap_log.core.model.events import (
+    KINDS,
+    NO_LEVEL,
     ClassDefined,
     DoorAdded,
     DoorEvent,
@@ -23,13 +35,156 @@ from semmap_log.core.model.events import (
     Event,
     FloorMap,
     LevelAdded,
+    PatrolFinished,
+    PatrolStarted,
     Retracted,
+    RobotPose,
+    is_whole_number,
 )
-from semmap_log.core.model.meaning import Changed
+from semmap_log.core.model.meaning import PLACING, Changed, Presence
 from semmap_log.core.model.object_classes import ObjectClass
 from semmap_log.core.texts import command_line
-from semmap_log.errors import CommandError, DoorRemovedError, UnknownDoorError
-from semmap_log.log.door_log.removed_doors import told_absent, told_door
+from semmap_log.errors import CommandError, DoorRemovedError, InvalidEventError, UnknownDoorError
+
+MOST_ID_DIGITS = len(str(MAX_DOOR_ID))
+
+
+def _is_door_id(text: str) -> bool:
+    """Tell whether a text can be a door's id."""
+    return text.isdecimal() and len(text) <= MOST_ID_DIGITS
+
+
+def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
+    """Return the door that a person means by an id, `id:7`, a name, or level/name.
+
+    A text of digits can be a name, too; `id:7` is the id, whatever doors are called.
+
+    Raises:
+        UnknownDoorError: None, or more than one.
+        InvalidEventError: It is neither a text nor a whole number.
+    """
+    if not (isinstance(text, str) or is_whole_number(text)):
+        raise InvalidEventError("door", "an id, a name, or level/name", text)
+    if isinstance(text, str) and text.startswith(ID_PREFIX):
+        return _door_of_id(text, door_map)
+    doors = [door for door in door_map.doors.values() if text in (door.door_id, door.name)]
+    if not doors and isinstance(text, str) and "/" in text:
+        doors = [
+            door
+            for door in door_map.doors.values()
+            if door.name and f"{door_map.level_name(door.level)}/{door.name}" == text
+        ]
+    if isinstance(text, str) and _is_door_id(text):
+        numbered = door_map.doors.get(DoorId(int(text)))
+        doors += [numbered] if numbered and numbered not in doors else []
+    if len(doors) == 1:
+        return doors[0].door_id
+    if doors:
+        which = ", ".join(
+            f"{door_map.level_name(door.level)}/{door.label} (id {door.door_id})" for door in doors
+        )
+        ids = which_id([door.door_id for door in doors])
+        raise UnknownDoorError(
+            f"{text!r} can mean {len(doors)} doors: {which}; say which by {ids}."
+        )
+    if not isinstance(text, str) or _is_door_id(text):
+        raise UnknownDoorError(told_absent(int(text)))
+    raise UnknownDoorError(f"no door is called {text!r}.{_similar(str(text), door_map)}")
+
+
+def _door_of_id(text: str, door_map: DoorMap) -> DoorId:
+    digits = text.removeprefix(ID_PREFIX)
+    if not _is_door_id(digits):
+        raise UnknownDoorError(f"{text!r}: expected a door's id, such as {ID_PREFIX}7.")
+    if int(digits) not in door_map.doors:
+        raise UnknownDoorError(told_absent(int(digits)))
+    return DoorId(int(digits))
+
+
+def _similar(text: str, door_map: DoorMap) -> str:
+    from difflib import get_close_matches
+
+    names = sorted({door.name for door in door_map.doors.values() if door.name})
+    close = get_close_matches(text, names, n=3)
+    return f" Did you mean {' or '.join(close)}?" if close else ""
+
+
+_ROWS: tuple[type[DoorEvent], ...] = tuple(
+    kind for kind in KINDS if issubclass(kind, DoorEvent) and kind.kind not in OBJECT_KINDS
+)
+"""Kinds about a door that a batch holds as columns."""
+
+SIGHTINGS = tuple(
+    kind
+    for kind in _ROWS
+    if kind.effect.presence is Presence.STAYS and not kind.effect.can_set & ~Changed.STATE
+)
+"""Kinds that can be said of every door in the map, and change neither doors nor names."""
+
+HARMLESS: tuple[type[Event], ...] = (*SIGHTINGS, PatrolStarted, PatrolFinished, RobotPose)
+"""Those, and the kinds that are about no door: nothing of a batch of them can be wrong."""
+
+ON_A_LEVEL = (DoorAdded, DoorUpdated, RobotPose, FloorMap)
+"""Kinds that may leave it to the log which level they mean."""
+
+FEW_ROWS = 256
+
+
+def rows_to_check(batch: EventBatch, index: DoorIndex) -> NDArray[np.bool_] | None:
+    """Return which events `Validator.check` must see; the others it lets pass whatever they say.
+
+    None stands for none. Those are the kinds that change the index, and what is about doors that
+    are not in the map or that the batch takes out of it.
+
+    Args:
+        batch: Events that tell their levels.
+        index: The doors and levels before it.
+    """
+    kinds = kinds_of(batch)
+    about = [batch[kind] for kind in kinds if issubclass(kind, DoorEvent) and kind in _ROWS]
+    doors = set().union(*(_distinct(rows["door_id"]) for rows in about))
+    is_known = doors <= index.placed.keys()
+    if is_known and all(kind in HARMLESS for kind in kinds):
+        return None
+    ids = batch.door_ids()
+    harmless = np.isin(batch.kind, [kind.kind for kind in HARMLESS])
+    if DoorUpdated in batch:
+        placing = batch[DoorUpdated]["changed"] & int(PLACING) != 0
+        harmless[batch.where(DoorUpdated)] = ~placing
+    if not is_known:
+        harmless &= ~np.isin(ids, list(doors - index.placed.keys()))
+    if DoorRemoved in batch:
+        harmless &= ~np.isin(ids, batch[DoorRemoved]["door_id"])
+    if Retracted in batch:
+        for first, last in batch[Retracted][["first_event", "last_event"]].tolist():
+            harmless &= ~np.isin(ids, index.added_by(first, last))
+    return ~harmless
+
+
+def with_levels(batch: EventBatch, level: int) -> EventBatch:
+    """Return poses, and what else makes no level, with the one that the poses did not tell."""
+    poses = batch[RobotPose].copy()
+    poses["level"][poses["level"] == NO_LEVEL] = level
+    return replace(batch, columns={**batch.columns, RobotPose.kind: poses})
+
+
+def kinds_of(batch: EventBatch) -> list[type[Event]]:
+    """Return the kinds of a batch."""
+    return [KINDS[kind - 1] for kind in (*batch.columns, *batch.objects)]
+
+
+def lacks_levels(batch: EventBatch) -> bool:
+    """Tell whether some of the events leave it to the log which level they mean."""
+    columns = (batch.columns[kind.kind] for kind in ON_A_LEVEL if kind.kind in batch.columns)
+    if any((rows["level"] == NO_LEVEL).any() for rows in columns):
+        return True
+    maps = batch.objects.get(FloorMap.kind, ())
+    return any(isinstance(event, FloorMap) and not is_given(event.level) for event in maps)
+
+
+def _distinct(ids: NDArray[np.uint32]) -> set[int]:
+    """Return the ids that occur."""
+    return set(ids.tolist() if len(ids) <= FEW_ROWS else distinct(ids).tolist())
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,3 +418,60 @@ class DoorIndex:
             self.classes[event.class_name] = event.object_class
         elif isinstance(event, FloorMap):
             self.level_names.setdefault(event.level, None)
+
+
+ID_PREFIX = "id:"
+"""`id:7` is the door of that id, whatever doors are called."""
+
+
+def removed_called(text: str | int, state: DoorMapState) -> list[DoorId]:
+    """Return the removed doors of that id, name, or level/name, ids ascending."""
+    levels = state.level_names()
+    found = []
+    for door_id in map(DoorId, sorted(state.used_door_ids)):
+        removed = state.removed_door(door_id)
+        if removed is None:
+            continue
+        calls = {str(door_id), f"{ID_PREFIX}{door_id}"}
+        if name := removed.door.name:
+            level = removed.door.level
+            calls |= {name, f"{levels.get(level) or level}/{name}"}
+        if str(text) in calls:
+            found.append(door_id)
+    return found
+
+
+def told_removed(doors: Sequence[DoorId], state: DoorMapState) -> str:
+    """Return that doors were removed, and how to ask of the time when they were there."""
+    said = []
+    for door_id in doors:
+        removed = state.removed_door(door_id)
+        assert removed is not None, "one that `removed_called` gave"
+        called = told_door(door_id, removed.door.name)
+        before = f"event:{removed.event - 1}"
+        said.append(f"{called} was removed by event {removed.event}; as it was then: --at {before}")
+    return ". ".join(said) + "."
+
+
+def several_removed(text: str | int, doors: Sequence[DoorId]) -> str:
+    """Return that a name can mean several removed doors, and how to say which."""
+    return (
+        f"{text!r} is the name of {len(doors)} doors that were removed; say which by "
+        f"{which_id(doors)}."
+    )
+
+
+def told_door(door_id: int, name: str | None) -> str:
+    """Return a door in words: `door 'front' (id 7)`, or `door 7`, which has no name."""
+    return f"door {name!r} (id {door_id})" if name else f"door {door_id}"
+
+
+def told_absent(door_id: int) -> str:
+    """Return that a door is not in the map, and of door 0 why."""
+    why = "" if door_id else ": ids are given from 1 on, and 0 comes with the thesis's doors only"
+    return f"door {door_id} is not in the map{why}."
+
+
+def which_id(doors: Sequence[DoorId]) -> str:
+    """Return how one of several doors is meant: `id:1 or id:4`."""
+    return " or ".join(f"{ID_PREFIX}{door_id}" for door_id in doors)

@@ -24,7 +24,7 @@ from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import place_of
 from semmap_log.core.late_answers import answer_of
 from semmap_log.core.model.commits import Commit
-from semmap_log.core.model.doors import DoorId, DoorMap
+from semmap_log.core.model.doors import DoorId, DoorMap, ShownAsTable
 from semmap_log.core.model.events import (
     Event,
     FloorMap,
@@ -44,11 +44,9 @@ from semmap_log.core.model.moments import (
     refuse_reversed,
 )
 from semmap_log.core.model.object_classes import DOOR, ObjectClass
-from semmap_log.core.model.shown_as_table import ShownAsTable
 from semmap_log.core.texts import counted
 from semmap_log.errors import ClockTimeWarning, LogError, MomentError
-from semmap_log.log.door_log.log_queries import LogQueries
-from semmap_log.log.door_log.log_tables import LogTables
+from semmap_log.log.door_log.asked_doors import LogQueries, LogTables
 from semmap_log.log.door_log.times import NEAR_NS, Time, moment_of, refuse_other_units
 from semmap_log.log.replay.replay import Scope, replay, visible_batches
 from semmap_log.store.folder import LogFolder
@@ -60,16 +58,15 @@ from semmap_log.store.reading.window import EVERYTHING, Window
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-    from semmap_log.core.folds.diff import Diff
     from semmap_log.core.folds.early_events import EarlyEvents
-    from semmap_log.core.folds.history import HistoryEntry
+    from semmap_log.core.folds.history import Diff, HistoryEntry
     from semmap_log.core.folds.timeline import Timeline
+    from semmap_log.log.door_log.door_labels import LogSummary
     from semmap_log.log.door_log.explanation import Explanation
-    from semmap_log.log.door_log.summary import LogSummary
     from semmap_log.log.replay.live_fold import LiveState
     from semmap_log.store.reading.commit_finder import CommitFinder
     from semmap_log.store.reading.following import FollowedCommit
-    from semmap_log.store.reading.note_sources import SaidFinder
+    from semmap_log.store.reading.segment_reading import SaidFinder
 
 __all__ = ["DoorLog", "Time"]
 
@@ -177,7 +174,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             at: What was true then, with all that is known today.
             known_at: Only what had been recorded by then, whole commits.
             event: Only what has a number up to that.
-            checkpoint: A file to resume from, and to save to: see `log.replay.checkpoint`.
+            checkpoint: A file to resume from, and to save to: see `log.replay.state`.
             save_every_s: How often it is saved at most, before the end.
             progress: Told how far the reading is.
 
@@ -185,7 +182,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             CheckpointError: The file is of something else, or the state cannot be stored in one.
             OutputError: It cannot be written.
         """
-        from semmap_log.log.replay.fold import fold
+        from semmap_log.log.replay.kept_commits import fold
 
         return fold(
             self._reader,
@@ -211,7 +208,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             known_event: Retractions count up to this event, wherever they are; None: as they are
                 known now. Processes that open a log one after the other want the same number.
         """
-        from semmap_log.log.replay.fold import fold_part
+        from semmap_log.log.replay.kept_commits import fold_part
 
         return fold_part(self._reader, projection, first, last, known_event=known_event)
 
@@ -409,7 +406,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def said_finder(self) -> SaidFinder:
         """Return what tells who and why of events; quick if its `look_at` is told each page."""
-        from semmap_log.store.reading.note_sources import SaidFinder
+        from semmap_log.store.reading.segment_reading import SaidFinder
 
         return SaidFinder(self._reader.commit_at)
 
@@ -504,25 +501,25 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def early_events(self) -> EarlyEvents:
         """Return what the log tells of doors before they were added, which no answer counts."""
-        from semmap_log.log.door_log.backdating import early_events
+        from semmap_log.log.door_log.door_labels import early_events
 
         return early_events(self._reader)
 
     def since_ever_ns(self) -> int | None:
         """Return a whole second before the first thing that the log tells; None: it tells none."""
-        from semmap_log.log.door_log.backdating import since_ever_ns
+        from semmap_log.log.door_log.door_labels import since_ever_ns
 
         return since_ever_ns(self._reader)
 
     def backdated(self, doors: Collection[DoorId], since_ns: int) -> list[Event]:
         """Return the events of one commit by which doors are in the map from an earlier time on."""
-        from semmap_log.log.door_log.backdating import backdated
+        from semmap_log.log.door_log.door_labels import backdated
 
         return backdated(self._reader, doors, since_ns)
 
     def summary(self, *, progress: Progress | None = None) -> LogSummary:
         """Return what the log holds, in a page; reads all of it."""
-        from semmap_log.log.door_log.summary import summarize
+        from semmap_log.log.door_log.door_labels import summarize
 
         return summarize(self._reader, progress=progress)
 
@@ -592,7 +589,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         if number >= self._reader.horizon:
             return self.entry(number)
         from semmap_log.core.folds.history import HistoryEntry
-        from semmap_log.log.replay.horizon import last_writes
+        from semmap_log.log.replay.state import last_writes
 
         left = [one for one in last_writes(self._reader) if one.number == number]
         if not left:
@@ -608,7 +605,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             MomentError: The first comes after the second.
         """
-        from semmap_log.core.folds.diff import diff
+        from semmap_log.core.folds.history import diff
         from semmap_log.log.door_log.asked_events import between, comes_after, entries
 
         start, end = self.moment(first), self.moment(second)
@@ -789,7 +786,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def end_ns(self) -> int:
         """Return the log's end: the latest happened time in it; 0 for a log without events."""
-        from semmap_log.log.door_log.log_end import latest_happened_ns
+        from semmap_log.log.door_log.last_patrol import latest_happened_ns
 
         if self._end_ns is None:
             self._end_ns = latest_happened_ns(self._reader)
@@ -797,7 +794,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def states_end_ns(self) -> int:
         """Return when anything was last said of a door's state; the log's end if nothing was."""
-        from semmap_log.log.door_log.log_end import latest_happened_ns
+        from semmap_log.log.door_log.last_patrol import latest_happened_ns
 
         return latest_happened_ns(self._reader, of_states=True) or self.end_ns()
 
@@ -841,7 +838,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             CommandError: No class is called so.
         """
-        from semmap_log.core.folds.doors_of_class import check_class
+        from semmap_log.core.folds.levels import check_class
 
         state = replay(self._reader, with_newer=True)
         check_class(state.door_map(), name)
@@ -928,7 +925,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def pins(self) -> dict[str, MomentPinned]:
         """Return the pinned moments by their names: `pin:NAME` is one, as a time."""
-        from semmap_log.log.replay.pins import pins
+        from semmap_log.log.replay.state import pins
 
         return pins(self._reader)
 

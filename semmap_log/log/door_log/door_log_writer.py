@@ -23,9 +23,8 @@ from semmap_log.core.model.events import (
 from semmap_log.core.model.keywords import knows_its_keywords, share_keywords
 from semmap_log.core.model.object_classes import Geometry, split_words
 from semmap_log.errors import InvalidEventError
-from semmap_log.log.door_log.appended import Appended
-from semmap_log.log.door_log.appender import Appender
-from semmap_log.log.door_log.commands import (
+from semmap_log.log.door_log.appended import Appended, Appender
+from semmap_log.log.door_log.current_map import (
     CommandContext,
     Events,
     GivenEvents,
@@ -52,8 +51,8 @@ from semmap_log.log.door_log.door_index import DoorIndex
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.known_past import KnownPast
 from semmap_log.log.door_log.times import Time
+from semmap_log.log.replay.care import WrittenState
 from semmap_log.log.replay.replay import Scope
-from semmap_log.log.replay.written_state import WrittenState
 from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing.durability import DurabilityPolicy
@@ -330,7 +329,7 @@ class DoorLogWriter(DoorLog):
             UnknownLevelError: There is no such level, or there are several and none is told.
         """
         from semmap_log.core.model.rigid_transform import RigidTransform
-        from semmap_log.log.door_log.rebase_command import RebaseMap
+        from semmap_log.log.door_log.door_commands import RebaseMap
         from semmap_log.log.door_log.rebasing import MeasuredDoor
 
         transform = by if isinstance(by, RigidTransform) else RigidTransform(*by)

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from semmap_log.core.folds.history import HistoryEntry
-from semmap_log.core.model.doors import Door, DoorId, DoorState
+from semmap_log.core.model.doors import Door, DoorId, DoorState, ShownAsTable
 from semmap_log.core.model.moments import format_utc
-from semmap_log.core.model.shown_as_table import ShownAsTable
 
 
 class OpenChance(Protocol):

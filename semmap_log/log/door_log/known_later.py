@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.moments import Moment, format_local
-from semmap_log.log.door_log.backdating import remedy as remedy_of_early
+from semmap_log.log.door_log.door_labels import remedy as remedy_of_early
 from semmap_log.log.door_log.door_log import DoorLog, Time
 from semmap_log.log.replay.read_model.events_about import about
 from semmap_log.store.reading.window import Window

@@ -1,10 +1,21 @@
-"""Which round of a patrol was the last."""
+"""Which round of a patrol was the last.
+
+When a log ends: the latest happened time of what it tells, without a replay.
+"""
 
 from __future__ import annotations
 
-from semmap_log.core.model.events import PatrolFinished, PatrolStarted
+import numpy as np
+
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.folds.door_changes import STATE, chosen_of
+from semmap_log.core.model.events import STATE_KINDS, PatrolFinished, PatrolStarted
+from semmap_log.core.model.meaning import Presence
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_reading import batches_of
+from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
 
 
@@ -13,3 +24,48 @@ def last_patrol(reader: LogReader, kind: type[PatrolStarted | PatrolFinished]) -
     hidden = reader.retractions()
     batches = map(hidden.visible, reader.batches(Window(kinds=bits_of_kinds([kind]))))
     return max((int(batch[kind]["patrol"].max()) for batch in batches if len(batch)), default=0)
+
+
+def latest_happened_ns(reader: LogReader, *, of_states: bool = False) -> int:
+    """Return the latest happened time of all events that are not retracted; 0: there are none.
+
+    It is known from what is read of each segment anyway, when its events happened. Only where
+    something is retracted the chunks are looked into that could hold the latest. No event counts as
+    later than it was recorded: so the last segment often is enough.
+
+    Args:
+        reader: Of the log.
+        of_states: Only of events that say in which state a door is, not of notes, new doors or
+            maps. The chunks that could hold the latest are looked into.
+    """
+    hidden = reader.retractions(with_newer=True)
+    latest_ns = 0
+    for segment in reversed(reader.segments):
+        latest_ns = max(latest_ns, _latest_in(segment, hidden, latest_ns, of_states=of_states))
+        if latest_ns >= segment.recorded[0]:
+            break
+    return latest_ns
+
+
+def _latest_in(segment: Segment, hidden: Retractions, known_ns: int, *, of_states: bool) -> int:
+    """Return the latest time in a segment; any earlier one where it is not later than another."""
+    if not hidden.ranges and not of_states:
+        return segment.span[1]
+    latest_ns, greatest_ns = known_ns, segment.spans["greatest"]
+    for chunk in np.argsort(-greatest_ns).tolist():
+        if greatest_ns[chunk] <= latest_ns:
+            break
+        for _, batch in batches_of(segment, np.array([chunk])):
+            visible = hidden.visible(batch)
+            happened_ns = visible.folds_ns[_states_of(visible)] if of_states else visible.folds_ns
+            latest_ns = max(latest_ns, int(happened_ns.max(initial=0)))
+    return latest_ns
+
+
+def _states_of(batch: EventBatch) -> np.ndarray:
+    """Return which events say in which state a door is that is there already, (n,) bool."""
+    says = np.zeros(len(batch), np.bool_)
+    for kind in STATE_KINDS:
+        if kind.effect.presence is Presence.STAYS and kind in batch:
+            says[batch.where(kind)[chosen_of(batch, kind, setting=STATE)]] = True
+    return says

@@ -9,7 +9,7 @@ from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.errors import NotALogError
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.segment_places import store_at
+from semmap_log.store.reading.segment_folder import store_at
 
 
 @knows_keywords

@@ -4,24 +4,28 @@ Everything in a log is in the frame `map`. A new map has another origin, and is 
 old one. From the moment of the change on, the level has the new floor plan, and its doors lie where
 the transform puts them, or where they were measured again. What is told of earlier times stays as
 it is, and belongs to the old plan. What is told of later times is in the new frame already.
+
+Whether events that are given again are those that are stored.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import NamedTuple
 
+import numpy as np
+
 from semmap_log.core.folds.door_map import DoorMapState
-from semmap_log.core.model.doors import NAN, Door, DoorId, DoorMap
-from semmap_log.core.model.events import DoorUpdated, Event, FloorMap
+from semmap_log.core.messages import encode
+from semmap_log.core.model.doors import NAN, Door, DoorId, DoorMap, is_given
+from semmap_log.core.model.events import DoorAnnotated, DoorUpdated, Event, FloorMap
 from semmap_log.core.model.meaning import PLACING, Changed
 from semmap_log.core.model.rigid_transform import RigidTransform
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CommandError
-from semmap_log.log.door_log.command_content import are_same
 
 
 class MeasuredDoor(NamedTuple):
@@ -194,3 +198,43 @@ def _is_on(floor: FloorMap, x: float, y: float) -> bool:
     along, across = cos * right + sin * up, cos * up - sin * right
     is_on: bool = 0 <= along < columns * floor.resolution and 0 <= across < rows * floor.resolution
     return is_on
+
+
+SAME_ANGLE = 1e-6
+"""Radians: what going through a quaternion may change."""
+
+
+def are_same(given: Sequence[Event], stored: Sequence[Event]) -> bool:
+    """Tell whether events that are given are those that are stored.
+
+    Salts do not count, nor when it happened, or on which level, where that was not given: the log
+    said it.
+    """
+    return len(given) == len(stored) and all(map(_is_same, given, stored))
+
+
+def _is_same(given: Event, stored: Event) -> bool:
+    if type(given) is not type(stored):
+        return False
+    if given.happened_ns not in (None, stored.happened_ns):
+        return False
+    if not is_given(getattr(given, "level", 0)):  # the log said it
+        given = replace(given, level=stored.level)  # type: ignore[call-arg,attr-defined]
+    if isinstance(given, FloorMap) and isinstance(stored, FloorMap):
+        return _is_same_map(given, stored)
+    return encode(_unsalted(given), 0) == encode(_unsalted(stored), 0)
+
+
+def _is_same_map(given: FloorMap, stored: FloorMap) -> bool:
+    """Compare two floor plans; the angle of one that is stored went through a quaternion."""
+    return (
+        given.level == stored.level
+        and np.float32(given.resolution) == np.float32(stored.resolution)
+        and (given.origin_x, given.origin_y) == (stored.origin_x, stored.origin_y)
+        and abs(math.remainder(given.origin_theta - stored.origin_theta, math.tau)) < SAME_ANGLE
+        and np.array_equal(given.cells, stored.cells)
+    )
+
+
+def _unsalted(event: Event) -> Event:
+    return replace(event, salt=b"") if isinstance(event, DoorAnnotated) else event

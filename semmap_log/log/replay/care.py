@@ -1,24 +1,335 @@
-"""A log verified, copied and recovered, its keyframes compared with what the replay says."""
+"""A log verified, copied and recovered, its keyframes compared with what the replay says.
+
+Keyframes against the replay: what a segment says the state was, and what the events say.
+
+The door map after the last commit, kept current without reading: a writer's keyframes.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path, PurePath
 
+import numpy as np
+from numpy.typing import NDArray
+
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.folds.door_map import STATE_VERSION, DoorMapState
 from semmap_log.core.io.clock import Clock
+from semmap_log.core.model.events import Retracted
 from semmap_log.core.texts import command_line
-from semmap_log.errors import LogError
-from semmap_log.log.replay.keyframe_check import ReplayKeyframeCheck
+from semmap_log.errors import LogError, SemmapError
+from semmap_log.log.replay import keyframes
 from semmap_log.log.replay.read_model.indexing import index_problems
-from semmap_log.log.replay.written_state import WrittenState
+from semmap_log.log.replay.state import state_at
 from semmap_log.store import salvage, verification
+from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.copying import Copied, copy_log
+from semmap_log.store.folder import LogFolder
+from semmap_log.store.form import (
+    CHUNK_BYTES,
+    KEYFRAME_CHANNEL,
+    KEYFRAME_EVERY_BYTES,
+    KEYFRAME_RARITY,
+)
+from semmap_log.store.kind_bits import Page
+from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.record_scan import ScannedRecords
+from semmap_log.store.records import MESSAGE
 from semmap_log.store.salvage import Recovered, RecoveryPlan, StateParts
 from semmap_log.store.verification import Progress, Verification
 from semmap_log.store.verification.file_place import FilePlace
 from semmap_log.store.verification.findings import Finding, Severity
+from semmap_log.store.verification.hash_chain import Report
+from semmap_log.store.verification.keyframe_place import KeyframePlace, Reread
+from semmap_log.store.verification.pieces import Piece
+from semmap_log.store.writing.keyframe_source import Flush, KeyframeMessage
+
+
+class ReplayKeyframeCheck:
+    """Folds the events as they come, and compares each keyframe with the state so far.
+
+    A `KeyframeCheck`.
+
+    A retraction of events that are folded already makes the state be folded anew, from the last
+    keyframe that it does not touch.
+    """
+
+    def __init__(self, report: Report, reread: Reread) -> None:
+        self.compared = 0
+        self._report = report
+        self._reread = reread
+        self._state: DoorMapState | None = None
+        self._retractions: list[tuple[int, int, int]] = []
+        """Number, first and last event of each."""
+        self._is_stale = False
+        self._good: list[tuple[int, KeyframePlace]] = []
+        """The event of each keyframe that was right, and where it lies."""
+        self._waiting: list[bytes | memoryview] = []
+        self._waiting_size = 0
+        self._has_given_up = False
+        self._base = self._seen = 0
+        self._path = PurePath()
+
+    def begin(self) -> None:
+        """Begin at the log's first event, where the state is empty."""
+        self._state, self._good = DoorMapState(), [(-1, KeyframePlace(0, 0))]
+
+    def forget(self) -> None:
+        """Events are missing: no state is known until the next keyframe."""
+        self._state, self._is_stale = None, False
+        self._retractions, self._good, self._waiting, self._waiting_size = [], [], [], 0
+
+    def give_up(self) -> None:
+        """Compare no more: events that nobody here understands may have changed the state."""
+        self.forget()
+        self._has_given_up = True
+
+    def add(self, path: PurePath, piece: Piece, place: KeyframePlace, next_event: int) -> None:
+        """Take the next chunk, of which `next_event` is the first event, or comes before it."""
+        start, self._path = 0, path
+        for channel, _, _, _, begin, end in piece.messages:
+            if channel == KEYFRAME_CHANNEL:
+                self._wait(piece.records[start:begin], next_event)
+                self._keyframe(bytes(piece.records[begin + MESSAGE.size : end]), place)
+                start = end
+        self._wait(piece.records[start:], next_event)
+
+    def finish(self) -> None:
+        """Read the events that wait: their payloads must be what their channels carry."""
+        self._fold()
+
+    def _wait(self, records: bytes | memoryview, next_event: int) -> None:
+        """Keep records until there are many: small pages cost most of the time."""
+        if not self._waiting:
+            self._base = next_event
+        if len(records):
+            self._waiting.append(records)
+            self._waiting_size += len(records)
+        if self._waiting_size >= CHUNK_BYTES:
+            self._fold()
+
+    def _fold(self) -> None:
+        parts, self._waiting, self._waiting_size = self._waiting, [], 0
+        batch = self._events(parts, self._base)
+        if batch is None or not len(batch):
+            return
+        self._seen = int(batch.number[-1])
+        if self._state is None:
+            return
+        if Retracted in batch:
+            rows, numbers = batch[Retracted], batch.number[batch.where(Retracted)]
+            ranges = zip(
+                numbers.tolist(),
+                rows["first_event"].tolist(),
+                rows["last_event"].tolist(),
+                strict=True,
+            )
+            self._retractions += ranges
+            self._is_stale = True
+        elif not self._is_stale:
+            self._state.note_used_ids(batch)
+            self._state.apply(self._hidden().visible(batch))
+
+    def _events(self, parts: list[bytes | memoryview], base: int) -> EventBatch | None:
+        if not parts:
+            return None
+        try:
+            return Page(b"".join(parts), base, self._path).events()
+        except (SemmapError, ValueError) as error:
+            self._wrong("payload", None, f"an event's payload cannot be read: {error}")
+            self.forget()
+            return None
+
+    def _hidden(self) -> Retractions:
+        retractions = Retractions()
+        retractions.ranges = [(first, last) for _, first, last in self._retractions]
+        return retractions
+
+    def _keyframe(self, data: bytes, place: KeyframePlace) -> None:
+        self._fold()
+        if self._has_given_up:
+            return
+        version = keyframes.version_of(data)
+        if version is None:
+            self._wrong("keyframe", place.offset, "a keyframe that is cut")
+            return
+        if version != STATE_VERSION:
+            text = f"a keyframe of state version {version} is not compared: ours is {STATE_VERSION}"
+            self._report(Finding("keyframe", Severity.NOTE, self._path, place.offset, None, text))
+            return
+        if self._is_stale:
+            self._fold_anew()
+        if self._state is None:
+            self._adopt(data, place)
+        elif keyframes.encode(self._state) != data:
+            event = self._state.event
+            text = f"the keyframe is not the state after event {event} that a replay gives"
+            self._wrong("keyframe", place.offset, text)
+        else:
+            self.compared += 1
+            self._good.append((self._state.event, place))
+
+    def _adopt(self, data: bytes, place: KeyframePlace) -> None:
+        """Take the state from a keyframe that fits its own hash: there is nothing to compare."""
+        self._state = keyframes.decode(data)
+        if self._state is None:
+            self._wrong("keyframe", place.offset, "the keyframe does not fit its state hash")
+            return
+        self._good = [(self._state.event, place)]
+
+    def _fold_anew(self) -> None:
+        """Fold once more, from the last right keyframe that rests on nothing retracted later."""
+        self._is_stale = False
+        self._state, hidden = None, self._hidden()
+        behind: int | None = None
+        for event, place in reversed(self._good):
+            if behind is not None and event >= behind:
+                continue  # it rests on the same retracted event
+            state = self._state_at(event, place)
+            later = [(first, last) for number, first, last in self._retractions if number > event]
+            behind = state.first_among(later)
+            if behind is None:
+                for batch in self._batches_behind(event, place):
+                    state.note_used_ids(batch)
+                    state.apply(hidden.visible(batch))
+                self._state = state
+                return
+
+    def _state_at(self, event: int, place: KeyframePlace) -> DoorMapState:
+        if event < 0:
+            return DoorMapState()
+        piece = next(self._reread(place))
+        (state,) = [
+            keyframes.decode(bytes(piece.records[begin + MESSAGE.size : end]))
+            for channel, _, _, _, begin, end in piece.messages
+            if channel == KEYFRAME_CHANNEL
+        ]
+        assert state is not None  # it was right before
+        return state
+
+    def _batches_behind(self, event: int, place: KeyframePlace) -> Iterator[EventBatch]:
+        """Yield the events from a place on, as far as they have come."""
+        parts: list[bytes | memoryview] = []
+        for piece in chain(self._reread(place), [None]):
+            if piece is not None:
+                parts.append(piece.records)
+            if piece is None or sum(map(len, parts)) >= CHUNK_BYTES:
+                batch = self._events(parts, event + 1)
+                parts = []
+                if batch is not None and len(batch):
+                    yield batch.select(batch.number <= self._seen)
+                    if batch.number[-1] >= self._seen:
+                        return
+
+    def _wrong(self, kind: str, offset: int | None, text: str) -> None:
+        self._report(Finding(kind, Severity.DAMAGE, self._path, offset, None, text))
+
+
+class WrittenState:
+    """A state with records that wait to be folded in: when somebody asks, or when they are many.
+
+    A `KeyframeSource`.
+    """
+
+    def __init__(self, folder: LogFolder, flush: Flush, reader: LogReader | None = None) -> None:
+        """Begin with the state of the log, as for `NewKeyframeSource`.
+
+        Raises:
+            NewerLogError: An event of an unknown kind may have changed it.
+            CorruptLogError: What was read is not what was written.
+        """
+        self._folder = folder
+        self._flush = flush
+        self._reader = reader
+        """The log as it was when it was read last; None: it was not."""
+        self._state = DoorMapState() if reader is None else state_at(reader)
+        self._unfolded: list[bytes] = []
+        self._offsets: list[NDArray[np.int64] | None] = []
+        """Where the records begin in each of those, as far as it is known."""
+        self._unfolded_size = 0
+        self._first_event = self._state.event + 1
+        """A number below those that wait, and less than 2^32 away from them."""
+        self._needs_reading = False
+        self._since_keyframe = 0
+        """Bytes of records behind the last keyframe."""
+        self._keyframe_size = 0
+        """Of the last keyframe's record."""
+
+    def add(self, chunk: BuiltChunk) -> None:
+        """Remember a chunk that was written."""
+        self._unfolded.append(chunk.records)
+        self._offsets.append(chunk.offsets)
+        self._unfolded_size += len(chunk.records)
+        self._since_keyframe += len(chunk.records)
+        if self._unfolded_size >= CHUNK_BYTES:
+            self._fold()
+
+    def keyframe(self) -> KeyframeMessage:
+        """Return the keyframe that is written now."""
+        state = self.get()
+        data = keyframes.encode(state)
+        self._since_keyframe, self._keyframe_size = 0, MESSAGE.size + len(data)
+        return KeyframeMessage(state.event, data)
+
+    def wants_keyframe(self, *, is_commit_begun: bool) -> bool:
+        """Tell whether a keyframe should stand before what is written next.
+
+        In the middle of a commit none can be made if a retraction came before it.
+        """
+        wanted = max(KEYFRAME_EVERY_BYTES, KEYFRAME_RARITY * self._keyframe_size)
+        if self._since_keyframe < wanted:
+            return False
+        self._fold()
+        return not (is_commit_begun and self._needs_reading)
+
+    def get(self) -> DoorMapState:
+        """Return the state after the last commit."""
+        self._fold()
+        if self._needs_reading:
+            self._flush()
+            known = self._reader  # of which nothing is read again
+            self._reader = LogReader(self._folder) if known is None else known.refreshed()
+            self._state, self._needs_reading = state_at(self._reader), False
+        return self._state
+
+    def _fold(self) -> None:
+        """Fold what was written; what a retraction hides can only be left out by a new fold."""
+        if not self._unfolded:
+            return
+        page = Page(
+            b"".join(self._unfolded),
+            max(0, self._first_event - 1),  # the number of a Commit is that of the event before it
+            self._folder.path,
+            scanned=_joined(self._unfolded, self._offsets),
+        )
+        batch = page.events()
+        needs_reading = self._needs_reading or Retracted in batch
+        self._needs_reading = True  # if it is interrupted: half a fold must not become a keyframe
+        self._unfolded, self._offsets, self._unfolded_size = [], [], 0
+        self._state.apply(batch)
+        last = page.numbers(np.array([len(page.offsets) - 1]))
+        self._state.event = max(self._state.event, int(last[0]))  # some may have been taken out
+        self._first_event = self._state.event + 1
+        self._needs_reading = needs_reading
+
+
+def _joined(
+    records: Sequence[bytes], offsets: Sequence[NDArray[np.int64] | None]
+) -> ScannedRecords | None:
+    """Return where each record begins once those of all chunks are joined; None: not known."""
+    found, start = [], 0
+    for its_records, its_offsets in zip(records, offsets, strict=True):
+        if its_offsets is None:
+            return None
+        found.append(its_offsets + start)
+        start += len(its_records)
+    return ScannedRecords(np.concatenate(found))
+
 
 _PARTS = StateParts(ReplayKeyframeCheck, WrittenState)
 

@@ -10,8 +10,8 @@ from typing import Generic, TypeVar
 
 from semmap_log.core.folds.projection import Projection
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.replay.checkpoint import Checkpoint
 from semmap_log.log.replay.running import RunningFold
+from semmap_log.log.replay.state import Checkpoint
 from semmap_log.store.reading.following import are_same
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment

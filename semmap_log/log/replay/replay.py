@@ -86,7 +86,7 @@ def visible_batches(
     window = Window.up_to(at_ns=scope.at_ns, event=limit)
     before: Iterable[EventBatch] = ()
     if reader.horizon:
-        from semmap_log.log.replay.horizon import events_at_horizon
+        from semmap_log.log.replay.state import events_at_horizon
 
         reader.check_horizon(window)
         before = events_at_horizon(reader, window, doors)

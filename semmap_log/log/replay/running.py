@@ -8,9 +8,9 @@ from typing import Generic, TypeVar
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.projection import Projection
 from semmap_log.core.io.progress import Progress
-from semmap_log.log.replay.checkpoint import Checkpoint
-from semmap_log.log.replay.position import (
+from semmap_log.log.replay.state import (
     NO_EVENT,
+    Checkpoint,
     Position,
     events_behind,
     hiding,

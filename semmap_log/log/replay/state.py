@@ -3,27 +3,402 @@
 A keyframe is a cache. One serves a moment if all its events had happened by then, and if it holds
 nothing that a later retraction hides; behind it only those chunks are read in which events lie that
 had happened by then, too. Without any keyframe the answer is the same, from the log's beginning.
+
+Pinned moments: their state is kept when what was before the horizon is not.
+
+While the log holds all that the answer needs, a pin is a name for a moment. Before its events go,
+retention writes the state of that moment into the log; what is told of it later is folded onto it.
+
+The events of a log of which the oldest were taken out: what stands for those that are gone.
+
+The keyframe at the horizon holds, for each field of each door, who wrote it last: as an event of
+that number and time it is put back. So a fold that begins with these events is in the state of the
+horizon when it comes there. What was before nobody knows: from its adding on a door is UNKNOWN,
+until what its state was at the horizon had happened.
+
+A fold's state and position in a file, to go on from later.
+
+The file: a line `semmap-log checkpoint`, a line of JSON that says which log, which commit (by event
+number and hash), which projection and version, then the state, then the sha256 of all of it. It
+takes its name at once and synced, so that at any moment the last one that was saved is there.
+
+It is a cache, and never used unless it fits:
+
+- not a checkpoint, of another log, of another projection: an error, and the file is left alone;
+- damaged, of another version, or of events that the log does not hold (a backup was put back, and
+  went on differently): a `CheckpointWarning`, and the fold begins at the log's start;
+- a retraction since then hides what it has taken in, or something was redacted since then, which
+  the state may still tell: the same, without a warning.
+
+How far a fold has come in a log, and whether that is still a place in it.
 """
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import json
+import re
 import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass
+import zlib
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.core.batches.retraction import Retractions
 from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.folds.projection import Dumping, Projection, name_of, version_of
+from semmap_log.core.folds.registers import NEVER
+from semmap_log.core.io.disk import (
+    left_by_killed,
+    output_errors,
+    read_own,
+    refuse_own_folder,
+    replace_file,
+)
+from semmap_log.core.io.inflating import inflated
 from semmap_log.core.io.progress import Progress
+from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.events import (
+    Changed,
+    DoorAdded,
+    DoorUpdated,
+    Event,
+    HistoryTrimmed,
+    MomentPinned,
+    Retracted,
+    event_of,
+)
+from semmap_log.core.model.meaning import PARTS, REGISTER_OF
 from semmap_log.core.texts import counted
-from semmap_log.errors import KeyframeWarning
+from semmap_log.errors import (
+    CheckpointError,
+    CheckpointWarning,
+    HorizonError,
+    KeyframeWarning,
+    OutputError,
+)
 from semmap_log.log.replay import keyframes
-from semmap_log.store.kind_bits import KEYFRAME_BIT
+from semmap_log.log.replay.plain_state import dump_plain, load_plain
+from semmap_log.store.header import TrimReason
+from semmap_log.store.kind_bits import EVENT_BITS, EXPIRING_BITS, KEYFRAME_BIT, bits_of_kinds
 from semmap_log.store.reading.reader import BEGINNING, ChunkPlace, LogReader
 from semmap_log.store.reading.segment_reading import page_at
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window, numbers_of
+from semmap_log.store.record_scan import most_unpacked
+
+
+def pins(reader: LogReader) -> dict[str, MomentPinned]:
+    """Return the pins of a log by their names, as they were made, or got a state, last."""
+    hidden = reader.retractions()
+    found: dict[str, MomentPinned] = {}
+    for batch in reader.batches(Window(kinds=bits_of_kinds([MomentPinned]))):
+        for recorded in hidden.visible(batch):
+            assert isinstance(recorded.event, MomentPinned), "no other kind was asked for"
+            found[recorded.event.name] = recorded.event
+    return found
+
+
+def pinned_state(
+    reader: LogReader, at_ns: int, *, before_event: int | None = None
+) -> DoorMapState | None:
+    """Return the state of a moment before the horizon, with all that is known today.
+
+    None: it was not pinned, or its state cannot be used.
+
+    Args:
+        reader: Of the log.
+        at_ns: The moment.
+        before_event: Only events below that number; None: all.
+    """
+    pin = next((p for p in pins(reader).values() if p.at_ns == at_ns and p.keyframe), None)
+    state = None if pin is None else unpacked(pin.keyframe)
+    if pin is None or state is None:
+        return None
+    window = Window(
+        first_event=pin.next_event, before_event=before_event, happened_before_ns=at_ns + 1
+    )
+    retractions = reader.retractions()
+    for batch in reader.batches(window):
+        state.note_used_ids(batch)
+        state.apply(retractions.visible(batch))
+    return state
+
+
+def with_state(pin: MomentPinned, state: DoorMapState, next_event: int) -> MomentPinned:
+    """Return a pin with the state of its moment.
+
+    Args:
+        pin: The pin.
+        state: With the events below `next_event`.
+        next_event: What comes from there on is not in it.
+    """
+    data = base64.b64encode(zlib.compress(keyframes.encode(state))).decode()
+    return MomentPinned(at_ns=pin.at_ns, next_event=next_event, name=pin.name, keyframe=data)
+
+
+def unpacked(text: str) -> DoorMapState | None:
+    """Return the state in a pin; None: it is of another version, damaged, or larger than any."""
+    try:
+        packed = base64.b64decode(text, validate=True)
+        return keyframes.decode(inflated(packed, most_unpacked(len(packed))))
+    except ValueError:
+        return None
+
+
+def events_at_horizon(
+    reader: LogReader, window: Window, doors: Collection[int] | None
+) -> Iterator[EventBatch]:
+    """Yield what a log still tells of the time before its horizon, as one batch.
+
+    Args:
+        reader: Of a log that has a horizon.
+        window: Which events; it has no beginning, and ends behind the horizon.
+        doors: Only events about these, where they are about a door; None: all.
+
+    Raises:
+        HorizonError: The state at the horizon cannot be read.
+    """
+    before = replace(window, before_event=reader.horizon, kinds=window.kinds & ~EXPIRING_BITS)
+    left = [recorded for batch in reader.batches(before) for recorded in batch]
+    state = _state_at_horizon(reader)
+    found = [
+        *_without_first_states(left, state),
+        *_last_writes(state, but=[one.number for one in left]),
+    ]
+    if doors is not None:
+        wanted = set(doors)
+        found = [one for one in found if getattr(one.event, "door_id", None) in wanted]
+    if found:
+        yield _batch(found)
+
+
+def last_writes(reader: LogReader) -> list[RecordedEvent]:
+    """Return the state at a log's horizon, as far as no event that is left tells it.
+
+    Each is an update with the number of an event that is gone, and says what that wrote of a door
+    and no other wrote since; numbers ascend. When it was recorded is not known.
+
+    Raises:
+        HorizonError: The state at the horizon cannot be read.
+    """
+    before = Window(before_event=reader.horizon, kinds=EVENT_BITS & ~EXPIRING_BITS)
+    left = [number for batch in reader.batches(before) for number in batch.number.tolist()]
+    found = _last_writes(_state_at_horizon(reader), but=left)
+    return sorted(found, key=lambda one: one.number)
+
+
+def _state_at_horizon(reader: LogReader) -> DoorMapState:
+    place = reader.horizon_place()
+    state = keyframe_at(reader.segments[place.segment], place.chunk)
+    if state is None:
+        raise HorizonError(
+            f"{reader.folder}: the state at its horizon, event {reader.horizon}, is not there or "
+            "cannot be used; verify the log."
+        )
+    return state
+
+
+def _without_first_states(
+    left: list[RecordedEvent], state: DoorMapState
+) -> Iterator[RecordedEvent]:
+    """Yield events, those that add a door with UNKNOWN where its state was another later."""
+    for one in left:
+        event = one.event
+        if isinstance(event, DoorAdded):
+            stamp = state.stamp(event.door_id, "state")
+            if stamp is None or stamp[1] != one.number:
+                event = replace(event, state=DoorState.UNKNOWN)
+        yield replace(one, event=event)
+
+
+def _last_writes(state: DoorMapState, *, but: list[int]) -> Iterator[RecordedEvent]:
+    """Yield who wrote the fields of each door last, as updates; not the events of these numbers."""
+    arrays = state.to_arrays()
+    written: dict[tuple[int, int, int], dict[str, Any]] = {}
+    for part in PARTS:
+        register = REGISTER_OF[part]
+        happened, numbers = arrays[f"{register}_happened_ns"], arrays[f"{register}_event"]
+        for row in np.flatnonzero(~np.isin(numbers, [NEVER, *but])).tolist():
+            key = (int(numbers[row]), int(happened[row]), int(arrays["door_id"][row]))
+            values = written.setdefault(key, {"changed": Changed(0)})
+            values["changed"] |= part
+            values |= {name: arrays[name][row].item() for name in PARTS[part]}
+    for (number, happened_ns, door_id), values in written.items():
+        yield RecordedEvent(number, happened_ns, _update(door_id, values, happened_ns))
+
+
+def _update(door_id: int, values: dict[str, Any], happened_ns: int) -> Event:
+    nothing = {"level": 0, "x": 0.0, "y": 0.0, "theta": 0.0, "width": 0.0, "state": 0,
+               "prob_open": np.nan, "prob_closed": np.nan}  # fmt: skip
+    return event_of(DoorUpdated, nothing | values | {"door_id": door_id}, happened_ns)
+
+
+def _batch(events: list[RecordedEvent]) -> EventBatch:
+    events = sorted(events, key=lambda one: one.number)
+    made = EventBatch.from_events([one.event for one in events])
+    numbers = np.array([one.number for one in events], np.int64)
+    recorded = np.array([one.recorded_ns for one in events], np.int64)
+    return replace(made, number=numbers, recorded_ns=recorded, known_door_ids=None)
+
+
+S = TypeVar("S")
+
+MAGIC = b"semmap-log checkpoint\n"
+FORM = 1
+"""Of the file; another's checkpoints are not used."""
+DIGEST_BYTES = 32
+START_BYTES = 256
+"""Of a file: in them stands which log it is of."""
+
+
+class Checkpoint(Generic[S]):
+    """The file that keeps a projection's state in one log."""
+
+    def __init__(self, path: Path, projection: Projection[S], reader: LogReader) -> None:
+        """Name the file; nothing is read or written yet.
+
+        Raises:
+            OutputError: It cannot lie there.
+        """
+        folder = path.absolute().parent
+        if not folder.is_dir():
+            raise OutputError(f"{path}: there is no such folder; make it first.")
+        refuse_own_folder(reader.folder, path)
+        self.path = path
+        self._projection = projection
+        self._of = {
+            "form": FORM,
+            "log_id": reader.info.log_id,
+            "projection": name_of(projection),
+            "version": version_of(projection),
+        }
+
+    def load(self, reader: LogReader) -> tuple[Position, S] | None:
+        """Return what was saved, if it is a state of the log as it is now.
+
+        Raises:
+            CheckpointError: The file is of something else, or cannot be read.
+        """
+        try:
+            data = read_own(self.path)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise CheckpointError(f"{self.path}: cannot be read: {error.strerror}.") from error
+        if not (data.startswith(MAGIC) or MAGIC.startswith(data)):
+            raise CheckpointError(
+                f"{self.path}: expected a checkpoint, got another file; it is left as it is. "
+                "Choose another path."
+            )
+        try:
+            head, stored = _taken_apart(data)
+            if not self._fits(head):
+                return None
+            position, state = _position(head), self._load_state(stored)
+        except (ValueError, LookupError, TypeError, MemoryError, RecursionError) as error:
+            self._refuse(f"it is damaged: {error}")
+            return None
+        if position.is_before_redaction(reader):
+            return None
+        if not position.is_in(reader):
+            self._refuse(
+                f"the log does not hold the commit of event {position.event} that it goes on from: "
+                "the log was put back, or exchanged"
+            )
+            return None
+        return position, state
+
+    def save(self, position: Position, state: S) -> None:
+        """Put a state in the place of what was saved, whole or not at all; lasting on return.
+
+        Raises:
+            CheckpointError: The state cannot be stored.
+            OutputError: The file cannot be written; the last one is whole.
+        """
+        head = self._of | {
+            "event": position.event,
+            "commit_hash": position.commit_hash.hex(),
+            "latest_ns": position.latest_ns,
+            "retractions": position.retractions,
+        }
+        whole = MAGIC + json.dumps(head).encode() + b"\n" + self._dump_state(state)
+        with output_errors(self.path):
+            for leftover in left_by_killed(self.path):
+                leftover.unlink(missing_ok=True)
+            replace_file(self.path, whole + hashlib.sha256(whole).digest())
+
+    def _fits(self, head: Mapping[str, Any]) -> bool:
+        """Tell whether a file is of this projection and log.
+
+        Raises:
+            CheckpointError: It is of others.
+        """
+        for key, what in (("log_id", "the log"), ("projection", "the projection")):
+            if head[key] != self._of[key]:
+                raise CheckpointError(
+                    f"{self.path}: expected a checkpoint of {what} {self._of[key]}, got one of "
+                    f"{head[key]}; choose another path."
+                )
+        for key in ("form", "version"):
+            if head[key] != self._of[key]:
+                self._refuse(f"it is of {key} {head[key]}, and {self._of[key]} is wanted")
+                return False
+        return True
+
+    def _refuse(self, why: str) -> None:
+        warnings.warn(
+            f"{self.path}: the checkpoint is not used: {why}. The fold begins at the log's start.",
+            CheckpointWarning,
+            stacklevel=2,
+        )
+
+    def _dump_state(self, state: S) -> bytes:
+        projection = self._projection
+        return projection.dump(state) if isinstance(projection, Dumping) else dump_plain(state)
+
+    def _load_state(self, data: bytes) -> S:
+        projection = self._projection
+        state: S = projection.load(data) if isinstance(projection, Dumping) else load_plain(data)
+        return state
+
+
+def log_id_of(start: bytes) -> str:
+    """Return the id of the log that a file is a checkpoint of, by its first bytes; "": it is none.
+
+    Args:
+        start: The first `START_BYTES` of the file.
+    """
+    found = re.match(re.escape(MAGIC) + rb'\{"form": \d+, "log_id": "([0-9a-f]{32})"', start)
+    return "" if found is None else found[1].decode()
+
+
+def _taken_apart(data: bytes) -> tuple[dict[str, Any], bytes]:
+    """Return the head of a file, and the state in it.
+
+    Raises:
+        ValueError: It is not as it was written.
+    """
+    whole, digest = data[:-DIGEST_BYTES], data[-DIGEST_BYTES:]
+    if not whole.startswith(MAGIC) or hashlib.sha256(whole).digest() != digest:
+        raise ValueError("its sha256 is another")
+    line, _, state = whole[len(MAGIC) :].partition(b"\n")
+    head: dict[str, Any] = json.loads(line)
+    return head, state
+
+
+def _position(head: Mapping[str, Any]) -> Position:
+    return Position(
+        event=head["event"],
+        commit_hash=bytes.fromhex(head["commit_hash"]),
+        latest_ns=head["latest_ns"],
+        retractions=tuple(Retraction(*one) for one in head["retractions"]),
+    )
 
 
 def state_at(
@@ -72,8 +447,6 @@ def _pinned(reader: LogReader, at_ns: int, limit: int | None) -> DoorMapState:
     Raises:
         HorizonError: It was not pinned, or not all that is known today is to count.
     """
-    from semmap_log.log.replay.pins import pinned_state
-
     state = pinned_state(reader, at_ns) if limit is None else None
     if state is None:
         raise reader.behind_horizon()
@@ -173,3 +546,138 @@ def keyframe_at(
         why = keyframes.why_unused(data)
         unused.append(f"{segment.path}: the keyframe at byte {offset} is not used: {why}")
     return state
+
+
+NO_EVENT = -1
+_REDACTED = str(TrimReason.REDACTED.name).lower()
+
+
+class Retraction(NamedTuple):
+    """A Retracted event: its number, and the range that it hides."""
+
+    number: int
+    first_event: int
+    last_event: int
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """The end of a whole commit, up to which events were taken in; by number, never by time."""
+
+    event: int = NO_EVENT
+    """The last event of the commit; -1: the log's beginning."""
+    commit_hash: bytes = bytes(32)
+    """Of the commit: by the chain of hashes, of everything before it, too."""
+    latest_ns: int = 0
+    """The latest time by which an event that was taken in is ordered."""
+    retractions: tuple[Retraction, ...] = ()
+    """Those recorded so far, so that what they hide was left out."""
+
+    def is_in(self, reader: LogReader) -> bool:
+        """Tell whether the log, as it is now, has come by here."""
+        if self.event == NO_EVENT:
+            return True
+        commit = reader.find_commit(self.event)
+        return commit is not None and (commit.last_event, commit.hash) == (
+            self.event,
+            self.commit_hash,
+        )
+
+    def is_before_redaction(self, reader: LogReader) -> bool:
+        """Tell whether something was redacted since: what was taken in may tell it."""
+        if self.event == NO_EVENT:
+            return False
+        own = f"{reader.info.log_id}:"
+        told = (
+            one.event
+            for batch in reader.batches(_behind(self.event, None, bits_of_kinds([HistoryTrimmed])))
+            for one in batch
+        )
+        return any(
+            isinstance(event, HistoryTrimmed)
+            and event.tombstones.startswith(own)
+            and _REDACTED in event.reasons.split(", ")
+            for event in told
+        )
+
+    def is_touched_by(self, later: Iterable[Retraction]) -> bool:
+        """Tell whether one of these retractions hides an event that was taken in."""
+        return any(
+            one.first_event <= self.event and not self._leaves_out(one)
+            for one in later
+            if one.number > self.event
+        )
+
+    def is_before_horizon(self, reader: LogReader) -> bool:
+        """Tell whether events that come next are gone for their age."""
+        return NO_EVENT < self.event < reader.horizon - 1
+
+    def _leaves_out(self, later: Retraction) -> bool:
+        """Tell whether an earlier retraction hides all of it that was taken in."""
+        last = min(later.last_event, self.event)
+        return any(
+            one.first_event <= later.first_event and last <= one.last_event
+            for one in self.retractions
+        )
+
+
+def retractions_behind(
+    reader: LogReader, event: int, limit: int | None = None
+) -> tuple[Retraction, ...]:
+    """Return the retractions with numbers behind `event`, and up to `limit`.
+
+    Raises:
+        NewerLogError: An event of an unknown kind may have taken back others, too.
+    """
+    reader.check_known(limit)
+    found = Retractions()
+    for batch in reader.batches(_behind(event, limit, bits_of_kinds([Retracted]))):
+        found.apply(batch)
+    pairs = zip(found.numbers, found.ranges, strict=True)
+    return tuple(Retraction(number, *hidden) for number, hidden in pairs)
+
+
+def hiding(retractions: Iterable[Retraction]) -> Retractions:
+    """Return what leaves out the events that these retractions hide."""
+    hidden = Retractions()
+    for one in retractions:
+        hidden.numbers.append(one.number)
+        hidden.ranges.append((one.first_event, one.last_event))
+    return hidden
+
+
+def events_behind(
+    reader: LogReader,
+    event: int,
+    limit: int | None = None,
+    *,
+    at_ns: int | None = None,
+    progress: Progress | None = None,
+) -> Iterator[EventBatch]:
+    """Yield all events with numbers behind `event`, and up to `limit`, retracted ones included.
+
+    From a log's beginning on, what stands for the events before its horizon comes first.
+
+    Args:
+        reader: Of the log.
+        event: The number; -1: from the beginning on.
+        limit: The last event; None: the log's.
+        at_ns: Those that happened later are not needed; None: all are.
+        progress: Told how far the reading is.
+
+    Raises:
+        CorruptLogError: A chunk is not what was written, or events are missing.
+        HorizonError: The limit, or the moment, is before the horizon.
+    """
+    if event == NO_EVENT and reader.horizon:
+        window = Window.up_to(at_ns=at_ns, event=limit)
+        reader.check_horizon(window)
+        yield from events_at_horizon(reader, window, None)
+        event = reader.horizon - 1
+    yield from reader.batches(_behind(event, limit), progress=progress)
+
+
+def _behind(event: int, limit: int | None, kinds: int = EVENT_BITS) -> Window:
+    return Window(
+        first_event=event + 1, before_event=None if limit is None else limit + 1, kinds=kinds
+    )

@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 from semmap_log.core.io.clock import KeptClock
 from semmap_log.core.model.commits import Commit, Durability, Note
-from semmap_log.log.replay.written_state import WrittenState
-from semmap_log.log.trimming.retention import Retention
-from semmap_log.log.trimming.trim_log import trim_log
+from semmap_log.log.replay.care import WrittenState
+from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.header import LogInfo
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing.durability import DurabilityPolicy

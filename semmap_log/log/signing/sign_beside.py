@@ -18,8 +18,7 @@ from semmap_log.core.texts import command_line
 from semmap_log.errors import SigningError
 from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.log_signing import LogSigning, reach_at, read_for_signing, unwritten
-from semmap_log.log.signing.signer import Reach, Signer
-from semmap_log.log.signing.signer_state import SignerState
+from semmap_log.log.signing.signer_state import Reach, Signer, SignerState
 from semmap_log.log.signing.statement import Statement
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import mark_names

@@ -14,17 +14,16 @@ from pathlib import Path, PurePath
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.texts import command_line, counted
 from semmap_log.log.replay.care import verify
-from semmap_log.log.signing.public_keys import PublicKey
 from semmap_log.log.signing.signature_folder import (
     FOLDER,
     SignedRevocation,
     SignedStatement,
     read_all,
     statement_files,
+    time_of,
+    token_file,
 )
-from semmap_log.log.signing.ssh_signature import TRIMMING
-from semmap_log.log.signing.statement import NO_DIGEST, OldStatement, Statement
-from semmap_log.log.signing.timestamps import time_of, token_file
+from semmap_log.log.signing.statement import NO_DIGEST, TRIMMING, OldStatement, PublicKey, Statement
 from semmap_log.log.signing.trust import Read, Trust
 from semmap_log.store.verification.findings import Finding, Severity, Verification
 

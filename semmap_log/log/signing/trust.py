@@ -7,10 +7,15 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.log.signing.public_keys import PublicKey, fingerprint, key_in_words
 from semmap_log.log.signing.signature_folder import BadSignature, SignedRevocation, SignedStatement
-from semmap_log.log.signing.ssh_signature import REVOKING
-from semmap_log.log.signing.statement import NONE, Statement
+from semmap_log.log.signing.statement import (
+    NONE,
+    REVOKING,
+    PublicKey,
+    Statement,
+    fingerprint,
+    key_in_words,
+)
 
 Read = Sequence[SignedStatement | SignedRevocation | BadSignature]
 """What lies in folders of signatures."""

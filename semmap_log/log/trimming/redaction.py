@@ -17,12 +17,11 @@ from semmap_log.core.model.events import ClassDefined, DoorAnnotated, Event, Mom
 from semmap_log.core.model.object_classes import CLASS, OUTLINE
 from semmap_log.errors import LogError
 from semmap_log.log.replay import keyframes
-from semmap_log.log.replay.pins import pins, unpacked, with_state
+from semmap_log.log.replay.state import pins, unpacked, with_state
 from semmap_log.store import records as mcap
 from semmap_log.store.form import NOTE_CHANNEL
 from semmap_log.store.header import TrimReason
-from semmap_log.store.kind_bits import KEYFRAME_BIT, NOTE_BIT, bits_of_kinds
-from semmap_log.store.pages import Page
+from semmap_log.store.kind_bits import KEYFRAME_BIT, NOTE_BIT, Page, bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.folds.state_rows import state_rows
+from semmap_log.core.folds.registers import state_rows
 from semmap_log.core.folds.thinned_runs import HOUR_NS
 from semmap_log.core.model.events import (
     STATE_KINDS,
@@ -33,8 +33,7 @@ from semmap_log.core.model.events import (
 from semmap_log.core.model.moments import format_second
 from semmap_log.log.replay import keyframes
 from semmap_log.store.header import TrimReason
-from semmap_log.store.kind_bits import bits_of_counts, bits_of_kinds
-from semmap_log.store.pages import Page
+from semmap_log.store.kind_bits import Page, bits_of_counts, bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment

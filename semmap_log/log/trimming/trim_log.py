@@ -1,27 +1,54 @@
-"""A log trimmed: what goes is told by an event before and after, which says who, and why."""
+"""A log trimmed: what goes is told by an event before and after, which says who, and why.
+
+What a log need not keep any longer: old sightings, changes of state and poses.
+
+What says which doors, levels, floor plans and rounds there were stays, and so does what was taken
+back. At the horizon stands a keyframe; from there on all moments can be asked about.
+
+The trimmed copy of a segment, checked before it takes the segment's place.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import chain
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.io.byte_source import ByteSource
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Note
-from semmap_log.core.model.events import Event, HistoryTrimmed
+from semmap_log.core.model.events import Event, HistoryTrimmed, MomentPinned
+from semmap_log.core.model.moments import format_second
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.log.door_log.opening import WritingOptions, append
+from semmap_log.log.replay import keyframes
+from semmap_log.log.replay.care import ReplayKeyframeCheck
 from semmap_log.log.replay.read_model.indexing import remove_stale_tables
-from semmap_log.log.trimming.copy_check import check_copy
+from semmap_log.log.replay.state import (
+    keyframe_at,
+    pinned_state,
+    pins,
+    retractions_behind,
+    state_at,
+    with_state,
+)
+from semmap_log.store.folder import refuse_zip
+from semmap_log.store.form import kinds_of
 from semmap_log.store.header import TrimReason
-from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.kind_bits import EXPIRING, KEYFRAME_BIT, Page, bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.segment_reading import commit_of, end_of
 from semmap_log.store.reading.segment_scan import Segment
-from semmap_log.store.reading.window import Window
+from semmap_log.store.reading.window import Window, numbers_of
 from semmap_log.store.trimming.records_left import Selection
 from semmap_log.store.trimming.trimming import (
     Trimming,
@@ -31,7 +58,8 @@ from semmap_log.store.trimming.trimming import (
     told_of,
     trim_segments,
 )
-from semmap_log.store.zip_files import refuse_zip
+from semmap_log.store.verification import Severity, Verifier
+from semmap_log.store.verification.file_place import DiskPlace, OpenedFile
 
 
 class TrimRule(Protocol):
@@ -164,3 +192,197 @@ def _is_begun(reader: LogReader) -> bool:
 
 def _told(rule: TrimRule, reader: LogReader) -> HistoryTrimmed:
     return told_of(reader, before=rule.before, rule=rule.words, reason=rule.reason)
+
+
+_EXPIRING = [kind.kind for kind in EXPIRING]
+
+
+class Retention:
+    """What goes of all that was recorded before a moment, up to the last keyframe before it."""
+
+    reason = TrimReason.EXPIRED
+
+    def __init__(
+        self, reader: LogReader, until_ns: int, *, always_has_horizon: bool = False
+    ) -> None:
+        """Look how far the horizon can be moved.
+
+        Args:
+            reader: Of the log.
+            until_ns: What was recorded before this moment may go.
+            always_has_horizon: Let the horizon move though nothing goes: the log has never known
+                all of what was before.
+        """
+        self.always_has_horizon = always_has_horizon
+        self._reader = reader
+        self._until_ns = until_ns
+        self.horizon, self._held_by = _horizon(reader, until_ns)
+
+    @property
+    def before(self) -> int:
+        """Number of the first event that stays."""
+        return self.horizon
+
+    @property
+    def words(self) -> str:
+        """What goes, for the log's own history."""
+        until = format_second(self._until_ns)
+        held = self._held_by
+        also = "" if held is None else f" and before what event {held} takes back"
+        return f"what was recorded before {until}, up to the last keyframe before that{also}"
+
+    def told_before(self) -> list[Event]:
+        """Return the pins whose moments need what goes, with their states."""
+        if self.horizon <= self._reader.horizon:
+            return []
+        horizon_ns = _recorded_before(self._reader, self.horizon)
+        return [
+            with_state(pin, state, self.horizon)
+            for pin in pins(self._reader).values()
+            if pin.at_ns < horizon_ns and (state := self._state_of(pin)) is not None
+        ]
+
+    def _state_of(self, pin: MomentPinned) -> DoorMapState | None:
+        """Return what goes of a pinned moment: what comes later may be taken back yet."""
+        if pin.at_ns < self._reader.horizon_ns:
+            return pinned_state(self._reader, pin.at_ns, before_event=self.horizon)
+        return state_at(self._reader, at_ns=pin.at_ns, limit=self.horizon - 1)
+
+    def select(self, segment: Segment) -> Retention | None:
+        """Return what goes of a segment; None: nothing."""
+        is_moved = self.horizon > self._reader.horizon
+        return self if is_moved and segment.header.first_event < self.horizon else None
+
+    def gone(self, page: Page) -> NDArray[np.bool_]:
+        """As `Selection` says."""
+        can_go = np.isin(kinds_of(page.heads["channel_id"]), _EXPIRING)
+        return can_go & (page.numbers(np.arange(len(can_go))) < self.horizon)
+
+    def keyframe(self, data: bytes) -> bytes | None:
+        """As `Selection` says: those before the horizon are of no use."""
+        event = keyframes.event_of(data)
+        return data if event is None or event + 1 >= self.horizon else None
+
+
+def _recorded_before(reader: LogReader, horizon: int) -> int:
+    """Return when the last event before a horizon was recorded, or a little later."""
+    first_segment = reader.segment_of(horizon) or 0
+    later = (one for one in reader.commits(first_segment) if one.last_event >= horizon)
+    commit = next(later, None)  # the very next may have been taken out
+    return reader.last_log_time_ns() + 1 if commit is None else commit.recorded_ns
+
+
+def _horizon(reader: LogReader, until_ns: int) -> tuple[int, int | None]:
+    """Return the number of the event behind the last keyframe that can be the horizon.
+
+    All before it was recorded before the moment, in closed segments, and no commit reaches across
+    it. A later retraction may not reach before it: the keyframe would know what is not true any
+    more. Which one held it back is returned, too.
+    """
+    held: int | None = None
+    for place, chunk, event in _keyframes_before(reader, until_ns):
+        if event <= reader.horizon:
+            break
+        reaching = _first_reaching_before(reader, event)
+        if reaching is not None:
+            held = reaching
+        elif _is_state_before(reader.segments[place], chunk, event):
+            return event, held
+    return reader.horizon, held
+
+
+def _is_state_before(segment: Segment, chunk: int, event: int) -> bool:
+    """Tell whether a keyframe lies between two commits, and holds the state before an event."""
+    commit = commit_of(segment, event)
+    if commit is not None and commit.first_event < event:
+        return False
+    state = keyframe_at(segment, chunk)
+    return state is not None and state.event == event - 1
+
+
+def _keyframes_before(reader: LogReader, until_ns: int) -> Iterator[tuple[int, int, int]]:
+    """Yield segment, chunk and the next event of keyframes by a moment, the last first."""
+    for place in reversed(range(len(reader.segments))):
+        segment = reader.segments[place]
+        rows, firsts = segment.chunks.rows, numbers_of(segment)[0]
+        is_before = (rows["kinds"] == KEYFRAME_BIT) & (rows["start_ns"] < until_ns)
+        for chunk in reversed(np.flatnonzero(is_before).tolist()):
+            needed = reader.segments[: place + (chunk > 0)]
+            if all(one.closed and one.told is None for one in needed):
+                yield place, chunk, int(firsts[chunk])
+
+
+def _first_reaching_before(reader: LogReader, event: int) -> int | None:
+    """Return the first retraction from an event on that takes back something before it."""
+    later = retractions_behind(reader, event - 1)
+    return next((one.number for one in later if one.first_event < event), None)
+
+
+def check_copy(log: LogReader, copy: Segment) -> None:
+    """Check that a log can be opened, read and verified with the trimmed copy of a segment.
+
+    Args:
+        log: The log with the copy in the place of the segments that it stands for.
+        copy: The copy, under the path that it will have.
+
+    Raises:
+        CorruptLogError: It cannot; the message says that the log is unchanged.
+    """
+    try:
+        _read(log, copy)
+    except CorruptLogError as error:
+        raise _refusal(copy, str(error)) from error
+    for finding in Verifier(_CopyPlace(copy), ReplayKeyframeCheck).run().findings:
+        if finding.severity >= Severity.TORN:
+            raise _refusal(copy, f"byte {finding.offset}: {finding.text}")
+
+
+def _read(log: LogReader, copy: Segment) -> None:
+    """Read what the copy holds, and the state at the log's horizon."""
+    window = Window(first_event=copy.header.first_event, before_event=end_of(copy))
+    for _ in log.batches(window, is_part=True, with_newer=True):
+        pass
+    if log.horizon:
+        place = log.horizon_place()
+        segment = log.segments[place.segment]
+        state = keyframe_at(segment, place.chunk)
+        if state is None or state.event != log.horizon - 1:
+            problem = f"no state of event {log.horizon - 1}, the last before its horizon"
+            raise CorruptLogError(segment.path, None, problem)
+
+
+class _CopyPlace(DiskPlace):
+    """One file: the copy's bytes, which lie under a temporary name."""
+
+    def __init__(self, copy: Segment) -> None:
+        super().__init__(Path(copy.path))
+        self._source = copy.source
+
+    @contextmanager
+    def opened(self, _file: PurePath) -> Iterator[OpenedFile]:
+        """Return the copy's bytes."""
+        yield _CopyFile(self._source)
+
+
+class _CopyFile:
+    """An `OpenedFile` of bytes that are mapped already."""
+
+    is_regular = True
+
+    def __init__(self, source: ByteSource) -> None:
+        self.size, self.identity, self._source = source.size, source.identity, source
+
+    def read_into(self, target: memoryview, at: int) -> int:
+        """Fill in bytes from an offset on; return how many."""
+        data = self._source.read(at, at + len(target))
+        target[: len(data)] = data
+        return len(data)
+
+
+def _refusal(copy: Segment, problem: str) -> CorruptLogError:
+    return CorruptLogError(
+        copy.path,
+        None,
+        f"the trimmed copy of it failed its check ({problem}); the log was left as it was. "
+        "Please report this.",
+    )

@@ -10,10 +10,16 @@ from pathlib import Path, PurePath
 from semmap_log.core.io.progress import Progress
 from semmap_log.errors import CorruptLogError, LogAccessError, SemmapError
 from semmap_log.store.bag_metadata import write_bag_metadata
-from semmap_log.store.compaction.merge import MergedFiles, Step, plan
-from semmap_log.store.compaction.rechunk import needs_compaction, rechunked
-from semmap_log.store.compaction.repaging import Pause, no_pause
-from semmap_log.store.folder import LogFolder
+from semmap_log.store.compaction.merge import (
+    MergedFiles,
+    Pause,
+    Step,
+    needs_compaction,
+    no_pause,
+    plan,
+    rechunked,
+)
+from semmap_log.store.folder import LogFolder, refuse_zip
 from semmap_log.store.form import count_events
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
@@ -22,7 +28,6 @@ from semmap_log.store.reading.segment_reading import statistics_of
 from semmap_log.store.reading.segment_scan import Segment, open_segment
 from semmap_log.store.removed_part import read_removed_part
 from semmap_log.store.segment import SegmentWriter
-from semmap_log.store.zip_files import refuse_zip
 
 
 @dataclass(frozen=True, slots=True)

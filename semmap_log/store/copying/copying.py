@@ -34,8 +34,14 @@ from semmap_log.errors import (
 )
 from semmap_log.store.bag_metadata import write_bag_metadata
 from semmap_log.store.closed_mark import ClosedMark, read_mark, read_named_mark, write_mark
-from semmap_log.store.copying.copy_plan import CopyPlan, is_merged_alone, plan_copy
-from semmap_log.store.copying.staged_file import StagedFile, Told, problem_in_place
+from semmap_log.store.copying.copy_plan import (
+    CopyPlan,
+    StagedFile,
+    Told,
+    is_merged_alone,
+    plan_copy,
+    problem_in_place,
+)
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import (
     BAG_METADATA_NAME,

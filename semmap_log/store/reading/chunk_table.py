@@ -15,19 +15,20 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from semmap_log.core.batches.distinct import distinct
+from semmap_log.core.batches.event_batch import distinct
 from semmap_log.core.io.byte_source import ByteSource
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
-from semmap_log.store.chunk_unpacking import (
+from semmap_log.store.chunks import MOST_HEAD_BYTES, StoredChunk, read_chunk_head
+from semmap_log.store.kind_bits import bits_of_channels
+from semmap_log.store.record_scan import (
     FREE_CHUNK_BYTES,
     MAX_CHUNK_BYTES,
     MOST_RATIO,
+    ChunkDamage,
     check_sizes,
+    gather,
 )
-from semmap_log.store.chunks import MOST_HEAD_BYTES, StoredChunk, read_chunk_head
-from semmap_log.store.kind_bits import bits_of_channels
-from semmap_log.store.record_scan import ChunkDamage, gather
 
 ROW: np.dtype[np.void] = np.dtype(
     [

@@ -2,23 +2,27 @@
 
 What they mean is not known. Those whose kind is marked as changing nothing are left out of every
 answer but a list of events; behind the first of another kind, every answer may be another one.
+
+Segments asked for before their turn: where they lie in a store, each asking takes a while.
+
+How far the reading of a log has come: told to who waits, and no longer kept in memory.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
 import numpy as np
 
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.events import KINDS
 from semmap_log.errors import NewerLogError, NewerLogWarning
-from semmap_log.store.event_fields import kinds_of
-from semmap_log.store.form import FORMAT_VERSION
-from semmap_log.store.kind_bits import UNKNOWN_BIT
+from semmap_log.store.form import FORMAT_VERSION, kinds_of
+from semmap_log.store.kind_bits import UNKNOWN_BIT, Page
 from semmap_log.store.newer import is_later_kind, name_of
 from semmap_log.store.reading.page_reading import read_page
 from semmap_log.store.reading.segment_scan import Segment
@@ -122,3 +126,94 @@ def _kinds_and_numbers(segment: Segment) -> Iterator[tuple[list[int], list[int]]
         kinds = kinds[kinds > 0]
         is_unknown = np.array([is_later_kind(kind) for kind in range(2**8)])[kinds]
         yield kinds[is_unknown].tolist(), page.event_numbers()[is_unknown].tolist()
+
+
+MOST_SEGMENTS = 32
+"""So many are on their way at a time."""
+MOST_BYTES = 2**23
+"""And so many bytes: a part of what a process keeps of what it has fetched."""
+SMALL_BYTES = 2**20
+"""A smaller segment comes whole, since a request costs more than its bytes."""
+END_BYTES = 2**16
+"""Of a large one only both ends come before its turn, which tell what chunks it has."""
+
+
+class SegmentsAhead:
+    """The way through segments that a manifest tells of, the next ones on their way.
+
+    As the read-ahead of an operating system it begins with few, and doubles them while the reading
+    goes on, so that a question that ends early has not paid for much.
+    """
+
+    def __init__(
+        self, segments: Sequence[Segment], is_wanted: Callable[[int], bool], *, takes_all: bool
+    ) -> None:
+        """Ask for nothing yet.
+
+        Args:
+            segments: In the order in which they are read.
+            is_wanted: Told a place in them: whether anything of it will be read, as far as the
+                manifest knows.
+            takes_all: Whether all of it is read then, rather than some chunks.
+        """
+        self._segments = segments
+        self._is_wanted = is_wanted
+        self._whole_bytes = MOST_BYTES // 2 if takes_all else SMALL_BYTES
+        self._next = 0
+        self._most = 1
+
+    def at(self, place: int) -> None:
+        """Ask for what follows a segment that is read now."""
+        self._next = max(self._next, place + 1)
+        coming = sum(map(self._bytes_of, self._segments[place + 1 : self._next]))
+        end = min(place + 1 + self._most, len(self._segments))
+        self._most = min(2 * self._most, MOST_SEGMENTS)
+        while self._next < end and coming < MOST_BYTES:
+            segment = self._segments[self._next]
+            if segment.told is not None and self._is_wanted(self._next):
+                coming += self._bytes_of(segment)
+                self._ask(segment)
+            self._next += 1
+
+    def _bytes_of(self, segment: Segment) -> int:
+        return segment.size if segment.size <= self._whole_bytes else 2 * END_BYTES
+
+    def _ask(self, segment: Segment) -> None:
+        if segment.size <= self._whole_bytes:
+            segment.source.will_need(0, segment.size)
+        else:
+            segment.source.will_need(0, END_BYTES)
+            segment.source.will_need(segment.size - END_BYTES, segment.size)
+
+
+MOST_MAPPED = 2**24
+"""So much of what was read of mapped files stays on the process's account."""
+
+
+class ReadProgress:
+    """The way through segments, one behind the other."""
+
+    def __init__(self, segments: Sequence[Segment], progress: Progress | None) -> None:
+        self._progress = progress
+        self._done = 0
+        """Bytes of the segments that were passed."""
+        self._todo = sum(segment.size for segment in segments) if progress else 0
+        self._kept_from = 0
+        """In the segment that is read: what lies before was let go of."""
+
+    def reached(self, segment: Segment, page: Page) -> None:
+        """Take note of a page that was used, and all before it."""
+        if page.offset - self._kept_from > MOST_MAPPED:
+            segment.source.let_go(self._kept_from, page.offset)
+            self._kept_from = page.offset
+        if self._progress:
+            self._progress(self._done + page.offset, self._todo)
+
+    def passed(self, segment: Segment, *, is_read: bool) -> None:
+        """Take note of a segment's end."""
+        self._done += segment.size
+        if is_read and self._done > MOST_MAPPED:
+            segment.source.let_go(self._kept_from, segment.size)
+        self._kept_from = 0
+        if self._progress:
+            self._progress(self._done, self._todo)

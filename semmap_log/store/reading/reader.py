@@ -27,13 +27,16 @@ from semmap_log.store.kind_bits import (
     EVENT_BITS,
     EXPIRING_BITS,
     KEYFRAME_BIT,
+    Page,
     bits_of_kinds,
 )
-from semmap_log.store.pages import Page
-from semmap_log.store.reading.newer_events import NewerEvents, without_newer
-from semmap_log.store.reading.read_progress import ReadProgress
-from semmap_log.store.reading.segment_folder import SegmentFolder
-from semmap_log.store.reading.segment_places import store_at
+from semmap_log.store.reading.newer_events import (
+    NewerEvents,
+    ReadProgress,
+    SegmentsAhead,
+    without_newer,
+)
+from semmap_log.store.reading.segment_folder import SegmentFolder, store_at
 from semmap_log.store.reading.segment_reading import (
     PageAtHand,
     batches_of,
@@ -44,9 +47,7 @@ from semmap_log.store.reading.segment_reading import (
     pages_of,
 )
 from semmap_log.store.reading.segment_scan import Segment, open_segment
-from semmap_log.store.reading.segment_set import check_adjoins, check_follows
-from semmap_log.store.reading.segment_store import SegmentStore
-from semmap_log.store.reading.segments_ahead import SegmentsAhead
+from semmap_log.store.reading.segment_set import SegmentStore, check_adjoins, check_follows
 from semmap_log.store.reading.window import EVERYTHING, Window
 
 OnPage = Callable[[Segment, Page], None]

@@ -12,9 +12,8 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from semmap_log.store import records as mcap
-from semmap_log.store.chunk_unpacking import MAX_CHUNK_BYTES
 from semmap_log.store.chunks import MOST_HEAD_BYTES, StoredChunk, read_chunk_head
-from semmap_log.store.record_scan import ChunkDamage, gather, walk
+from semmap_log.store.record_scan import MAX_CHUNK_BYTES, ChunkDamage, gather, walk
 
 _WINDOW_BYTES = 2**22
 _LOOKS: np.dtype[np.void] = np.dtype(

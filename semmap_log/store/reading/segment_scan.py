@@ -31,10 +31,8 @@ from semmap_log.store.reading.closed_summary import (
     SMALL_BYTES,
     ClosedSummary,
     is_footer,
-    read_summary,
-)
-from semmap_log.store.reading.happened_spans import (
     next_events_of_summary,
+    read_summary,
     spans_of_summary,
     total_span,
 )

@@ -8,12 +8,18 @@ import numpy as np
 
 from semmap_log.core.model.commits import Commit
 from semmap_log.store.form import TOMBSTONE_CHANNEL
-from semmap_log.store.gone_commands import UNKNOWN, CommandSeal, GoneCommand, commands_in
+from semmap_log.store.gone_commands import (
+    UNKNOWN,
+    CommandSeal,
+    GoneCommand,
+    Tombstone,
+    commands_in,
+    read_tombstone,
+)
 from semmap_log.store.kind_bits import TOMBSTONE_BIT
 from semmap_log.store.reading.segment_reading import page_at
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import numbers_of
-from semmap_log.store.tombstone import Tombstone, read_tombstone
 
 
 def tombstones(segment: Segment, first_chunk: int = 0) -> Iterator[tuple[Tombstone, bytes]]:

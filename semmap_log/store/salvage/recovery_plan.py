@@ -1,23 +1,60 @@
-"""What of a damaged log can be saved, and what is lost: found by reading, nothing is written."""
+"""What of a damaged log can be saved, and what is lost: found by reading, nothing is written.
+
+Where something was taken out of what survives of a damaged log, by its new numbers.
+
+The head of a trimmed segment tells where that ends, so it must be known before one is written.
+
+The beginning of a damaged log whose oldest events are no longer kept: it is taken over whole.
+
+Behind its horizon a log rests on the keyframe there, and the events before it have the numbers
+that the keyframe knows them by. So the first segment comes into the new log as it is, numbers,
+gaps and tombstones; what survives behind it follows without gaps.
+
+A commit split at the keyframe within it: repairs what an earlier version's `retain` broke.
+
+Up to version 0.1.0 `retain --keep` could take a keyframe between the chunks of one commit for the
+horizon. The events before it went, and no reader found the keyframe's place any more. Here that
+commit becomes two: one of what is gone, which ends at the keyframe, and one of what is left. The
+commits after it are chained to these; every event keeps its number.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from semmap_log.core.messages import OBJECT_KINDS, decode, fixed_layout
-from semmap_log.core.model.events import KINDS, DoorAdded, DoorEvent
+from semmap_log.core.messages import OBJECT_KINDS, decode, fixed_layout, layout
+from semmap_log.core.model.events import KINDS, DoorAdded, DoorEvent, HistoryTrimmed
 from semmap_log.core.texts import command_line, counted
-from semmap_log.errors import ElsewhereError, LogError, NewerLogError
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import kind_of_channel
-from semmap_log.store.header import LogInfo, SegmentHeader, TrimReason, with_all_of
+from semmap_log.errors import CorruptLogError, ElsewhereError, LogError, NewerLogError
+from semmap_log.store import records as mcap
+from semmap_log.store.chunks import build_chunk
+from semmap_log.store.commit_records import commit_hash
+from semmap_log.store.folder import LogFolder, refuse_zip
+from semmap_log.store.form import (
+    CHUNK_BYTES,
+    COMMIT_CHANNEL,
+    HASH_BYTES,
+    KEYFRAME_CHANNEL,
+    NO_HASH,
+    NOTE_CHANNEL,
+    TOMBSTONE_CHANNEL,
+    kind_of_channel,
+    segment_name,
+)
+from semmap_log.store.gone_commands import Tombstone, read_tombstone
+from semmap_log.store.header import LogInfo, SegmentHeader, Trimmed, TrimReason, with_all_of
+from semmap_log.store.kind_bits import KEYFRAME_BIT, Page
+from semmap_log.store.reading.segment_reading import commit_of, end_of, page_at
+from semmap_log.store.reading.segment_scan import Segment, open_segment
 from semmap_log.store.records import MESSAGE
 from semmap_log.store.removed_part import read_removed_part
-from semmap_log.store.salvage.kept_beginning import KeptBeginning, kept_beginning, kept_below
 from semmap_log.store.salvage.rewriting import Rewriter
-from semmap_log.store.salvage.trimmed_parts import TrimmedPart, TrimmedParts
+from semmap_log.store.segment import SegmentWriter
+from semmap_log.store.trimming.records_left import SEQUENCE_RANGE, KeptRecords
 from semmap_log.store.verification import (
     GoneCommits,
     Progress,
@@ -26,9 +63,12 @@ from semmap_log.store.verification import (
     Verifier,
     WholeCommit,
 )
-from semmap_log.store.verification.file_bytes import Vanished
+from semmap_log.store.verification.file_heads import bytes_of
+from semmap_log.store.verification.file_place import Vanished
+from semmap_log.store.verification.findings import FolderFiles
 from semmap_log.store.verification.keyframe_place import NewKeyframeCheck
-from semmap_log.store.zip_files import refuse_zip
+from semmap_log.store.verification.pieces import Piece, SegmentWalk
+from semmap_log.store.writing.keyframe_source import KeyframeMessage, keyframe_chunk
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,3 +309,348 @@ def _check_is_all_here(log: Path) -> None:
             f"the log back ({fetch}), copy the later .mcap files of this folder beside them, and "
             "recover that."
         )
+
+
+@dataclass(frozen=True, slots=True)
+class TrimmedPart:
+    """What becomes a trimmed segment of the new log."""
+
+    first_event: int
+    next_event: int
+    """Number of the first event behind it."""
+    reasons: TrimReason
+
+
+class TrimmedParts:
+    """Takes the segments of a damaged log in order, and what was taken out of each."""
+
+    def __init__(self) -> None:
+        self._found: list[TrimmedPart] = []
+        self._place = -1
+        """Which segment is under way …"""
+        self._first_event = self._next_event = 0
+        self._reasons = TrimReason(0)
+        """… and why something was taken out of it."""
+
+    def add(self, place: int, first_event: int, next_event: int, reasons: TrimReason) -> None:
+        """Take in a commit, or what stands for some.
+
+        Args:
+            place: Of its segment.
+            first_event: The new number of its first event.
+            next_event: The same of the first event behind it.
+            reasons: Why something of it was taken out; 0: nothing was.
+        """
+        if place != self._place:
+            self._end()
+            self._place, self._first_event = place, first_event
+        self._next_event = next_event
+        self._reasons |= reasons
+
+    def found(self) -> tuple[TrimmedPart, ...]:
+        """Return all of them."""
+        self._end()
+        return tuple(self._found)
+
+    def _end(self) -> None:
+        if self._reasons:
+            part = TrimmedPart(self._first_event, self._next_event, self._reasons)
+            self._found.append(part)
+        self._reasons = TrimReason(0)
+
+
+@dataclass(frozen=True, slots=True)
+class KeptBeginning:
+    """A first segment that has a horizon, whole."""
+
+    segment: Segment
+    trimmed: Trimmed
+    state: bytes | None
+    """The Keyframe message at the horizon, where that stands at the head of the next segment."""
+    is_split: bool = False
+    """Whether its horizon lies within a commit, which becomes two: `split_commit`."""
+
+    @property
+    def next_event(self) -> int:
+        """Number of the first event behind it."""
+        return end_of(self.segment)
+
+    @property
+    def events(self) -> int:
+        """How many events it holds."""
+        return int(self.segment.spans["events"].sum())
+
+    def copy_to(self, folder: LogFolder, name: str, info: LogInfo) -> SegmentWriter:
+        """Write it as the first segment of a new log, closed and installed, with its keyframe.
+
+        Raises:
+            CorruptLogError: It is damaged.
+            OSError: As the file system says.
+        """
+        header = replace(self.segment.full_header, info=info)
+        writer = SegmentWriter(folder, segment_name(name, header.number), header)
+        try:
+            for records, next_event in self._parts():
+                page = Page(records, header.first_event, writer.path)
+                chunk = build_chunk(records, page.offsets, compression="zstd")
+                writer.add(chunk, levels=page.levels, next_event=next_event)
+            if self.state is not None:
+                keyframe = KeyframeMessage(self.next_event - 1, self.state)
+                chunk = keyframe_chunk(keyframe, writer.statistics().message_end_time)
+                writer.add(chunk, next_event=self.next_event)
+            writer.close()
+            writer.install()
+        except BaseException:
+            writer.abandon()
+            raise
+        return writer
+
+    def _parts(self) -> Iterator[KeptRecords]:
+        if self.is_split:
+            yield from SplitSegment(self.segment, self.trimmed.horizon).parts()
+            return
+        for i, next_event in enumerate(self.segment.next_events.tolist()):
+            yield KeptRecords(bytes(page_at(self.segment, i).records), next_event)
+
+
+def kept_below(found: FolderFiles) -> int:
+    """Return below which number a log's events are taken over as they are; 0: none is."""
+    header = found.segments[0].header if found.segments else None
+    trimmed = None if header is None else header.trimmed
+    return trimmed.next_event if trimmed is not None and trimmed.horizon else 0
+
+
+def kept_beginning(
+    found: FolderFiles, verified: Verification, told: HistoryTrimmed | None
+) -> KeptBeginning | None:
+    """Return the beginning of a damaged log that has a horizon; None: it has none.
+
+    Args:
+        found: Its files.
+        verified: What is wrong with it.
+        told: What it last said of what was taken out of it: its first segment may be gone.
+
+    Raises:
+        LogError: The beginning itself, or the state at the horizon, is damaged.
+    """
+    if not kept_below(found) and (told is None or not told.horizon):
+        return None
+    path = found.segments[0].path
+    try:
+        segment = open_segment(Path(path))
+        trimmed = segment.header.trimmed
+        damage = [finding for finding in verified.of(Severity.DAMAGE) if finding.path == path]
+        if not damage and trimmed is not None and trimmed.horizon:
+            return KeptBeginning(segment, trimmed, _state_behind(found, segment, trimmed))
+        if [finding.kind for finding in damage] == ["keyframe"] and trimmed is not None:
+            SplitSegment(segment, trimmed.horizon)  # raises where that is not what is wrong
+            return KeptBeginning(segment, trimmed, None, is_split=True)
+    except (LogError, IndexError):
+        pass
+    raise LogError(
+        f"{found.folder}: damaged, and not to be recovered: nothing but the state at its horizon "
+        "is left of what was before, and that, or the segment before it, is damaged. Nothing was "
+        "changed; put back the damaged files from a copy of the log as it was trimmed."
+    )
+
+
+def _state_behind(found: FolderFiles, segment: Segment, trimmed: Trimmed) -> bytes | None:
+    """Return the keyframe at the head of the second segment, if the state at the horizon is there.
+
+    Of that segment no more need be whole than the chunk with it.
+
+    Raises:
+        IndexError: It is damaged, or is not there.
+    """
+    is_keyframe = segment.chunks.rows["kinds"] == KEYFRAME_BIT
+    if (is_keyframe & (segment.next_events == trimmed.horizon)).any():
+        return None
+    behind = found.segments[1]
+    with bytes_of(found.place, behind) as data:
+        walk = SegmentWalk(data, behind.header_end, behind.header)
+        first = next((item for item in walk if isinstance(item, Piece)), None)
+    if first is None or first.messages[0][0] != KEYFRAME_CHANNEL:
+        raise IndexError
+    _, sequence, _, _, start, end = first.messages[0]
+    if sequence != (trimmed.horizon - 1) % SEQUENCE_RANGE:
+        raise IndexError
+    return bytes(first.records[start + MESSAGE.size : end])
+
+
+class SplitSegment:
+    """A first segment whose horizon lies within a commit, as it is once that is two commits."""
+
+    def __init__(self, segment: Segment, horizon: int) -> None:
+        """Find the commit.
+
+        Raises:
+            CorruptLogError: None holds the event at the horizon.
+        """
+        whole = commit_of(segment, horizon)
+        if whole is None or whole.first_event >= horizon:
+            raise CorruptLogError(segment.path, None, f"no commit reaches across event {horizon}")
+        self._whole = whole
+        self._segment = segment
+        self._horizon = horizon
+        self._head = segment.header.hash_so_far
+        self._last_ns = -1
+        self._next_event = segment.header.first_event
+        self._records: list[tuple[int, bytes]] = []
+        """Channel and bytes of the records of the commit under way."""
+        self._lacks: Tombstone | None = None
+        self._delay_ns = 0
+        self._is_split = False
+        self._kept: list[bytes] = []
+        self._size = 0
+        self._ready: list[KeptRecords] = []
+
+    def parts(self) -> Iterator[KeptRecords]:
+        """Yield its records, in parts of about a chunk, keyframes by themselves.
+
+        Raises:
+            CorruptLogError: The keyframe of the horizon is not there, or a chunk is damaged.
+        """
+        for chunk in range(len(self._segment.chunks)):
+            page = page_at(self._segment, chunk)
+            for i, channel in enumerate(page.heads["channel_id"].tolist()):
+                self._take(channel, bytes(page.record(i)))
+            ready, self._ready = self._ready, []
+            yield from ready
+        self._flush()
+        yield from self._ready
+        if not self._is_split:
+            problem = f"the keyframe before event {self._horizon}, its horizon, is not there"
+            raise CorruptLogError(self._segment.path, None, problem)
+
+    def _take(self, channel: int, record: bytes) -> None:
+        if channel == KEYFRAME_CHANNEL:
+            self._keyframe(record)
+        elif channel == TOMBSTONE_CHANNEL:
+            found = read_tombstone(record, self._segment.path)
+            if found.commits:
+                self._gone(found, _time_of(record))
+            else:
+                self._lacks = found
+        elif channel == COMMIT_CHANNEL:
+            self._close(record)
+        else:
+            self._add(channel, record)
+
+    def _keyframe(self, record: bytes) -> None:
+        sequence = mcap.MESSAGE.unpack_from(record)[3]
+        if sequence == (self._horizon - 1) % SEQUENCE_RANGE:
+            self._end_of_gone()
+        elif sequence != (self._next_event - 1) % SEQUENCE_RANGE:
+            return  # within a commit, and not needed
+        self._flush()
+        self._last_ns = max(self._last_ns, _time_of(record))
+        self._put(_at(record, self._last_ns))
+        self._flush()
+
+    def _add(self, channel: int, record: bytes) -> None:
+        time_ns = _time_of(record)
+        if not self._records:
+            self._delay_ns = max(0, self._last_ns + 1 - time_ns)
+        self._last_ns = time_ns + self._delay_ns
+        self._records.append((channel, _at(record, self._last_ns)))
+
+    def _gone(self, tombstone: Tombstone, time_ns: int) -> None:
+        """Put what stands for whole commits that are gone."""
+        self._last_ns = max(self._last_ns, time_ns)
+        self._put(replace(tombstone, previous_hash=self._head).record(self._last_ns))
+        self._head, self._next_event = tombstone.hash, tombstone.next_event
+
+    def _end_of_gone(self) -> None:
+        """Put the first of the two commits: what is left before the keyframe."""
+        first, kept = self._whole.first_event, len(self._records)
+        count = self._horizon - first
+        reasons = TrimReason.EXPIRED
+        time_ns = self._whole.recorded_ns + count
+        lacks = Tombstone(first, count, 0, count - kept, 0, reasons)
+        if kept:
+            self._lacks, self._delay_ns = lacks, 0
+            command = hashlib.sha256(self._whole.command_id).digest()[:16]
+            self._commit(first, count, time_ns, {"command_id": command})
+        else:
+            its_hash = hashlib.sha256(self._whole.hash).digest()
+            whole = replace(lacks, commits=1, previous_hash=self._head, hash=its_hash)
+            self._gone(whole, time_ns)
+        self._is_split = True
+
+    def _close(self, record: bytes) -> None:
+        """Put a commit whose Commit record has come."""
+        fields = layout("Commit").unpack(record, mcap.MESSAGE.size)
+        first, count = fields["first_event"], fields["count"]
+        if self._is_split and first == self._whole.first_event:
+            last = first + count
+            first, count = self._horizon, last - self._horizon
+            kept = sum(channel != NOTE_CHANNEL for channel, _ in self._records)
+            lacks = self._lacks
+            self._lacks = None
+            if lacks is not None and (kept < count or lacks.notes_gone):
+                self._lacks = Tombstone(
+                    first, count, 0, count - kept, lacks.notes_gone, lacks.reasons
+                )
+        self._commit(first, count, _time_of(record) + self._delay_ns, fields)
+
+    def _commit(self, first: int, count: int, time_ns: int, changed: dict[str, Any]) -> None:
+        """Put the records of a commit, chained to the one before."""
+        whole = self._whole
+        fields: dict[str, Any] = {
+            "durability": whole.durability,
+            "command_id": whole.command_id,
+            "content": whole.content,
+            "wall_clock_ns": whole.wall_clock_ns,
+            "monotonic_clock_ns": whole.monotonic_clock_ns,
+            "boot_id": whole.boot_id,
+            "durable_before": whole.durable_before,
+        }
+        fields |= changed
+        fields |= {"first_event": first, "count": count, "previous_hash": self._head}
+        fields |= {"durable_before": min(fields["durable_before"], first), "hash": NO_HASH}
+        time_ns = max(time_ns, self._last_ns + 1)
+        names = layout("Commit").dtype.names or ()
+        data = layout("Commit").pack(*(fields[n] for n in names if not n.startswith("_")))
+        record = mcap.message(COMMIT_CHANNEL, first + count - 1, time_ns, time_ns, data)
+        self._head = commit_hash(record, self._digests())
+        note = [one for channel, one in self._records if channel == NOTE_CHANNEL]
+        events = [one for channel, one in self._records if channel != NOTE_CHANNEL]
+        lacks = [] if self._lacks is None else [self._lacks.record(time_ns - 1 - len(note))]
+        self._put(*events, *lacks, *note, record[:-HASH_BYTES] + self._head)
+        self._last_ns, self._next_event = time_ns, first + count
+        self._records, self._lacks, self._delay_ns = [], None, 0
+        if self._size >= CHUNK_BYTES:
+            self._flush()
+
+    def _put(self, *records: bytes) -> None:
+        self._kept += records
+        self._size += sum(map(len, records))
+
+    def _flush(self) -> None:
+        if self._kept:
+            self._ready.append(KeptRecords(b"".join(self._kept), self._next_event))
+            self._kept, self._size = [], 0
+
+    def _digests(self) -> dict[int, bytes]:
+        """Return the SHA-256 of each channel's records, of lost ones as the tombstone has it."""
+        found: dict[int, Any] = {}
+        for channel, record in self._records:
+            found.setdefault(channel, hashlib.sha256()).update(record)
+        digests = {channel: digest.digest() for channel, digest in found.items()}
+        lost = () if self._lacks is None else self._lacks.parts
+        return digests | {part.channel: part.digest for part in lost}
+
+
+def _at(record: bytes, time_ns: int) -> bytes:
+    """Return a Message record with another log time; a Keyframe's happened time is the same."""
+    opcode, length, channel, sequence, log_ns, publish_ns = mcap.MESSAGE.unpack_from(record)
+    if log_ns == time_ns:
+        return record
+    publish_ns = time_ns if publish_ns == log_ns else publish_ns
+    head = mcap.MESSAGE.pack(opcode, length, channel, sequence, time_ns, publish_ns)
+    return head + record[mcap.MESSAGE.size :]
+
+
+def _time_of(record: bytes) -> int:
+    time_ns: int = mcap.MESSAGE.unpack_from(record)[4]
+    return time_ns

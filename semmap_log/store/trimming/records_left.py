@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from semmap_log.core.messages import layout, read_message, type_name, write_message
 from semmap_log.core.model.commits import NO_CONTENT, Note
 from semmap_log.store import records as mcap
-from semmap_log.store.compaction.repaging import Pause, no_pause, pages
+from semmap_log.store.compaction.merge import Pause, no_pause, pages
 from semmap_log.store.form import (
     CHUNK_BYTES,
     COMMIT_CHANNEL,
@@ -29,12 +29,20 @@ from semmap_log.store.form import (
     TOMBSTONE_CHANNEL,
     kind_of_channel,
 )
-from semmap_log.store.gone_commands import UNKNOWN, CommandSeal, Content, moved, part_of
+from semmap_log.store.gone_commands import (
+    UNKNOWN,
+    CommandSeal,
+    Content,
+    LostPart,
+    Tombstone,
+    moved,
+    part_of,
+    read_tombstone,
+)
 from semmap_log.store.header import TrimReason
-from semmap_log.store.pages import Page
+from semmap_log.store.kind_bits import Page
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.segment_set import check_adjoins
-from semmap_log.store.tombstone import LostPart, Tombstone, read_tombstone
 
 
 class Selection(Protocol):

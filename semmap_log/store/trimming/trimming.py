@@ -1,27 +1,35 @@
-"""The closed segments of a log, trimmed one after the other under the writer's lock."""
+"""The closed segments of a log, trimmed one after the other under the writer's lock.
+
+The copy of closed segments without some of their records, written, synced and compared.
+"""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.events import HistoryTrimmed
-from semmap_log.errors import LogAccessError
+from semmap_log.errors import CorruptLogError, LogAccessError
 from semmap_log.store.bag_metadata import write_bag_metadata
-from semmap_log.store.compaction.merge import MergedFiles
+from semmap_log.store.chunks import build_chunk
+from semmap_log.store.compaction.merge import MergedFiles, Pause, merged_header, no_pause
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.header import TrimReason
+from semmap_log.store.gone_commands import TakenOut
+from semmap_log.store.header import SegmentHeader, Trimmed, TrimReason
+from semmap_log.store.kind_bits import Page
 from semmap_log.store.lock import WriterLock
+from semmap_log.store.reading.mapped_file import map_file
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.segment_reading import statistics_of
-from semmap_log.store.reading.segment_scan import Segment
+from semmap_log.store.reading.segment_reading import end_of, pages_of, statistics_of
+from semmap_log.store.reading.segment_scan import Segment, segment_in
 from semmap_log.store.reading.tombstones import tombstones
-from semmap_log.store.tombstone import TakenOut
+from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.trimming.records_left import RecordsLeft, Selection
-from semmap_log.store.trimming.trimmed_copy import TrimmedCopy, trimmed
 
 Select = Callable[[Segment], Selection | None]
 """Returns what is to be taken out of a segment; None: nothing."""
@@ -226,3 +234,92 @@ def taken_out(reader: LogReader) -> TakenOut:
         for tombstone, record in tombstones(segment):
             found.add(tombstone, record)
     return found
+
+
+@contextmanager
+def trimmed(
+    folder: LogFolder, sources: Sequence[Segment], selection: Selection, pause: Pause = no_pause
+) -> Iterator[TrimmedCopy]:
+    """Hand out the closed, synced copy of adjacent segments, as one, without what was selected.
+
+    It has the first one's name; `install` puts it there. If that is not called, or on any error,
+    nothing is left of it.
+
+    Args:
+        folder: The log's.
+        sources: Closed segments that follow each other; often only one.
+        selection: What goes.
+        pause: Called between chunks.
+
+    Raises:
+        CorruptLogError: The segment is damaged.
+        OSError: As the file system says.
+    """
+    copy = TrimmedCopy(folder, sources, selection)
+    try:
+        copy.write(pause)
+        yield copy
+    finally:
+        copy.writer.abandon()
+
+
+class TrimmedCopy:
+    """A copy under way, and what was taken out for it."""
+
+    def __init__(self, folder: LogFolder, sources: Sequence[Segment], selection: Selection) -> None:
+        """Begin: the head is written."""
+        self.left = RecordsLeft(sources, selection)
+        header = _header_of(sources, selection)
+        self.writer = SegmentWriter(folder, sources[0].path.name, header)
+        self._digest = hashlib.sha256()
+        self.segment: Segment
+        """The copy, opened, once it is written."""
+
+    def write(self, pause: Pause) -> None:
+        """Write all of it, close it, and compare what its file holds with what was written.
+
+        Raises:
+            CorruptLogError: The segment, or the copy, is damaged.
+            OSError: As the file system says.
+        """
+        for records, next_event in self.left.parts(pause):
+            page = Page(records, self.writer.header.first_event, self.writer.path)
+            chunk = build_chunk(records, page.offsets, compression="zstd")
+            self.writer.add(chunk, levels=page.levels, next_event=next_event)
+            self._digest.update(records)
+        self.writer.close()
+        self._compare(pause)
+
+    def install(self) -> None:
+        """Put it in the place of the first segment; the others are leftovers then.
+
+        Raises:
+            OSError: As the file system says, or another file has its name now.
+        """
+        self.writer.install(replacing=self.left.sources[0].source.identity)
+
+    def _compare(self, pause: Pause) -> None:
+        """Read the copy from its file, and compare its records with those that were handed on."""
+        writer, sources = self.writer, self.left.sources
+        assert writer.temporary is not None, "it was not installed yet"
+        source = map_file(writer.folder / writer.temporary, writer.folder)
+        copy = self.segment = segment_in(writer.path, source)
+        found = hashlib.sha256()
+        for page in pages_of(copy):
+            found.update(page.records)
+            pause(0)
+        is_same = found.digest() == self._digest.digest() and copy.head == sources[-1].head
+        if not is_same or copy.full_header != writer.header:
+            problem = "its trimmed copy is not what was written; the old one is kept"
+            raise CorruptLogError(sources[0].path, 0, problem)
+
+
+def _header_of(sources: Sequence[Segment], selection: Selection) -> SegmentHeader:
+    """Return the header of the segment that stands for all of these, trimmed."""
+    reasons, horizon = selection.reason, selection.horizon
+    for segment in sources:
+        if segment.header.trimmed is not None:
+            reasons |= segment.header.trimmed.reasons
+            horizon = max(horizon, segment.header.trimmed.horizon)
+    trimmed = Trimmed(reasons, end_of(sources[-1]), horizon)
+    return replace(merged_header(sources), trimmed=trimmed)

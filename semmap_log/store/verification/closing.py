@@ -39,6 +39,7 @@ from semmap_log.store.form import (
     count_events,
     floor_map_topic,
 )
+from semmap_log.store.gone_commands import Tombstone
 from semmap_log.store.header import (
     LogInfo,
     SegmentHeader,
@@ -48,12 +49,10 @@ from semmap_log.store.header import (
 )
 from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.segment import Head, attachment_index, channel_record
-from semmap_log.store.tombstone import Tombstone
-from semmap_log.store.verification.file_bytes import FileBytes
 from semmap_log.store.verification.file_heads import FOOTER_BYTES, first_bytes
+from semmap_log.store.verification.file_place import FileBytes
 from semmap_log.store.verification.hash_chain import SEQUENCE_RANGE
-from semmap_log.store.verification.pieces import Piece
-from semmap_log.store.verification.walk import Flaw, name_of_record
+from semmap_log.store.verification.pieces import Flaw, Piece, name_of_record
 
 SECTOR = 512
 MOST_UNKNOWN_CHUNKS = 2**16

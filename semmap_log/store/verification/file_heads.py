@@ -16,8 +16,7 @@ from semmap_log.errors import LogAccessError, LogError, NewerLogError
 from semmap_log.store import records as mcap
 from semmap_log.store.form import LIBRARY, LOG_METADATA, PROFILE, number_in, segment_name, stem_of
 from semmap_log.store.header import OtherVersionError, SegmentHeader
-from semmap_log.store.verification.file_bytes import FileBytes, Vanished
-from semmap_log.store.verification.file_place import FilePlace, OpenedFile
+from semmap_log.store.verification.file_place import FileBytes, FilePlace, OpenedFile, Vanished
 
 HEAD_BYTES = 2**16
 """The header lies well within; a longer one is none of ours."""

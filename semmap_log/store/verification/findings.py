@@ -1,13 +1,301 @@
-"""What a verification found, as values."""
+"""What a verification found, as values.
+
+Which files of a folder make up a log, in which order, and which do not.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from pathlib import PurePath
 
-from semmap_log.store.form import NO_HASH
+from semmap_log.core.io.disk import TEMPORARY_SUFFIX
+from semmap_log.core.texts import command_line, counted
+from semmap_log.errors import CorruptLogError, LogAccessError
+from semmap_log.store.bag_metadata import ClosedSegment, bag_metadata_text, listed_names
+from semmap_log.store.closed_mark import ClosedMark
+from semmap_log.store.form import (
+    BAG_METADATA_NAME,
+    NO_HASH,
+    RECOVERING_NAME,
+    REMOVED_NAME,
+    TORN_SUFFIX,
+    is_named_as_part,
+    number_in,
+)
+from semmap_log.store.removed_part import RemovedPart
+from semmap_log.store.verification.file_heads import SegmentFile, look_at
+from semmap_log.store.verification.file_place import FilePlace
+
+
+@dataclass(slots=True)
+class FolderFiles:
+    """The files of a log, sorted out."""
+
+    place: FilePlace
+    segments: list[SegmentFile] = field(default_factory=list)
+    """In the order of their numbers."""
+    leftovers: list[SegmentFile] = field(default_factory=list)
+    """Segments that were merged into others and not removed yet."""
+    missing: dict[int, int] = field(default_factory=dict)
+    """Number of a segment behind a gap -> the first number that is missing before it."""
+    findings: list[Finding] = field(default_factory=list)
+    removed: RemovedPart | None = None
+    """Its beginning, if it lies in a store only."""
+    mark: ClosedMark | None = None
+    """How far it reached, as was known before the files were listed."""
+    listed: frozenset[str] = frozenset()
+    """What metadata.yaml named as closed before the files were listed."""
+
+    @property
+    def folder(self) -> PurePath:
+        """Where they lie, for messages."""
+        return self.place.path
+
+    def has(self, number: int) -> bool:
+        """Tell whether a segment stands for that number."""
+        return any(s.number <= number <= s.last_number for s in self.segments)
+
+    def lacks(self, number: int) -> bool:
+        """Tell whether segments that follow show that this one is missing."""
+        return any(first <= number < behind for behind, first in self.missing.items())
+
+
+def arrange(place: FilePlace) -> FolderFiles:
+    """Return the segments of a log's folder, or of a single file.
+
+    Raises:
+        LogAccessError: Something cannot be read.
+        LogError: It is of another format version.
+        Vanished: A file went away meanwhile.
+    """
+    path, found = place.path, FolderFiles(place)
+    if path.suffix == ".mcap" and not place.is_folder():
+        one = look_at(place, path)
+        found.segments = [one] if one else []
+        if one is None:
+            found.findings.append(_alien(path, "not a segment of a semmap log"))
+        return found
+    if not place.is_folder():
+        found.findings.append(
+            _alien(path, "no such log: expected a folder, a zip of it, or one .mcap file")
+        )
+        return found
+    found.mark = _mark(found)
+    found.listed = frozenset(listed_names(place.bag_metadata() or ""))
+    try:
+        names = sorted(place.files())
+    except OSError as error:
+        raise LogAccessError(f"{path}: cannot be read: {error.strerror}.") from error
+    found.findings += [_damage("manifest", name, text) for name, text in place.flaws()]
+    looked = {name: look_at(place, name) for name in names if name.suffix == ".mcap"}
+    ours = [one for one in looked.values() if one is not None]
+    for name in (name for name, one in looked.items() if one is None):
+        if any(_has_name_of_part(name, one) for one in ours):
+            found.findings.append(leftover_finding(name, is_whole=False))
+        else:
+            text = "a foreign file: no segment of a semmap log; move it elsewhere"
+            found.findings.append(_damage("foreign", name, text))
+    if not ours:
+        found.findings = [_alien(path, "no segment of a semmap log is in this folder")]
+        return found
+    found.findings += _notes(names)
+    _sort_out(found, ours)
+    _take_removed(found)
+    return found
+
+
+def _take_removed(found: FolderFiles) -> None:
+    """Tell what was removed on purpose from what is missing: the rest must begin where it ends."""
+    try:
+        part = found.place.removed()
+    except CorruptLogError as error:
+        found.findings.append(_damage("removed", error.path, error.problem))
+        return
+    first = found.segments[0]
+    if part is None or first.header is None or first.number == 0:
+        return
+    told = next(
+        (s.shipped for s in part.segments if s.shipped.header.last_number == first.number - 1), None
+    )
+    if told is None or set(found.missing) - {first.number}:
+        return
+    ours = (first.header.info, first.header.first_event, first.header.hash_so_far)
+    if ours != (told.header.info, told.next_event, told.head):
+        text = f"it does not begin where what {REMOVED_NAME} tells of ends: one is of another copy"
+        found.findings.append(_damage("removed", first.path, text))
+        return
+    del found.missing[first.number]
+    found.removed = part
+    many = sum(one.shipped.header.last_number < first.number for one in part.segments)
+    text = (
+        f"{counted(many, 'segment')}, to event {told.next_event - 1}, were removed here once they "
+        f"were shipped; they were not verified now: {command_line('verify', part.url)}"
+    )
+    path = found.folder / REMOVED_NAME
+    found.findings.append(
+        Finding("removed", Severity.NOTE, path, None, (0, told.next_event - 1), text)
+    )
+
+
+def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None) -> list[Finding]:
+    """Compare metadata.yaml with the closed segments; it is a cache, but it knows what there was.
+
+    What it names only now was closed while the files were read, and is no evidence against them.
+    Nor is what it names in a log that has a mark: `cp -r` may copy it later than the segments.
+
+    Args:
+        found: The log's files.
+        closed: What their own bytes say of the closed segments; None: not all can be read.
+    """
+    path, text = found.folder / BAG_METADATA_NAME, found.place.bag_metadata()
+    findings: list[Finding] = []
+    if text is None:
+        return findings
+    for name in listed_names(text):
+        if name not in found.listed or found.mark is not None:
+            continue
+        number = number_in(name)
+        present = next((s for s in found.segments if s.path.name == name), None)
+        if present is not None and not present.is_closed:
+            problem = f"{BAG_METADATA_NAME} names it as closed, but no footer ends it: it was cut"
+            findings.append(_damage("shortened", present.path, problem))
+        is_known = number is None or found.has(number) or found.lacks(number)
+        if present is None and not is_known:
+            problem = f"{BAG_METADATA_NAME} names it, but it is missing: the log's tail was cut"
+            findings.append(_damage("missing", found.folder / name, problem))
+    expected = bag_metadata_text(closed) if closed else ""
+    if closed is not None and text != expected and not findings:
+        problem = (
+            f"{BAG_METADATA_NAME}, by which other tools open the folder, does not describe the "
+            "closed segments; the next writer makes it anew"
+        )
+        findings.append(Finding("metadata", Severity.WARNING, path, None, None, problem))
+    return findings
+
+
+def mark_findings(found: FolderFiles, next_event: int, head: bytes | None) -> list[Finding]:
+    """Compare how far the log reached, as its last mark tells, with how far it does.
+
+    Args:
+        found: The log's files.
+        next_event: The number behind its last event.
+        head: Hash of its commit that ends where the mark says; None: none ends there.
+    """
+    mark = found.mark
+    if mark is None:
+        return []
+    path, last = found.folder / mark.file, found.segments[-1]
+    if last.header is not None and last.header.info.log_id != mark.log_id:
+        text = f"it tells of the log {mark.log_id}, not of this one"
+        return [_damage("mark", path, text)]
+    if next_event < mark.next_event:
+        where = last.path if last.last_number >= mark.segment else path
+        text = (
+            f"the log's last segment that was closed ended before event {mark.next_event} "
+            f"({mark.file}), and now all ends before event {next_event}: a segment was "
+            "cut, is missing, or is an older state of itself"
+        )
+        lost = (next_event, mark.next_event - 1)
+        return [Finding("shortened", Severity.DAMAGE, where, None, lost, text)]
+    if mark.next_event and head is not None and head.hex() != mark.head:
+        text = (
+            f"the commit before event {mark.next_event} is not the one that {mark.file} "
+            "tells of: one of the two is of another copy of this log"
+        )
+        return [_damage("mark", last.path, text)]
+    return []
+
+
+def _mark(found: FolderFiles) -> ClosedMark | None:
+    try:
+        return found.place.mark()
+    except CorruptLogError as error:
+        found.findings.append(_damage("mark", error.path, error.problem))
+        return None
+
+
+def _sort_out(found: FolderFiles, ours: list[SegmentFile]) -> None:
+    """Tell the log's segments from those of other logs, leftovers and copies."""
+    ids = Counter(f.header.info.log_id for f in ours if f.header is not None)
+    log_id = max(ids, key=lambda one: ids[one], default="")
+    last: SegmentFile | None = None
+    for file in sorted(ours, key=lambda f: (f.number, -f.last_number, f.path.name)):
+        if file.header is not None and file.header.info.log_id != log_id:
+            other = file.header.info.log_id
+            text = f"of another log: expected the log id {log_id}, got {other}; move it elsewhere"
+            found.findings.append(_damage("foreign", file.path, text))
+            continue
+        if last is not None and file.number <= last.last_number:
+            _add_second(found, file, last)
+            continue
+        expected = 0 if last is None else last.last_number + 1
+        if file.number > expected:
+            found.missing[file.number] = expected
+        if file.header is not None and file.named_number not in (None, file.number):
+            text = (
+                f"its name says segment {file.named_number}, its header segment {file.number}: "
+                "it was renamed, or two files were swapped"
+            )
+            found.findings.append(_damage("name", file.path, text))
+        found.segments.append(file)
+        last = file
+
+
+def _add_second(found: FolderFiles, file: SegmentFile, last: SegmentFile) -> None:
+    """Take in a file whose number another one has, or stands for."""
+    is_inside = (file.number, file.last_number) != (last.number, last.last_number)
+    if file.header is None:
+        is_inside = _has_name_of_part(file.path, last)
+    if is_inside and file.last_number <= last.last_number:
+        found.leftovers.append(file)
+        return
+    text = f"segment {file.number} is there twice: {last.path.name} has it, too"
+    found.findings.append(_damage("duplicated", file.path, text))
+
+
+def _has_name_of_part(path: PurePath, whole: SegmentFile) -> bool:
+    """Tell whether a file has the name of a segment that was merged into that one."""
+    if whole.header is None:
+        return False
+    return is_named_as_part(path.name, whole.path.name, whole.number, whole.last_number)
+
+
+def leftover_finding(path: PurePath, *, is_whole: bool) -> Finding:
+    """Return what there is to say of a segment that was merged into another."""
+    text = "was merged into another segment; the next writer removes it"
+    if is_whole:
+        return Finding("leftover", Severity.NOTE, path, None, None, text)
+    text = f"{text}; its own bytes are damaged, which costs nothing"
+    return Finding("leftover", Severity.WARNING, path, None, None, text)
+
+
+def _notes(names: list[PurePath]) -> list[Finding]:
+    """Return what lies beside the segments and is harmless."""
+    findings = []
+    for path in names:
+        if TORN_SUFFIX in path.name:
+            text = "what a crash left behind the last whole commit, kept; you may remove it"
+        elif path.name.startswith(".") and path.name.endswith(TEMPORARY_SUFFIX):
+            text = "a file that a writer did not finish; the next one removes it"
+        elif path.name == RECOVERING_NAME:
+            line = command_line("recover", path.parent)
+            text = f"a recovery was interrupted at its last step; to finish it: {line}"
+        else:
+            continue
+        findings.append(Finding("leftover", Severity.NOTE, path, None, None, text))
+    return findings
+
+
+def _alien(path: PurePath, text: str) -> Finding:
+    return Finding("not a log", Severity.NOT_A_LOG, path, None, None, text)
+
+
+def _damage(kind: str, path: PurePath, text: str) -> Finding:
+    return Finding(kind, Severity.DAMAGE, path, None, None, text)
+
 
 EXIT_GOOD, EXIT_TORN, EXIT_DAMAGE, EXIT_NOT_A_LOG, EXIT_UNSIGNED = 0, 3, 4, 5, 6
 
@@ -68,7 +356,7 @@ class CommitEnd:
     recorded_ns: int | None = None
     """When it was recorded; None: no commit before it was read, or it was taken out."""
     taken: bytes = b""
-    """Digest of what no hash binds, up to here: `store.unbound`."""
+    """Digest of what no hash binds, up to here: `store.header`."""
     unvouched: int = 0
     """How many records up to here this head does not bind, since records were taken out."""
 

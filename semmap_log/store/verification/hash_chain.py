@@ -27,10 +27,9 @@ from semmap_log.store.form import (
     TOMBSTONE_CHANNEL,
     kind_of_channel,
 )
-from semmap_log.store.header import SegmentHeader
+from semmap_log.store.gone_commands import TakenOut, Tombstone
+from semmap_log.store.header import SegmentHeader, Unbound
 from semmap_log.store.records import MESSAGE
-from semmap_log.store.tombstone import TakenOut, Tombstone
-from semmap_log.store.unbound import Unbound
 from semmap_log.store.verification.findings import Finding, Severity
 from semmap_log.store.verification.pieces import Message, Piece
 

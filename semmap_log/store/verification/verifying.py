@@ -18,6 +18,7 @@ from semmap_log.core.texts import counted
 from semmap_log.errors import CorruptLogError, LogError, NotALogError
 from semmap_log.store.bag_metadata import ClosedSegment
 from semmap_log.store.clock_check import ClockCheck
+from semmap_log.store.folder import is_zip
 from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION, NO_HASH
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.manifest import ShippedSegment
@@ -32,13 +33,14 @@ from semmap_log.store.verification.closing import (
     is_whole_closing,
     summary_flaws,
 )
-from semmap_log.store.verification.disk_and_store import DiskAndStorePlace
-from semmap_log.store.verification.file_bytes import FileBytes, Vanished
 from semmap_log.store.verification.file_heads import SegmentFile, bytes_of, first_bytes, name_of
-from semmap_log.store.verification.file_place import DiskPlace, FilePlace
-from semmap_log.store.verification.findings import CommitEnd, Finding, Severity, Verification
-from semmap_log.store.verification.folder_files import (
+from semmap_log.store.verification.file_place import DiskPlace, FileBytes, FilePlace, Vanished
+from semmap_log.store.verification.findings import (
+    CommitEnd,
+    Finding,
     FolderFiles,
+    Severity,
+    Verification,
     arrange,
     bag_metadata_findings,
     leftover_finding,
@@ -51,11 +53,13 @@ from semmap_log.store.verification.hash_chain import (
     OnGone,
     WholeCommit,
 )
-from semmap_log.store.verification.keyframe_place import KeyframePlace, NewKeyframeCheck
-from semmap_log.store.verification.object_place import ObjectPlace
-from semmap_log.store.verification.pieces import Piece
-from semmap_log.store.verification.walk import Flaw, Gap, SegmentWalk
-from semmap_log.store.zip_files import is_zip
+from semmap_log.store.verification.keyframe_place import (
+    DiskAndStorePlace,
+    KeyframePlace,
+    NewKeyframeCheck,
+    ObjectPlace,
+)
+from semmap_log.store.verification.pieces import Flaw, Gap, Piece, SegmentWalk
 from semmap_log.store.zipped import unpacked
 
 Progress = Callable[[int, int], None]

@@ -3,37 +3,43 @@
 One segment is live. When it is full it is closed, and another begins; a background thread then
 puts the closed one into large compressed chunks. A small closed segment is continued in a copy,
 so that a thousand commands of one line do not make a thousand files.
+
+A segment made writable again: a copy of its whole commits, the torn tail kept beside it.
+
+Nothing is ever cut in place: a reader may have the old file mapped, and a power cut may come at
+any moment. Chunk times and message indexes are made anew from the messages, never copied.
 """
 
 from __future__ import annotations
 
 import errno
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
+from semmap_log.core.io.byte_source import blocks
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
-from semmap_log.store.chunks import BuiltChunk
+from semmap_log.store.chunks import BuiltChunk, build_chunk
 from semmap_log.store.closed_mark import ClosedMark, read_mark, write_mark
 from semmap_log.store.compaction.background import BackgroundCompactor, KeepUp
-from semmap_log.store.compaction.merge import MergedFiles
-from semmap_log.store.compaction.rechunk import needs_compaction
+from semmap_log.store.compaction.merge import MergedFiles, needs_compaction
 from semmap_log.store.folder import LogFolder, Version
 from semmap_log.store.form import (
     CONTINUE_BELOW_BYTES,
     ROLL_AGE_NS,
     ROLL_BYTES,
     ROLL_COMMITS,
+    TORN_SUFFIX,
     segment_name,
 )
 from semmap_log.store.header import SegmentHeader
+from semmap_log.store.kind_bits import Page
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.segment_reading import statistics_of
+from semmap_log.store.reading.segment_reading import read_chunk, statistics_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.segment import SegmentWriter
-from semmap_log.store.writing.recovery import reopened
 
 MOST_LEFT = 16
 """So many segments are looked at, when a log is opened, for compaction that was left undone."""
@@ -267,3 +273,43 @@ def _left_to_compact(closed: Sequence[Segment]) -> list[Segment]:
                 break
             found.append(segment)
     return found
+
+
+def reopened(folder: LogFolder, segment: Segment) -> SegmentWriter:
+    """Return a writer that holds the segment's whole commits, not yet installed."""
+    if segment.torn_bytes:
+        keep_torn_tail(folder, segment)
+    writer = SegmentWriter(folder, segment.path.name, segment.full_header)
+    try:
+        for chunk in segment.chunks:
+            records = bytes(read_chunk(segment, chunk))
+            page = Page(records, segment.header.first_event, segment.path, chunk.offset)
+            built = build_chunk(records, page.offsets, compression=chunk.compression)
+            writer.add(built, levels=page.levels)
+    except BaseException:
+        writer.abandon()
+        raise
+    return writer
+
+
+def keep_torn_tail(folder: LogFolder, segment: Segment) -> None:
+    """Put what lies behind the last whole commit beside the segment, named by where it lay."""
+    name = f"{segment.path.name}{TORN_SUFFIX}-{segment.whole_end}"
+    kept, more = name, 1
+    while folder.has(kept) and not _holds(folder, kept, segment):
+        more += 1
+        kept = f"{name}-{more}"
+    folder.write_whole(kept, _torn_tail(segment))
+
+
+def _torn_tail(segment: Segment) -> Iterator[memoryview]:
+    return blocks(segment.source, segment.whole_end, segment.size)
+
+
+def _holds(folder: LogFolder, name: str, segment: Segment) -> bool:
+    try:
+        with folder.regular_file(name) as file:
+            same = all(file.read(len(block)) == block for block in _torn_tail(segment))
+            return same and not file.read(1)
+    except OSError:  # a stranger's link, or something else that is no file
+        return False

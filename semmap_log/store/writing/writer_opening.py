@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic
 
-from semmap_log.core.io.disk import sync_folder
-from semmap_log.core.io.file_calls import check_can_write
+from semmap_log.core.io.disk import check_can_write, sync_folder
 from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError, LogError, LogExistsError
 from semmap_log.store.compaction.merge import MergedFiles
-from semmap_log.store.folder import LogFolder
+from semmap_log.store.folder import LogFolder, refuse_zip
 from semmap_log.store.form import NO_HASH, has_name_of_file
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.lock import WriterLock
@@ -21,7 +20,6 @@ from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_folder import check_is_log
 from semmap_log.store.writing.keyframe_source import K_co, NewKeyframeSource
 from semmap_log.store.writing.writer import Environment, LogWriter
-from semmap_log.store.zip_files import refuse_zip
 
 
 @dataclass(frozen=True, slots=True)

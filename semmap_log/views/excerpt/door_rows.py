@@ -1,17 +1,214 @@
-"""Rows of door changes as pictures take them: where they begin, whose they are, what counts."""
+"""Rows of door changes as pictures take them: where they begin, whose they are, what counts.
+
+One door's events as rows to draw: where it becomes something else. Pure numpy.
+
+What objects look like on a floor plan: a door is a line, others may be areas or points.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.folds.door_changes import CHANGE, EVERYTHING, Changes, Stamp, is_before
-from semmap_log.core.model.doors import Door
+from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, NO_INFORMATION, DoorLine
+from semmap_log.analysis.costmaps.door_layer_fold import cost_of_state
+from semmap_log.core.folds.door_changes import (
+    CHANGE,
+    EVERYTHING,
+    THERE,
+    Changes,
+    Stamp,
+    is_before,
+    of_presence,
+)
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.model.doors import Door, DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded
-from semmap_log.core.model.meaning import FIELDS
+from semmap_log.core.model.meaning import FIELDS, PART_OF, PARTS, PLACING, Presence
+from semmap_log.core.model.object_classes import (
+    DOOR,
+    OUTLINE,
+    Corners,
+    Geometry,
+    ObjectClass,
+    outline_told,
+)
+
+PLACE = tuple(name for name, part in PART_OF.items() if part & PLACING)
+PROBABILITIES = ("prob_open", "prob_closed")
+
+
+@dataclass(frozen=True, slots=True)
+class DoorPicture:
+    """Rows to draw for one door, each with all its values from then on."""
+
+    states: Changes
+    """One a state."""
+    placements: Changes
+    """One a place; NaN: it has none."""
+    probabilities: Changes
+    """One a point of the curves; NaN where not given."""
+    removals: Changes
+    """From then on it is not in the map."""
+    returns: Changes
+    """From then on it is in the map, or again."""
+
+
+class DoorFold:
+    """Follows one door and remembers only its last values.
+
+    A door that is not there is not drawn; what is told of it then is, once it comes.
+    """
+
+    def __init__(self) -> None:
+        self.last: Changes = np.zeros(1, CHANGE)
+        """One row: the values after the last event taken."""
+        self.last["state"] = NO_STATE
+        for name in PART_OF:
+            if CHANGE[name].kind == "f":
+                self.last[name] = np.nan
+        self.is_there = False
+
+    def take(self, changes: Changes) -> DoorPicture:
+        """Return what the next events draw.
+
+        Args:
+            changes: In the order in which they count; none sets what it does not win.
+        """
+        rows = changes.copy()
+        before = self._fill_forward(rows)
+        there, was_there = self._presence(changes)
+        appears = there & ~was_there
+        has_probability = ~(np.isnan(rows["prob_open"]) & np.isnan(rows["prob_closed"]))
+        return DoorPicture(
+            states=rows[there & (appears | _differs(rows, before, ["state"]))],
+            placements=rows[there & (appears | _differs(rows, before, PLACE))],
+            probabilities=rows[
+                there & np.where(appears, has_probability, _differs(rows, before, PROBABILITIES))
+            ],
+            removals=rows[was_there & ~there],
+            returns=rows[appears],
+        )
+
+    def _fill_forward(self, rows: Changes) -> Changes:
+        """Give each row the values that it does not set; return those before each row."""
+        for part, names in PARTS.items():
+            sets = (rows["sets"] & int(part)) != 0
+            if sets.all():
+                continue
+            source = np.maximum.accumulate(np.where(sets, np.arange(len(rows)), -1))
+            for name in names:
+                rows[name] = np.where(source >= 0, rows[name][source], self.last[name])
+        before = np.concatenate([self.last, rows])[: len(rows)]
+        if len(rows):
+            self.last = rows[-1:].copy()
+        return before
+
+    def _presence(self, changes: Changes) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Tell for each row whether the door is there since, and whether it was there before."""
+        sets = np.flatnonzero((changes["sets"] & THERE) != 0)
+        brings = np.append(self.is_there, ~of_presence(changes[sets], Presence.GOES))
+        place = np.searchsorted(sets, np.arange(len(changes)), "right")
+        there: NDArray[np.bool_] = brings[place]
+        was_there = np.append(self.is_there, there)[: len(changes)]
+        if len(there):
+            self.is_there = bool(there[-1])
+        return there, was_there
+
+
+def _differs(rows: Changes, before: Changes, names: Iterable[str]) -> NDArray[np.bool_]:
+    """Tell which rows have other values than the rows before them; NaN is like NaN."""
+    found = np.zeros(len(rows), np.bool_)
+    for name in names:
+        one, other = before[name], rows[name]
+        found |= (one != other) & ~(np.isnan(one) & np.isnan(other))
+    return found
+
+
+POINT_M = 0.15
+"""How far the corners of a point's diamond are from where it is."""
+_DIAMOND = ((POINT_M, 0.0), (0.0, POINT_M), (-POINT_M, 0.0), (0.0, -POINT_M))
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectShape:
+    """What an object looks like, wherever it is put."""
+
+    object_class: ObjectClass = DOOR
+    outline: Corners = ()
+    """Of a polygon, in its own frame, metres; empty: nobody has said."""
+
+    @property
+    def is_line(self) -> bool:
+        """Whether it is a line, such as a door, that stands in a wall."""
+        return self.object_class.geometry is Geometry.SEGMENT
+
+    def strips(self, placements: Changes) -> NDArray[np.float32]:
+        """Return its lines, float32 (rows, points, x and y), metres, frame `map`."""
+        corners = self.outline if self.object_class.geometry is Geometry.POLYGON else _DIAMOND
+        if self.is_line or not corners:
+            return strips_of(placements)
+        with np.errstate(over="ignore"):  # as in `strips_of`
+            return _seen_from(placements, np.array([*corners, corners[0]])).astype(np.float32)
+
+    def points(self, placements: Changes) -> NDArray[np.float64]:
+        """Return the points between which it lies, (points, x and y), metres, frame `map`."""
+        if self.outline:
+            return _seen_from(placements, np.array(self.outline)).reshape(-1, 2)
+        start = np.stack([placements["x"], placements["y"]], -1)
+        along = np.stack([np.cos(placements["theta"]), np.sin(placements["theta"])], -1)
+        width = placements["width"] if self.is_line else np.zeros(len(placements))
+        return np.concatenate([start, start + width[:, None] * along])
+
+    def drawn(self, placement: Any) -> DoorLine:
+        """Return what it draws into a costmap, where it draws something; at no cost."""
+        x, y, theta, width = (float(placement[name]) for name in ("x", "y", "theta", "width"))
+        width = width if self.is_line else 0.0
+        corners: Corners = ()
+        if self.outline:
+            seen = _seen_from(placement[None], np.array(self.outline))[0]
+            corners = tuple((float(corner[0]), float(corner[1])) for corner in seen)
+        return DoorLine(x, y, theta, width, NO_INFORMATION, corners)
+
+    def costs(self) -> NDArray[np.uint8]:
+        """Return what each state of it costs where it is: uint8 (256,)."""
+        costs = np.full(256, NO_INFORMATION, np.uint8)
+        costs[: len(DoorState)] = [cost_of_state(state, self.object_class) for state in DoorState]
+        if not self.is_line:
+            costs[costs == FREE_SPACE] = NO_INFORMATION
+        return costs
+
+
+AS_A_DOOR = ObjectShape()
+
+
+def shapes_of(state: DoorMapState) -> Mapping[DoorId, ObjectShape]:
+    """Return the shapes of all objects that are no doors, removed ones too."""
+    objects = state.objects()
+    said = state.since_added(OUTLINE) if objects else {}
+    return {i: ObjectShape(one, _outline(said.get(i, ""))) for i, one in objects.items()}
+
+
+def _outline(text: str) -> Corners:
+    try:
+        return outline_told(text)
+    except ValueError:
+        return ()
+
+
+def _seen_from(placements: Changes, corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return corners of objects, (rows, corners, x and y), in the frame `map`."""
+    starts = np.stack([placements["x"], placements["y"]], -1)
+    cos, sin = np.cos(placements["theta"])[:, None], np.sin(placements["theta"])[:, None]
+    x, y = corners[None, :, 0], corners[None, :, 1]
+    turned = np.stack([cos * x - sin * y, sin * x + cos * y], -1)
+    seen: NDArray[np.float64] = turned + starts[:, None]
+    return seen
+
 
 ALWAYS: Stamp = (-1, -1)
 NEVER: Stamp = (2**63 - 1, 2**63 - 1)

@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.folds.patrol_rounds import ROUND_KINDS, Round, rounds
+from semmap_log.core.folds.history import ROUND_KINDS, Round, rounds
 from semmap_log.core.folds.timeline import Timeline, Times
 from semmap_log.core.model.doors import DoorId, DoorState, reduced
 from semmap_log.core.model.moments import DAY_NS, format_short
-from semmap_log.views.drawable_names import HasShape, drawable_name
-from semmap_log.views.event_words import printable
+from semmap_log.views.event_words import HasShape, drawable_name, printable
 from semmap_log.views.palette import DEFAULT, PLOT_GRID, Palette, Rgb
 from semmap_log.views.plots.matplotlib_sdk import (
     has_shape,

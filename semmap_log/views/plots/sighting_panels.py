@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from semmap_log.analysis.scans.door_figures import DoorFigures
-from semmap_log.analysis.scans.kept_visit import KeptVisit
+from semmap_log.analysis.scans.visit import KeptVisit
 from semmap_log.core.texts import counted
-from semmap_log.views.drawable_names import HasShape, drawable_name
-from semmap_log.views.event_words import printable
+from semmap_log.views.event_words import HasShape, drawable_name, printable
 from semmap_log.views.palette import (
     DEFAULT,
     PLOT_BEAM,
@@ -35,8 +34,15 @@ from semmap_log.views.plots.matplotlib_sdk import (
     new_figure,
     save_figure,
 )
-from semmap_log.views.sightings.door_scene import DoorScene, Fate, Points, door_scene
-from semmap_log.views.sightings.visit_words import grounds, verdict, when
+from semmap_log.views.sightings.visit_words import (
+    DoorScene,
+    Fate,
+    Points,
+    door_scene,
+    grounds,
+    verdict,
+    when,
+)
 
 PANEL_IN, WORDS_IN, GAP_IN = 2.3, 0.62, 0.12
 """Side of a picture; height of the words above it; room between pictures."""

@@ -11,18 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.beliefs.typical_week import By, TypicalWeek, WeekPattern
+from semmap_log.analysis.beliefs.door_beliefs import By, TypicalWeek, WeekPattern
 from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, DAYS, HOURS
 from semmap_log.analysis.probabilities.forecast import INTERVAL
 from semmap_log.core.model.moments import format_short
 from semmap_log.core.texts import counted
 from semmap_log.log.door_log.door_labels import told_apart
 from semmap_log.views.belief_words import why_unknown
-from semmap_log.views.drawable_names import HasShape, drawable_name
-from semmap_log.views.event_words import printable
-from semmap_log.views.palette import PLOT_CURVE, PLOT_HATCH, PLOT_NOTHING
+from semmap_log.views.event_words import HasShape, drawable_name, printable
+from semmap_log.views.palette import COLOUR_MAP, PLOT_CURVE, PLOT_HATCH, PLOT_NOTHING
 from semmap_log.views.plots.matplotlib_sdk import has_shape, letters_of, new_figure, save_figure
-from semmap_log.views.week_shades import COLOUR_MAP
 
 WIDE_IN = 8.0
 """Of a picture of one door; a column of several is `NARROW_IN` wide."""

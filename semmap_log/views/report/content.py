@@ -1,54 +1,76 @@
-"""A log as one page: everything in it, nothing around it, the same bytes for the same log."""
+"""A log as one page: everything in it, nothing around it, the same bytes for the same log.
+
+The last changes in words: when, which door, what; who and why.
+
+Fills the page: HTML, CSS and JavaScript are files beside this one, the data is JSON.
+
+Nothing in the data can become part of the page: it is a block that no browser runs, in it `<`, `>`
+and `&` are spelt out, and the scripts show text as text. The page's own policy forbids it to load
+anything, and any script but its own.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+import base64
+import hashlib
+import html
+import json
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from semmap_log.analysis.beliefs.belief_query import ask
-from semmap_log.analysis.beliefs.door_beliefs import LATER, belief, default_estimator
-from semmap_log.analysis.beliefs.typical_week import TypicalWeek, typical_week
+from semmap_log.analysis.beliefs.door_beliefs import (
+    LATER,
+    TypicalWeek,
+    belief,
+    default_estimator,
+    typical_week,
+)
+from semmap_log.core.folds.history import ROUND_KINDS, HistoryEntry, history, rounds
 from semmap_log.core.folds.levels import levels_of
-from semmap_log.core.folds.patrol_rounds import ROUND_KINDS, rounds
 from semmap_log.core.io.disk import log_name
 from semmap_log.core.model.doors import DoorId, DoorMap, DoorState
 from semmap_log.core.model.moments import format_local, zone
+from semmap_log.core.model.object_classes import ObjectClass
+from semmap_log.log.door_log.door_labels import LogSummary
+from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.robot_names import robots_of
-from semmap_log.log.door_log.summary import LogSummary
 from semmap_log.log.replay.replay import Scope
+from semmap_log.store.reading.window import Window
 from semmap_log.views.belief_words import why_unknown
-from semmap_log.views.excerpt.object_shapes import ObjectShape, shapes_of
+from semmap_log.views.event_words import state_told_by, words_of
+from semmap_log.views.excerpt.door_rows import ObjectShape, shapes_of, sorted_by_stamp
 from semmap_log.views.excerpt.shown_levels import home_of_0
 from semmap_log.views.excerpt.span import Excerpt
-from semmap_log.views.how_to_begin import how_to_begin
 from semmap_log.views.label_places import without_level
-from semmap_log.views.palette import DEFAULT, Palette
-from semmap_log.views.report.last_changes import changes_of
-from semmap_log.views.report.page import filled, hex_of
-from semmap_log.views.report.page_doors import (
+from semmap_log.views.palette import DEFAULT, Palette, Rgb, shade
+from semmap_log.views.report.page_events import (
+    MOST_CHANGES,
     PageDoor,
+    PageEvents,
+    Rows,
     bring_home,
     brought_by,
     coded_lapses,
     coded_life,
     coded_states,
+    gather,
     page_doors,
     placed_on,
 )
-from semmap_log.views.report.page_events import PageEvents, gather
 from semmap_log.views.report.plans import PageContent, begins_of_plans, shown_levels
 from semmap_log.views.report.track import track_of
-from semmap_log.views.tables import hold_setting
-from semmap_log.views.week_shades import shade
-from semmap_log.views.zone_times import DAY_MS, MS_NS, Span, first_ms, zone_offsets
+from semmap_log.views.tables import class_in, hold_setting
+from semmap_log.views.tail_lines import LATE_NS
+from semmap_log.views.zone_times import DAY_MS, MS_NS, Span, first_ms, how_to_begin, zone_offsets
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log import DoorLog, Time
-if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log.door_log.door_log import Time
+
 
 BESIDE_MS = 8 * DAY_MS
 """The week of a moment reaches so far beyond the first and the last one."""
@@ -293,3 +315,123 @@ def _percent(week: TypicalWeek) -> list[int] | None:
     percent = np.rint(100 * week.hours.p_open).astype(np.int64)
     cells: list[int] = np.where(week.hours.is_known, percent, UNKNOWN).ravel().tolist()
     return cells
+
+
+def changes_of(
+    log: DoorLog, told: Rows, page_doors: Sequence[PageDoor], span: Span
+) -> list[dict[str, Any]]:
+    """Return the last changes, the latest first.
+
+    Args:
+        log: Where from.
+        told: Rows of `STAMP`, of events that are told whatever they say.
+        page_doors: The doors, with their changes of state.
+        span: Of the page.
+    """
+    stamps = np.unique(np.concatenate([told, *(page_door.changes for page_door in page_doors)]))
+    latest = sorted_by_stamp(stamps)[-MOST_CHANGES:]["number"]
+    objects = log.objects()
+    lines = {
+        entry.number: _line(entry, class_in(objects, entry.door_id), span)
+        for entry in _entries(log, latest[latest >= 0])
+    }
+    doors = {None, *(page_door.door_id for page_door in page_doors)}
+    in_turn = [lines[number] for number in reversed(latest.tolist()) if number in lines]
+    return [line for line in in_turn if line["door"] in doors]
+
+
+def _entries(log: DoorLog, numbers: Rows) -> Iterator[HistoryEntry]:
+    """Yield the events of these numbers, ascending, with who and why: in one reading."""
+    if not len(numbers):
+        return
+    finder = log.said_finder()
+    window = Window(first_event=int(numbers.min()), before_event=int(numbers.max()) + 1)
+    batches = (
+        batch.select(np.isin(batch.number, numbers))
+        for batch in log.batches_in(window, on_page=finder.look_at)
+    )
+    found = (batch for batch in batches if len(batch))
+    yield from history(found, finder.said_of, log.retractions())
+
+
+def _line(entry: HistoryEntry, of: ObjectClass, span: Span) -> dict[str, Any]:
+    state = state_told_by(entry.event)
+    late_ns = entry.recorded_ns - entry.folds_ns
+    return {
+        "event": entry.number,
+        "t": span.since_begin(entry.folds_ns),
+        "door": entry.door_id,
+        "what": words_of(entry.event, of),
+        "state": None if state is None else int(state),
+        "actor": entry.actor,
+        "source": entry.source,
+        "reason": entry.reason,
+        "recorded": span.since_begin(entry.recorded_ns) if late_ns > LATE_NS else None,
+    }
+
+
+STYLES = ("page.css", "stage.css", "sections.css", "print.css")
+SCRIPTS = (
+    "basics.js", "calendar.js", "data.js", "clock.js", "plan.js", "labels.js", "beside.js",
+    "ticks.js", "lanes.js", "weeks.js", "table.js", "words.js", "main.js",
+)  # fmt: skip
+"""In the order in which they are joined; the first line of each says what it is for."""
+
+
+def filled(data: dict[str, Any], *, title: str, palette: Palette) -> str:
+    """Return the page.
+
+    Args:
+        data: What it shows; only what JSON holds.
+        title: For the browser's tab.
+        palette: Colours of the states and of the robot.
+    """
+    style = _colours(palette) + "".join(map(_asset, STYLES))
+    script = '(() => {\n"use strict";\n' + "\n".join(map(_asset, SCRIPTS)) + "})();\n"
+    parts = {
+        "POLICY": (
+            "default-src 'none'; img-src data:; "
+            f"style-src '{_fingerprint(style)}'; script-src '{_fingerprint(script)}'; "
+            "base-uri 'none'; form-action 'none'"
+        ),
+        "TITLE": html.escape(title),
+        "STYLE": style,
+        "DATA": inert_json(data),
+        "SCRIPT": script,
+    }
+    page = _asset("page.html")
+    pieces = page.split("@@")  # text, name of a part, text, name of a part …, text
+    return "".join(parts[piece] if i % 2 else piece for i, piece in enumerate(pieces))
+
+
+def inert_json(value: Any) -> str:
+    """Return JSON without a character that could end a script block, or begin a comment in one."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text
+
+
+def _asset(name: str) -> str:
+    return resources.files(__package__).joinpath(f"page/{name}").read_text(encoding="utf-8")
+
+
+def _fingerprint(text: str) -> str:
+    digest = hashlib.sha256(text.encode()).digest()
+    return f"sha256-{base64.b64encode(digest).decode()}"
+
+
+def _colours(palette: Palette) -> str:
+    """Return the palette as variables; MOVING and OFFLINE are drawn as UNKNOWN."""
+    named = {
+        "open": palette.open, "closed": palette.closed, "unknown": palette.unknown,
+        "open-text": palette.open_text, "closed-text": palette.closed_text,
+        "unknown-text": palette.unknown_text, "robot": palette.robot,
+    }  # fmt: skip
+    lines = "".join(f"  --{name}: {hex_of(colour)};\n" for name, colour in named.items())
+    return f":root {{\n{lines}}}\n"
+
+
+def hex_of(colour: Rgb) -> str:
+    """Return the colour as CSS writes it."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)

@@ -1,23 +1,294 @@
 """One pass over a log's events: what the page needs of them, in a few columns.
 
 Of each report of a state 22 bytes are kept, of each pose 20; the rest is rare.
+
+What became of each door, coded so that a page can hold a week of hundreds of them.
+
+States are never thinned: at each whole millisecond the page tells what a replay does. Sightings
+that only repeat a state move nothing but `last seen`; of very many, some are left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.folds.door_changes import CHANGE, EVERYTHING, STATE, STATE_CHANGE, parts_of
-from semmap_log.core.model.events import KINDS, DoorPassed, PatrolFinished, PatrolStarted, RobotPose
+from semmap_log.core.folds.door_changes import (
+    CHANGE,
+    EVERYTHING,
+    STATE,
+    STATE_CHANGE,
+    Changes,
+    Stamp,
+    known_states,
+    of_presence,
+    parts_of,
+)
+from semmap_log.core.folds.timeline import Timeline
+from semmap_log.core.model.doors import Door, DoorId, DoorState
+from semmap_log.core.model.events import (
+    KINDS,
+    DoorAdded,
+    DoorPassed,
+    PatrolFinished,
+    PatrolStarted,
+    RobotPose,
+)
+from semmap_log.core.model.meaning import Changed, Presence
 from semmap_log.log.door_log.robot_names import robots_of, robots_of_poses
-from semmap_log.views.excerpt.door_rows import sorted_by_stamp
+from semmap_log.views.excerpt.door_rows import (
+    ALWAYS,
+    AS_A_DOOR,
+    NEVER,
+    DoorFold,
+    DoorLifetime,
+    DoorPicture,
+    ObjectShape,
+    RecordingEdge,
+    by_door,
+    opening_changes,
+    sorted_by_stamp,
+)
 from semmap_log.views.excerpt.span import Excerpt
+from semmap_log.views.zone_times import MS_NS, Span
+
+MOST_STATES = 100_000
+"""Of more sightings than that, in all, repeats are left out."""
+SHORTEST_STEP_MS = 60_000
+
+
+@dataclass(frozen=True, slots=True)
+class PageDoor:
+    """A door that is in the map at some time of the page."""
+
+    door_id: DoorId
+    life: DoorLifetime
+    states: Rows
+    """Rows of `STATE_CHANGE` while it was in the map, in the order in which they count."""
+    picture: DoorPicture
+    """Its places, and the probabilities that were set."""
+    shape: ObjectShape = AS_A_DOOR
+
+    @property
+    def changes(self) -> Rows:
+        """Rows of `STAMP`: the events that told of another state than the one before."""
+        rows = self.states[1:][np.diff(self.states["state"].astype(np.int16)) != 0]
+        stamps = np.empty(len(rows), STAMP)
+        stamps["folds_ns"], stamps["number"] = rows["folds_ns"], rows["number"]
+        return stamps
+
+    @property
+    def last_level(self) -> int:
+        """The level it was put on last."""
+        places = self.picture.placements
+        return int(places["level"][-1]) if len(places) else 0
+
+
+def brought_by(found: PageEvents, before: Mapping[DoorId, Door], since_ns: int) -> Changes:
+    """Return what brings, places or removes doors, also those that are there when it begins.
+
+    Args:
+        found: The events.
+        before: The doors just before the first of them.
+        since_ns: When that is.
+    """
+    opening = opening_changes(before.values(), RecordingEdge(since_ns, -1, -1))
+    return np.concatenate([opening, found.rest])
+
+
+def placed_on(rest: Changes) -> set[int]:
+    """Return the levels on which doors get a place."""
+    sets_pose = (rest["sets"] & int(Changed.POSE)) != 0
+    return set(np.unique(rest["level"][sets_pose & np.isfinite(rest["x"])]).tolist())
+
+
+def bring_home(rest: Changes, poses: Rows, home: int | None) -> None:
+    """Put what is said of level 0 where that is shown: see `excerpt.levels`."""
+    for rows in (rest, poses):
+        rows["level"][rows["level"] == 0] = home or 0
+
+
+def page_doors(
+    found: PageEvents,
+    rest: Changes,
+    before: Mapping[DoorId, Door],
+    shapes: Mapping[DoorId, ObjectShape] = MappingProxyType({}),
+) -> list[PageDoor]:
+    """Return the doors that are in the map at some time, ids ascending.
+
+    Args:
+        found: The events.
+        rest: What brings, places or removes doors: `brought_by`.
+        before: The doors just before the first of them.
+        shapes: Of what is no door.
+    """
+    told = [
+        _story(before.get(DoorId(int(mine["door_id"][0]))), mine, found.states)
+        for mine in by_door(rest)
+    ]
+    return [
+        replace(page_door, shape=shapes.get(page_door.door_id, AS_A_DOOR))
+        for page_door in told
+        if page_door is not None
+    ]
+
+
+def _story(before: Door | None, rest: Changes, states: Rows) -> PageDoor | None:
+    """Return one door's story; None: it never was in the map.
+
+    Args:
+        before: As it was when the page begins; None: not there by then.
+        rest: Its rows.
+        states: Those of all doors.
+    """
+    life = _life(rest)
+    if life.added == NEVER:
+        return None
+    door_id = int(rest["door_id"][0])
+    first, behind = np.searchsorted(states["door_id"], [door_id, door_id + 1]).tolist()
+    said = np.concatenate([_opening_state(before), states[first:behind]])
+    # What is known of a door that was there when the page begins was told before it begins.
+    born = ALWAYS if life.added[1] < 0 else life.added
+    return PageDoor(
+        DoorId(door_id),
+        life,
+        said[DoorLifetime(born, life.removed).covers(said)],
+        DoorFold().take(rest),
+    )
+
+
+def _life(changes: Changes) -> DoorLifetime:
+    added, removed = (
+        _first_stamp(changes[of_presence(changes, presence)])
+        for presence in (Presence.COMES, Presence.GOES)
+    )
+    # A removal before the adding was of no door.
+    return DoorLifetime(added, removed if removed > added else NEVER)
+
+
+def _first_stamp(rows: Changes) -> Stamp:
+    return (int(rows["folds_ns"][0]), int(rows["number"][0])) if len(rows) else NEVER
+
+
+def _opening_state(before: Door | None) -> Rows:
+    """Return the row that tells of the state in which a door was when the page begins."""
+    if before is None:
+        return np.empty(0, STATE_CHANGE)
+    seen_ns = before.last_seen_ns or 0
+    row = (before.door_id, seen_ns, -1, DoorAdded.kind, int(before.state))
+    return np.array([row], STATE_CHANGE)
+
+
+def coded_states(told: list[PageDoor], span: Span) -> tuple[Iterator[dict[str, Any]], int]:
+    """Return each door's states as `t` and `s`, and by how much `last seen` may lag, milliseconds.
+
+    `t` are the times in milliseconds, of the first after the page's begin, of the others after the
+    one before; `s` the states, a digit each.
+    """
+    times = [_counting_ms(page_door.states, span) for page_door in told]
+    held = [np.append(t[1:] != t[:-1], True)[: len(t)] for t in times]
+    times = [t[kept] for t, kept in zip(times, held, strict=True)]
+    states = [
+        known_states(page_door.states["state"][kept])
+        for page_door, kept in zip(told, held, strict=True)
+    ]
+    step_ms = _step_ms(times, states)
+    thinned = (
+        (t[kept], s[kept])
+        for t, s in zip(times, states, strict=True)
+        for kept in [_kept(t, s, step_ms)]
+    )
+    return ({"t": _deltas(t), "s": "".join(map(str, s.tolist()))} for t, s in thinned), step_ms
+
+
+def coded_lapses(timeline: Timeline, span: Span) -> list[int]:
+    """Return when lapses begin and end, in turn, each in milliseconds after the one before."""
+    edges_ns = np.stack([timeline.lapse_start_ns, timeline.lapse_end_ns], -1)
+    edges = -(-edges_ns // MS_NS) - span.begin_ms
+    return _deltas(edges[edges[:, 0] < edges[:, 1]].ravel())
+
+
+def _counting_ms(rows: Rows, span: Span) -> Rows:
+    milliseconds: Rows = -(-rows["folds_ns"] // MS_NS) - span.begin_ms
+    return milliseconds
+
+
+def _step_ms(times: list[Rows], states: list[Rows]) -> int:
+    """Return the least step at which what is kept is not too much; 0: all is kept."""
+    if sum(map(len, times)) <= MOST_STATES:
+        return 0
+    changes = sum(int(np.count_nonzero(np.diff(s))) for s in states)
+    step_ms = SHORTEST_STEP_MS
+    while step_ms < 2**40 and changes + MOST_STATES < sum(
+        int(np.count_nonzero(_kept(t, s, step_ms))) for t, s in zip(times, states, strict=True)
+    ):
+        step_ms *= 2
+    return step_ms
+
+
+def _kept(times: Rows, states: Rows, step_ms: int) -> Rows:
+    """Tell what stays: each change, the last state, and of repeats the first in each step."""
+    kept = np.ones(len(times), np.bool_)
+    if step_ms and len(times):
+        steps = times // step_ms
+        kept[1:] = (steps[1:] != steps[:-1]) | (states[1:] != states[:-1])
+        kept[-1] = True
+    return kept
+
+
+def _deltas(times: Rows) -> list[int]:
+    deltas: list[int] = np.diff(times, prepend=0).tolist()
+    return deltas
+
+
+def coded_life(page_door: PageDoor, span: Span) -> dict[str, Any]:
+    """Return when a door came and went, where it was, and the probabilities that were set.
+
+    Of what is no door, what its states are called, too.
+    """
+    removed, shape = page_door.life.removed, page_door.shape
+    words = [shape.object_class.word(state).capitalize() for state in DoorState]
+    of_others = {"isOutlined": not shape.is_line, "words": words}
+    return {
+        **({} if shape.object_class.is_door else of_others),
+        "added": span.since_begin(page_door.life.added[0]),
+        "removed": None if removed == NEVER else span.since_begin(removed[0]),
+        "places": [_place(row, shape, span) for row in page_door.picture.placements],
+        "probs": [
+            [span.since_begin(int(row["folds_ns"])),
+             _number(row["prob_open"], 6), _number(row["prob_closed"], 6)]
+            for row in page_door.picture.probabilities
+        ],
+    }  # fmt: skip
+
+
+def _place(row: Any, shape: ObjectShape, span: Span) -> list[Any]:
+    """Return [from when, level, x and y of its start, of its end]; nothing behind: unplaced.
+
+    Of what is no line, x and y of each of its corners, the first once more at the end.
+    """
+    since, level = span.since_begin(int(row["folds_ns"])), int(row["level"])
+    x, y, theta, width = (float(row[name]) for name in ("x", "y", "theta", "width"))
+    ends = (x, y, x + width * math.cos(theta), y + width * math.sin(theta))
+    if not all(map(math.isfinite, ends)):
+        return [since, level]
+    if not shape.is_line:
+        points = shape.strips(row[None])[0].ravel()
+        seen = points.tolist() if np.isfinite(points).all() else []
+        return [since, level, *(_number(value, 3) for value in seen)]
+    return [since, level, *(_number(value, 3) for value in ends)]
+
+
+def _number(value: float, digits: int) -> float | None:
+    return None if math.isnan(value) else round(float(value), digits)
+
 
 POSE = np.dtype([("folds_ns", "i8"), ("level", "u2"), ("x", "f4"), ("y", "f4"), ("robot", "u2")])
 STAMP = np.dtype([("folds_ns", "i8"), ("number", "i8")])

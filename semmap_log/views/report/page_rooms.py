@@ -11,7 +11,7 @@ from PIL import Image
 
 from semmap_log.analysis.rooms import RoomPlan
 from semmap_log.views.event_words import printable
-from semmap_log.views.room_tints import rooms_image
+from semmap_log.views.palette import rooms_image
 
 MOST_CELLS = 1_000_000
 """Of the picture: it lies under finer walls."""

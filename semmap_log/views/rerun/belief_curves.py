@@ -4,30 +4,59 @@ At each time of the curve counts what had happened by then, with all that is kno
 stands on the timeline `happened` alone. What the estimator would have said as of each moment of
 recording, late events not there yet and those taken back still there, would have to be learnt anew
 behind each of them. The week is as known at the recording's end.
+
+Patrol rounds into a rerun recording: a lane a robot, which says what it was driving for.
+
+Along `happened` a round lasts from its start to its end as they are known today; along `recorded`
+and `event` as far as the log had learnt of them, what was taken back later included.
+
+What a robot could believe of a door over time, as points of a curve: pure numpy.
+
+A belief jumps at each sighting and drifts in between. So it is asked for just before and at all
+that is known of the door, and every ten minutes; of those points only the ones are kept that a
+line through the others would miss.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semmap_log.analysis.beliefs.belief_query import BeliefQuery, ask
-from semmap_log.analysis.beliefs.door_beliefs import LATER, default_estimator
-from semmap_log.analysis.beliefs.typical_week import TypicalWeek, typical_week
+from semmap_log.analysis.beliefs.door_beliefs import (
+    LATER,
+    TypicalWeek,
+    default_estimator,
+    typical_week,
+)
 from semmap_log.analysis.probabilities.belief_fold import Beliefs
+from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
+from semmap_log.core.batches.retraction import in_ranges
+from semmap_log.core.folds.history import ROUND_KINDS, HistoryEntry, Round, rounds
 from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import PatrolFinished, PatrolStarted
 from semmap_log.core.model.moments import DAY_NS
-from semmap_log.views.excerpt.door_rows import NEVER
+from semmap_log.views.excerpt.door_rows import NEVER, RecordingEdge
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import Palette
-from semmap_log.views.rerun.belief_rows import Points, curve, times_of_curve
+from semmap_log.views.rerun.drawable import drawable_name, unique_parts
 from semmap_log.views.rerun.rerun_sdk import rr
-from semmap_log.views.rerun.rows import HAPPENED, MOST_ROWS, RowWriter, rgba
-from semmap_log.views.rerun.scene import EntityPath, Scene, SceneDoor
+from semmap_log.views.rerun.scene import (
+    EVENT,
+    HAPPENED,
+    MOST_ROWS,
+    RECORDED,
+    EntityPath,
+    RowWriter,
+    Scene,
+    SceneDoor,
+    rgba,
+)
 from semmap_log.views.rerun.week_pictures import write_weeks
 
 BELIEF = "belief"
@@ -140,3 +169,235 @@ def _write_curve(writer: RowWriter, path: EntityPath, points: Points, palette: P
 
 def _scalars(part: Points) -> Sequence[Any]:
     return list(rr.Scalars.columns(scalars=np.asarray(part["p_open"])))
+
+
+ROUNDS = "rounds"
+
+ROW = np.dtype([("number", "i8"), ("folds_ns", "i8"), ("recorded_ns", "i8"), ("label", "i8")])
+NO_ROUND = ""
+"""A gap in the lane."""
+
+Value = tuple[RecordingEdge, str]
+"""From when on a lane says what."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """What a robot was driving for, over time."""
+
+    robot: str
+    happened: Sequence[Value]
+    recorded: Sequence[Value]
+
+
+def round_lanes(excerpt: Excerpt, scene: Scene) -> list[Lane]:
+    """Return a lane for each robot that drove a round within a recording, by name."""
+    by_patrol: dict[int, list[HistoryEntry]] = defaultdict(list)
+    for entry in excerpt.log.history(kinds=ROUND_KINDS):
+        by_patrol[_number_of(entry)].append(entry)
+    happened = _on_happened(by_patrol.values(), scene)
+    recorded = _on_recorded(by_patrol, excerpt, scene)
+    unnamed = excerpt.log.info.robot or "robot"
+    lanes = [Lane(robot or unnamed, happened.get(robot, []), recorded.get(robot, []))
+             for robot in sorted(happened.keys() | recorded.keys())]  # fmt: skip
+    return [lane for lane in lanes if any(said for _, said in (*lane.happened, *lane.recorded))]
+
+
+def write_rounds(writer: RowWriter, lanes: Sequence[Lane], palette: Palette) -> None:
+    """Write all lanes."""
+    parts = unique_parts(((n, lane.robot) for n, lane in enumerate(lanes, start=1)), "robot")
+    for place, lane in enumerate(lanes, start=1):
+        path = (ROUNDS, parts[place])
+        labels = sorted({said for _, said in (*lane.happened, *lane.recorded)} - {NO_ROUND})
+        colours = rgba([palette.robot] * len(labels))
+        writer.static(path, rr.StateConfiguration(values=labels, labels=labels, colors=colours))
+        for values, timelines in ((lane.happened, [HAPPENED]), (lane.recorded, [RECORDED, EVENT])):
+            _write(writer, path, values, timelines)
+
+
+def _write(
+    writer: RowWriter, path: tuple[str, ...], values: Sequence[Value], timelines: Sequence[str]
+) -> None:
+    rows = np.zeros(len(values), ROW)
+    for place, (edge, _) in enumerate(values):
+        rows[place] = (edge.number, edge.folds_ns, edge.recorded_ns, place)
+
+    def states(part: NDArray[np.void]) -> Sequence[Any]:
+        return list(rr.StateChange.columns(state=[values[i][1] for i in part["label"].tolist()]))
+
+    writer.rows(path, rows, states, timelines)
+
+
+@dataclass(slots=True)
+class _Driving:
+    """Who drives which rounds, as time goes on; keeps what the lanes say."""
+
+    scene: Scene
+    said: dict[str, list[Value]] = field(default_factory=lambda: defaultdict(list))
+    _rounds: dict[str, dict[int, Round]] = field(default_factory=lambda: defaultdict(dict))
+
+    def set(
+        self, edge: RecordingEdge, patrol: int, driven: Round | None, robots: Iterable[str]
+    ) -> None:
+        """Let a round be driven from then on; None: no longer, or not at all.
+
+        Args:
+            edge: When.
+            patrol: Its number.
+            driven: The round.
+            robots: Those of whom it may have been.
+        """
+        for robot in {*robots, *([driven.actor] if driven else [])}:
+            self._rounds[robot].pop(patrol, None)
+            if driven is not None and driven.actor == robot:
+                self._rounds[robot][patrol] = driven
+            latest = max(self._rounds[robot].values(), key=_start, default=None)
+            self._say(edge, robot, NO_ROUND if latest is None else _label(latest))
+
+    def _say(self, edge: RecordingEdge, robot: str, label: str) -> None:
+        begin, values = self.scene.begin, self.said[robot]
+        edge = RecordingEdge(max(edge.folds_ns, begin.folds_ns), max(edge.number, begin.number),
+                    max(edge.recorded_ns, begin.recorded_ns))  # fmt: skip
+        if values and values[-1][0] == edge:
+            values.pop()
+        if label != (values[-1][1] if values else NO_ROUND):
+            values.append((edge, label))
+
+
+def _on_happened(
+    entries: Iterable[Sequence[HistoryEntry]], scene: Scene
+) -> Mapping[str, list[Value]]:
+    found = [one for of_patrol in entries for one in rounds(of_patrol)]
+    driving = _Driving(scene)
+    turns = [(one.start_ns, 1, one) for one in found if one.start_ns is not None]
+    turns += [(one.end_ns, 0, one) for one in found if one.end_ns is not None]
+    for ns, starts, one in sorted(turns, key=lambda turn: turn[:2]):
+        over = one.end_ns is not None and one.end_ns <= ns
+        if ns <= scene.end.folds_ns:
+            driven = one if starts and not over else None
+            driving.set(RecordingEdge(ns, 0, ns), one.patrol, driven, [one.actor])
+    return driving.said
+
+
+def _on_recorded(
+    by_patrol: Mapping[int, Sequence[HistoryEntry]], excerpt: Excerpt, scene: Scene
+) -> Mapping[str, list[Value]]:
+    driving = _Driving(scene)
+    for edge, patrol in _learnings(by_patrol, excerpt):
+        if edge.number <= scene.end.number:
+            entries = by_patrol[patrol]
+            known = next(iter(rounds(_known(entries, excerpt, edge.number))), None)
+            is_driven = known is not None and known.start_ns is not None and known.end_ns is None
+            robots = {entry.actor for entry in entries}
+            driving.set(edge, patrol, known if is_driven else None, robots)
+    return driving.said
+
+
+def _learnings(
+    by_patrol: Mapping[int, Sequence[HistoryEntry]], excerpt: Excerpt
+) -> list[tuple[RecordingEdge, int]]:
+    """Return when the log learnt something of which patrol, in that order."""
+    known = excerpt.retractions
+    learnt = [(RecordingEdge(e.folds_ns, e.number, e.recorded_ns), patrol)
+              for patrol, entries in by_patrol.items() for e in entries]  # fmt: skip
+    numbers = {e.number: patrol for patrol, entries in by_patrol.items() for e in entries}
+    placed = np.array(sorted(numbers), np.int64)
+    for number, (first, last) in zip(known.numbers, known.ranges, strict=True):
+        hit = placed[slice(*np.searchsorted(placed, [first, last + 1]))]
+        if len(hit):
+            ns = excerpt.log.event(number).recorded_ns
+            learnt += [(RecordingEdge(ns, number, ns), numbers[n]) for n in hit.tolist()]
+    return sorted(learnt, key=lambda one: one[0].number)
+
+
+def _known(
+    entries: Sequence[HistoryEntry], excerpt: Excerpt, number: int
+) -> Iterator[HistoryEntry]:
+    """Yield what was known of a patrol up to an event, as if nothing was taken back since."""
+    numbers = np.array([entry.number for entry in entries], np.int64)
+    hidden = in_ranges(numbers, excerpt.retractions.up_to(number).ranges)
+    for entry, is_hidden in zip(entries, hidden.tolist(), strict=True):
+        if entry.number <= number and not is_hidden:
+            yield replace(entry, retracted=False)
+
+
+def _number_of(entry: HistoryEntry) -> int:
+    assert isinstance(entry.event, (PatrolStarted, PatrolFinished))
+    return entry.event.patrol
+
+
+def _label(driven: Round) -> str:
+    return drawable_name(driven.label, f"round {driven.patrol}")
+
+
+def _start(driven: Round) -> tuple[int, int]:
+    return driven.start_ns or 0, driven.patrol
+
+
+EVERY_NS = 600 * 10**9
+MOST_STEPS = 4096
+"""In a long recording the steps are longer, so that there are not more of them."""
+TOLERANCE = 0.01
+"""No point that is left out lies further than this off the line."""
+
+POINT = np.dtype([("folds_ns", "i8"), ("p_open", "f8")])
+"""A point of a curve; NaN: the line has a gap."""
+
+Points = NDArray[np.void]
+"""Rows of `POINT`."""
+Times = NDArray[np.int64]
+
+
+def times_of_curve(evidence: DoorEvidence, first_ns: int, last_ns: int) -> Times:
+    """Return when to ask for a belief, ascending, from `first_ns` to `last_ns`."""
+    step_ns = max(EVERY_NS, (last_ns - first_ns) // MOST_STEPS)
+    jumps = np.concatenate([evidence.start_ns, evidence.end_ns, evidence.seen_ns])
+    asked = np.concatenate([
+        np.arange(first_ns, last_ns, step_ns, dtype=np.int64), [last_ns], jumps, jumps - 1,
+    ])  # fmt: skip
+    times: Times = np.unique(asked[(asked >= first_ns) & (asked <= last_ns)])
+    return times
+
+
+def curve(times_ns: Times, p_open: NDArray[np.float64], is_known: NDArray[np.bool_]) -> Points:
+    """Return the points to draw; where nothing is known is a gap.
+
+    Args:
+        times_ns: (n,), ascending.
+        p_open: (n,).
+        is_known: (n,).
+    """
+    points = np.empty(len(times_ns), POINT)
+    points["folds_ns"], points["p_open"] = times_ns, np.where(is_known, p_open, np.nan)
+    edges = np.flatnonzero(np.diff(is_known, prepend=False, append=False))
+    kept: list[int] = []
+    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        run = telling(times_ns[start:stop], p_open[start:stop])
+        kept += (run + start).tolist()
+        if stop < len(points):
+            kept.append(stop)
+    return points[kept]
+
+
+def telling(times_ns: Times, values: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the places of the points that a line through the others would miss.
+
+    From a kept point on, each further one allows some slopes; once the next point lies outside of
+    them all, the one before it is kept. (A swing filter: Elmeleegy et al., VLDB 2009.)
+    """
+    # Whole nanoseconds: as seconds of some years, moments beside each other would be one.
+    times, heights = times_ns.tolist(), values.tolist()
+    kept = [0]
+    steepest, flattest = np.inf, -np.inf
+    for i in range(1, len(times)):
+        ahead = times[i] - times[kept[-1]]
+        rise = heights[i] - heights[kept[-1]]
+        if not flattest * ahead <= rise <= steepest * ahead:
+            kept.append(i - 1)
+            ahead, rise = times[i] - times[i - 1], heights[i] - heights[i - 1]
+            steepest, flattest = np.inf, -np.inf
+        steepest = min(steepest, (rise + TOLERANCE) / ahead)
+        flattest = max(flattest, (rise - TOLERANCE) / ahead)
+    if kept[-1] != len(times) - 1:
+        kept.append(len(times) - 1)
+    return np.array(kept, np.int64)

@@ -11,19 +11,26 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from semmap_log.analysis.beliefs.typical_week import TypicalWeek
+from semmap_log.analysis.beliefs.door_beliefs import TypicalWeek
 from semmap_log.core.model.doors import DoorId
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.palette import Palette
-from semmap_log.views.rerun.belief_curves import MOST_CURVES, MOST_WEEKS, BeliefsShown
+from semmap_log.views.rerun.belief_curves import MOST_CURVES, MOST_WEEKS, ROUNDS, BeliefsShown, Lane
 from semmap_log.views.rerun.costmap_pictures import COSTMAP, has_costmap
-from semmap_log.views.rerun.log_lines import offsets_in
-from semmap_log.views.rerun.nothing import NOTHING
+from semmap_log.views.rerun.drawable import NOTHING, offsets_in
 from semmap_log.views.rerun.rerun_sdk import rr, rrb
 from semmap_log.views.rerun.robot_track import track_paths
-from semmap_log.views.rerun.round_lanes import ROUNDS, Lane
-from semmap_log.views.rerun.rows import EVENT, HAPPENED, RECORDED, entity
-from semmap_log.views.rerun.scene import EVENTS, ROOT, Scene, SceneDoor, SceneLevel
+from semmap_log.views.rerun.scene import (
+    EVENT,
+    EVENTS,
+    HAPPENED,
+    RECORDED,
+    ROOT,
+    Scene,
+    SceneDoor,
+    SceneLevel,
+    entity,
+)
 from semmap_log.views.rerun.sighting_views import AROUND_M, SIGHTINGS, SightingsShown, sighting_path
 from semmap_log.views.rerun.week_pictures import sheet_of, weeks_on, weeks_path
 

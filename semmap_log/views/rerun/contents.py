@@ -24,21 +24,21 @@ from semmap_log.log.replay.replay import Scope
 from semmap_log.views.bounds import Bounds, bounds_of_floor
 from semmap_log.views.excerpt.door_rows import (
     ALWAYS,
+    AS_A_DOOR,
     NEVER,
     DoorLifetime,
+    ObjectShape,
     RecordingEdge,
     by_door,
     opening_changes,
+    shapes_of,
     strips_of,
 )
-from semmap_log.views.excerpt.floor_plans import NO_PLANS, level_plans
-from semmap_log.views.excerpt.object_shapes import AS_A_DOOR, ObjectShape, shapes_of
 from semmap_log.views.excerpt.shown_levels import home_of_0
-from semmap_log.views.excerpt.span import Excerpt
+from semmap_log.views.excerpt.span import NO_PLANS, Excerpt, level_plans
 from semmap_log.views.label_places import without_level
 from semmap_log.views.rerun.drawable import drawable_name, free_part, unique_parts
-from semmap_log.views.rerun.knowledge import KnownDoor
-from semmap_log.views.rerun.scene import ROOT, Scene, SceneDoor, SceneLevel
+from semmap_log.views.rerun.scene import ROOT, KnownDoor, Scene, SceneDoor, SceneLevel
 from semmap_log.views.rerun.taken_back import TakenBack, taken_back
 
 GIVEN = int(Changed.PROB_OPEN | Changed.PROB_CLOSED)

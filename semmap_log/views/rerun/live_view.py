@@ -4,31 +4,54 @@ A commit that fits into what is shown (a sighting, a pose, a belief) becomes som
 that changes what had been written already (it is late, takes something back, adds, names, moves or
 removes a door) cannot be taken out of a viewer: the history is written anew, as another recording,
 which takes the first one's place. So what is shown is always what `save_rrd` would write.
+
+The rerun viewer in a browser of this machine: a page, and the port its recordings come from.
+
+Whether what comes can be shown behind what is shown already.
 """
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from itertools import count
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
+from urllib.parse import urlencode
 
+import numpy as np
+
+from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.events import (
+    SETTING_KINDS,
+    DoorAnnotated,
+    Event,
+    FloorMap,
+    LevelAdded,
+    PatrolFinished,
+    PatrolStarted,
+    Retracted,
+    RobotPose,
+)
+from semmap_log.core.model.meaning import Changed, Presence
 from semmap_log.errors import ViewerError
 from semmap_log.log.door_log.door_log import DoorLog, Time
 from semmap_log.store.reading.following import FollowedCommit
-from semmap_log.views.excerpt.span import Excerpt
+from semmap_log.views.bounds import Bounds
+from semmap_log.views.excerpt.span import NO_PLANS, Excerpt
 from semmap_log.views.palette import DEFAULT, Palette
-from semmap_log.views.rerun.belief_curves import BeliefsShown, beliefs_to_show
+from semmap_log.views.rerun.belief_curves import BeliefsShown, beliefs_to_show, round_lanes
 from semmap_log.views.rerun.blueprint import layout
 from semmap_log.views.rerun.contents import RecordingContents
 from semmap_log.views.rerun.file import Converter, open_recording
-from semmap_log.views.rerun.fitting import fits, with_room
-from semmap_log.views.rerun.round_lanes import round_lanes
-from semmap_log.views.rerun.scene import Scene
+from semmap_log.views.rerun.process import LOCAL, RerunProcess, reserved_port, running
+from semmap_log.views.rerun.scene import Scene, SceneDoor, SceneLevel
 
 POLL_S = 0.1
 SEND_S = 60.0
@@ -211,3 +234,136 @@ def _contents(excerpt: Excerpt) -> RecordingContents:
     for batch in excerpt.read():
         contents.take(batch)
     return contents
+
+
+START_S = 60.0
+MEMORY_LIMIT = "75%"
+"""Of all: what is beyond is dropped, the oldest first, which would be the history."""
+
+Theme = Literal["light", "dark"]
+
+
+@dataclass(frozen=True, slots=True)
+class WebViewer:
+    """A web server of rerun's, and what it serves."""
+
+    program: RerunProcess
+    page_port: int
+
+    @property
+    def url(self) -> str:
+        """Where recordings are sent to, and where other viewers get them."""
+        return self.program.url
+
+    def page(self, theme: Theme | None = None) -> str:
+        """Return the address of the page to open; without a theme it has the browser's."""
+        asked = {"url": self.url, "hide_welcome_screen": "1"}
+        if theme is not None:
+            asked["theme"] = theme
+        return f"http://{LOCAL}:{self.page_port}/?{urlencode(asked)}"
+
+
+@contextmanager
+def web_viewer(source: Path | None = None) -> Iterator[WebViewer]:
+    """Serve the viewer to browsers on this machine alone; it is gone when the block ends.
+
+    Args:
+        source: A recording to show; None: what will be sent to it.
+
+    Raises:
+        MissingExtraError: rerun is not installed.
+        ViewerError: There is no such recording, or rerun failed.
+    """
+    if source is not None and not source.is_file():
+        raise ViewerError(f"{source}: there is no such recording.")
+    shown = [] if source is None else [str(source)]
+    with reserved_port() as port, running(_options(port) + shown, os.environ) as program:
+        program.wait_for(
+            "serve its page",
+            lambda: program.is_listening(port) and program.is_listening(),
+            most_s=START_S,
+        )
+        yield WebViewer(program, port)
+
+
+def _options(port: int) -> list[str]:
+    return ["--serve-web", "--web-viewer-port", str(port), "--server-memory-limit", MEMORY_LIMIT]
+
+
+NEVER_FIT = (Retracted, LevelAdded, FloorMap, PatrolStarted, PatrolFinished)
+MAY_CHANGE_THE_SCENE: tuple[type[Event], ...] = (
+    DoorAnnotated,
+    *(
+        kind
+        for kind in SETTING_KINDS
+        if kind.effect.presence is not Presence.STAYS or kind.effect.can_set & ~Changed.STATE
+    ),
+)
+
+ROOM = 0.25
+"""Added on each side of a plan that was outgrown, as a share of its longer side: a robot that
+explores should not outgrow it again at once."""
+
+
+def fits(batch: EventBatch, contents: RecordingContents, scene: Scene) -> bool:
+    """Tell whether the next events can be shown as more rows of a scene; the contents take them in.
+
+    Args:
+        batch: The next events.
+        contents: Of all that came before.
+        scene: What is shown of that.
+    """
+    if any(kind in batch for kind in NEVER_FIT) or contents.is_late(batch):
+        return False
+    contents.take(batch)
+    if any(kind in batch for kind in MAY_CHANGE_THE_SCENE):
+        return _look(scene) == _look(contents.scene()) and _is_inside(contents.scene(), scene)
+    return RobotPose not in batch or _is_robot_inside(batch, scene)
+
+
+def with_room(scene: Scene) -> Scene:
+    """Return the scene with room around plans that have no walls to say where they end."""
+    levels = {
+        n: level if level.floor is not None else replace(level, bounds=_grown(level.bounds))
+        for n, level in scene.levels.items()
+    }
+    return replace(scene, levels=levels)
+
+
+def _look(scene: Scene) -> tuple[list[SceneDoor], list[SceneLevel], int | None]:
+    """Return all of a scene that is drawn once; not how much happened, nor how far it reaches."""
+    doors = [replace(door, state_changes=0) for door in scene.doors.values()]
+    levels = [
+        replace(level, floor=None, plans=NO_PLANS, bounds=Bounds())
+        for level in scene.levels.values()
+    ]
+    return doors, levels, scene.home_of_0
+
+
+def _is_inside(inner: Scene, outer: Scene) -> bool:
+    return all(
+        outer.levels[n].bounds.holds(level.bounds.without_margin())
+        for n, level in inner.levels.items()
+    )
+
+
+def _is_robot_inside(batch: EventBatch, scene: Scene) -> bool:
+    poses = batch[RobotPose]
+    for n in np.unique(poses["level"]).tolist():
+        shown = scene.home_of_0 if n == 0 else n
+        if shown is None:
+            continue
+        level = scene.levels.get(shown)
+        here = poses[poses["level"] == n]
+        if level is None or not level.has_robot:
+            return False
+        if not level.bounds.holds(Bounds().around(here["x"], here["y"])):
+            return False
+    return True
+
+
+def _grown(bounds: Bounds) -> Bounds:
+    more = ROOM * bounds.longest_side_m
+    return Bounds(
+        bounds.low_x - more, bounds.low_y - more, bounds.high_x + more, bounds.high_y + more
+    )

@@ -27,10 +27,10 @@ from semmap_log.core.model.events import RobotPose
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.rerun.contents import find_scene
-from semmap_log.views.rerun.thinning import LeftOut
+from semmap_log.views.rerun.scene import LeftOut
 
 if TYPE_CHECKING:
-    from semmap_log.analysis.scans.kept_visit import VisitReader
+    from semmap_log.analysis.scans.visit import VisitReader
     from semmap_log.log.door_log.door_log import DoorLog, Time
     from semmap_log.views.rerun.scene import Scene
 
@@ -93,10 +93,9 @@ def save_rrd(
             there stays.
     """
     # Here, not above: who only wants the error for a missing rerun gets it by calling.
-    from semmap_log.views.rerun.belief_curves import beliefs_to_show
+    from semmap_log.views.rerun.belief_curves import beliefs_to_show, round_lanes
     from semmap_log.views.rerun.blueprint import layout
     from semmap_log.views.rerun.file import write_recording
-    from semmap_log.views.rerun.round_lanes import round_lanes
     from semmap_log.views.rerun.sighting_views import sightings_to_show
 
     refuse_own_folder(log.path, path)

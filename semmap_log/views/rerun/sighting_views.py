@@ -15,25 +15,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.scans.kept_visit import DoorLine, KeptVisit, VisitReader
-from semmap_log.analysis.scans.visit import Visit
+from semmap_log.analysis.scans.visit import DoorLine, KeptVisit, Visit, VisitReader
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.texts import counted
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import BEAM_SHORT, Palette, Rgb
 from semmap_log.views.rerun.drawable import drawable
 from semmap_log.views.rerun.rerun_sdk import rr
-from semmap_log.views.rerun.rows import HAPPENED, RowWriter, rgba
-from semmap_log.views.rerun.scene import EntityPath, Scene, SceneDoor
-from semmap_log.views.sightings.door_scene import (
+from semmap_log.views.rerun.scene import HAPPENED, EntityPath, RowWriter, Scene, SceneDoor, rgba
+from semmap_log.views.sightings.chosen import worth_a_look
+from semmap_log.views.sightings.visit_words import (
     DoorScene,
     Fate,
     Points,
     door_scene,
+    grounds,
     on_the_map,
+    verdict,
+    when,
 )
-from semmap_log.views.sightings.visit_words import grounds, verdict, when
-from semmap_log.views.sightings.worth_a_look import worth_a_look
 
 SIGHTINGS = "sightings"
 MOST_DOORS = 24

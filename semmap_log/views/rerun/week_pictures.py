@@ -14,13 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.beliefs.typical_week import TypicalWeek
+from semmap_log.analysis.beliefs.door_beliefs import TypicalWeek
 from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, DAYS, HOURS
-from semmap_log.views.palette import WEEK_AXES, WEEK_UNKNOWN, WHITE, Rgb
+from semmap_log.views.palette import WEEK_AXES, WEEK_UNKNOWN, WHITE, Rgb, shade
 from semmap_log.views.rerun.rerun_sdk import rr
-from semmap_log.views.rerun.rows import RowWriter, rgba
-from semmap_log.views.rerun.scene import EntityPath, Scene, SceneLevel
-from semmap_log.views.week_shades import shade
+from semmap_log.views.rerun.scene import EntityPath, RowWriter, Scene, SceneLevel, rgba
 
 WEEKS = "weeks"
 

@@ -1,14 +1,18 @@
-"""Which doors and visits are drawn of all that a report is about, with their scans."""
+"""Which doors and visits are drawn of all that a report is about, with their scans.
+
+Which of many visits a person should look at.
+"""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
-from semmap_log.analysis.scans.kept_visit import KeptVisit, visit_key
-from semmap_log.analysis.scans.visit import Visit
+import numpy as np
+
+from semmap_log.analysis.scans.door_figures import is_undecided
+from semmap_log.analysis.scans.visit import KeptVisit, Visit, visit_key
 from semmap_log.core.model.doors import DoorId
-from semmap_log.views.sightings.worth_a_look import worth_a_look
 
 ReadVisits = Callable[[Callable[[Visit], bool] | None], Iterable[KeptVisit]]
 """Yields visits, with the scans of those that are wanted."""
@@ -34,3 +38,22 @@ def _wanted(read: ReadVisits, chosen: set[tuple[object, ...]]) -> Iterator[KeptV
     for kept in read(lambda visit: visit_key(visit) in chosen):
         if visit_key(kept.visit) in chosen:
             yield kept
+
+
+def worth_a_look(visits: Sequence[Visit], most: int) -> list[int]:
+    """Return the places of at most so many visits, in their order.
+
+    Half are those that are least sure; the others are spread evenly over the rest, so that what
+    is usual is there, too. Where the robot drove through there is no scan to look at.
+    """
+    seen = [place for place, visit in enumerate(visits) if not visit.passed]
+    if len(seen) <= most:
+        return seen
+    doubtful = sorted(seen, key=lambda place: _sureness(visits[place]))[: most // 2]
+    rest = [place for place in seen if place not in set(doubtful)]
+    even = np.linspace(0, len(rest) - 1, most - len(doubtful)).round().astype(int)
+    return sorted([*doubtful, *(rest[place] for place in even)])
+
+
+def _sureness(visit: Visit) -> tuple[bool, float]:
+    return (not is_undecided(visit), visit.accuracy)

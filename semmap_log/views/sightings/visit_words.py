@@ -1,11 +1,22 @@
-"""What a visit says, in a few words under or over its picture."""
+"""What a visit says, in a few words under or over its picture.
+
+A visit as it lies around its door: where beams ended, where the laser went, how the leaf stands.
+
+In the frame of the door: its line runs along from 0 to its width; across is positive to the left.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
 from math import isfinite
 
+import numpy as np
+from numpy.typing import NDArray
+
 from semmap_log.analysis.scans.door_figures import is_undecided
-from semmap_log.analysis.scans.visit import Visit
+from semmap_log.analysis.scans.visit import DEFAULT, DoorLine, KeptVisit, PlacedScan, Visit
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.moments import format_short
 
@@ -48,3 +59,131 @@ def share(value: float) -> str:
 
 def _about(number: float) -> str:
     return f"{number:.1f}" if number < 10 else f"{number:.0f}"
+
+
+Points = NDArray[np.float64]
+"""(n, 2) m"""
+
+
+class Fate(IntEnum):
+    """What became of a beam that was sent toward the door's line."""
+
+    aside = 0
+    """It was not: it passes the line's ends, or would have met it too flat."""
+    short = 1
+    """It ended before the line: somebody stood there."""
+    stopped = 2
+    """It ended on it."""
+    through = 3
+    """It ended behind it."""
+    lost = 4
+    """It did not come back."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenBeams:
+    """Beams of some scans, `n` in all, but for those that were not measured."""
+
+    begins: Points
+    ends: Points
+    """Of one that is lost: where it meets the line; NaN if it does not."""
+    fates: NDArray[np.uint8]
+    """(n,) `Fate`."""
+
+    def of(self, fate: Fate) -> SeenBeams:
+        """Return the beams of that fate."""
+        chosen = self.fates == fate
+        return SeenBeams(self.begins[chosen], self.ends[chosen], self.fates[chosen])
+
+    def toward(self) -> SeenBeams:
+        """Return those that were sent toward the line."""
+        chosen = self.fates != Fate.aside
+        return SeenBeams(self.begins[chosen], self.ends[chosen], self.fates[chosen])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DoorScene:
+    """What a picture of a visit shows, in the door's frame."""
+
+    width: float
+    beams: SeenBeams
+    track: Points
+    """Where the laser was at each scan."""
+    leaves: Points
+    """(2 k, 2): each leaf's two ends."""
+
+
+def door_scene(kept: KeptVisit) -> DoorScene:
+    """Return what there is to draw of a visit."""
+    places = [scan.origins[len(scan.origins) // 2] for scan in kept.scans]
+    leaves = np.array(kept.visit.leaves, np.float64).reshape(-1, 2)
+    return DoorScene(
+        kept.line[3],
+        seen_beams(kept.scans, kept.line),
+        in_door_frame(np.array(places, np.float64).reshape(-1, 2), kept.line),
+        in_door_frame(leaves, kept.line),
+    )
+
+
+def seen_beams(scans: Sequence[PlacedScan], line: DoorLine) -> SeenBeams:
+    """Return the beams of scans as the door's line sees them, in its frame."""
+    each = [_beams(scan, line) for scan in scans] or [_beams_of_none()]
+    return SeenBeams(
+        np.concatenate([beams.begins for beams in each]),
+        np.concatenate([beams.ends for beams in each]),
+        np.concatenate([beams.fates for beams in each]),
+    )
+
+
+def _beams(scan: PlacedScan, line: DoorLine) -> SeenBeams:
+    known = ~np.isnan(scan.ranges)
+    begins, ranges = in_door_frame(scan.origins[known], line), scan.ranges[known]
+    turned = scan.bearings[known] - line[2]
+    way = np.column_stack([np.cos(turned), np.sin(turned)])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        plane = -begins[:, 1] / way[:, 1]
+        along = begins[:, 0] + plane * way[:, 0]
+    toward = (plane > 0) & (along > 0) & (along < line[3])
+    toward &= np.abs(way[:, 1]) > np.sin(DEFAULT.flattest)
+    lost = ranges >= scan.max_range
+    ends = begins + np.where(lost, np.where(toward, plane, np.nan), ranges)[:, None] * way
+    return SeenBeams(begins, ends, _fates(ranges, plane, toward, lost))
+
+
+def _fates(
+    ranges: NDArray[np.float64],
+    plane: NDArray[np.float64],
+    toward: NDArray[np.bool_],
+    lost: NDArray[np.bool_],
+) -> NDArray[np.uint8]:
+    near = DEFAULT.tolerance
+    behind = ranges - plane
+    fates = np.select(
+        [~toward, lost, behind > near, behind >= -near],
+        [Fate.aside, Fate.lost, Fate.through, Fate.stopped],
+        Fate.short,
+    )
+    return fates.astype(np.uint8)
+
+
+def _beams_of_none() -> SeenBeams:
+    return SeenBeams(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.uint8))
+
+
+def in_door_frame(points: Points, line: DoorLine) -> Points:
+    """Return points of the map in the frame of a door."""
+    x, y, theta, _ = line
+    cos, sin = np.cos(theta), np.sin(theta)
+    offsets = points - [x, y]
+    return np.column_stack([
+        cos * offsets[:, 0] + sin * offsets[:, 1], cos * offsets[:, 1] - sin * offsets[:, 0]
+    ])  # fmt: skip
+
+
+def on_the_map(points: Points, line: DoorLine) -> Points:
+    """Return points of a door's frame on the map."""
+    x, y, theta, _ = line
+    cos, sin = np.cos(theta), np.sin(theta)
+    return np.column_stack([
+        x + cos * points[:, 0] - sin * points[:, 1], y + sin * points[:, 0] + cos * points[:, 1]
+    ])  # fmt: skip

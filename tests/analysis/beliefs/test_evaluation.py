@@ -12,8 +12,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.analysis.beliefs.evaluation import evaluate, evaluate_all
-from semmap_log.analysis.beliefs.patrol import Patrol
-from semmap_log.analysis.beliefs.protocol import Protocol
+from semmap_log.analysis.beliefs.protocol import Patrol, Protocol
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.forecast import Forecast
 from semmap_log.analysis.probabilities.methods.baselines import CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK

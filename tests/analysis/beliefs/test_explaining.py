@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.analysis.beliefs import explain, probabilities
 from semmap_log.errors import SemmapError, UnknownDoorError
-from semmap_log.interop.exporting.json_lines import write_event_lines
+from semmap_log.interop.exporting.log_files import write_event_lines
 from semmap_log.log.door_log.explanation import Explanation, StateReason
 from semmap_log.log.replay.replay import Scope
 

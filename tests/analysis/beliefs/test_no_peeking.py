@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.analysis.beliefs.patrol import Patrol, visited
+from semmap_log.analysis.beliefs.protocol import Patrol, visited
 from semmap_log.analysis.beliefs.trials import StateIntervals
-from semmap_log.analysis.probabilities.estimators import ESTIMATORS, by_name
+from semmap_log.analysis.probabilities.belief_fold import ESTIMATORS, by_name
 from semmap_log.analysis.probabilities.evidence.evidence import Evidence
 from semmap_log.analysis.probabilities.forecast import Forecast
 from semmap_log.core.batches.event_batch import EventBatch

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.analysis.beliefs.typical_week import WeekPattern, typical_weeks
+from semmap_log.analysis.beliefs.door_beliefs import WeekPattern, typical_weeks
 from tests.analysis.beliefs.patrolled import ATTIC, FRONT, OPEN_HOURS, ROUNDS, patrolled
 from tests.conftest import SteadyClock
 

@@ -10,9 +10,15 @@ from benchmark.plain_costmap import line as line_of_the_thesis
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.analysis.costmap_2d.areas import area_cells
-from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
-from semmap_log.analysis.costmap_2d.door_layer import DoorLayer, DoorLine, drawn
+from semmap_log.analysis.costmap_2d.costs import (
+    FREE_SPACE,
+    LETHAL,
+    NO_INFORMATION,
+    DoorLayer,
+    DoorLine,
+    area_cells,
+    drawn,
+)
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
 
 Point = tuple[float, float]

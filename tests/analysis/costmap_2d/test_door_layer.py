@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from semmap_log.analysis.costmap_2d.costs import LETHAL
-from semmap_log.analysis.costmap_2d.door_layer import DoorLine, are_on_map
+from semmap_log.analysis.costmap_2d.costs import LETHAL, DoorLine, are_on_map
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
 
 

@@ -10,13 +10,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.analysis.costmap_2d.brushfire import Brushfire
-from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
-from semmap_log.analysis.costmap_2d.door_layer import DoorLayer, DoorLine
+from semmap_log.analysis.costmap_2d.costs import (
+    FREE_SPACE,
+    INSCRIBED,
+    LETHAL,
+    NO_INFORMATION,
+    DoorLayer,
+    DoorLine,
+)
 from semmap_log.analysis.costmap_2d.grid import CellWindow, GridGeometry
-from semmap_log.analysis.costmap_2d.inflation import InflationLayer
-from semmap_log.analysis.costmap_2d.layered import LayeredCostmap
-from semmap_log.analysis.costmap_2d.static_layer import StaticLayer
+from semmap_log.analysis.costmap_2d.layered import (
+    Brushfire,
+    InflationLayer,
+    LayeredCostmap,
+    StaticLayer,
+)
 from semmap_log.errors import CostmapError
 from tests.analysis.costmap_2d import scalar
 

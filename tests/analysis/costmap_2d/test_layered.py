@@ -10,19 +10,27 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from semmap_log.analysis.costmap_2d.combining import (
+from semmap_log.analysis.costmap_2d.costs import (
+    FEW,
+    FREE_SPACE,
+    INSCRIBED,
+    LETHAL,
+    NO_INFORMATION,
+    DoorLayer,
+    DoorLine,
     addition,
     maximum,
     maximum_of_known,
     overwrite,
     overwrite_all,
 )
-from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION
-from semmap_log.analysis.costmap_2d.door_layer import FEW, DoorLayer, DoorLine
 from semmap_log.analysis.costmap_2d.grid import CellWindow, GridGeometry
-from semmap_log.analysis.costmap_2d.inflation import InflationLayer
-from semmap_log.analysis.costmap_2d.layered import CostmapLayer, LayeredCostmap
-from semmap_log.analysis.costmap_2d.static_layer import StaticLayer
+from semmap_log.analysis.costmap_2d.layered import (
+    CostmapLayer,
+    InflationLayer,
+    LayeredCostmap,
+    StaticLayer,
+)
 from semmap_log.errors import CostmapError
 
 SEQUENCES = 2000

@@ -10,7 +10,7 @@ from benchmark.plain_costmap import line as line_of_the_thesis
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.analysis.costmap_2d.lines import draw_lines
+from semmap_log.analysis.costmap_2d.costs import draw_lines
 
 CELL = st.integers(-60, 90)
 

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION
-from semmap_log.analysis.costmap_2d.door_layer import drawn
+from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, LETHAL, NO_INFORMATION, drawn
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
 from semmap_log.analysis.costmaps import CostmapOptions, costmap_at, costmap_frames, costmap_live
 from semmap_log.analysis.costmaps.door_layer_fold import DoorLayerProjection, door_lines

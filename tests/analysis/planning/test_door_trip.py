@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.analysis.planning.asked_beliefs import beliefs_at, wait_s
+from semmap_log.analysis.planning.door_chances import beliefs_at, wait_s
 from semmap_log.analysis.planning.door_trip import door_trip
-from semmap_log.analysis.planning.trip_policy import AtShutDoor
+from semmap_log.analysis.planning.round_task import AtShutDoor
 from semmap_log.core.model.events import DoorAdded
 from semmap_log.core.model.moments import HOUR_NS
 from semmap_log.errors import PlanError
 from semmap_log.interop.formats.json.trip_json import trip_to_json
-from semmap_log.views.trip_table import trip_table
+from semmap_log.views.rebase_table import trip_table
 from tests.analysis.planning.ward import DOOR_Y, HALL, PLAN, STORE, ward
 from tests.analysis.rooms.buildings import drawn
 from tests.conftest import SteadyClock

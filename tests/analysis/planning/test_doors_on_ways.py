@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.analysis.planning.doors_on_ways import doors_between
+from semmap_log.analysis.planning.door_trip import doors_between
 from semmap_log.analysis.rooms import OUTSIDE, Doorway, Lift, Room, RoomGraph
 from semmap_log.core.model.doors import DoorId
 

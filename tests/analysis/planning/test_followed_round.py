@@ -11,10 +11,10 @@ from shutil import copytree
 import pytest
 
 import semmap_log as sl
-from semmap_log.analysis.planning.asked_round import begun_round
 from semmap_log.analysis.planning.door_chances import SkipRule
 from semmap_log.analysis.planning.followed_round import FollowedRound, RoundStep
 from semmap_log.analysis.planning.patrol_plan import PatrolOptions
+from semmap_log.analysis.planning.round_planner import begun_round
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import (
     DoorObserved,

@@ -8,8 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from semmap_log.analysis.planning.door_chances import DAY_S, DoorChances, SkipRule
-from semmap_log.analysis.planning.looks_then import LooksThen, looks_then
+from semmap_log.analysis.planning.door_chances import (
+    DAY_S,
+    DoorChances,
+    LooksThen,
+    SkipRule,
+    looks_then,
+)
 from semmap_log.analysis.probabilities.evidence.evidence import Evidence
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.model.doors import DoorId, DoorState

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.analysis.planning.moved_segments import _kinds, _Pieces, _Round
+from semmap_log.analysis.planning.best_order import _kinds, _Pieces, _Round
 from tests.analysis.planning.rounds import a_round, plain_cost
 
 

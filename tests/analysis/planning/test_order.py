@@ -7,11 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from semmap_log.analysis.planning.best_order import best_order
-from semmap_log.analysis.planning.exact_order import MOST_EXACT, exact_order
-from semmap_log.analysis.planning.moved_segments import improved
+from semmap_log.analysis.planning.best_order import (
+    MOST_EXACT,
+    best_order,
+    exact_order,
+    greedy_order,
+    improved,
+    nearest_order,
+)
 from semmap_log.analysis.planning.round_task import RoundTask
-from semmap_log.analysis.planning.starting_orders import greedy_order, nearest_order
 from semmap_log.errors import PlanError
 from tests.analysis.planning.rounds import a_round, all_orders, plain_cost
 

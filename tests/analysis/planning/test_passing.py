@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semmap_log.analysis.planning.passing import PassingProjection, passings_in
+from semmap_log.analysis.planning.door_chances import PassingProjection, passings_in
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import (

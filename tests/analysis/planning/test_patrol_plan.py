@@ -10,11 +10,14 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.analysis.planning.asked_round import patrol_plan
 from semmap_log.analysis.planning.door_chances import SkipRule
-from semmap_log.analysis.planning.patrol_plan import PatrolOptions, PatrolPlan
-from semmap_log.analysis.planning.patrol_ways import patrol_ways
-from semmap_log.analysis.planning.ways_between import WaysBetween
+from semmap_log.analysis.planning.patrol_plan import (
+    PatrolOptions,
+    PatrolPlan,
+    WaysBetween,
+    patrol_ways,
+)
+from semmap_log.analysis.planning.round_planner import patrol_plan
 from semmap_log.analysis.rooms import Place, room_plan
 from semmap_log.core.model.moments import SECOND_NS
 from semmap_log.errors import PlanError, UnknownDoorError

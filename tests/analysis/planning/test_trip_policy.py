@@ -8,14 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from semmap_log.analysis.planning.trip_policy import (
+from semmap_log.analysis.planning.round_task import (
+    GOAL,
     NOTHING,
+    START,
     AtShutDoor,
+    TripDoor,
     TripPolicy,
+    TripTask,
     given_up,
     opened,
 )
-from semmap_log.analysis.planning.trip_task import GOAL, START, TripDoor, TripTask
 from semmap_log.errors import PlanError
 
 NEAR, FAR = 0, 1

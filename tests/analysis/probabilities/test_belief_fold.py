@@ -14,9 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs
+from semmap_log.analysis.probabilities.belief_fold import ESTIMATORS, BeliefProjection, Beliefs
 from semmap_log.analysis.probabilities.estimator import Times
-from semmap_log.analysis.probabilities.estimators import ESTIMATORS
 from semmap_log.analysis.probabilities.evidence.day_tables import day_tables
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence, EvidenceProjection
 from semmap_log.analysis.probabilities.forecast import Forecast

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from semmap_log.analysis.probabilities.belief_fold import ESTIMATORS, by_name
 from semmap_log.analysis.probabilities.estimator import LearntModel
-from semmap_log.analysis.probabilities.estimators import ESTIMATORS, by_name
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.forecast import LEAST, MOST
 from semmap_log.core.model.doors import DoorId

@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from semmap_log.analysis.probabilities.belief_fold import ESTIMATORS, by_name
 from semmap_log.analysis.probabilities.chain.looks import looks
 from semmap_log.analysis.probabilities.estimator import LearntModel, StateModel
-from semmap_log.analysis.probabilities.estimators import ESTIMATORS, by_name
-from semmap_log.analysis.probabilities.evidence import day_rows
-from semmap_log.analysis.probabilities.evidence.day_rows import DayRows
-from semmap_log.analysis.probabilities.evidence.day_tables import day_tables
+from semmap_log.analysis.probabilities.evidence import day_tables as day_rows
+from semmap_log.analysis.probabilities.evidence.day_tables import DayRows, day_tables
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.analysis.probabilities.methods.told_days import ToldDays
+from semmap_log.analysis.probabilities.methods.effective_days import ToldDays
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.model.local_clock import LocalClock
 from tests.analysis.probabilities.known import DOOR, evidence, hours_ns, random_stretches

@@ -6,8 +6,7 @@ import pickle
 
 import numpy as np
 
-from semmap_log.analysis.probabilities.belief_fold import Beliefs
-from semmap_log.analysis.probabilities.estimators import by_name
+from semmap_log.analysis.probabilities.belief_fold import Beliefs, by_name
 from semmap_log.core.model.local_clock import LocalClock
 from tests.analysis.probabilities.telling import DOOR, added, ns_of, seen, told_of
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from semmap_log.analysis.rooms.distance_fields import DIAGONAL, STRAIGHT
+from semmap_log.analysis.rooms.regions import DIAGONAL, STRAIGHT
 
 Cell = tuple[int, int]
 

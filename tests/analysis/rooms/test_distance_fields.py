@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from semmap_log.analysis.rooms.distance_fields import DistanceFields
-from semmap_log.analysis.rooms.regions import regions_of
+from semmap_log.analysis.rooms.regions import DistanceFields, regions_of
 from tests.analysis.rooms.grid_graph import by_scipy, textbook
 
 GRIDS = st.tuples(st.integers(1, 14), st.integers(1, 14)).flatmap(

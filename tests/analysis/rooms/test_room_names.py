@@ -8,7 +8,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.analysis.rooms import plan_of, rooms_of
-from semmap_log.analysis.rooms.room_names import stem
+from semmap_log.analysis.rooms.room_graph import stem
 from semmap_log.core.model.doors import DoorMap, Level
 from semmap_log.interop.importing.importing import import_file
 from tests.analysis.rooms.buildings import door_at, drawn

@@ -11,10 +11,9 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
-from semmap_log.analysis.rooms.level_rooms import LevelRooms
+from semmap_log.analysis.rooms.level_rooms import LevelRooms, Point
 from semmap_log.analysis.rooms.regions import regions_of
 from semmap_log.analysis.rooms.room_outlines import room_outline
-from semmap_log.analysis.rooms.strokes import Point
 
 GRIDS = st.tuples(st.integers(1, 8), st.integers(1, 8)).flatmap(
     lambda shape: arrays(np.bool_, shape, elements=st.booleans())

@@ -14,7 +14,7 @@ from hypothesis import given
 
 import semmap_log as sl
 from semmap_log.analysis.rooms import Place, TravelTimes, WalkingDistances, plan_of, room_plan
-from semmap_log.analysis.rooms import measured_parts as measured_parts_module
+from semmap_log.analysis.rooms import door_ways as measured_parts_module
 from semmap_log.analysis.rooms.walking_floor import grown
 from semmap_log.core.model.doors import DoorId, DoorMap, Level
 from semmap_log.errors import CostmapError, UnknownKeywordError

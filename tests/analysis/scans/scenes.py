@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.scans.door_watcher import DoorWatcher
-from semmap_log.analysis.scans.placed_scan import DoorPlaces, PlacedScan
-from semmap_log.analysis.scans.visit import Visit
+from semmap_log.analysis.scans.visit import DoorPlaces, PlacedScan, Visit
 from semmap_log.core.model.doors import DoorId
 
 Segment = tuple[float, float, float, float]

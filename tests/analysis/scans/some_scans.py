@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.scans.placed_scan import PlacedScan
-from semmap_log.analysis.scans.visit import Visit
+from semmap_log.analysis.scans.visit import PlacedScan, Visit
 from semmap_log.core.model.doors import DoorState
 from tests.analysis.scans.some_visits import some_visit
 

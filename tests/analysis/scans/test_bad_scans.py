@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from semmap_log.analysis.scans.door_watcher import DoorWatcher
-from semmap_log.analysis.scans.placed_scan import DoorPlaces, PlacedScan
-from semmap_log.analysis.scans.visit import Visit
+from semmap_log.analysis.scans.visit import DoorPlaces, PlacedScan, Visit
 from tests.analysis.scans.scenes import (
     LINE,
     WIDTH,

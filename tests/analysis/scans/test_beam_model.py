@@ -11,9 +11,8 @@ import pytest
 
 from semmap_log.analysis.scans.beam_model import log_likelihoods, log_ratios, wall_log_likelihoods
 from semmap_log.analysis.scans.door_beams import DoorBeams
-from semmap_log.analysis.scans.leaves import Leaves, leaves_of
-from semmap_log.analysis.scans.scan_model import ScanModel
-from semmap_log.analysis.scans.shifts import LOG_WEIGHTS, SHIFTS
+from semmap_log.analysis.scans.leaves import LOG_WEIGHTS, SHIFTS, Leaves, leaves_of
+from semmap_log.analysis.scans.visit import ScanModel
 
 MODEL = ScanModel()
 HIT = (1 - MODEL.short - MODEL.stray) * (1 - MODEL.lost)

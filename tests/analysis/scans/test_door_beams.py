@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from semmap_log.analysis.scans.door_beams import Sights, sights_of
-from semmap_log.analysis.scans.placed_scan import PlacedScan
-from semmap_log.analysis.scans.scan_model import ScanModel
-from semmap_log.analysis.scans.scan_stack import ScanStack
+from semmap_log.analysis.scans.visit import PlacedScan, ScanModel, ScanStack
 from tests.analysis.scans.scenes import replaced
 
 MODEL = ScanModel(beams=1000, beside_beams=1000)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.analysis.scans.door_grid import DoorGrid
-from semmap_log.analysis.scans.placed_scan import DoorPlaces
+from semmap_log.analysis.scans.door_beams import DoorGrid
+from semmap_log.analysis.scans.visit import DoorPlaces
 from tests.analysis.scans.scenes import joined, places
 
 

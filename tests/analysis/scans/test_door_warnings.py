@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.analysis.scans.door_figures import Mean, door_figures
-from semmap_log.analysis.scans.door_warnings import Concern, door_warnings
+from semmap_log.analysis.scans.door_figures import Concern, Mean, door_figures, door_warnings
 from semmap_log.analysis.scans.visit import Visit
 from semmap_log.core.model.doors import DoorId, DoorState
 from tests.analysis.scans.some_visits import some_visit

@@ -8,8 +8,7 @@ from math import cos, pi, radians, sin
 import numpy as np
 import pytest
 
-from semmap_log.analysis.scans.proposing.hinges import hinge_of
-from semmap_log.analysis.scans.proposing.proposals import _from_hinge
+from semmap_log.analysis.scans.proposing.proposals import _from_hinge, hinge_of
 from semmap_log.analysis.scans.visit import Visit
 from semmap_log.core.model.doors import DoorId, DoorState
 

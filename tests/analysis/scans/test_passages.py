@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from semmap_log.analysis.scans.door_watcher import DoorWatcher
-from semmap_log.analysis.scans.placed_scan import PlacedScan
-from semmap_log.analysis.scans.visit import Visit
+from semmap_log.analysis.scans.visit import PlacedScan, Visit
 from tests.analysis.scans.scenes import LINE, WIDTH, moved, places, replaced, seen
 
 MIDDLE = WIDTH / 2

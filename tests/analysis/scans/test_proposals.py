@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from semmap_log.analysis.scans.placed_scan import DoorPlaces, PlacedScan
-from semmap_log.analysis.scans.proposing.kept_scans import KeptScans
 from semmap_log.analysis.scans.proposing.proposals import Proposal, proposals_of
-from semmap_log.analysis.scans.proposing.swept_cells import SweptCells
+from semmap_log.analysis.scans.proposing.swept_cells import KeptScans, SweptCells
 from semmap_log.analysis.scans.proposing.wall_gaps import directions_of, gaps_in
+from semmap_log.analysis.scans.visit import DoorPlaces, PlacedScan
 from semmap_log.errors import FormatError
 from tests.analysis.scans.scenes import LINE, WALLS, Segment, cast, leaf, places
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from semmap_log.analysis.scans.recent_scans import RecentScans
+from semmap_log.analysis.scans.visit import RecentScans
 from tests.analysis.scans.some_scans import some_scan
 from tests.analysis.scans.some_visits import START_NS, S, some_visit
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.analysis.scans.door_figures import door_figures
-from semmap_log.analysis.scans.door_warnings import Concern, door_warnings
+from semmap_log.analysis.scans.door_figures import Concern, door_figures, door_warnings
 from semmap_log.analysis.scans.door_watcher import DoorWatcher
-from semmap_log.analysis.scans.placed_scan import DoorPlaces, PlacedScan
-from semmap_log.analysis.scans.visit import Visit
+from semmap_log.analysis.scans.visit import DoorPlaces, PlacedScan, Visit
 from semmap_log.core.model.doors import DoorState
 from tests.analysis.scans.some_scans import LINE, SHUT, some_scan
 from tests.analysis.scans.some_visits import START_NS, S

@@ -9,8 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from semmap_log.analysis.scans.door_watcher import DoorWatcher
-from semmap_log.analysis.scans.placed_scan import PlacedScan
-from semmap_log.analysis.scans.visit import Visit
+from semmap_log.analysis.scans.visit import PlacedScan, Visit
 from tests.analysis.scans.scenes import (
     ANGLES,
     WALLS,

@@ -7,10 +7,9 @@ from math import isnan
 import numpy as np
 import pytest
 
-from semmap_log.analysis.scans.leaves import leaves_of
-from semmap_log.analysis.scans.scan_model import ScanModel
-from semmap_log.analysis.scans.shifts import SHIFTS
+from semmap_log.analysis.scans.leaves import SHIFTS, leaves_of
 from semmap_log.analysis.scans.verdict import Verdict, behind_m
+from semmap_log.analysis.scans.visit import ScanModel
 from semmap_log.analysis.scans.visit_sums import VisitSums
 from semmap_log.core.model.doors import DoorState
 

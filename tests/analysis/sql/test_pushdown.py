@@ -13,8 +13,8 @@ import pytest
 pytest.importorskip("duckdb")
 
 import semmap_log as sl
+from semmap_log.log.replay.read_model.events_about import SegmentTables
 from semmap_log.log.replay.read_model.indexing import index
-from semmap_log.log.replay.read_model.segment_tables import SegmentTables
 from semmap_log.store.reading import segment_reading
 from semmap_log.store.writing import segment_chain
 from tests.conftest import SteadyClock

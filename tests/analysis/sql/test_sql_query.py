@@ -13,13 +13,11 @@ import pytest
 pytest.importorskip("duckdb")
 
 import semmap_log as sl
-from semmap_log.analysis.sql.answer_files import write_answer
-from semmap_log.analysis.sql.answer_rows import json_rows
-from semmap_log.analysis.sql.sql_query import table_of_query
-from semmap_log.analysis.sql.view_words import COLUMNS_OF
+from semmap_log.analysis.sql.answer_rows import json_rows, write_answer
+from semmap_log.analysis.sql.sql_query import COLUMNS_OF, table_of_query
 from semmap_log.errors import CommandError, CorruptLogError, FormatError, MomentError, SqlError
+from semmap_log.log.replay.read_model.events_about import SegmentTables
 from semmap_log.log.replay.read_model.indexing import index
-from semmap_log.log.replay.read_model.segment_tables import SegmentTables
 from tests.analysis.sql.full_logs import full_log
 
 

@@ -14,7 +14,7 @@ from semmap_log.core.arrow.table_columns import HISTORY_COLUMNS
 from semmap_log.core.model.commits import Commit, Note
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorRemoved
-from semmap_log.store.reading.note_sources import CommitColumns, SaidFinder
+from semmap_log.store.reading.segment_reading import CommitColumns, SaidFinder
 from tests.batches import batch_of
 
 EVENTS = 12

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.core.folds.diff import diff
+from semmap_log.core.folds.history import diff
 from semmap_log.core.model.doors import DoorId, DoorMap
 from semmap_log.core.model.events import (
     Changed,

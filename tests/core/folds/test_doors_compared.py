@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.core.folds.doors_present import DoorsPresent
+from semmap_log.core.folds.levels import DoorsPresent
 from semmap_log.core.model.events import LevelAdded
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import semmap_log as sl
 from semmap_log.core.folds.door_map import DoorMapState
-from semmap_log.core.folds.doors_present import DoorsPresent
+from semmap_log.core.folds.levels import DoorsPresent
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorAnnotated, DoorRemoved
 from tests.batches import batch_of

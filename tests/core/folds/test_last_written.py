@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.core.folds import last_written
-from semmap_log.core.folds.last_written import LastWritten
+from semmap_log.core.folds import door_changes
+from semmap_log.core.folds.door_changes import LastWritten
 
 NOTHING = -9
 stamps = st.tuples(st.integers(0, 4), st.integers(0, 5), st.integers(0, 30))
@@ -39,7 +39,7 @@ def test_a_key_holds_what_was_written_last(
     """
     rows = [(*stamp, value) for stamp, value in written.items()]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(last_written, "MAX_TABLE", most)
+        patch.setattr(door_changes, "MAX_TABLE", most)
         found = LastWritten(*as_columns(rows, 4), nothing=NOTHING)
 
     held_then = found.at(*as_columns(asked, 3))

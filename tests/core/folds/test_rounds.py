@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import semmap_log as sl
-from semmap_log.core.folds.patrol_rounds import ROUND_KINDS, Round, rounds
+from semmap_log.core.folds.history import ROUND_KINDS, Round, rounds
 from semmap_log.core.model.commits import Note
 from semmap_log.core.model.events import PatrolFinished, PatrolStarted
 from semmap_log.core.model.moments import DAY_NS

@@ -8,8 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.core.folds.time_shares import time_shares
-from semmap_log.core.folds.timeline import Timeline
+from semmap_log.core.folds.timeline import Timeline, time_shares
 from semmap_log.core.model.doors import DoorId, DoorState
 
 lengths = st.lists(

@@ -19,8 +19,13 @@ from semmap_log.core.messages import (
     type_name,
     write_message,
 )
-from semmap_log.core.messages.definitions import CODES, MessageField, definitions, flat_fields
-from semmap_log.core.messages.type_hash import type_hash
+from semmap_log.core.messages.type_hash import (
+    CODES,
+    MessageField,
+    definitions,
+    flat_fields,
+    type_hash,
+)
 from semmap_log.log.replay.keyframes import encode
 from tests.core.messages.typestore import OWN_MESSAGES, deserialize, serialize, typestore
 

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.core.model.door_states import DoorState
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.core.model.events import ClassDefined
 from semmap_log.core.model.object_classes import (
     DOOR,
+    DoorState,
     Geometry,
     ObjectClass,
     outline_text,

@@ -24,8 +24,9 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import EngineError, MomentError
-from semmap_log.fleet.jobs import dask_engine, door_jobs, fold_job
-from semmap_log.fleet.jobs.fleet_answer import FleetAnswer
+from semmap_log.fleet.jobs import dask_engine, door_jobs
+from semmap_log.fleet.jobs import job as fold_job
+from semmap_log.fleet.jobs.job import FleetAnswer
 from tests.bucket import put_folder
 from tests.fleet.jobs.fleets import START_NS, doors_then, events_of, make_log, openings_then
 from tests.fleet.jobs.projections import KillsItsWorker, KillsOnce, Raises, Sightings, Slowly, Whole

@@ -18,8 +18,7 @@ from semmap_log.errors import HorizonError, HorizonWarning
 from semmap_log.log.replay.care import verify
 from semmap_log.log.trimming.redaction import Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning
-from semmap_log.log.trimming.retention import Retention
-from semmap_log.log.trimming.trim_log import trim_log
+from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.reading.reader import LogReader
 from tests.log.trimming.logs import (
     SECOND_NS,

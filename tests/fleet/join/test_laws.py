@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.fleet.join.join_definition import write_definition
+from semmap_log.fleet.join.joined_logs import write_definition
 from semmap_log.fleet.join.joining_logs import defined
 from tests.fleet.join.some_robots import START_NS, SetClock, a_robot, events_of
 

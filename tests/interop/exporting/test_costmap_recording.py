@@ -12,7 +12,7 @@ import semmap_log as sl
 from semmap_log.analysis.costmap_2d.costs import to_occupancy
 from semmap_log.analysis.costmaps import CostmapOptions, costmap_at, costmap_frames
 from semmap_log.errors import CostmapError, FormatError, OutputError
-from semmap_log.interop.exporting.costmap_recording import Which, record_costmap
+from semmap_log.interop.exporting.costmap_files import Which, record_costmap
 from tests.conftest import SteadyClock
 from tests.interop.formats.bags.played import played, seen_by_rviz
 from tests.views.rerun.some_logs import SECOND, START, restless_log, room, small_log

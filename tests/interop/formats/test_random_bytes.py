@@ -15,7 +15,7 @@ from semmap_log.interop.formats.files.door_csv import read_door_csv
 from semmap_log.interop.formats.files.map_server import read_map
 from semmap_log.interop.formats.files.thesis_yaml import read_thesis_yaml
 from semmap_log.interop.formats.json.event_json_reader import DoorLookup, parse_event_line
-from semmap_log.interop.formats.parsing.file_order import FileOrder
+from semmap_log.interop.formats.parsing.foreign_file import FileOrder
 from semmap_log.interop.importing.import_plan import Present
 from semmap_log.interop.importing.importing_lines import plan_event_lines
 from tests.interop.importing.nothing_stored import NothingStored, lines_of

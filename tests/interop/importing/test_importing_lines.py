@@ -13,7 +13,7 @@ from semmap_log.errors import FormatError
 from semmap_log.interop.importing import importing_lines
 from semmap_log.interop.importing.import_plan import Present
 from semmap_log.interop.importing.importing_lines import plan_event_lines
-from semmap_log.interop.importing.line_numbers import NumberMap
+from semmap_log.interop.importing.line_commits import NumberMap
 from tests.interop.importing.nothing_stored import FILE_ID, NothingStored, lines_of
 
 FRONT = Door(DoorId(3), 2, 0.0, 0.0, 0.0, 1.0, DoorState.OPEN, NAN, NAN,

@@ -18,8 +18,8 @@ from semmap_log.core.model.events import (
 from semmap_log.errors import UnknownDoorError
 from semmap_log.interop.formats.files import csv_blocks
 from semmap_log.interop.formats.files.door_csv import read_door_csv
+from semmap_log.interop.importing.held_sightings import plan_sightings
 from semmap_log.interop.importing.import_plan import Present
-from semmap_log.interop.importing.importing_sightings import plan_sightings
 
 ROWS = "1970-01-01T00:00:05,front,OPEN,0.9\n1970-01-01T00:00:06,front,CLOSED,\n"
 

@@ -11,8 +11,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.analysis.rooms import rooms_of
 from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor, TablePlace
+from semmap_log.interop.importing.as_recorded import with_room_names
 from semmap_log.interop.importing.importing import import_file
-from semmap_log.interop.importing.room_naming import with_room_names
 from tests.analysis.rooms.buildings import drawn
 
 FLOOR = drawn(

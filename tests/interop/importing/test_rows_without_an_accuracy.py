@@ -8,7 +8,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.core.model.events import DoorObserved
-from semmap_log.interop.formats.files.table_forms import form_of
+from semmap_log.interop.formats.files.door_table import form_of
 from semmap_log.interop.importing.importing import Imported, ImportOptions, import_file
 
 ROWS = "timestamp,door,state,accuracy\n" + "".join(

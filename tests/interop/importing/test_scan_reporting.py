@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.analysis.scans.placed_scan import DoorPlaces
+from semmap_log.analysis.scans.visit import DoorPlaces
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorObserved
 from semmap_log.errors import CommandError, FormatError

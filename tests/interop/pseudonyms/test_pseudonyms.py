@@ -35,8 +35,7 @@ from semmap_log.interop.pseudonyms.pseudonyms import Pseudonyms
 from semmap_log.log.replay.care import verify
 from semmap_log.log.replay.replay import Scope
 from semmap_log.log.trimming.repeated_sightings import Thinning
-from semmap_log.log.trimming.retention import Retention
-from semmap_log.log.trimming.trim_log import trim_log
+from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.reading.reader import LogReader
 from tests.conftest import SteadyClock
 from tests.log.trimming.logs import answers_of, moments, random_log, without_texts

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from semmap_log.core.model.events import Event
-from semmap_log.interop.formats.ros.ros_decoding import MessageType
 from semmap_log.interop.formats.ros.ros_types import (
     DOOR_ENTRY,
     DOOR_MAP,
@@ -18,11 +17,11 @@ from semmap_log.interop.formats.ros.ros_types import (
     RMF_DOOR_REQUEST,
     RMF_DOOR_STATE,
     TRANSFORMS,
+    MessageType,
     RosVersion,
     ros_types,
 )
-from semmap_log.interop.topics.known import Known
-from semmap_log.interop.topics.topic_problems import TopicProblems
+from semmap_log.interop.topics.topic_reader import Known, TopicProblems
 from semmap_log.interop.topics.topic_rules import Reading, RosMapping, TopicRule
 from semmap_log.interop.topics.translator import Made, Translator
 

@@ -12,8 +12,8 @@ from semmap_log.core.model.events import DoorAdded, DoorAnnotated, LevelAdded
 from semmap_log.errors import FormatError
 from semmap_log.interop.formats.ros.ros_types import POINT_STAMPED, RosVersion
 from semmap_log.interop.importing.importing import ImportOptions, import_file
-from semmap_log.interop.topics.known import Known
 from semmap_log.interop.topics.mapping_file import read_mapping
+from semmap_log.interop.topics.topic_reader import Known
 from semmap_log.interop.topics.topic_rules import (
     CLICKED,
     WELL_KNOWN,

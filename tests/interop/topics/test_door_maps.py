@@ -22,7 +22,7 @@ from semmap_log.core.model.events import (
     DoorUpdated,
     LevelAdded,
 )
-from semmap_log.interop.topics.known import Known
+from semmap_log.interop.topics.topic_reader import Known
 from semmap_log.interop.topics.topic_rules import ReadDoorMap, ReadSensor
 from tests.interop.topics.robots import ENTRY, START, Listener, Robot, S
 

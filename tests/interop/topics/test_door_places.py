@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from semmap_log.analysis.scans.placed_scan import DoorPlaces
-from semmap_log.analysis.scans.visit import Visit
+from semmap_log.analysis.scans.visit import DoorPlaces, Visit
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import (
     Changed,
@@ -21,9 +20,9 @@ from semmap_log.core.model.events import (
     Event,
     RobotPose,
 )
-from semmap_log.interop.topics.known import Known
 from semmap_log.interop.topics.lasers.door_places import DoorsNow, changes_places, places_of
-from semmap_log.interop.topics.lasers.visit_tally import VisitTally
+from semmap_log.interop.topics.lasers.scan_keeper import VisitTally
+from semmap_log.interop.topics.topic_reader import Known
 
 ONE = DoorId(1)
 

@@ -16,7 +16,7 @@ from semmap_log.core.model.events import (
     LevelAdded,
 )
 from semmap_log.errors import UnknownDoorError
-from semmap_log.interop.topics.known import Known
+from semmap_log.interop.topics.topic_reader import Known
 
 START = 1_700_000_000 * 10**9
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from semmap_log.interop.topics.lasers.laser_sweeps import MOST_BEAMS, Sweep, Unusable, sweep_of
+from semmap_log.interop.topics.lasers.placing import MOST_BEAMS, Sweep, Unusable, sweep_of
 from tests.interop.topics.laser_room import LaserRoom
 
 ROOM = LaserRoom()

@@ -12,8 +12,7 @@ import semmap_log as sl
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import Changed, DoorAdded, DoorObserved, DoorUpdated, Event
 from semmap_log.interop.formats.ros.ros_types import DOOR_MAP
-from semmap_log.interop.topics.known import Known
-from semmap_log.interop.topics.topic_reader import happened_ns
+from semmap_log.interop.topics.topic_reader import Known, happened_ns
 from semmap_log.interop.topics.topic_rules import (
     ReadPose,
     ReadRmfState,

@@ -9,14 +9,14 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.analysis.beliefs import probabilities
-from semmap_log.analysis.scans.placed_scan import PlacedScan
+from semmap_log.analysis.scans.visit import PlacedScan
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorObserved, RobotPose
-from semmap_log.interop.importing.doors_then import DoorsThen
-from semmap_log.interop.topics.known import Known
+from semmap_log.interop.importing.bag_importing import DoorsThen
 from semmap_log.interop.topics.lasers.door_places import DoorsNow
 from semmap_log.interop.topics.lasers.lasers import RobotScan
-from semmap_log.interop.topics.lasers.visit_events import DoorsOverTime, LaserSightings, VisitCommit
+from semmap_log.interop.topics.lasers.scan_keeper import DoorsOverTime, LaserSightings, VisitCommit
+from semmap_log.interop.topics.topic_reader import Known
 from tests.analysis.scans.scenes import DOOR, LINE
 from tests.analysis.scans.test_stands import OPEN, standing
 

@@ -13,8 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from semmap_log.interop.formats.ros.ros_types import POINT_CLOUD
-from semmap_log.interop.topics.lasers.laser_sweeps import Unusable
-from semmap_log.interop.topics.lasers.point_clouds import Cloud, cloud_of, cut
+from semmap_log.interop.topics.lasers.placing import Cloud, Unusable, cloud_of, cut
 from semmap_log.interop.topics.topic_rules import ReadScan, RosMapping, TopicRule
 from tests.interop.formats.bags.bags_of_others import Said
 from tests.interop.topics.laser_room import LaserRoom, moved, turned

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from semmap_log.core.model.events import Event, FloorMap, PatrolFinished, PatrolStarted, RobotPose
 from semmap_log.errors import CommandError
-from semmap_log.interop.topics.known import Known
+from semmap_log.interop.topics.topic_reader import Known
 from semmap_log.interop.topics.topic_rules import (
     ReadFloorMap,
     ReadPatrol,

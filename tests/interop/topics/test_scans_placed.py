@@ -12,11 +12,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from semmap_log.interop.formats.ros.ros_decoding import MessageType
-from semmap_log.interop.formats.ros.ros_types import LASER_SCAN, ODOMETRY, POSE_WITH_COVARIANCE
-from semmap_log.interop.topics.known import Known
+from semmap_log.interop.formats.ros.ros_types import (
+    LASER_SCAN,
+    ODOMETRY,
+    POSE_WITH_COVARIANCE,
+    MessageType,
+)
 from semmap_log.interop.topics.lasers.lasers import RobotScan
-from semmap_log.interop.topics.topic_problems import TopicProblems
+from semmap_log.interop.topics.topic_reader import Known, TopicProblems
 from semmap_log.interop.topics.topic_rules import ReadScan, RosMapping, TopicRule
 from semmap_log.interop.topics.translator import Translator
 from tests.interop.formats.bags.bags_of_others import Said

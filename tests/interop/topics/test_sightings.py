@@ -20,7 +20,7 @@ from semmap_log.core.model.events import (
     LevelAdded,
     RobotPose,
 )
-from semmap_log.interop.topics.known import Known
+from semmap_log.interop.topics.topic_reader import Known
 from semmap_log.interop.topics.topic_rules import (
     Accuracy,
     ReadPose,

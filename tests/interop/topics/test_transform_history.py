@@ -11,9 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.interop.topics.link_history import LinkHistory, LinkPose
-from semmap_log.interop.topics.rotations import angle_between, between, yaw
-from semmap_log.interop.topics.transforms import MOST_FRAMES, TransformTree
+from semmap_log.interop.topics.transforms import (
+    MOST_FRAMES,
+    LinkHistory,
+    LinkPose,
+    TransformTree,
+    angle_between,
+    between,
+    yaw,
+)
 from tests.interop.topics.laser_room import moved, quaternion, turned
 from tests.interop.topics.robots import S
 

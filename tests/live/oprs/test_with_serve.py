@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.live.planners import questions
+from semmap_log.live.planners import asked
 from tests.live.oprs.conftest import StartServer, StartStub
 from tests.live.oprs.line_server import Answer
 from tests.live.oprs.workshop import Workshop, run_in
@@ -79,7 +79,7 @@ def test_all_that_can_be_asked_is_declared(start_stub: StartStub) -> None:
         )
     }
 
-    for question in questions.QUESTIONS:
+    for question in asked.QUESTIONS:
         if question.name not in NOT_DECLARED:
             assert (question.name, question.kind.value) in declared
 

@@ -11,9 +11,9 @@ import semmap_log as sl
 from semmap_log.errors import SemmapError
 from semmap_log.live.planners.oracle import Oracle
 from semmap_log.live.planners.question_lines import LineError, read_line, write_answer, write_error
-from semmap_log.live.ros.serving.door_follower import DoorFollower
 from semmap_log.live.ros.serving.door_server import DoorServer
 from semmap_log.live.ros.serving.saving import DoorSaver
+from semmap_log.live.ros.serving.yaml_start import DoorFollower
 
 CLIENT = "pid 7"
 

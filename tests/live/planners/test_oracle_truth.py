@@ -17,7 +17,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.analysis.beliefs import best_time, probabilities
-from semmap_log.live.planners.learnt import LearntDoors
+from semmap_log.live.planners.door_view import LearntDoors
 from tests.live.planners.asker import Asker
 
 RECORDINGS = Path(__file__).parents[3] / "recordings"

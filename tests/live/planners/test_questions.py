@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from doc_pages import ROOT
 
-from semmap_log.live.planners.asked import read_words
+from semmap_log.live.planners.asked import BY_NAME, QUESTIONS, QuestionKind, Type, read_words, table
+from semmap_log.live.planners.door_view import STATE_QUESTIONS
 from semmap_log.live.planners.oracle import is_wait
-from semmap_log.live.planners.questions import BY_NAME, QUESTIONS, QuestionKind, Type, table
-from semmap_log.live.planners.state_answers import STATE_QUESTIONS
 
 THESIS = {
     "DOOR_STATE_KNOWN": ("predicate", "DOOR"),
@@ -73,7 +72,7 @@ def test_actions_are_what_sets_or_removes() -> None:
 
 def test_the_guide_has_the_table() -> None:
     """
-    Else: python -c 'from semmap_log.live.planners.questions import table; print(table())'.
+    Else: python -c 'from semmap_log.live.planners.asked import table; print(table())'.
     """
     page = (ROOT / "docs" / "guides" / "planners.md").read_text(encoding="utf-8")
 

@@ -9,8 +9,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.core.model.doors import DoorState
 from semmap_log.live.planners.door_view import DoorView
+from semmap_log.live.planners.oracle import Wait, Waits
 from semmap_log.live.planners.question_lines import Answer
-from semmap_log.live.planners.waits import Wait, Waits
 
 
 @pytest.fixture

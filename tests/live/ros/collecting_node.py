@@ -10,8 +10,13 @@ from typing import Any
 
 from semmap_log.errors import RosError
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
-from semmap_log.interop.formats.ros.ros_messages import Messages
-from semmap_log.interop.formats.ros.ros_types import RosVersion, decoded, encoded, log_type
+from semmap_log.interop.formats.ros.ros_types import (
+    Messages,
+    RosVersion,
+    decoded,
+    encoded,
+    log_type,
+)
 from semmap_log.live.ros.ros_node import Goal, GoalAnswer, Outcome, Received, Values
 
 

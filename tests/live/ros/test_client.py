@@ -18,13 +18,16 @@ from semmap_log.interop.formats.bags.bag_protocol import BagTopic
 from semmap_log.interop.formats.ros.ros_types import RosVersion
 from semmap_log.live.ros import client as client_module
 from semmap_log.live.ros import joining
-from semmap_log.live.ros.action_names import DEFAULTS
 from semmap_log.live.ros.client import DoorClient, DoorFields
-from semmap_log.live.ros.ros_node import Goal, Outcome
+from semmap_log.live.ros.ros_node import DEFAULTS, Goal, Outcome
 from semmap_log.live.ros.serving.door_server import DoorServer
 from semmap_log.live.ros.serving.saving import DoorSaver
-from semmap_log.live.ros.serving.served_doors import ServedDoors
-from semmap_log.live.ros.serving.served_topics import LevelNames, ServedTopics, levels_of
+from semmap_log.live.ros.serving.served_topics import (
+    LevelNames,
+    ServedDoors,
+    ServedTopics,
+    levels_of,
+)
 from tests.live.ros.collecting_node import CollectingNode
 
 DOOR = DoorFields(x=1.0, y=2.0, theta=0.5, width=0.9, state=DoorState.CLOSED)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.analysis.scans.kept_visit import KeptVisit, folder_beside
+from semmap_log.analysis.scans.visit import KeptVisit, folder_beside
 from semmap_log.cli import main
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import DoorObserved

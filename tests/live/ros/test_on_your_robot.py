@@ -128,7 +128,7 @@ def test_the_policy_lets_only_the_operator_call() -> None:
     """
     Of the actions by their default names; the server alone executes them.
     """
-    from semmap_log.live.ros.action_names import DEFAULTS
+    from semmap_log.live.ros.ros_node import DEFAULTS
 
     policy = ET.parse(FOLDER / "sros2" / "policy.xml").getroot()
 

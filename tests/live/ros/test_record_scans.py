@@ -16,9 +16,9 @@ from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorObserved, RobotPose
 from semmap_log.interop.importing.importing import ImportOptions, import_file
 from semmap_log.interop.importing.scan_topics import ScanOptions
-from semmap_log.interop.topics.known import Known
-from semmap_log.interop.topics.lasers import scan_watch
-from semmap_log.interop.topics.lasers.scan_watch import ScanWatch
+from semmap_log.interop.topics.lasers import scan_keeper
+from semmap_log.interop.topics.lasers.scan_keeper import ScanWatch
+from semmap_log.interop.topics.topic_reader import Known
 from semmap_log.interop.topics.topic_rules import WELL_KNOWN, ReadScan, RosMapping
 from semmap_log.live.ros import ros_recorder
 from semmap_log.live.ros.ros_recorder import LogSink, PrintedSink, RosRecorder
@@ -125,7 +125,7 @@ def test_the_visits_of_a_laser_that_falls_silent_end(
     """
     They are written while it records on: neither a next scan is waited for nor any message.
     """
-    monkeypatch.setattr(scan_watch, "QUIET_S", 0.3)
+    monkeypatch.setattr(scan_keeper, "QUIET_S", 0.3)
     monkeypatch.setattr(ros_recorder, "QUIET_LOOK_S", 0.05)
     office, seen = _office(tmp_path / "office"), []
 

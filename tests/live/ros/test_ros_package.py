@@ -18,9 +18,9 @@ import yaml
 
 from semmap_log.cli import main
 from semmap_log.interop.formats.ros.ros_types import ros_types
-from semmap_log.live.ros.ros_package import write_ros_package
-from semmap_log.live.ros.serving.served_costmap import LAYER_NAME, MASTER_NAME
-from semmap_log.live.ros.serving.served_doors import MARKERS_NAME
+from semmap_log.live.ros.ros_node import write_ros_package
+from semmap_log.live.ros.serving.served_topics import MARKERS_NAME
+from semmap_log.live.ros.serving.server import LAYER_NAME, MASTER_NAME
 from tests.live.ros.ros_world import ROOT, RosWorld
 
 BUILT_WITHIN_S = 600

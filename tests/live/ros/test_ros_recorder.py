@@ -18,7 +18,7 @@ from semmap_log.core.model.commits import MOST_NOTE_CHARACTERS, Note
 from semmap_log.core.model.events import DoorRequested, Event, LevelAdded
 from semmap_log.errors import CommandError, LogPoisonedError, RosError
 from semmap_log.interop.importing.importing import import_file
-from semmap_log.interop.topics.known import Known
+from semmap_log.interop.topics.topic_reader import Known
 from semmap_log.interop.topics.topic_rules import (
     WELL_KNOWN,
     ReadDoorMap,

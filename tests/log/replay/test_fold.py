@@ -23,7 +23,7 @@ from semmap_log.core.folds import projection as projection_module
 from semmap_log.core.folds.projection import Dumping, Mergeable
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorObserved, Retracted
-from semmap_log.log.replay.checkpoint import Checkpoint
+from semmap_log.log.replay.state import Checkpoint
 from semmap_log.store.compaction import compact
 from semmap_log.store.writing import segment_chain
 from tests.log.replay.projections import Digest, Numbers, Sums

@@ -14,10 +14,9 @@ from pathlib import Path
 import pytest
 
 from semmap_log.log.signing.ed25519_sdk import SigningKey
-from semmap_log.log.signing.log_signing import sign
-from semmap_log.log.signing.private_keys import make_key
-from semmap_log.log.signing.public_keys import PublicKey
+from semmap_log.log.signing.log_signing import make_key, sign
 from semmap_log.log.signing.signed_log import SignedVerification, verify_signed
+from semmap_log.log.signing.statement import PublicKey
 from semmap_log.store.verification import Severity
 
 needs_ssh_keygen = pytest.mark.skipif(

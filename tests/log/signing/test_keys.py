@@ -14,9 +14,8 @@ import pytest
 
 from semmap_log.errors import PassphraseError, SigningError
 from semmap_log.log.signing.ed25519_sdk import SigningKey
-from semmap_log.log.signing.log_signing import sign
-from semmap_log.log.signing.private_keys import make_key, read_key
-from semmap_log.log.signing.public_keys import read_public_keys
+from semmap_log.log.signing.log_signing import make_key, read_key, sign
+from semmap_log.log.signing.statement import read_public_keys
 from tests.log.signing.signed_logs import a_key, needs_ssh_keygen
 
 

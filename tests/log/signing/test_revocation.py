@@ -13,9 +13,8 @@ import semmap_log as sl
 from semmap_log.errors import SigningError
 from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.log_signing import revoke, sign
-from semmap_log.log.signing.public_keys import PublicKey
-from semmap_log.log.signing.revocation import Revocation
 from semmap_log.log.signing.signature_folder import (
+    Revocation,
     SignedStatement,
     name_of,
     read_signed,
@@ -23,8 +22,14 @@ from semmap_log.log.signing.signature_folder import (
     write_signed,
 )
 from semmap_log.log.signing.signed_log import verify_signed
-from semmap_log.log.signing.ssh_signature import HEADS, REVOKING, signature_of
-from semmap_log.log.signing.statement import NO_DIGEST, Statement
+from semmap_log.log.signing.statement import (
+    HEADS,
+    NO_DIGEST,
+    REVOKING,
+    PublicKey,
+    Statement,
+    signature_of,
+)
 from semmap_log.store.verification import Severity
 from tests.log.signing.signed_logs import a_key, needs_ssh_keygen, statements
 from tests.store.eventful import eventful_log, flip

@@ -23,7 +23,7 @@ from semmap_log.log.signing.signature_folder import BadSignature, read_all
 from semmap_log.store.compaction import compact
 from semmap_log.store.verification import verifying
 from semmap_log.store.verification.file_place import DiskPlace
-from semmap_log.store.verification.folder_files import arrange
+from semmap_log.store.verification.findings import arrange
 from semmap_log.store.writing import segment_chain
 from tests.log.signing.signed_logs import checked, forget, is_good, statements
 

@@ -9,9 +9,8 @@ import pytest
 
 from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.log_signing import sign
-from semmap_log.log.signing.public_keys import PublicKey, fingerprint
 from semmap_log.log.signing.signature_folder import BadSignature, SignedStatement, read_signed
-from semmap_log.log.signing.ssh_signature import read_signature, signature_of
+from semmap_log.log.signing.statement import PublicKey, fingerprint, read_signature, signature_of
 from tests.log.signing.signed_logs import is_good, needs_ssh_keygen, ssh_verifies, statements
 
 TEXT = b"a door was open\n"

@@ -13,12 +13,11 @@ from rich.console import Console
 
 import semmap_log as sl
 from semmap_log.errors import SigningError
-from semmap_log.log.signing import timestamps
+from semmap_log.log.signing import signature_folder
 from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.sign_beside import SignBeside
-from semmap_log.log.signing.signature_folder import signed_in
+from semmap_log.log.signing.signature_folder import signed_in, stamp_newest, token_file
 from semmap_log.log.signing.timestamp_token import MOST_BYTES, query, stamped_time
-from semmap_log.log.signing.timestamps import stamp_newest, token_file
 from semmap_log.views.health import signed_verification_report
 from tests.log.signing.authority import Authority, needs_openssl, openssl, served
 from tests.log.signing.signed_logs import checked, is_good, sign, statements
@@ -199,7 +198,7 @@ def test_an_authority_that_does_not_answer(
         stamp_newest(log, key, url)
     with pytest.raises(SigningError, match="no time stamp"):
         stamp_newest(log, key, "http://a b/")
-    monkeypatch.setattr(timestamps, "WITHIN_S", 0.3)
+    monkeypatch.setattr(signature_folder, "WITHIN_S", 0.3)
     with (
         served(lambda _: bytes(100), drip_s=0.1) as (url, _),
         pytest.raises(SigningError, match="the answer has no end within"),

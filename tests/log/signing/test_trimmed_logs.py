@@ -16,13 +16,18 @@ from semmap_log.core.model.moments import format_utc
 from semmap_log.log.replay.care import recover, verify
 from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.log_signing import check_before_trimming, sign
-from semmap_log.log.signing.public_keys import PublicKey, read_public_keys
 from semmap_log.log.signing.sign_beside import SignBeside
 from semmap_log.log.signing.signed_log import verify_signed
-from semmap_log.log.signing.ssh_signature import HEADS, NAMESPACES, TRIMMING, signature_of
+from semmap_log.log.signing.statement import (
+    HEADS,
+    NAMESPACES,
+    TRIMMING,
+    PublicKey,
+    read_public_keys,
+    signature_of,
+)
 from semmap_log.log.trimming.redaction import Notes, Redaction, Tracks
-from semmap_log.log.trimming.retention import Retention
-from semmap_log.log.trimming.trim_log import TrimRule, trim_log
+from semmap_log.log.trimming.trim_log import Retention, TrimRule, trim_log
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain

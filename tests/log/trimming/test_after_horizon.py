@@ -31,8 +31,7 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.errors import HorizonError, HorizonWarning
 from semmap_log.log.replay.read_model.indexing import index
-from semmap_log.log.trimming.retention import Retention
-from semmap_log.log.trimming.trim_log import trim_log
+from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
 from semmap_log.views.rerun.recording import save_rrd

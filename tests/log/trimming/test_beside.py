@@ -19,8 +19,7 @@ from semmap_log.log.replay.care import verify
 from semmap_log.log.replay.read_model.indexing import index
 from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning
-from semmap_log.log.trimming.retention import Retention
-from semmap_log.log.trimming.trim_log import TrimRule, trim_log
+from semmap_log.log.trimming.trim_log import Retention, TrimRule, trim_log
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.following import FollowedCommit
 from semmap_log.store.reading.reader import LogReader

@@ -24,8 +24,7 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.errors import CommandError, HorizonError
 from semmap_log.log.trimming.repeated_sightings import Thinning
-from semmap_log.log.trimming.retention import Retention
-from semmap_log.log.trimming.trim_log import trim_log
+from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
 from tests.log.trimming.logs import SECOND_NS, START_NS, MinuteClock, answers

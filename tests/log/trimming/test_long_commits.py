@@ -13,14 +13,13 @@ import semmap_log as sl
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import DoorAnnotated, DoorObserved, Event, RobotPose
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.replay import written_state
+from semmap_log.log.replay import care
 from semmap_log.log.replay.care import recover, verify
 from semmap_log.log.trimming.redaction import Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning
-from semmap_log.log.trimming.retention import Retention
-from semmap_log.log.trimming.trim_log import trim_log
+from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store import commit_records
-from semmap_log.store.compaction import repaging
+from semmap_log.store.compaction import merge
 from semmap_log.store.kind_bits import KEYFRAME_BIT
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.trimming.records_left import RecordsLeft
@@ -42,10 +41,10 @@ LONG_BEFORE = f"@{START_NS // SECOND_NS - 10**6}"
 @pytest.fixture(autouse=True)
 def _keyframes_are_close(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(commit_records, "CHUNK_BYTES", 600)
-    monkeypatch.setattr(repaging, "CHUNK_BYTES", 900)
-    monkeypatch.setattr(repaging, "KEYFRAME_EVERY_BYTES", 900)
-    monkeypatch.setattr(written_state, "KEYFRAME_EVERY_BYTES", 900)
-    monkeypatch.setattr(written_state, "KEYFRAME_RARITY", 0)
+    monkeypatch.setattr(merge, "CHUNK_BYTES", 900)
+    monkeypatch.setattr(merge, "KEYFRAME_EVERY_BYTES", 900)
+    monkeypatch.setattr(care, "KEYFRAME_EVERY_BYTES", 900)
+    monkeypatch.setattr(care, "KEYFRAME_RARITY", 0)
 
 
 def imported(path: Path, *, commits: int = 1) -> Path:

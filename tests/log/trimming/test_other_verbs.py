@@ -29,8 +29,7 @@ from semmap_log.log.replay.care import copy, recover, verify
 from semmap_log.log.replay.read_model.indexing import index
 from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning
-from semmap_log.log.trimming.retention import Retention
-from semmap_log.log.trimming.trim_log import TrimRule, trim_log
+from semmap_log.log.trimming.trim_log import Retention, TrimRule, trim_log
 from semmap_log.store.reading.reader import LogReader
 from tests.log.trimming.logs import SECOND_NS, START_NS, answers, answers_of, moments, random_log
 from tests.store.eventful import flip

@@ -11,17 +11,16 @@ import semmap_log as sl
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.model.events import DoorObserved, SightingsThinned
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.replay import written_state
+from semmap_log.log.replay import care
 from semmap_log.log.replay.care import verify
 from semmap_log.log.trimming import repeated_sightings
 from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import HOUR_NS, Thinning
-from semmap_log.log.trimming.retention import Retention
-from semmap_log.log.trimming.trim_log import trim_log
-from semmap_log.store.compaction import compact, repaging
+from semmap_log.log.trimming.trim_log import Retention, trim_log
+from semmap_log.store.compaction import compact, merge
 from semmap_log.store.form import LOCK_NAME
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.trimming import trimmed_copy
+from semmap_log.store.trimming import trimming
 from semmap_log.store.writing import segment_chain
 from tests.log.trimming.logs import MinuteClock, answers, moments, random_log, without_texts
 from tests.store.trimming.plain_chain import all_bytes
@@ -82,12 +81,12 @@ def test_a_copy_that_is_not_what_was_written_is_not_used(
     """
     The segment stays as it is.
     """
-    really = trimmed_copy.build_chunk
+    really = trimming.build_chunk
 
     def other(records: bytes, offsets: object, *, compression: str) -> object:
         return really(records[:-1] + bytes([records[-1] ^ 1]), offsets, compression=compression)
 
-    monkeypatch.setattr(trimmed_copy, "build_chunk", other)
+    monkeypatch.setattr(trimming, "build_chunk", other)
     with pytest.raises(CorruptLogError, match="the old one is kept"):
         trim_log(log, Redaction([Tracks()], 100))
     monkeypatch.undo()
@@ -102,9 +101,9 @@ def test_a_log_that_was_cut_off_can_be_thinned(
     """
     The keyframe at the horizon, amid a segment, stays, though it knows of sightings that go.
     """
-    monkeypatch.setattr(written_state, "KEYFRAME_EVERY_BYTES", 2000)
-    monkeypatch.setattr(written_state, "KEYFRAME_RARITY", 0)
-    monkeypatch.setattr(repaging, "KEYFRAME_EVERY_BYTES", 1000)
+    monkeypatch.setattr(care, "KEYFRAME_EVERY_BYTES", 2000)
+    monkeypatch.setattr(care, "KEYFRAME_RARITY", 0)
+    monkeypatch.setattr(merge, "KEYFRAME_EVERY_BYTES", 1000)
     log = random_log(tmp_path, 7, monkeypatch, commits=200, roll=150)
     asked = moments(log, 5)
     trim_log(log, Retention(LogReader(log), recorded(log, 90)))

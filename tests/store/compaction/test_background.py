@@ -19,7 +19,7 @@ from semmap_log.errors import LogError
 from semmap_log.store.bag_metadata import ClosedSegment
 from semmap_log.store.compaction import background, compact_segment
 from semmap_log.store.compaction.background import BackgroundCompactor
-from semmap_log.store.compaction.rechunk import needs_compaction
+from semmap_log.store.compaction.merge import needs_compaction
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.segment_reading import statistics_of
 from semmap_log.store.reading.segment_scan import Segment, open_segment

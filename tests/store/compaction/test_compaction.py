@@ -16,8 +16,8 @@ import semmap_log as sl
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import BuiltChunk, build_chunk
-from semmap_log.store.compaction import compact, compact_segment, rechunk
-from semmap_log.store.compaction.rechunk import needs_compaction, rechunked
+from semmap_log.store.compaction import compact, compact_segment, merge
+from semmap_log.store.compaction.merge import needs_compaction, rechunked
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import (
     CHUNK_BYTES,
@@ -25,7 +25,7 @@ from semmap_log.store.form import (
     KEYFRAME_CHANNEL,
     KEYFRAME_EVERY_BYTES,
 )
-from semmap_log.store.pages import Page
+from semmap_log.store.kind_bits import Page
 from semmap_log.store.reading.segment_reading import last_commit, page_at
 from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.record_scan import walk
@@ -117,7 +117,7 @@ def test_what_zstd_does_not_shrink_stays_plain(tmp_path: Path) -> None:
     noise = mcap.message(0xABCD, 0x12345678, 2**62 + 7, 3**38, random.Random(7).randbytes(200))
     zeros = mcap.message(1, 0, 1, 1, bytes(200))
 
-    kept = [rechunk._smallest(Page(record, 0, tmp_path)).facts for record in (noise, zeros)]
+    kept = [merge._smallest(Page(record, 0, tmp_path)).facts for record in (noise, zeros)]
 
     assert [("", 231), ("zstd", 231)] == [(facts.compression, facts.size) for facts in kept]
 
@@ -325,7 +325,7 @@ def test_a_copy_that_differs_is_thrown_away(
     (path,) = segment_files(log)
     before = path.read_bytes()
     assert needs_compaction(open_segment(path))
-    monkeypatch.setattr(rechunk, "_smallest", build)
+    monkeypatch.setattr(merge, "_smallest", build)
 
     with pytest.raises(CorruptLogError, match=f"its compacted copy differs in {what}"):
         compact_segment(LogFolder(path.parent), path.name)
@@ -341,9 +341,9 @@ def test_a_copy_with_another_head_is_thrown_away(
     The head is read back from the file, too.
     """
     (path,) = segment_files(log)
-    genuine = rechunk.open_segment
+    genuine = merge.open_segment
     monkeypatch.setattr(
-        rechunk,
+        merge,
         "open_segment",
         lambda path, folder: replace(
             genuine(path), header=replace(genuine(path).header, hash_so_far=bytes(range(32)))

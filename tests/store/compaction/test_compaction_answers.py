@@ -14,7 +14,8 @@ import semmap_log as sl
 from semmap_log.core.model.events import DoorObserved, FloorMap, LevelAdded, Retracted, RobotPose
 from semmap_log.errors import CommandError
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.store.compaction import compact, merge, repaging
+from semmap_log.store.compaction import compact, merge
+from semmap_log.store.compaction import merge as repaging
 from semmap_log.store.writing import segment_chain
 from tests.conftest import SteadyClock
 from tests.store.logs import answers

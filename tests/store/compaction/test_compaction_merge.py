@@ -14,7 +14,8 @@ import yaml
 import semmap_log as sl
 from semmap_log.core.model.events import Event
 from semmap_log.errors import CorruptLogError, LogAccessError, LogLockedError
-from semmap_log.store.compaction import Compacted, compact, merge, plan_compaction, repaging
+from semmap_log.store.compaction import Compacted, compact, merge, plan_compaction
+from semmap_log.store.compaction import merge as repaging
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import KEYFRAME_CHANNEL
 from semmap_log.store.reading.reader import LogReader

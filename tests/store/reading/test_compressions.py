@@ -11,8 +11,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.store import chunks
 from semmap_log.store.chunks import BuiltChunk, build_chunk
-from semmap_log.store.compaction import compact, rechunk
-from semmap_log.store.pages import Page
+from semmap_log.store.compaction import compact, merge
+from semmap_log.store.kind_bits import Page
 from semmap_log.store.reading.reader import LogReader
 from tests.store.logs import answers, segment_files
 from tests.test_replay import random_log
@@ -40,7 +40,7 @@ def test_all_compressions_give_the_same_answers(
     before = answers(log)
     if compression == "lz4":
         monkeypatch.setattr(chunks, "_compress", lz4.frame.compress)
-    monkeypatch.setattr(rechunk, "_smallest", packed)
+    monkeypatch.setattr(merge, "_smallest", packed)
     compact(log)
 
     used = {chunk.compression for segment in LogReader(log).segments for chunk in segment.chunks}

@@ -12,7 +12,8 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, NotALogError, UnreadableLogError
-from semmap_log.store.reading import chunk_table, live_records, live_scan
+from semmap_log.store.reading import chunk_table, live_scan
+from semmap_log.store.reading import live_scan as live_records
 from semmap_log.store.reading import mapped_file as mapping
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.mapped_file import MappedFile, map_file
@@ -135,7 +136,7 @@ def test_an_error_of_the_system_is_told_with_its_place(
         return os.preadv(fd, [target], at)
 
     opened = map_file(file)
-    monkeypatch.setattr("semmap_log.core.io.file_calls.read_into", read_into)
+    monkeypatch.setattr("semmap_log.core.io.disk.read_into", read_into)
     monkeypatch.setattr(mapping, "read_into", read_into)
 
     with pytest.raises(UnreadableLogError, match="cannot be read at byte 8192: Input/output") as e:

@@ -16,8 +16,8 @@ from semmap_log.core.io.url_path import UrlPath
 from semmap_log.core.model.events import DoorObserved
 from semmap_log.errors import LogAccessError, LogError, NotALogError
 from semmap_log.log.replay.care import verify
-from semmap_log.store.reading.object_segments import ObjectSegments
 from semmap_log.store.reading.reader import LogReader
+from semmap_log.store.reading.removed_source import ObjectSegments
 from tests.bucket import NAME, put_folder, served_bucket
 from tests.web_server import web_server
 

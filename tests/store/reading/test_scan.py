@@ -22,7 +22,8 @@ from semmap_log.store.commit_records import CommitBuilder, Stamp
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import NO_HASH
 from semmap_log.store.header import LogInfo, SegmentHeader
-from semmap_log.store.reading import live_records, live_scan
+from semmap_log.store.reading import live_scan
+from semmap_log.store.reading import live_scan as live_records
 from semmap_log.store.reading.resync import whole_chunks
 from semmap_log.store.reading.segment_reading import pages_of
 from semmap_log.store.reading.segment_scan import Segment, open_segment

@@ -18,7 +18,7 @@ from semmap_log.store.chunks import build_chunk
 from semmap_log.store.compaction.merge import MERGED_KEPT_S
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import SegmentHeader
-from semmap_log.store.reading import local_segments
+from semmap_log.store.reading import segment_folder
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import chunk_of, commit_of, pages_of
 from semmap_log.store.reading.segment_scan import open_segment
@@ -317,8 +317,8 @@ def test_a_file_that_vanishes_while_it_is_opened(
         listed.append(len(found))
         return found
 
-    list_segments = local_segments.list_segments
-    monkeypatch.setattr(local_segments, "list_segments", then_merge)
+    list_segments = segment_folder.list_segments
+    monkeypatch.setattr(segment_folder, "list_segments", then_merge)
     reader = LogReader(log)
 
     assert [6, 4] == listed

@@ -21,9 +21,9 @@ from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import RECOVERING_NAME
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.segment_scan import open_segment
-from semmap_log.store.salvage import recovered_log, swap
-from semmap_log.store.salvage.recovered_log import ACTOR
-from semmap_log.store.salvage.renumbering import Renumbering
+from semmap_log.store.salvage import recovering, swap
+from semmap_log.store.salvage.recovering import ACTOR
+from semmap_log.store.salvage.rewriting import Renumbering
 from tests.store.eventful import contents, eventful_log, flip
 
 LAST = 12
@@ -202,7 +202,7 @@ def test_each_segment_of_a_new_log_begins_with_the_state_so_far(
     """
     Its keyframes are those of what was saved, so that a moment is answered from them.
     """
-    monkeypatch.setattr(recovered_log, "ROLL_COMMITS", 3)
+    monkeypatch.setattr(recovering, "ROLL_COMMITS", 3)
     spoil(log, 0, 1)  # events 0 and 1
 
     recover(log)

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 
 from semmap_log.log.replay.care import verify
-from semmap_log.store.verification import file_bytes, pieces
-from semmap_log.store.verification.file_bytes import FileBytes, Vanished
-from semmap_log.store.verification.file_place import DiskFile
+from semmap_log.store.verification import file_place, pieces
+from semmap_log.store.verification.file_place import DiskFile, FileBytes, Vanished
 from tests.store.eventful import eventful_log
 
 DATA = random.Random(4).randbytes(50_000)
@@ -24,7 +23,7 @@ def test_slices_are_those_of_bytes(
     """
     Forwards, backwards and behind the end; what was sliced stays.
     """
-    monkeypatch.setattr(file_bytes, "WINDOW_BYTES", window)
+    monkeypatch.setattr(file_place, "WINDOW_BYTES", window)
     (tmp_path / "file").write_bytes(DATA)
     rng = random.Random(1)
     with (tmp_path / "file").open("rb") as opened:
@@ -58,7 +57,7 @@ def test_a_log_is_verified_the_same_in_any_window(
     data[-9000:-8990] = bytes(10)
     file.write_bytes(data)
     right = [verify(path) for path in (log, tmp_path / "live", damaged)]
-    monkeypatch.setattr(file_bytes, "WINDOW_BYTES", window)
+    monkeypatch.setattr(file_place, "WINDOW_BYTES", window)
     monkeypatch.setattr(pieces, "WINDOW_BYTES", window)
 
     assert [0, 0, 4] == [found.exit_code for found in right]

@@ -372,7 +372,7 @@ def test_a_leftover_of_a_merge_is_a_note(log: Path) -> None:
     """
     A segment that another one stands for is no copy too many; with other commits it is.
     """
-    from semmap_log.store.compaction.rechunk import rechunked
+    from semmap_log.store.compaction.merge import rechunked
 
     second = segment(log, 1).read_bytes()
     with rechunked(LogFolder(log), [open_segment(segment(log, n)) for n in (0, 1)]) as writer:
@@ -394,7 +394,7 @@ def test_a_leftover_with_other_commits_is_one_file_too_many(log: Path, tmp_path:
     """
     Its number is that of a merged segment, but its hash comes nowhere in the log.
     """
-    from semmap_log.store.compaction.rechunk import rechunked
+    from semmap_log.store.compaction.merge import rechunked
 
     with rechunked(LogFolder(log), [open_segment(segment(log, n)) for n in (0, 1)]) as writer:
         writer.install(replacing=identity_of(segment(log, 0)))
@@ -410,7 +410,7 @@ def identity_of(file: Path) -> tuple[int, int]:
 
 def rewritten(file: Path, change: str) -> None:
     """Change a segment as a forger would: every checksum fits again, but not the hashes."""
-    from semmap_log.store.pages import Page
+    from semmap_log.store.kind_bits import Page
     from semmap_log.store.segment import SegmentWriter
 
     old = open_segment(file)

@@ -9,7 +9,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 import semmap_log as sl
-from semmap_log.store.compaction.rechunk import needs_compaction
+from semmap_log.store.compaction.merge import needs_compaction
 from semmap_log.store.writing import segment_chain
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from semmap_log.core.batches.taken_columns import TakenColumns
 from semmap_log.core.messages import OBJECT_KINDS
 from semmap_log.core.model.commits import Durability, Note
-from semmap_log.log.door_log.batch_checks import SIGHTINGS
+from semmap_log.log.door_log.door_index import SIGHTINGS
 from semmap_log.store.commit_records import CommitBuilder, Stamp
 from semmap_log.store.writing.uniform_commit import FEW, MOST, uniform_commit
 from tests.strategies import events, fixed_size

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
 
 from semmap_log.analysis.scans.door_figures import door_figures
-from semmap_log.analysis.scans.kept_visit import KeptVisit
+from semmap_log.analysis.scans.visit import KeptVisit
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Palette
 from semmap_log.views.plots.sighting_panels import (

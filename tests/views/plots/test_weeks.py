@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
 
-from semmap_log.analysis.beliefs.typical_week import TypicalWeek, typical_weeks
+from semmap_log.analysis.beliefs.door_beliefs import TypicalWeek, typical_weeks
 from semmap_log.core.model.doors import DoorId
 from semmap_log.errors import FormatError, MissingExtraError, OutputError
 from semmap_log.views.plots.matplotlib_sdk import letters_of

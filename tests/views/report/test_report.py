@@ -16,7 +16,7 @@ import semmap_log as sl
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorObserved, LogExported, PatrolStarted
 from semmap_log.errors import MomentError
-from semmap_log.views.report import page_doors as coding
+from semmap_log.views.report import page_events as coding
 from semmap_log.views.report.content import report
 from tests.conftest import SteadyClock
 from tests.views.report.pages import (

@@ -14,7 +14,7 @@ import pytest
 
 from semmap_log.errors import ViewerError
 from semmap_log.views.palette import Rgb
-from semmap_log.views.rerun.viewer import Viewer, headless
+from semmap_log.views.rerun.process import Viewer, headless
 
 
 @contextmanager

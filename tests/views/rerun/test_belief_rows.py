@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.core.model.doors import DoorId
-from semmap_log.views.rerun.belief_rows import (
+from semmap_log.views.rerun.belief_curves import (
     EVERY_NS,
     MOST_STEPS,
     TOLERANCE,

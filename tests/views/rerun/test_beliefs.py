@@ -11,13 +11,12 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 
 import semmap_log as sl
 from semmap_log.analysis.beliefs.belief_query import learn
-from semmap_log.analysis.beliefs.door_beliefs import default_estimator
-from semmap_log.analysis.beliefs.typical_week import typical_weeks
+from semmap_log.analysis.beliefs.door_beliefs import default_estimator, typical_weeks
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.moments import parse_instant
-from semmap_log.views.rerun.belief_rows import TOLERANCE, times_of_curve
+from semmap_log.views.rerun.belief_curves import TOLERANCE, times_of_curve
 from semmap_log.views.rerun.recording import save_rrd
-from semmap_log.views.rerun.rows import MOST_ROWS
+from semmap_log.views.rerun.scene import MOST_ROWS
 from semmap_log.views.rerun.week_pictures import (
     NO_CELL,
     UNKNOWN_CELL,

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.analysis.costmap_2d.costs import LETHAL, NO_INFORMATION
-from semmap_log.analysis.costmap_2d.door_layer import drawn
+from semmap_log.analysis.costmap_2d.costs import LETHAL, NO_INFORMATION, drawn
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
 from semmap_log.analysis.costmaps import CostmapOptions, costmap_at
 from semmap_log.analysis.costmaps.door_layer_fold import door_lines

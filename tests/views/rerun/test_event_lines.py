@@ -37,7 +37,7 @@ from semmap_log.core.model.events import (
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.contents import find_scene
-from semmap_log.views.rerun.log_lines import EventLine, EventLines
+from semmap_log.views.rerun.drawable import EventLine, EventLines
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START
 

@@ -20,7 +20,7 @@ from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import RobotPose
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Rgb
 from semmap_log.views.rerun.live_view import LiveViewOptions, follow_in_viewer
-from semmap_log.views.rerun.viewer import Viewer
+from semmap_log.views.rerun.process import Viewer
 from tests.views.rerun.pictures import a_viewer, has_colour
 from tests.views.rerun.some_logs import room
 

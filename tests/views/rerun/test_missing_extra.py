@@ -39,7 +39,7 @@ def test_so_does_the_viewer(tmp_path: Path) -> None:
     """
     Before anything is started.
     """
-    from semmap_log.views.rerun.viewer import screenshot
+    from semmap_log.views.rerun.process import screenshot
 
     (tmp_path / "x.rrd").touch()
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.views.rerun.pipe_to_file import piped_to
+from semmap_log.views.rerun.file import piped_to
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from semmap_log.interop.formats.kept_scans.reading import kept_visits
 from semmap_log.interop.formats.kept_scans.writing import keeping_scans
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Palette, packed
 from semmap_log.views.rerun.recording import RrdSummary, save_rrd
-from semmap_log.views.rerun.rows import MOST_ROWS
+from semmap_log.views.rerun.scene import MOST_ROWS
 from semmap_log.views.rerun.sighting_views import MOST_DOORS, MOST_POINTS
 from tests.analysis.scans.some_scans import LINE, SHUT, seen_visit
 from tests.analysis.scans.some_visits import START_NS, S

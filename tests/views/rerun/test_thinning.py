@@ -19,9 +19,9 @@ from semmap_log.core.model.events import (
     Retracted,
     RobotPose,
 )
-from semmap_log.views.rerun import thinning
+from semmap_log.views.rerun import scene
 from semmap_log.views.rerun.recording import save_rrd
-from semmap_log.views.rerun.thinning import LeftOut, telling_poses
+from semmap_log.views.rerun.scene import LeftOut, telling_poses
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START, Drawn
 
@@ -32,7 +32,7 @@ DOOR = DoorId(1)
 
 @pytest.fixture(autouse=True)
 def every_log_is_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(thinning, "FULL_UP_TO", 0)
+    monkeypatch.setattr(scene, "FULL_UP_TO", 0)
 
 
 def told(tmp_path: Path, sightings: list[tuple[int, DoorState]], back: int | None = None) -> Drawn:

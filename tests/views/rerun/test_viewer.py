@@ -20,9 +20,16 @@ from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAdded, DoorAnnotated
 from semmap_log.errors import ViewerError
 from semmap_log.views.palette import DEFAULT
-from semmap_log.views.rerun.process import LOCAL, explained, reserved_port
+from semmap_log.views.rerun.process import (
+    LOCAL,
+    Viewer,
+    explained,
+    headless,
+    open_viewer,
+    reserved_port,
+    screenshot,
+)
 from semmap_log.views.rerun.recording import save_rrd
-from semmap_log.views.rerun.viewer import Viewer, headless, open_viewer, screenshot
 from tests.conftest import SteadyClock
 from tests.views.rerun.pictures import a_viewer, colours_of, has_colour, middle_of
 from tests.views.rerun.some_logs import SECOND, START, small_log

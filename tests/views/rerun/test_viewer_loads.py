@@ -16,9 +16,9 @@ from semmap_log.views.bounds import Bounds
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import DEFAULT
 from semmap_log.views.rerun.contents import find_scene
+from semmap_log.views.rerun.process import Viewer
 from semmap_log.views.rerun.recording import save_rrd
 from semmap_log.views.rerun.scene import SceneLevel
-from semmap_log.views.rerun.viewer import Viewer
 from tests.views.rerun.pictures import a_viewer, is_colour
 from tests.views.rerun.some_logs import restless_log
 

@@ -10,11 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.analysis.scans.kept_visit import KeptVisit
+from semmap_log.analysis.scans.visit import KeptVisit
 from semmap_log.core.model.doors import DoorState
-from semmap_log.views.sightings.door_scene import Fate, door_scene, in_door_frame, on_the_map
-from semmap_log.views.sightings.visit_words import grounds, verdict, when
-from semmap_log.views.sightings.worth_a_look import worth_a_look
+from semmap_log.views.sightings.chosen import worth_a_look
+from semmap_log.views.sightings.visit_words import (
+    Fate,
+    door_scene,
+    grounds,
+    in_door_frame,
+    on_the_map,
+    verdict,
+    when,
+)
 from tests.analysis.scans.some_scans import LINE, SHUT, seen_visit, some_scan
 from tests.analysis.scans.some_visits import some_visit
 

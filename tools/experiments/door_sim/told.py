@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semmap_log.analysis.beliefs.patrol import Patrol, visited
+from semmap_log.analysis.beliefs.protocol import Patrol, visited
 from semmap_log.analysis.beliefs.trials import StateIntervals
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence, Evidence
 from semmap_log.core.batches.event_batch import EventBatch

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from patrol_sim.habits import HOUR_NS, SLOTS, Habit
 
 from semmap_log.analysis.beliefs.trials import StateIntervals
-from semmap_log.analysis.probabilities.chain.markov_chain import Steps, filtered
+from semmap_log.analysis.probabilities.chain.matrix_scan import Steps, filtered
 from semmap_log.core.model.doors import DoorState
 
 Reals = NDArray[np.float64]

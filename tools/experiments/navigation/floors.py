@@ -14,8 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from patrol_sim.laser_plan import LevelPlan, PlanDoor, read_plan
 
-from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, LETHAL, static_costs
-from semmap_log.analysis.costmap_2d.door_layer import DoorLine, cells_of
+from semmap_log.analysis.costmap_2d.costs import (
+    FREE_SPACE,
+    LETHAL,
+    DoorLine,
+    cells_of,
+    static_costs,
+)
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import Event, LevelAdded

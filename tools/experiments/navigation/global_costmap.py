@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from navigation.floors import Cell, Cells, Floor
 from navigation.obstacle_layer import ObstacleLayer
-from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL
-from semmap_log.analysis.costmap_2d.door_layer import DoorLayer, DoorLine
-from semmap_log.analysis.costmap_2d.inflation import InflationLayer
-from semmap_log.analysis.costmap_2d.layered import CostmapLayer, LayeredCostmap
-from semmap_log.analysis.costmap_2d.static_layer import StaticLayer
+from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, DoorLayer, DoorLine
+from semmap_log.analysis.costmap_2d.layered import (
+    CostmapLayer,
+    InflationLayer,
+    LayeredCostmap,
+    StaticLayer,
+)
 from semmap_log.analysis.rooms.regions import regions_of
 from semmap_log.core.model.doors import DoorId
 

@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from navigation.floors import Cell
 from navigation.laser import Scan
-from semmap_log.analysis.costmap_2d.combining import maximum
-from semmap_log.analysis.costmap_2d.costs import LETHAL, NO_INFORMATION
-from semmap_log.analysis.costmap_2d.door_layer import bounds_of
+from semmap_log.analysis.costmap_2d.costs import LETHAL, NO_INFORMATION, bounds_of, maximum
 from semmap_log.analysis.costmap_2d.grid import CellWindow, merged
 
 

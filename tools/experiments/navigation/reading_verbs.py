@@ -89,7 +89,7 @@ def _rerun(args: argparse.Namespace) -> int:
     """Write a recording of a run for rerun's viewer."""
     from navigation.page.run_recording import write_recording
     from navigation.runs import read_run
-    from semmap_log.views.rerun.viewer import screenshot
+    from semmap_log.views.rerun.process import screenshot
 
     write_recording(read_run(args.run_folder), args.to)
     print(f"to look at it: rerun {args.to}", file=sys.stderr)

@@ -7,7 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from navigation.runs import Run
-from semmap_log.core.folds.diff import diff
+from semmap_log.core.folds.history import diff
 from semmap_log.core.folds.timeline import Timeline
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.moments import Moment

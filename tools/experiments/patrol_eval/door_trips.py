@@ -18,16 +18,19 @@ from patrol_eval.patrol_report import interval
 from patrol_eval.patrol_rounds import rounds_of
 from patrol_eval.patrol_trials import the_building
 from patrol_eval.patrol_world import WEEK_NS, PatrolWorld, RoundRules
+from semmap_log.analysis.planning.door_chances import learnt_chances
 from semmap_log.analysis.planning.door_trip import with_mean
-from semmap_log.analysis.planning.learnt_chances import learnt_chances
-from semmap_log.analysis.planning.trip_policy import (
+from semmap_log.analysis.planning.round_task import (
+    GOAL,
     NOTHING,
+    START,
     AtShutDoor,
+    TripDoor,
     TripPolicy,
+    TripTask,
     given_up,
     opened,
 )
-from semmap_log.analysis.planning.trip_task import GOAL, START, TripDoor, TripTask
 from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.model.doors import DoorState

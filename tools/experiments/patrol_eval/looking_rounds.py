@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from patrol_eval.building import PatrolledBuilding
 from patrol_eval.patrol_rounds import starts
 from patrol_eval.patrol_world import WEEK_NS, PatrolWorld
-from semmap_log.analysis.planning.learnt_chances import (
+from semmap_log.analysis.planning.door_chances import (
     STEP_S,
     learnt_chances,
     round_times_s,

@@ -11,9 +11,14 @@ from numpy.typing import NDArray
 
 from patrol_eval.building import PatrolledBuilding
 from patrol_eval.patrol_world import ENTER_S, PatrolWorld, RoundRules
-from semmap_log.analysis.planning.door_chances import DoorChances, SkipRule
-from semmap_log.analysis.planning.learnt_chances import STEP_S, learnt_chances, round_times_s
-from semmap_log.analysis.planning.passing import PassingProjection
+from semmap_log.analysis.planning.door_chances import (
+    STEP_S,
+    DoorChances,
+    PassingProjection,
+    SkipRule,
+    learnt_chances,
+    round_times_s,
+)
 from semmap_log.analysis.planning.patrol_round import PatrolRound
 from semmap_log.analysis.planning.round_task import RoundTask
 from semmap_log.analysis.probabilities.belief_fold import BeliefProjection

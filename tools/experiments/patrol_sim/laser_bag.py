@@ -24,13 +24,13 @@ from semmap_log.core.model.events import DoorAdded, DoorAnnotated, FloorMap
 from semmap_log.core.model.moments import SECOND_NS, format_utc
 from semmap_log.errors import OutputError
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic, NewBag
-from semmap_log.interop.formats.bags.bag_writing import new_bag
-from semmap_log.interop.formats.json.event_json import event_to_json
-from semmap_log.interop.formats.ros.ros_messages import Messages
+from semmap_log.interop.formats.bags.bag_reading import new_bag
+from semmap_log.interop.formats.json.door_json import event_to_json
 from semmap_log.interop.formats.ros.ros_types import (
     GRID,
     POSE_WITH_COVARIANCE,
     TRANSFORMS,
+    Messages,
     RosVersion,
     encoded,
     ros_types,

@@ -14,8 +14,7 @@ from patrol_sim.laser_pose import Localisation, PoseError
 from patrol_sim.laser_surfaces import Floats
 from patrol_sim.laser_world import START_NS, Patrol, SimScan
 from semmap_log.analysis.scans.door_watcher import DoorWatcher
-from semmap_log.analysis.scans.placed_scan import DoorPlaces, PlacedScan
-from semmap_log.analysis.scans.visit import Visit
+from semmap_log.analysis.scans.visit import DoorPlaces, PlacedScan, Visit
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.moments import SECOND_NS
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.scans.placed_scan import DoorPlaces, PlacedScan
+from semmap_log.analysis.scans.visit import DoorPlaces, PlacedScan
 from semmap_log.errors import FormatError
 
 Floats = NDArray[np.float64]

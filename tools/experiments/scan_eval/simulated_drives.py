@@ -16,9 +16,9 @@ from patrol_sim.laser_sensor import Laser
 from patrol_sim.laser_world import Patrol, World, simulated
 
 from scan_eval.proposal_scores import Doorway, Drive
-from semmap_log.analysis.scans.placed_scan import DoorPlaces
-from semmap_log.analysis.scans.proposing.kept_scans import KeptScans
 from semmap_log.analysis.scans.proposing.proposals import proposals_of
+from semmap_log.analysis.scans.proposing.swept_cells import KeptScans
+from semmap_log.analysis.scans.visit import DoorPlaces
 from semmap_log.interop.importing.door_proposing import walls_of
 
 BUILDINGS = (

@@ -31,8 +31,7 @@ from fault_injection.signed_logs.sample import SignedSample, append_some
 from semmap_log.log.signing.log_signing import sign
 from semmap_log.log.signing.sign_beside import SignBeside
 from semmap_log.log.trimming.redaction import Notes, Redaction, Tracks
-from semmap_log.log.trimming.retention import Retention
-from semmap_log.log.trimming.trim_log import trim_log
+from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.header import Trimmed, TrimReason
 from semmap_log.store.reading.reader import LogReader
 

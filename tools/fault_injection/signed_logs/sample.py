@@ -12,15 +12,12 @@ from fault_injection.sample import small_segments
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorObserved, Event, RobotPose
 from semmap_log.log.signing.ed25519_sdk import SigningKey
-from semmap_log.log.signing.log_signing import sign
-from semmap_log.log.signing.private_keys import make_key
-from semmap_log.log.signing.public_keys import PublicKey
+from semmap_log.log.signing.log_signing import make_key, sign
 from semmap_log.log.signing.sign_beside import SignBeside
-from semmap_log.log.signing.ssh_signature import HEADS, TRIMMING
+from semmap_log.log.signing.statement import HEADS, TRIMMING, PublicKey
 from semmap_log.log.trimming.redaction import Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning
-from semmap_log.log.trimming.retention import Retention
-from semmap_log.log.trimming.trim_log import TrimRule, trim_log
+from semmap_log.log.trimming.trim_log import Retention, TrimRule, trim_log
 from semmap_log.store.reading.reader import LogReader
 
 MINUTE_NS = 60 * 10**9

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.probabilities.chain import hour_modes
-from semmap_log.analysis.probabilities.chain.hour_looks import HourLooks
 from semmap_log.analysis.probabilities.chain.hour_modes import likely_modes
-from semmap_log.analysis.probabilities.chain.looks import LOOK_NS, held_at, looks
+from semmap_log.analysis.probabilities.chain.looks import LOOK_NS, HourLooks, held_at, looks
 from semmap_log.analysis.probabilities.evidence.coverage import WEEK
 from semmap_log.analysis.probabilities.evidence.day_tables import HALF_LIFE_D
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence

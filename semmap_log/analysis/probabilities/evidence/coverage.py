@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.core.batches.distinct import distinct, numbers_of
+from semmap_log.core.batches.event_batch import distinct, numbers_of
 from semmap_log.core.model.local_clock import HOUR_S, LocalClock
 from semmap_log.core.texts import counted
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.analysis.probabilities.evidence.day_tables import covered_ns
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.analysis.probabilities.evidence.stretches import covered_ns
 from semmap_log.core.model.moments import SECOND_NS
 
 Times = NDArray[np.int64]

@@ -15,7 +15,7 @@ from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.evidence.samples import KnownTime
 from semmap_log.analysis.probabilities.forecast import PRIOR_P, Forecast
 from semmap_log.analysis.probabilities.methods.by_door import LearntByDoor
-from semmap_log.core.batches.distinct import distinct, numbers_of
+from semmap_log.core.batches.event_batch import distinct, numbers_of
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.local_clock import DAY_S, HOUR_S, WEEK_S, LocalClock
 

@@ -15,17 +15,17 @@ from semmap_log.analysis.probabilities.chain.looks import (
     looks,
     seen_between,
 )
-from semmap_log.analysis.probabilities.chain.markov_chain import (
+from semmap_log.analysis.probabilities.chain.matrix_scan import (
     Steps,
     filtered,
     likelihood,
+    states,
     weighed,
 )
-from semmap_log.analysis.probabilities.chain.matrix_scan import states
-from semmap_log.analysis.probabilities.evidence.day_rows import LONGEST_GAP_D, DayRows, Days
+from semmap_log.analysis.probabilities.evidence.day_tables import LONGEST_GAP_D, DayRows, Days
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.forecast import LEAST, MOST
-from semmap_log.analysis.probabilities.methods.averaging import shared_idly, weights_of_days
+from semmap_log.analysis.probabilities.methods.habits import shared_idly, weights_of_days
 from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule
 from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.core.model.moments import HOUR_NS

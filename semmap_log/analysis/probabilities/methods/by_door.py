@@ -8,7 +8,7 @@ from typing import Generic, Protocol, TypeVar
 from semmap_log.analysis.probabilities.estimator import Times
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.forecast import Forecast
-from semmap_log.core.batches.distinct import distinct
+from semmap_log.core.batches.event_batch import distinct
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.moments import DAY_NS
 

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.analysis.probabilities.evidence.day_tables import covered_ns
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.analysis.probabilities.evidence.stretches import covered_ns
 from semmap_log.analysis.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast
 from semmap_log.analysis.probabilities.methods.by_door import LearntByDoor
-from semmap_log.analysis.probabilities.methods.effective_days import lasting_of
+from semmap_log.analysis.probabilities.methods.effective_days import ToldDays, lasting_of
 from semmap_log.analysis.probabilities.methods.habits import PRIOR_DAYS, slowest_habit
-from semmap_log.analysis.probabilities.methods.schedule import LEAST_H
-from semmap_log.analysis.probabilities.methods.sensor_noise import noise_of
-from semmap_log.analysis.probabilities.methods.told_days import ToldDays
+from semmap_log.analysis.probabilities.methods.schedule import LEAST_H, noise_of
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.core.model.moments import HOUR_NS

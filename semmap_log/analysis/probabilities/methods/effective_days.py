@@ -6,6 +6,8 @@ residuals' correlations over the lags between what is averaged (Bartlett, J. R. 
 Correlations are measured on the residuals of the slowest tables, `NEAR_H` and `FAR_H` hours apart,
 as each midnight knew them; beyond that they fall off as a chain's do. A sensor's errors come on
 top: they do not hang together.
+
+The days that a door's habits are learnt from, and what each midnight knew of them.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.probabilities.evidence.day_tables import HALF_LIFE_D, DayTables
+from semmap_log.analysis.probabilities.evidence.day_tables import HALF_LIFE_D, DayTables, day_tables
+from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.methods.habits import (
     HALF_LIVES_D,
     KINDS,
@@ -23,7 +26,7 @@ from semmap_log.analysis.probabilities.methods.habits import (
     WeekCells,
     discounted,
 )
-from semmap_log.core.model.local_clock import DAYS_IN_WEEK
+from semmap_log.core.model.local_clock import DAYS_IN_WEEK, LocalClock
 
 Tables = NDArray[np.float64]
 Reals = NDArray[np.float64]
@@ -179,3 +182,33 @@ def _more(tables: DayTables) -> Reals:
     once, twice = (discounted(known, lasts_d, HALF_LIVES_D / power) for power in (1, 2))
     found = np.where(once > 0, once / np.maximum(twice, 1e-9), 1.0)
     return np.repeat(found, len(KINDS), axis=1)
+
+
+Times = NDArray[np.int64]
+
+
+class ToldDays:
+    """Whole days up to the last that tells something; a row for each midnight between them."""
+
+    def __init__(
+        self, evidence: DoorEvidence, clock: LocalClock, *, with_today: bool = False
+    ) -> None:
+        """Take the evidence about a door; `with_today`: the day that has not ended counts, too."""
+        self._clock = clock
+        until_ns = np.array([evidence.until_ns], np.int64)
+        today = int(clock.hour_of(until_ns)[0]) // 24
+        tables = day_tables(evidence, clock).before(today + with_today)
+        tells = np.flatnonzero(tables.known_h.any(1)) + 1
+        self.tables = tables.before(int(tables.rows.midnights[tells.max(initial=0)]))
+        self.midnights = self.tables.rows.midnights
+        """(rows,): the day that begins then."""
+        self._told = np.zeros(len(self.midnights), np.int64)
+        """(rows,): the row of the last day that tells something; through a gap nothing is learnt,
+        and what is known grows old."""
+        self._told[tells] = tells
+        np.maximum.accumulate(self._told, out=self._told)
+
+    def row(self, known_ns: Times) -> NDArray[np.int64]:
+        """Return (n,): the row of what the last midnight before each time knew."""
+        known_day = self._clock.hour_of(known_ns) // 24
+        return self._told[np.maximum(np.searchsorted(self.midnights, known_day, "right") - 1, 0)]

@@ -22,7 +22,7 @@ from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.evidence.samples import SAMPLE_S, KnownTime
 from semmap_log.analysis.probabilities.forecast import Forecast
 from semmap_log.analysis.probabilities.methods.by_door import LearntByDoor
-from semmap_log.core.batches.distinct import distinct, numbers_of
+from semmap_log.core.batches.event_batch import distinct, numbers_of
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.local_clock import DAY_S, HOUR_S, WEEK_S, LocalClock
 from semmap_log.core.model.moments import SECOND_NS

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.probabilities.chain.looks import held_at
-from semmap_log.analysis.probabilities.evidence.day_rows import DayRows
+from semmap_log.analysis.probabilities.evidence.day_tables import DayRows
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule
-from semmap_log.core.batches.distinct import placed
+from semmap_log.core.batches.event_batch import placed
 from semmap_log.core.lazily import computed_once
 from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.core.model.moments import HOUR_NS, SECOND_NS

@@ -16,14 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.probabilities.evidence.day_rows import DayRows
-from semmap_log.analysis.probabilities.evidence.day_tables import HALF_LIFE_D, DayTables
+from semmap_log.analysis.probabilities.evidence.day_tables import HALF_LIFE_D, DayRows, DayTables
 from semmap_log.analysis.probabilities.forecast import LEAST, MOST
-from semmap_log.analysis.probabilities.methods.averaging import shared_anew
 from semmap_log.analysis.probabilities.methods.habits import (
     WeekCells,
     discounted,
     kept,
+    shared_anew,
     weekly_sums,
 )
 from semmap_log.core.model.local_clock import DAYS_IN_WEEK

@@ -22,8 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.probabilities.evidence.evidence import Evidence
-from semmap_log.analysis.probabilities.evidence.reports import Rows, Sensor
-from semmap_log.analysis.probabilities.evidence.visits import LEAST_ACCURACY, MOST_ACCURACY
+from semmap_log.analysis.probabilities.evidence.visits import (
+    LEAST_ACCURACY,
+    MOST_ACCURACY,
+    Rows,
+    Sensor,
+)
 from semmap_log.analysis.probabilities.sensors.sensor_shares import (
     FEWEST,
     Seen,
@@ -32,7 +36,7 @@ from semmap_log.analysis.probabilities.sensors.sensor_shares import (
     by_repeats,
 )
 from semmap_log.analysis.probabilities.sensors.sensor_visits import SensorVisits, Triples
-from semmap_log.core.batches.distinct import distinct, placed
+from semmap_log.core.batches.event_batch import distinct, placed
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorPassed
 

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.probabilities.beta import beta_interval
-from semmap_log.analysis.probabilities.evidence.reports import Rows
-from semmap_log.analysis.probabilities.evidence.visits import LEAST_ACCURACY
+from semmap_log.analysis.probabilities.evidence.visits import LEAST_ACCURACY, Rows
 from semmap_log.analysis.probabilities.sensors.sensor_visits import SensorVisits, Triples
-from semmap_log.core.batches.distinct import distinct, placed
+from semmap_log.core.batches.event_batch import distinct, placed
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.moments import SECOND_NS
 

@@ -10,8 +10,7 @@ from typing import Any
 
 import yaml
 
-from semmap_log.interop.formats.bags.bag_protocol import BagTopic, NewBag
-from semmap_log.interop.formats.bags.mcap_bag import mcap_bag, qos_of
+from semmap_log.interop.formats.bags.bag_protocol import BagTopic, NewBag, mcap_bag, qos_of
 from semmap_log.interop.formats.ros.ros_types import RosVersion, ros_types
 from semmap_log.store.form import BAG_METADATA_NAME
 

@@ -4,6 +4,10 @@ Blanks around a cell do not count.
 
 A plain block has no quotes and as many commas in each line: where its cells lie is found at once.
 Any other goes through Python's own reader, which knows all of CSV and says what is wrong.
+
+The rows of another system's file, in the words of a door CSV.
+
+Rows of a CSV file: their lines, and where in them the columns are that are found by name.
 """
 
 from __future__ import annotations
@@ -11,21 +15,18 @@ from __future__ import annotations
 import csv
 import re
 import zlib
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from decimal import Decimal, InvalidOperation
 from itertools import takewhile
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from semmap_log.errors import FormatError
-from semmap_log.interop.formats.files.csv_rows import (
-    MOST_LINE_BYTES,
-    MOST_ROWS,
-    Row,
-    has_length,
-    places_of,
-)
+from semmap_log.interop.formats.files.door_table import COLUMNS, DIGITS, TableForm
 from semmap_log.interop.formats.parsing.foreign_file import (
     BLOCK_BYTES,
     decode_utf8,
@@ -33,7 +34,7 @@ from semmap_log.interop.formats.parsing.foreign_file import (
     open_unpacked,
     too_long,
 )
-from semmap_log.interop.formats.parsing.problems import Problems
+from semmap_log.interop.formats.parsing.problems import Problems, shown
 from semmap_log.interop.formats.parsing.text_column import PADDING, TextColumn
 
 _NEWLINE, _COMMA = ord("\n"), ord(",")
@@ -243,3 +244,164 @@ def _plain(block: bytes) -> bytes | None:
         except UnicodeDecodeError:
             return None
     return block + (PADDING if block.endswith(b"\n") else b"\n" + PADDING)
+
+
+AT_ONCE = 10_000
+"""Rows that are handed on together."""
+MOST_NAMED = 5
+DELIMITERS = (",", ";", "\t", "|")
+
+
+@dataclass(slots=True)
+class ForeignRows:
+    """Reads a file by a form; what it does not read of it is counted."""
+
+    path: Path
+    form: TableForm
+    problems: Problems
+    others: Counter[str] = field(default_factory=Counter)
+    """Doors that no pattern names -> their rows."""
+    other_lines: int = 0
+    """Lines that are not of the form."""
+
+    def blocks(self) -> Iterator[list[Row]]:
+        """Yield rows with the texts of time, door, state and accuracy.
+
+        Raises:
+            FormatError: The file cannot be read, or has not these columns.
+        """
+        rows: list[Row] = []
+        every = self._lines() if self.form.line is not None else self._table()
+        for line, (at, door, state, accuracy) in every:
+            if not self.form.takes(door):
+                self.others[door] += 1
+                continue
+            rows.append(Row(line, [self._time(at), door, self.form.state(state), accuracy]))
+            if len(rows) >= AT_ONCE:
+                yield rows
+                rows = []
+            if self.problems.is_full:
+                return
+        yield rows
+
+    def left_out(self) -> tuple[str, ...]:
+        """Return what was not read, in words."""
+        told = []
+        if self.others:
+            names = [shown(name) for name, _ in self.others.most_common(MOST_NAMED)]
+            more = f" and {len(self.others) - MOST_NAMED} more" if len(self.others) > 5 else ""
+            told.append(
+                f"rows: {self.others.total():,}, of what --only does not name: "
+                f"{', '.join(names)}{more}"
+            )
+        if self.other_lines:
+            told.append(f"lines that say nothing of a door: {self.other_lines:,}")
+        return tuple(told)
+
+    def _lines(self) -> Iterator[Row]:
+        assert self.form.line is not None
+        for number, text in numbered_lines(self.path, most_bytes=MOST_LINE_BYTES):
+            found = self.form.line(text)
+            if found is None:
+                self.other_lines += 1
+                continue
+            at, door, state = found
+            yield Row(number, [" ".join(at.replace("T", " ").split()), door, state, ""])
+
+    def _table(self) -> Iterator[Row]:
+        lines = numbered_lines(self.path, most_bytes=MOST_LINE_BYTES)
+        number, header = next(lines, (1, ""))
+        delimiter = max(DELIMITERS, key=header.count)
+        names = [cell.strip().lower() for cell in _cells(header, delimiter)]
+        wanted = {key: self.form.columns.get(key, "").lower() for key in COLUMNS}
+        lacking = [self.form.columns[key] for key in COLUMNS[:3] if wanted[key] not in names]
+        if lacking:
+            problem = (
+                f"expected the columns {', '.join(lacking)}, got {shown(header.strip())}; "
+                "--columns says what they are called"
+            )
+            raise FormatError(self.path, [(number, problem)])
+        places = [names.index(wanted[key]) if wanted[key] in names else None for key in COLUMNS]
+        for number, text in lines:
+            cells = [cell.strip() for cell in _cells(text, delimiter)]
+            if len(cells) < len(names):
+                self.problems.add(
+                    number, f"expected {len(names)} cells as in the header, got {len(cells)}"
+                )
+                continue
+            at, door, state, accuracy = ("" if at is None else cells[at] for at in places)
+            if delimiter != ",":  # in such tables a comma stands before decimals
+                accuracy = accuracy.replace(",", ".")
+            yield Row(number, [_day_first(at), door, state, accuracy])
+
+    def _time(self, text: str) -> str:
+        """Return a time that is a number of the form's unit as `@seconds`."""
+        if self.form.unit is None:
+            return text
+        try:
+            value = Decimal(text)
+        except InvalidOperation:
+            return text
+        if not value.is_finite() or abs(value.adjusted()) > MOST_DIGITS:
+            return text
+        return f"@{value.scaleb(-DIGITS[self.form.unit]):f}"
+
+
+MOST_DIGITS = 30
+_DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})(?:[T,; ]+(\S.*))?")
+
+
+def _day_first(text: str) -> str:
+    """Return a time such as `2.3.2026 14:02` with its day as `2026-03-02`; others as they are."""
+    if (found := _DAY_FIRST.fullmatch(text)) is None:
+        return text
+    day, month, year, clock = found.groups()
+    return f"{year}-{month:0>2}-{day:0>2}" + (f" {clock}" if clock else "")
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    """Return the cells of a line; a cell does not go on in the next."""
+    try:
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:
+        return []
+
+
+MOST_LINE_BYTES = 65_536
+MOST_ROWS = 50_000_000
+
+
+class Row(NamedTuple):
+    """A row: its line in the file and the texts of the columns asked for."""
+
+    line: int
+    texts: list[str]
+
+
+def places_of(
+    header: Row, path: Path, required: tuple[str, ...], optional: tuple[str, ...], *, hint: str = ""
+) -> list[int | None]:
+    """Return at which place each wanted column stands; None: the file has it not.
+
+    Raises:
+        FormatError: A required one is not there, another is, or one is there twice.
+    """
+    names = [name.strip().lower() for name in header.texts]
+    wanted = [*required, *optional]
+    expected = ",".join(required) + "".join(f"[,{name}]" for name in optional)
+    lacking = [name for name in required if name not in names]
+    extra = [name for name in names if name not in wanted]
+    twice = [name for name in wanted if names.count(name) > 1]
+    if lacking or extra or twice:
+        got = shown(",".join(header.texts))
+        problem = f"expected a header {expected} (in any order), got {got}{hint}"
+        raise FormatError(path, [(header.line, problem)])
+    return [names.index(name) if name in names else None for name in wanted]
+
+
+def has_length(line: int, cells: list[str], length: int, problems: Problems) -> bool:
+    """Tell whether a row has as many cells as the header, and note it if not."""
+    if len(cells) == length:
+        return True
+    problems.add(line, f"expected {length} cells as in the header, got {len(cells)}")
+    return False

@@ -20,18 +20,32 @@ from numpy.typing import NDArray
 from semmap_log.core.model.doors import NAN, DoorState
 from semmap_log.core.model.events import Event
 from semmap_log.core.model.moments import format_wall, zone
-from semmap_log.interop.formats.files.csv_blocks import Columns, CsvBlocks
-from semmap_log.interop.formats.files.csv_rows import MOST_LINE_BYTES, Row
+from semmap_log.interop.formats.files.csv_blocks import (
+    MOST_LINE_BYTES,
+    Columns,
+    CsvBlocks,
+    ForeignRows,
+    Row,
+)
 from semmap_log.interop.formats.files.csv_sightings import Sighting, SightingColumns, Sightings
-from semmap_log.interop.formats.files.csv_times import instants_in, instants_of
-from semmap_log.interop.formats.files.csv_windows import KnownTimes, KnownWindow, read_windows
-from semmap_log.interop.formats.files.foreign_rows import ForeignRows
-from semmap_log.interop.formats.files.table_forms import TableForm
-from semmap_log.interop.formats.parsing.csv_text import harmless, is_written_otherwise, meant
-from semmap_log.interop.formats.parsing.file_order import FileOrder
-from semmap_log.interop.formats.parsing.foreign_file import numbered_lines
+from semmap_log.interop.formats.files.csv_windows import (
+    KnownTimes,
+    KnownWindow,
+    instants_in,
+    instants_of,
+    read_windows,
+)
+from semmap_log.interop.formats.files.door_table import TableForm
+from semmap_log.interop.formats.parsing.foreign_file import FileOrder, numbered_lines
 from semmap_log.interop.formats.parsing.problems import Problems, shown
-from semmap_log.interop.formats.parsing.text_column import TextCodes, TextColumn, decimals_in
+from semmap_log.interop.formats.parsing.text_column import (
+    TextCodes,
+    TextColumn,
+    decimals_in,
+    harmless,
+    is_written_otherwise,
+    meant,
+)
 
 COLUMNS = ("timestamp", "door", "state", "accuracy")
 MOST_NAME = 1_000

@@ -6,6 +6,8 @@ RFC 7946 wants longitudes and latitudes (WGS 84). A door map knows where doors a
 frame only, so the coordinates are metres there, and the file says so: in the member `semmap_log`
 for people, and in `crs`, as GeoJSON had it before that RFC. By that GDAL, and with it QGIS and
 geopandas, see that it is a plane of its own; without it, or with null, they take WGS 84.
+
+Rooms as GeoJSON: each a polygon along its cells, with its doors and where they lead.
 """
 
 from __future__ import annotations
@@ -15,10 +17,38 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from semmap_log.analysis.rooms import RoomPlan
+from semmap_log.analysis.rooms.room_outlines import room_outline
 from semmap_log.core.model.doors import Door, DoorMap
 from semmap_log.core.model.moments import format_utc
 from semmap_log.core.model.object_classes import Geometry
 from semmap_log.interop.formats.json.door_json import door_map_to_json, door_to_json
+from semmap_log.interop.formats.json.evaluation_json import room_to_json
+
+
+def dump_room_geojson(plan: RoomPlan, about: Mapping[str, str], *, level: int | None = None) -> str:
+    """Return the text; metres of the map frame, as in the doors' file.
+
+    Args:
+        plan: Of a moment; features have the keys of `rooms --json`, ids ascending.
+        about: What is said of the log, such as its building.
+        level: Only the rooms of that one; None: of all.
+    """
+    features = (
+        {
+            "type": "Feature",
+            "id": room.room_id,
+            "geometry": {
+                "type": "Polygon",
+                "coordinates": room_outline(plan.levels[room.level], room.room_id),
+            },
+            "properties": room_to_json(plan, room),
+        }
+        for room in plan.graph.rooms.values()
+        if level in (None, room.level)
+    )
+    return feature_collection(collection_head(plan.door_map, about), features)
+
 
 PLANE = (
     'LOCAL_CS["robot map frame",LOCAL_DATUM["robot map frame",32767],UNIT["metre",1],'

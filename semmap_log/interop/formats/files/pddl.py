@@ -5,6 +5,10 @@ What planners take decides the form. Costs are whole numbers that actions add to
 refuse real numbers and other fluents. A cost is -1000 ln P(open), so that the cheapest plan is the
 way that is likeliest open from end to end. The text is ASCII; what a log calls a door is told in
 comments, as JSON strings, which no name can end.
+
+Names as every PDDL parser takes them: letters, digits, `-` and `_`, in small letters.
+
+What a robot can do at doors, as a PDDL domain: made to be read, and changed, by its user.
 """
 
 from __future__ import annotations
@@ -12,16 +16,17 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+import unicodedata
+from collections import Counter
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
-from semmap_log.analysis.rooms.room_names import rooms_told
+from semmap_log.analysis.rooms.room_graph import rooms_told
 from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.core.model.moments import format_utc
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CommandError
-from semmap_log.interop.formats.files.pddl_domain import DOMAIN, WORDS
-from semmap_log.interop.formats.files.pddl_names import Wanted, pddl_names
 from semmap_log.interop.formats.parsing.problems import shown
 
 LEAST_P = 0.001
@@ -268,3 +273,138 @@ def _expression(text: str) -> str:
 def _quoted(text: str) -> str:
     r"""Return a text as a JSON string of ASCII alone: a line end in it is `\n`."""
     return json.dumps(text).replace("\x7f", "\\u007f")
+
+
+K = TypeVar("K", bound=Hashable)
+
+MOST_LETTERS = 60
+
+_KEYWORDS = """
+    either object number domain problem define and or not forall exists when imply oneof unknown
+    increase decrease assign scale-up scale-down minimize maximize total-cost total-time is-
+    violated preference at over start end all always sometime within at-most-once sometime-after
+    sometime-before always-within hold-during hold-after duration true false undefined total-
+    order
+"""
+KEYWORDS = frozenset(_KEYWORDS.split())
+"""Words of PDDL, and of its dialects, that some parser takes for more than a name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What an object is called by people."""
+
+    kind: str
+    """`door`, `room`: begins the names that would begin with no letter."""
+    text: str
+    """Any text at all, or none."""
+    mark: str
+    """Tells it from others of that name, such as `3`; letters, digits, `-` and `_`."""
+
+
+def pddl_names(wanted: Mapping[K, Wanted], taken: Collection[str] = ()) -> dict[K, str]:
+    """Return a name for each object, no two alike.
+
+    Those that would be alike, or a word of PDDL, have their kind and mark behind: `hall-door-3`.
+
+    Args:
+        wanted: Object -> what it is called; their order decides where even that is not enough.
+        taken: Other names that mean something, in small letters.
+    """
+    plain = {key: plain_name(each) for key, each in wanted.items()}
+    bearers = Counter(plain.values())
+    used = KEYWORDS | set(taken)
+    names = {key: name for key, name in plain.items() if bearers[name] == 1 and name not in used}
+    used |= set(plain.values())
+    for key, each in wanted.items():
+        if key not in names:
+            names[key] = _free(f"{plain[key]}-{each.kind}-{each.mark}", used)
+            used |= {names[key]}
+    return {key: names[key] for key in wanted}
+
+
+def plain_name(wanted: Wanted) -> str:
+    """Return what a name is without what PDDL does not take: `Tür 1` is `tur-1`."""
+    parts = unicodedata.normalize("NFKD", wanted.text)
+    letters = "".join(letter for letter in parts if not unicodedata.combining(letter)).lower()
+    name = re.sub(r"[^a-z0-9_-]+", "-", letters).strip("-_")[:MOST_LETTERS].strip("-_")
+    if not name:
+        return f"{wanted.kind}-{wanted.mark}"
+    return name if name[0].isalpha() else f"{wanted.kind}-{name}"
+
+
+def _free(name: str, used: Collection[str]) -> str:
+    """Return the name, with a number behind it if it is used."""
+    number, free = 1, name
+    while free in used:
+        number += 1
+        free = f"{name}-{number}"
+    return free
+
+
+DOMAIN = "semmap-doors"
+
+WORDS = frozenset(
+    "door room robot-at door-between open closed other-state checked pass-cost pass "
+    f"wait-and-pass try-and-pass check {DOMAIN} doors".split()
+)
+"""What means something in the domain: no object is called so."""
+
+_HEAD = f"""\
+; A robot, rooms, and the doors between them: the domain of the problems that
+; `semmap-log export LOG problem.pddl` writes. Change it as you like.
+(define (domain {DOMAIN})
+  (:requirements :strips :typing{{costs}})
+  (:types door room)
+  (:predicates
+    (robot-at ?r - room)
+    (door-between ?d - door ?a ?b - room) ; both ways round
+    (open ?d - door)                      ; its last known state; one of these three
+    (closed ?d - door)
+    (other-state ?d - door)               ; UNKNOWN, MOVING or OFFLINE
+    (checked ?d - door))                  ; somebody was there and looked
+"""
+
+_FUNCTIONS = """\
+  (:functions
+    (total-cost) - number
+    (pass-cost ?d - door) - number) ; -1000 ln P(open)
+"""
+
+_GO = """
+  (:action {name} ; {why}
+    :parameters (?d - door ?from ?to - room)
+    :precondition (and (robot-at ?from) (door-between ?d ?from ?to) ({state} ?d))
+    :effect (and (not (robot-at ?from)) (robot-at ?to) (checked ?d){then}
+                 (increase (total-cost) (pass-cost ?d))))
+"""
+
+_CHECK = """
+  (:action check ; look at it from either side
+    :parameters (?d - door ?here ?there - room)
+    :precondition (and (robot-at ?here) (door-between ?d ?here ?there))
+    :effect (and (checked ?d) (increase (total-cost) 1)))
+)
+"""
+
+_COST = re.compile(r"\n? *\(increase \(total-cost\) (?:\([^()]*\)|\d+)\)")
+
+
+def dump_domain(*, with_costs: bool = True) -> str:
+    """Return the domain's text.
+
+    Args:
+        with_costs: False: for planners that know STRIPS and types alone.
+    """
+    ways = (
+        ("pass", "open", "as far as known it is open", ""),
+        ("wait-and-pass", "closed", "somebody has to open it", " (not (closed ?d)) (open ?d)"),
+        ("try-and-pass", "other-state", "it may be either",
+         " (not (other-state ?d)) (open ?d)"),
+    )  # fmt: skip
+    actions = "".join(
+        _GO.format(name=name, state=state, why=why, then=then) for name, state, why, then in ways
+    )
+    if with_costs:
+        return f"{_HEAD.format(costs=' :action-costs')}{_FUNCTIONS}{actions}{_CHECK}"
+    return _COST.sub("", f"{_HEAD.format(costs='')}{actions}{_CHECK}")

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from semmap_log.analysis.beliefs.belief_query import EvidenceSummary
 from semmap_log.analysis.beliefs.best_times import BestTime, LikelyHours
-from semmap_log.analysis.beliefs.door_beliefs import DoorBelief
-from semmap_log.analysis.beliefs.evidence_summary import EvidenceSummary
-from semmap_log.analysis.beliefs.typical_week import By, TypicalWeek, WeekPattern
+from semmap_log.analysis.beliefs.door_beliefs import By, DoorBelief, TypicalWeek, WeekPattern
 from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_words
 from semmap_log.analysis.probabilities.forecast import INTERVAL
 from semmap_log.core.model.doors import Door
@@ -112,7 +111,7 @@ def best_time_to_json(found: BestTime, *, known_at_ns: int | None = None) -> dic
 def _doubts(doubts: Sequence[SensorDoubt]) -> list[dict[str, Any]]:
     if not doubts:
         return []
-    from semmap_log.interop.formats.json.sensors_json import doubts_to_json
+    from semmap_log.interop.formats.json.evaluation_json import doubts_to_json
 
     return doubts_to_json(doubts)
 

@@ -28,13 +28,13 @@ from semmap_log.core.model.meaning import PART_OF, PARTS, Changed, changed
 from semmap_log.core.model.moments import both_instants, parse_instant, zone
 from semmap_log.core.model.rules import Nanoseconds, OneOf, Rule, Text, Truth, Whole
 from semmap_log.errors import FormatError, SemmapError
-from semmap_log.interop.formats.json.event_json import (
+from semmap_log.interop.formats.json.door_json import (
     FLOOR_MAP_KEYS,
     NOTE_KEYS,
     key_of,
     unpack_cells,
 )
-from semmap_log.interop.formats.parsing.file_order import FileOrder
+from semmap_log.interop.formats.parsing.foreign_file import FileOrder
 from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.formats.parsing.strict_json import StrictJsonError, load_object
 

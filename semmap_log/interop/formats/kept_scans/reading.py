@@ -8,36 +8,37 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO
 
-from semmap_log.analysis.scans.kept_visit import (
+from semmap_log.analysis.scans.visit import (
     FORGET_NS,
     LASER_KEY,
     METADATA,
     ROBOT_KEY,
     VISITS_TOPIC,
     KeptVisit,
+    PlacedScan,
+    Visit,
     folder_beside,
     visit_key,
 )
-from semmap_log.analysis.scans.placed_scan import PlacedScan
-from semmap_log.analysis.scans.visit import Visit
 from semmap_log.core.model.doors import DoorId
-from semmap_log.interop.formats.bags.mcap_reading import MAGIC
-from semmap_log.interop.formats.bags.mcap_records import (
+from semmap_log.interop.formats.bags.bag_protocol import MAGIC
+from semmap_log.interop.formats.bags.unpacking import (
     MESSAGE,
     OpenChunk,
     Record,
+    Tally,
     parsed,
     records,
 )
-from semmap_log.interop.formats.bags.unpacking import Tally
 from semmap_log.interop.formats.kept_scans.scan_messages import (
     CLOUD,
     SCAN,
     TEXT,
     ScanBytes,
+    ToldVisit,
+    read_text,
     scan_from_messages,
 )
-from semmap_log.interop.formats.kept_scans.visit_text import ToldVisit, read_text
 from semmap_log.interop.formats.parsing.foreign_file import open_regular
 from semmap_log.interop.formats.ros.ros_types import POSE_WITH_COVARIANCE, decoded
 

@@ -7,23 +7,51 @@ last message of each topic, that one alone (Lichtblick's `Renderer.handleSeek` a
 the last change. And RViz, where a bag is played from an earlier time, deletes nothing by itself.
 
 The markers' stamps are 0, and they are frame-locked: good at any time, however old.
+
+The thesis's DoorMap message (4.2.5, appendix C): what its costmap layer and OPRS listen to.
+
+A costmap over time as the messages that costmap_2d publishes of one.
+
+On one topic the whole grid (nav_msgs/OccupancyGrid), on another what changed of it
+(map_msgs/OccupancyGridUpdate): costmap_2d_publisher.cpp. RViz's map display takes the changes in;
+Foxglove and rerun know the whole grids only, so those are repeated while the costmap changes.
+
+Messages that are one long array, joined from elements that were encoded once each.
+
+A door changes, and the message with all doors is sent again: but for one door it has the same
+bytes. In CDR they depend on where in the message they lie, modulo 8; so each element is kept both
+ways. What the bytes are, rosbags says; here they are only put side by side.
 """
 
 from __future__ import annotations
 
 import math
+import struct
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from semmap_log.core.model.doors import Door, DoorId
+from semmap_log.analysis.costmap_2d.costs import bounds_of, to_occupancy
+from semmap_log.analysis.costmap_2d.grid import CellWindow, GridGeometry
+from semmap_log.core.model.doors import Door, DoorId, reduced
 from semmap_log.core.model.object_classes import Corners, middle_of
-from semmap_log.interop.formats.ros.array_messages import ArrayType, EncodedElement
-from semmap_log.interop.formats.ros.ros_messages import Messages
-from semmap_log.interop.formats.ros.ros_types import MARKER, MARKERS, RosVersion
+from semmap_log.interop.formats.bags.bag_protocol import BagTopic, NewBag
+from semmap_log.interop.formats.ros.ros_types import (
+    DOOR_ENTRY,
+    DOOR_MAP,
+    GRID,
+    GRID_UPDATE,
+    MARKER,
+    MARKERS,
+    Messages,
+    RosVersion,
+    ros_types,
+)
 
 LEAVES, NAMES = "doors", "names"
 """Namespaces: the two can be switched off one by one."""
@@ -194,3 +222,280 @@ def _name_place(
 def marker_id_of(door_id: DoorId) -> int:
     """Return the marker's id, an int32: door ids beyond go on among the negative numbers."""
     return door_id - 2**32 if door_id >= 2**31 else int(door_id)
+
+
+class ThesisMessages:
+    """Builds DoorMaps: door after door of all levels, which the message knows nothing of."""
+
+    def __init__(self, ros_version: RosVersion, default_prob: float | None) -> None:
+        """Choose.
+
+        Args:
+            ros_version: Whose bytes.
+            default_prob: Stands for a probability that was not given; None: NaN does.
+        """
+        self._messages = Messages(ros_version)
+        self._type = ArrayType(ros_version, DOOR_MAP, "door_db", DOOR_ENTRY)
+        self._default_prob = math.nan if default_prob is None else default_prob
+
+    def encoded(self, door: Door) -> EncodedElement:
+        """Return a door's entry; its state is OPEN, CLOSED or UNKNOWN."""
+        return self._type.encoded(
+            self._messages.new(
+                DOOR_ENTRY,
+                door_id=int(door.door_id),
+                pos_x=door.x,
+                pos_y=door.y,
+                pos_theta=door.theta,
+                width=door.width,
+                door_state=reduced(door.state).name,
+                prob_open=self._given(door.prob_open),
+                prob_closed=self._given(door.prob_closed),
+            )
+        )
+
+    def message(self, doors: Iterable[EncodedElement]) -> bytes:
+        """Return the message with these entries."""
+        return self._type.joined(doors)
+
+    def _given(self, prob: float) -> float:
+        return self._default_prob if math.isnan(prob) else prob
+
+
+GRIDS = BagTopic("/semmap/costmap", GRID, is_latched=True)
+UPDATES = BagTopic("/semmap/costmap_updates", GRID_UPDATE, is_latched=False)
+"""RViz looks for the changes of a map under its topic's name and `_updates`."""
+
+
+@dataclass(frozen=True, slots=True)
+class GridFrame:
+    """A costmap at a moment at which it changed."""
+
+    at_ns: int
+    costs: NDArray[np.uint8]
+    """(height, width), row 0 at the lowest y; looked at before the next frame is asked for."""
+    windows: Sequence[CellWindow]
+    """Where cells may have changed since the frame before."""
+    geometry: GridGeometry | None = None
+    """From now on; None: as before. On another grid than before all of it is sent."""
+
+
+def write_grids(
+    bag: NewBag,
+    geometry: GridGeometry,
+    frames: Iterable[GridFrame],
+    *,
+    every_ns: int,
+    updates: bool,
+) -> Counter[str]:
+    """Write a costmap's frames: the first as a whole grid, then what changes.
+
+    A whole grid follows a change at once, but not within `every_ns` of the one before: then it
+    comes when that time is over, or at the end with the time of the last change. So at any moment
+    the last whole grid is at most that much behind.
+
+    Args:
+        bag: Has both topics; that of the updates only if they are wanted.
+        geometry: Of the frames, until one says otherwise.
+        frames: Times ascending.
+        every_ns: Between whole grids; 0: one at each change.
+        updates: Write each change as a patch, too, as soon as it happens.
+
+    Returns:
+        How many messages went to each topic.
+
+    Raises:
+        OutputError: A time cannot be a ROS stamp.
+    """
+    stream = GridStream(bag, geometry, every_ns=every_ns, updates=updates)
+    for frame in frames:
+        stream.take(frame)
+    stream.finish()
+    return stream.counts
+
+
+class GridStream:
+    """Remembers what was published, and so which cells really changed."""
+
+    def __init__(
+        self,
+        bag: NewBag,
+        geometry: GridGeometry,
+        *,
+        every_ns: int,
+        updates: bool,
+        topics: tuple[BagTopic, BagTopic] = (GRIDS, UPDATES),
+    ) -> None:
+        """Begin; arguments as for `write_grids`, and the topics of grids and updates."""
+        self.counts: Counter[str] = Counter()
+        self._bag = bag
+        self._of_grids, self._of_updates = topics
+        self._messages = _Messages(bag.ros_version, geometry)
+        self._every_ns = every_ns
+        self._updates = updates
+        self._grid: NDArray[np.int8] | None = None
+        """As it is after the last frame."""
+        self._next_ns = 0
+        """From then on the next whole grid may come."""
+        self._changed_ns: int | None = None
+        """When the grid last became another than the last whole one."""
+
+    def take(self, frame: GridFrame) -> None:
+        """Publish what changed; frames come with ascending times."""
+        if self._changed_ns is not None and self._next_ns < frame.at_ns:
+            self._publish_grid(self._next_ns)
+        if frame.geometry is not None and frame.geometry != self._messages.geometry:
+            self._grid = None
+            self._messages = _Messages(self._bag.ros_version, frame.geometry)
+        if self._grid is None:
+            self._grid = to_occupancy(frame.costs)
+            self._publish_grid(frame.at_ns)
+            return
+        for window in frame.windows:
+            self._take_window(self._grid, window, frame)
+        if self._changed_ns is not None and self._next_ns <= frame.at_ns:
+            self._publish_grid(frame.at_ns)
+
+    def finish(self) -> None:
+        """Publish what waits."""
+        if self._changed_ns is not None:
+            self._publish_grid(self._changed_ns)
+
+    def _take_window(self, grid: NDArray[np.int8], window: CellWindow, frame: GridFrame) -> None:
+        before, after = grid[window.slices], to_occupancy(frame.costs[window.slices])
+        for inside in bounds_of(before != after):
+            before[inside.slices] = after[inside.slices]
+            self._changed_ns = frame.at_ns
+            if self._updates:
+                x, y = window.x0 + inside.x0, window.y0 + inside.y0
+                number = self.counts[self._of_updates.name]
+                self._publish(self._of_updates, frame.at_ns,
+                              self._messages.update(frame.at_ns, number, x, y,
+                                                    after[inside.slices]))  # fmt: skip
+
+    def _publish_grid(self, at_ns: int) -> None:
+        assert self._grid is not None
+        number = self.counts[self._of_grids.name]
+        self._publish(self._of_grids, at_ns, self._messages.grid(at_ns, number, self._grid))
+        self._next_ns, self._changed_ns = at_ns + self._every_ns, None
+
+    def _publish(self, topic: BagTopic, at_ns: int, message: Any) -> None:
+        self._bag.write(topic, at_ns, message)
+        self.counts[topic.name] += 1
+
+
+class _Messages:
+    """Builds the messages of a grid."""
+
+    def __init__(self, ros_version: RosVersion, geometry: GridGeometry) -> None:
+        self._messages = Messages(ros_version)
+        self.geometry = geometry
+
+    def grid(self, at_ns: int, number: int, cells: NDArray[np.int8]) -> Any:
+        geometry = self.geometry
+        origin = self._messages.pose(geometry.origin_x, geometry.origin_y)
+        return grid_message(
+            self._messages, at_ns, number, cells, resolution=geometry.resolution, origin=origin
+        )
+
+    def update(self, at_ns: int, number: int, x: int, y: int, cells: NDArray[np.int8]) -> Any:
+        height, width = cells.shape
+        return self._messages.new(
+            GRID_UPDATE,
+            header=self._messages.header(at_ns, number),
+            x=x,
+            y=y,
+            width=width,
+            height=height,
+            data=np.ascontiguousarray(cells).reshape(-1),
+        )
+
+
+def grid_message(
+    messages: Messages,
+    at_ns: int,
+    number: int,
+    cells: NDArray[np.int8],
+    *,
+    resolution: float,
+    origin: Any,
+) -> Any:
+    """Return a nav_msgs/OccupancyGrid.
+
+    Args:
+        messages: Of which ROS.
+        at_ns: Its stamp.
+        number: How many came before on its topic.
+        cells: (height, width), row 0 at the lowest y.
+        resolution: Metres a cell; float32 on the wire.
+        origin: The pose of the lower left corner of cell (0, 0).
+    """
+    height, width = cells.shape
+    info = messages.new(
+        "nav_msgs/msg/MapMetaData",
+        map_load_time=messages.stamp(0),  # when a server read a file, which none did: unset
+        resolution=resolution,
+        width=width,
+        height=height,
+        origin=origin,
+    )
+    header = messages.header(at_ns, number)
+    return messages.new(GRID, header=header, info=info, data=cells.reshape(-1))
+
+
+_CDR_HEADER = b"\x00\x01\x00\x00"
+_COUNT_BYTES = 4
+_ALIGNMENT = 4
+"""Of an element: it begins with a field of 4 bytes, such as a stamp or an id."""
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedElement:
+    """An encoded element."""
+
+    at_0: bytes
+    """As it is at a multiple of 8."""
+    at_4: bytes
+    """As it is 4 bytes behind one."""
+
+
+class ArrayType:
+    """A message type with one field, an array; its elements begin with a field of 4 bytes."""
+
+    def __init__(self, ros_version: RosVersion, array: str, field: str, element: str) -> None:
+        """Name the types.
+
+        Args:
+            ros_version: Whose bytes.
+            array: The message, such as `visualization_msgs/msg/MarkerArray`.
+            field: Its only field.
+            element: What that is an array of.
+        """
+        self._types = ros_types(ros_version)
+        self._is_cdr = ros_version == 2
+        self._array, self._field, self._element = array, field, element
+
+    def encoded(self, element: Any) -> EncodedElement:
+        """Return an element as bytes."""
+        if not self._is_cdr:
+            data = bytes(self._types.serialize_ros1(element, self._element))
+            return EncodedElement(data, data)
+        alone = self._types.serialize_cdr(element, self._element)
+        one = self._types.types[self._array](**{self._field: [element]})
+        behind_count = self._types.serialize_cdr(one, self._array)
+        skipped = len(_CDR_HEADER)
+        return EncodedElement(bytes(alone[skipped:]), bytes(behind_count[skipped + _COUNT_BYTES :]))
+
+    def joined(self, parts: Iterable[EncodedElement]) -> bytes:
+        """Return the message with these elements."""
+        listed = list(parts)
+        count = struct.pack("<I", len(listed))
+        if not self._is_cdr:
+            return count + b"".join([part.at_0 for part in listed])
+        pieces, at = [_CDR_HEADER, count], _COUNT_BYTES
+        for part in listed:
+            gap = -at % _ALIGNMENT
+            data = part.at_4 if (at + gap) % 8 else part.at_0
+            pieces += [bytes(gap), data]
+            at += gap + len(data)
+        return b"".join(pieces)

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from semmap_log.analysis.scans.placed_scan import DoorPlaces
+from semmap_log.analysis.scans.visit import DoorPlaces
 from semmap_log.core.model.doors import Door, DoorState
 from semmap_log.core.model.events import ClassDefined, DoorAnnotated, Event
 from semmap_log.core.model.meaning import PLACING, Presence
 from semmap_log.core.model.object_classes import CLASS
-from semmap_log.interop.topics.known import Known
+from semmap_log.interop.topics.topic_reader import Known
 
 _NO = frozenset({"", "no", "false", "0", "none"})
 

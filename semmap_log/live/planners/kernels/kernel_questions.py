@@ -23,8 +23,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol, TypeAlias
 
 from semmap_log.errors import ExpressionError, QuestionError, SemmapError
-from semmap_log.live.planners.actions import AskedDoors
-from semmap_log.live.planners.asked import AskedQuestion, read_words
+from semmap_log.live.planners.asked import AskedQuestion, QuestionKind, read_words
 from semmap_log.live.planners.kernels.s_expressions import (
     Expression,
     Variable,
@@ -32,9 +31,8 @@ from semmap_log.live.planners.kernels.s_expressions import (
     sendable,
     write_expression,
 )
-from semmap_log.live.planners.oracle import ENDS, Oracle, is_wait, time_is_over
+from semmap_log.live.planners.oracle import ENDS, AskedDoors, Oracle, is_wait, time_is_over
 from semmap_log.live.planners.question_lines import ERROR, NIL, TRUE, Answer, Atom, Value
-from semmap_log.live.planners.questions import QuestionKind
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 
 ASK, ANSWER = Atom("ASK"), Atom("ANSWER")

@@ -20,11 +20,15 @@ from functools import partial
 
 from semmap_log.errors import SemmapError
 from semmap_log.live.planners.addresses import Listener
-from semmap_log.live.planners.line_protocol.admission import Admission
-from semmap_log.live.planners.line_protocol.connection import Broken, Connection
-from semmap_log.live.planners.line_protocol.deadlines import Deadlines
+from semmap_log.live.planners.asked import QuestionKind
+from semmap_log.live.planners.line_protocol.connection import (
+    Admission,
+    Broken,
+    Connection,
+    Deadlines,
+    Turns,
+)
 from semmap_log.live.planners.line_protocol.tokens import TOKEN, is_token
-from semmap_log.live.planners.line_protocol.turns import Turns
 from semmap_log.live.planners.oracle import ENDS, Oracle, is_likely, is_wait, time_is_over
 from semmap_log.live.planners.question_lines import (
     Line,
@@ -33,7 +37,6 @@ from semmap_log.live.planners.question_lines import (
     write_answer,
     write_error,
 )
-from semmap_log.live.planners.questions import QuestionKind
 
 MOST_CLIENTS = 1000
 ACTIONS_AT_ONCE = 8

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.resources import files
 from pathlib import Path
 
-from semmap_log.core.io.shipped_files import copy_file
+from semmap_log.core.io.disk import copy_file
 
 NAME = "semmap_log.pl"
 

@@ -35,15 +35,15 @@ from semmap_log.errors import (
     UnknownDoorError,
 )
 from semmap_log.live.ros.ros_node import Goal, Outcome
-from semmap_log.live.ros.serving.door_goals import (
+from semmap_log.live.ros.serving.saving import (
     AddAsk,
     Ask,
+    DoorSaver,
     RemoveAsk,
     SaveAsk,
     UpdateAsk,
     read_goal,
 )
-from semmap_log.live.ros.serving.saving import DoorSaver
 from semmap_log.log.door_log.door_commands import content_of
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 

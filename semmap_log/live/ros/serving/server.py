@@ -1,23 +1,52 @@
-"""The server on a ROS node: the doors on topics at each change, and the thesis's four actions."""
+"""The server on a ROS node: the doors on topics at each change, and the thesis's four actions.
+
+The doors as grids that stock planners take: no plugin of ours is needed in the robot.
+
+On `semmap/costmap` floor and doors together: in place of `/map` for costmap_2d's StaticLayer. On
+`semmap/door_layer` the doors alone: 100 where one is closed, 0 where one is open, -1 elsewhere.
+Nav2's KeepoutFilter takes that as its mask: it writes what is dearer than the costmap, passes over
+-1, and frees by 0 only what the costmap does not know. A second StaticLayer with `use_maximum`
+does the same. Values between, 1 to 99, come with belief and inflation (`CostmapOptions`); a
+StaticLayer takes them as costs where its `trinary_costmap` is false, else for free.
+
+A door outside the grid, where no floor plan sets its size, makes a larger grid: StaticLayer takes
+the new size over.
+"""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from semmap_log.analysis.costmaps.level_costmap import CostmapOptions
-from semmap_log.core.model.doors import DoorMap
+from semmap_log.analysis.costmap_2d.costs import DoorLayer
+from semmap_log.analysis.costmap_2d.layered import LayeredCostmap
+from semmap_log.analysis.costmaps.door_layer_fold import line_of
+from semmap_log.analysis.costmaps.level_costmap import (
+    CostmapOptions,
+    ends_of,
+    geometry_of,
+    layers_of,
+)
+from semmap_log.core.model.doors import Door, DoorId, DoorMap
 from semmap_log.core.model.events import FloorMap
 from semmap_log.core.model.keywords import knows_its_keywords
-from semmap_log.live.ros.action_names import action_name
-from semmap_log.live.ros.ros_node import Goal, Outcome, RosNode
+from semmap_log.errors import CostmapError
+from semmap_log.interop.formats.bags.bag_protocol import BagTopic
+from semmap_log.interop.formats.ros.door_markers import GridFrame, GridStream
+from semmap_log.interop.formats.ros.ros_types import GRID, GRID_UPDATE
+from semmap_log.live.ros.ros_node import Goal, Outcome, RosNode, action_name
 from semmap_log.live.ros.serving.door_server import ACTIONS
-from semmap_log.live.ros.serving.served_costmap import ServedCostmaps
-from semmap_log.live.ros.serving.served_doors import ServedDoors
-from semmap_log.live.ros.serving.served_plan import PatrolWish, ServedPlan
-from semmap_log.live.ros.serving.served_topics import LevelNames, ServedTopics, levels_of
+from semmap_log.live.ros.serving.served_topics import (
+    ChangedDoors,
+    LevelNames,
+    PatrolWish,
+    ServedDoors,
+    ServedPlan,
+    ServedTopics,
+    levels_of,
+)
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.views.palette import DEFAULT, Palette
 
@@ -147,3 +176,162 @@ class Server:
         doors, at_ns = self._doors.door_map(), self._node.now_ns()
         for shown in self._shown:
             shown.show(doors, at_ns)
+
+
+MASTER_NAME = "semmap/costmap"
+LAYER_NAME = "semmap/door_layer"
+UPDATES = "_updates"
+"""RViz looks for a map's changes under its topic's name and this.
+
+StaticLayers do so, too, where `subscribe_to_updates` is set. Better leave it: move_base's remembers
+only where the last update lay, so of two between its cycles it hands on the second (incomingUpdate
+in costmap_2d/plugins/static_layer.cpp). The whole grid follows each update anyway.
+"""
+
+MOST_CELLS = 10_000_000
+"""Of a grid around doors: whoever may add a door far away must not fill the memory by that."""
+
+FloorOf = Callable[[DoorMap, int], FloorMap | None]
+Changes = Mapping[DoorId, Door | None]
+"""Doors as they are now; None: gone."""
+
+
+class ServedCostmaps:
+    """The grids of all levels, sent when they have changed."""
+
+    def __init__(
+        self,
+        topics: ServedTopics,
+        names: LevelNames,
+        floor_of: FloorOf,
+        warn: Callable[[str], None],
+        *,
+        floors: dict[int, FloorMap] | None = None,
+        options: CostmapOptions = CostmapOptions(),
+    ) -> None:
+        """Choose.
+
+        Args:
+            topics: Where the messages go.
+            names: Of the topics of levels.
+            floor_of: Gives a level's floor plan, as of a door map.
+            warn: Told, once each, why a level has no grid.
+            floors: Floor plans that count instead.
+            options: What doors cost; all levels are shown.
+        """
+        self._topics = topics
+        self._options = options
+        self._names = names
+        self._floor_of = floor_of
+        self._warn = warn
+        self._floors = floors or {}
+        self._levels: dict[int, _Level] = {}
+        self._changes = ChangedDoors()
+        self._lacking: set[int] = set()
+        """Levels whose grid is not as it should be."""
+        self._warned: dict[int, str] = {}
+        self._at_ns = 0
+
+    def show(self, doors: DoorMap, at_ns: int) -> None:
+        """Send what is another than before; a level's first time, all of it.
+
+        Raises:
+            RosError: A message's type is not installed.
+        """
+        self._at_ns = max(self._at_ns, at_ns)  # a simulation may begin again
+        changed = self._changes.take(doors)
+        for level in sorted(levels_of(doors) | self._floors.keys() | self._levels.keys()):
+            self._show_level(doors, level, changed)
+
+    def _show_level(self, doors: DoorMap, level: int, changed: Changes) -> None:
+        """Show a level; where it can have no new grid, what the old one has room for."""
+        known = self._levels.get(level)
+        plan = self._plan_event(doors, level)
+        to_fit = dict(doors.doors) if level in self._lacking else changed
+        if known is None or known.plan_event != plan or not known.has_room_for(to_fit):
+            try:
+                known = self._new(doors, level, plan)
+                self._levels[level], changed = known, dict(doors.doors)
+                self._lacking.discard(level)
+            except CostmapError as error:
+                self._lacking.add(level)
+                self._tell(level, str(error))
+        if known is not None:
+            known.show(changed, self._at_ns)
+
+    def _tell(self, level: int, problem: str) -> None:
+        if self._warned.get(level) != problem:
+            self._warned[level] = problem
+            self._warn(f"no new costmap of level {level}: {problem}")
+
+    def _plan_event(self, doors: DoorMap, level: int) -> int | None:
+        """Return what tells a level's floor plan from another."""
+        known = doors.levels.get(level)
+        return None if known is None or level in self._floors else known.floor_map_event
+
+    def _new(self, doors: DoorMap, level: int, plan: int | None) -> _Level:
+        floor = self._floors.get(level) or self._floor_of(doors, level)
+        return _Level(
+            self._topics, self._names, doors, level,
+            floor=floor, plan_event=plan, options=self._options,
+        )  # fmt: skip
+
+
+class _Level:
+    """A level's two grids."""
+
+    def __init__(
+        self,
+        topics: ServedTopics,
+        names: LevelNames,
+        doors: DoorMap,
+        level: int,
+        *,
+        floor: FloorMap | None,
+        plan_event: int | None,
+        options: CostmapOptions,
+    ) -> None:
+        self.plan_event = plan_event
+        self._level = level
+        self._floor = floor
+        self._by, self._only = options.by, options.object_class
+        self._geometry = geometry = geometry_of(floor, ends_of(doors, level), level, options)
+        if floor is None and geometry.width * geometry.height > MOST_CELLS:
+            raise CostmapError(
+                f"a grid around the doors: expected at most {MOST_CELLS:,} cells, got "
+                f"{geometry.width:,} x {geometry.height:,}; give a map with --map, or remove the "
+                "door that is far away"
+            )
+        self._layer = DoorLayer(geometry)
+        layers = layers_of(geometry, floor, self._layer, options)
+        self._master = LayeredCostmap(geometry, layers, track_unknown=floor is None)
+
+        def stream(name: str) -> GridStream:
+            grids = names.topic(name, level, GRID)
+            updates = BagTopic(grids.name + UPDATES, GRID_UPDATE, is_latched=False)
+            topics.offer(updates)
+            return GridStream(topics, geometry, every_ns=0, updates=True, topics=(grids, updates))
+
+        self._of_layer, self._of_master = stream(LAYER_NAME), stream(MASTER_NAME)
+
+    def has_room_for(self, doors: Changes) -> bool:
+        """Tell whether these doors lie on the grid; a floor plan's size is fixed."""
+        if self._floor is not None:
+            return True
+        there = (door for door in doors.values() if door and self._is_here(door))
+        ends = (end for door in there for end in door.extent)
+        return all(self._geometry.world_to_map(x, y) is not None for x, y in ends)
+
+    def show(self, doors: Changes, at_ns: int) -> None:
+        """Draw doors as they are now, and send what changed by that."""
+        lines = {
+            door_id: line_of(door, level=self._level, by=self._by, only=self._only)
+            for door_id, door in doors.items()
+        }
+        drawn = self._layer.update(lines)
+        changed = self._master.update()
+        self._of_layer.take(GridFrame(at_ns, self._layer.costs, drawn))
+        self._of_master.take(GridFrame(at_ns, self._master.costs, changed))
+
+    def _is_here(self, door: Door) -> bool:
+        return door.is_placed and door.level == self._level

@@ -1,20 +1,289 @@
-"""The events about some doors: from the tables where there are any, else from the log."""
+"""The events about some doors: from the tables where there are any, else from the log.
+
+The tables of one segment on the disk: what they are of, whether they are whole, their rows.
+
+    index/office_000000.json            what it is of; sealed, and written last
+    index/office_000000.events.parquet  the events by door
+    index/office_000000.commits.parquet who and why, by event number
+
+The first names the segment by log, first event and hashes, and the other two by checksums of all
+their bytes (`arrow.sealed_parquet`). What does not fit is not used.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
-from dataclasses import replace
+import importlib.util
+import json
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.io.disk import read_own
 from semmap_log.core.io.progress import Progress
+from semmap_log.core.lazily import computed_once
+from semmap_log.core.model.commits import NOTE_TEXTS, NoteTexts
 from semmap_log.core.model.events import KINDS
+from semmap_log.core.texts import counted
 from semmap_log.errors import StaleIndexError
-from semmap_log.log.replay.read_model.segment_tables import FOLDER, SegmentTables, has_pyarrow
+from semmap_log.store.closed_mark import sealed, unsealed
 from semmap_log.store.reading.reader import LogReader, OnPage
-from semmap_log.store.reading.segment_reading import end_of
+from semmap_log.store.reading.segment_reading import CommitColumns, end_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
+
+if TYPE_CHECKING:
+    from semmap_log.core.arrow.arrow_sdk import pa
+    from semmap_log.core.arrow.parquet import Seal, SealedParquet
+
+
+FOLDER = "index"
+"""In the log's folder."""
+VERSION = 3
+"""Counts up when the columns change: older tables are made anew."""
+EVENTS, COMMITS = "events", "commits"
+PARTS = (EVENTS, COMMITS)
+_MOST_TOLD = 2**20
+"""Bytes of a `.json` at most."""
+
+
+@cache
+def has_pyarrow() -> bool:
+    """Tell whether tables can be read and made here."""
+    return importlib.util.find_spec("pyarrow") is not None
+
+
+def binding(segment: Segment) -> dict[str, Any]:
+    """Return what tells a closed segment's events from all others: equal, whatever was compacted.
+
+    Raises:
+        CorruptLogError: Its summary is damaged.
+    """
+    return {
+        "version": VERSION,
+        "log_id": segment.header.info.log_id,
+        "first_event": segment.header.first_event,
+        "events": end_of(segment) - segment.header.first_event,
+        "hash_before": segment.header.hash_so_far.hex(),
+        "hash": segment.head.hex(),
+    }
+
+
+def part_path(folder: Path, stem: str, part: str) -> Path:
+    """Return the file of a part of the tables of a segment."""
+    return folder / f"{stem}.{part}.parquet"
+
+
+def told_path(folder: Path, stem: str) -> Path:
+    """Return the file that says what tables are of."""
+    return folder / f"{stem}.json"
+
+
+def tell(folder: Path, stem: str, segment: Segment) -> str:
+    """Return the text of the file that makes the parts, which lie there, count.
+
+    Raises:
+        OSError: They cannot be read.
+    """
+    from semmap_log.core.arrow.parquet import seal_of
+
+    files = {part: seal_of(part_path(folder, stem, part)) for part in PARTS}
+    return sealed({**binding(segment), "files": files})
+
+
+@dataclass(frozen=True)
+class SegmentTables:
+    """The tables of a segment: what they must be was read, they themselves are not yet."""
+
+    folder: Path
+    stem: str
+    numbers: range
+    """Of the segment's events."""
+    seals: Mapping[str, Seal]
+    """Part -> what its bytes must be."""
+
+    @classmethod
+    def of(cls, folder: Path, segment: Segment) -> SegmentTables | None:
+        """Return those of a closed segment; None: it has none.
+
+        Raises:
+            StaleIndexError: They are of something else, or it cannot be told what they are of.
+        """
+        path, wanted = told_path(folder, segment.path.stem), binding(segment)
+        try:
+            told = unsealed(json.loads(read_own(path, _MOST_TOLD)))
+            seals = {part: told["files"][part] for part in PARTS}
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise StaleIndexError(f"{path}: cannot be read: {error.strerror or error}.") from None
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise StaleIndexError(f"{path}: is damaged: {error}") from None
+        for name, value in wanted.items():
+            if told.get(name) != value:
+                got = f"{name} {told.get(name)}, expected {value}"
+                raise StaleIndexError(
+                    f"{path}: is of another segment, or an older state of it: {got}."
+                )
+        first = int(wanted["first_event"])
+        return cls(folder, segment.path.stem, range(first, first + wanted["events"]), seals)
+
+    def about(self, doors: Collection[int]) -> EventBatch:
+        """Return all events about some doors, in the order of their numbers.
+
+        Raises:
+            StaleIndexError: They are not what was written.
+        """
+        from semmap_log.core.arrow.history_table import columns_of_events, events_in
+
+        with self._opened(EVENTS) as file:
+            rows = _rows_of(file, doors, [*columns_of_events(file.names), "source"])
+            fields = events_in(rows)
+            self._check_numbers(fields["number"])
+            return EventBatch(**fields, sources_of=_Sources(rows, fields["number"]))
+
+    def all_rows(self, names: Collection[str]) -> pa.Table:
+        """Return some columns of all rows, by door; those that no event fills are left out.
+
+        Raises:
+            StaleIndexError: They are not what was written.
+        """
+        with self._opened(EVENTS) as file:
+            return file.all([name for name in file.names if name in names])
+
+    @computed_once
+    def commits(self) -> CommitColumns:
+        """Who and why of all its events.
+
+        Raises:
+            StaleIndexError: They are not what was written.
+        """
+        with self._opened(COMMITS) as file:
+            if file.rows > len(self.numbers):  # each has at least one event
+                raise ValueError(f"{counted(file.rows, 'commit')} of {len(self.numbers)} events")
+            return _commits_of(file.all(), self.numbers)
+
+    def check(self) -> None:
+        """Read every byte of it.
+
+        Raises:
+            StaleIndexError: They are not what was written.
+        """
+        for part in PARTS:
+            with self._opened(part) as file:
+                file.check()
+
+    def check_ends(self) -> None:
+        """Look whether the files are there, as long as they were, and end as they did.
+
+        Raises:
+            StaleIndexError: They are, or do, not.
+        """
+        for part in PARTS:
+            with self._opened(part):
+                pass
+
+    def _check_count(self, rows: int) -> None:
+        if rows != len(self.numbers):
+            raise ValueError(f"expected {counted(len(self.numbers), 'event')}, got {rows}")
+
+    def _check_numbers(self, found: NDArray[np.int64]) -> None:
+        if len(found) and not (int(found[0]) in self.numbers and int(found[-1]) in self.numbers):
+            raise ValueError("events of another segment")
+        if not (np.diff(found) > 0).all():
+            raise ValueError("an event is there twice")
+
+    @contextmanager
+    def _opened(self, part: str) -> Iterator[SealedParquet]:
+        """Hand out a table; whatever goes wrong with it, it is no table.
+
+        Raises:
+            StaleIndexError: It cannot be read, or is not what was written.
+        """
+        from semmap_log.core.arrow.parquet import SealedParquet
+
+        path = part_path(self.folder, self.stem, part)
+        try:
+            with SealedParquet(path, self.seals[part]) as file:
+                if part == EVENTS:
+                    self._check_count(file.rows)
+                yield file
+        except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
+            raise StaleIndexError(f"{path}: is not what was written: {error}.") from None
+
+
+def _rows_of(file: SealedParquet, doors: Collection[int], names: Sequence[str]) -> pa.Table:
+    """Return the rows of some doors, unsorted; groups that cannot hold any are not read."""
+    from semmap_log.core.arrow.arrow_sdk import pa
+
+    wanted = np.array(sorted(doors), np.int64)
+    first, last = np.array(file.spans("door_id"), np.int64).reshape(-1, 2).T
+    begin = np.searchsorted(wanted, first)
+    may_hold = begin < np.searchsorted(wanted, last, "right")
+    parts = []
+    for group in np.flatnonzero(may_hold).tolist():
+        rows = file.group(group, names)
+        ids = rows["door_id"]
+        inside = np.isin(ids.fill_null(0).to_numpy(), wanted)
+        inside &= ids.is_valid().to_numpy() if ids.null_count else True
+        places = np.flatnonzero(inside)
+        if len(places) and places[-1] - places[0] + 1 == len(places):
+            parts.append(rows.slice(int(places[0]), len(places)))
+        else:
+            parts.append(rows.take(pa.array(places)))
+    if not parts:
+        return file.nothing(names)
+    return pa.concat_tables(parts).unify_dictionaries().combine_chunks()
+
+
+def _commits_of(rows: pa.Table, numbers: range) -> CommitColumns:
+    """Return the commits of some events.
+
+    Raises:
+        ValueError: They are not the commits of these events.
+        KeyError: A column is missing.
+    """
+    firsts, counts = rows["first_event"].to_numpy(), rows["count"].to_numpy()
+    ends = np.append(numbers.start, firsts + counts)
+    if not np.array_equal(ends, np.append(firsts, numbers.stop)):
+        raise ValueError("commits of other events")
+    notes, texts = np.zeros(len(firsts), np.intp), [()]
+    for name in NOTE_TEXTS:
+        codes, said = _coded(rows[name])
+        different, notes = np.unique(notes * len(said) + codes, return_inverse=True)
+        texts = [(*texts[d // len(said)], said[d % len(said)]) for d in different.tolist()]
+    ids = b"".join(rows["command_id"].to_pylist())
+    command_id = np.frombuffer(ids, np.uint8).reshape(-1, 16)
+    return CommitColumns(firsts, counts, command_id, notes, cast("list[NoteTexts]", texts))
+
+
+def _coded(column: pa.ChunkedArray) -> tuple[NDArray[np.intp], list[str]]:
+    """Return the place of each text among the different ones, and these; one that is null is ""."""
+    joined = column.combine_chunks()
+    if hasattr(joined, "combine_chunks"):
+        joined = joined.combine_chunks()
+    codes = joined.indices.fill_null(-1).to_numpy(zero_copy_only=False).astype(np.intp) + 1
+    return codes, ["", *joined.dictionary.to_pylist()]
+
+
+class _Sources:
+    """Looks up where the events of some rows are from: see `EventBatch.sources_of`."""
+
+    def __init__(self, rows: pa.Table, numbers: NDArray[np.int64]) -> None:
+        """Take the rows, and their event numbers, sorted."""
+        codes, self._names = _coded(rows["source"])
+        order = np.argsort(rows["event"].to_numpy(), kind="stable")
+        self._codes, self._numbers = codes[order], numbers
+
+    def __call__(self, numbers: NDArray[np.int64]) -> tuple[NDArray[np.intp], Sequence[str]]:
+        return self._codes[np.searchsorted(self._numbers, numbers)], self._names
+
 
 FEW_CHUNKS = 2
 """So few of a segment are read from the log sooner than a table is opened."""

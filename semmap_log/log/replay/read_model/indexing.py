@@ -21,7 +21,7 @@ from semmap_log.errors import (
     OutputError,
     StaleIndexError,
 )
-from semmap_log.log.replay.read_model.segment_tables import (
+from semmap_log.log.replay.read_model.events_about import (
     COMMITS,
     EVENTS,
     FOLDER,
@@ -32,9 +32,8 @@ from semmap_log.log.replay.read_model.segment_tables import (
     tell,
     told_path,
 )
-from semmap_log.store.reading.note_sources import SaidByCommits
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.segment_reading import batches_of
+from semmap_log.store.reading.segment_reading import SaidByCommits, batches_of
 from semmap_log.store.reading.segment_scan import Segment
 
 SAMPLED = 4096
@@ -87,7 +86,7 @@ def index(
         OutputError: The disk does not let us; the log is as it was.
         CorruptLogError: A segment is damaged.
     """
-    from semmap_log.core.arrow import rows_by_door  # noqa: F401 - a missing pyarrow is told before all else
+    from semmap_log.core.arrow import history_table  # noqa: F401 - a missing pyarrow is told before all else
 
     reader = LogReader(log)
     folder = _folder_of(reader)
@@ -289,8 +288,8 @@ def _is_good(folder: Path, segment: Segment, *, thorough: bool) -> bool:
 
 def _make(folder: Path, segment: Segment, pause: Callable[[], None] | None) -> int:
     """Write the tables of a segment, and return how many events they have."""
+    from semmap_log.core.arrow.history_table import RowsByDoor, commit_table
     from semmap_log.core.arrow.parquet import FEW_ROWS, write_groups
-    from semmap_log.core.arrow.rows_by_door import RowsByDoor, commit_table
 
     rows, said = RowsByDoor(), SaidByCommits()
     count = 0

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from semmap_log.analysis.probabilities.chain.markov_chain import (
+from semmap_log.analysis.probabilities.chain.matrix_scan import (
     Steps,
     filtered,
     likelihood,

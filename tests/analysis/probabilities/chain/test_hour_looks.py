@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from semmap_log.analysis.probabilities.chain import hour_modes
-from semmap_log.analysis.probabilities.chain.hour_looks import HourLooks
-from semmap_log.analysis.probabilities.chain.looks import Looks
+from semmap_log.analysis.probabilities.chain.looks import HourLooks, Looks
 from semmap_log.core.model.local_clock import LocalClock
 from tests.analysis.probabilities.known import hours_ns
 

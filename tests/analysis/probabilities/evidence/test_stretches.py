@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semmap_log.analysis.probabilities.evidence.stretches import covered_ns
+from semmap_log.analysis.probabilities.evidence.day_tables import covered_ns
 
 
 def test_what_is_covered_is_what_lies_before() -> None:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.analysis.probabilities.evidence.day_rows import DayRows
-from semmap_log.analysis.probabilities.evidence.day_tables import DayTables
-from semmap_log.analysis.probabilities.methods.averaging import RATE, SHARE, weights
+from semmap_log.analysis.probabilities.evidence.day_tables import DayRows, DayTables
 from semmap_log.analysis.probabilities.methods.habits import (
     HALF_LIVES_D,
+    RATE,
+    SHARE,
     GapSums,
     Habits,
     KindTables,
+    weights,
 )
 
 TABLES = len(HALF_LIVES_D)

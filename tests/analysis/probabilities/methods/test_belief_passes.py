@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.analysis.probabilities.belief_fold import Beliefs
-from semmap_log.analysis.probabilities.estimators import by_name
+from semmap_log.analysis.probabilities.belief_fold import Beliefs, by_name
 from semmap_log.core.model.local_clock import LocalClock
 from tests.analysis.probabilities.telling import DOOR, Told, added, ns_of, passed, seen, told_of
 

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from semmap_log.analysis.probabilities.evidence.day_tables import day_tables
-from semmap_log.analysis.probabilities.methods.averaging import weights
 from semmap_log.analysis.probabilities.methods.effective_days import Variances, _joint, lasting_of
-from semmap_log.analysis.probabilities.methods.habits import WeekCells, habits, slowest_habit
-from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule
-from semmap_log.analysis.probabilities.methods.sensor_noise import noise_of
+from semmap_log.analysis.probabilities.methods.habits import (
+    WeekCells,
+    habits,
+    slowest_habit,
+    weights,
+)
+from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule, noise_of
 from semmap_log.core.model.local_clock import LocalClock
 from tests.analysis.probabilities.known import HOUR_NS, evidence, hours_ns
 

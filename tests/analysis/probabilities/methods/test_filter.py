@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.analysis.probabilities.belief_fold import Beliefs
-from semmap_log.analysis.probabilities.estimators import by_name
+from semmap_log.analysis.probabilities.belief_fold import Beliefs, by_name
 from semmap_log.analysis.probabilities.forecast import Forecast
 from semmap_log.analysis.probabilities.methods.filter import DoorFilter
 from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.analysis.probabilities.evidence.day_rows import DayRows
-from semmap_log.analysis.probabilities.evidence.day_tables import DayTables
+from semmap_log.analysis.probabilities.evidence.day_tables import DayRows, DayTables
 from semmap_log.analysis.probabilities.methods.habits import (
     HALF_LIVES_D,
     KINDS,

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from semmap_log.analysis.probabilities.evidence.day_rows import DayRows
-from semmap_log.analysis.probabilities.evidence.day_tables import DayTables
+from semmap_log.analysis.probabilities.evidence.day_tables import DayRows, DayTables
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.analysis.probabilities.methods.averaging import LEADS_D, lead_of, weights
-from semmap_log.analysis.probabilities.methods.habits import habits
+from semmap_log.analysis.probabilities.methods.habits import LEADS_D, habits, lead_of, weights
 from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule
 from semmap_log.core.model.local_clock import LocalClock
 from tests.analysis.probabilities import known

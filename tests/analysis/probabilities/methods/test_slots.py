@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.analysis.beliefs.patrol import Patrol, visited
+from semmap_log.analysis.beliefs.protocol import Patrol, visited
 from semmap_log.analysis.beliefs.trials import StateIntervals
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule

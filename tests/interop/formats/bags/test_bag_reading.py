@@ -18,8 +18,7 @@ import semmap_log as sl
 from semmap_log.errors import FormatError
 from semmap_log.interop.formats.bags.bag_protocol import BagMessage
 from semmap_log.interop.formats.bags.bag_reading import is_bag, open_bag
-from semmap_log.interop.formats.ros.ros_decoding import MessageType, decode_message
-from semmap_log.interop.formats.ros.ros_types import RosVersion
+from semmap_log.interop.formats.ros.ros_types import MessageType, RosVersion, decode_message
 from tests.interop.formats.bags.bags_of_others import (
     Said,
     write_mcap,

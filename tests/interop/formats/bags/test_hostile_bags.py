@@ -17,7 +17,7 @@ import zstandard
 from semmap_log.errors import FormatError
 from semmap_log.interop.formats.bags.bag_reading import open_bag
 from semmap_log.interop.formats.bags.unpacking import FREE_BYTES, MOST_BYTES, most_unpacked, unpack
-from semmap_log.interop.formats.ros.ros_decoding import MessageType, decode_message
+from semmap_log.interop.formats.ros.ros_types import MessageType, decode_message
 from tests.interop.formats.bags.hostile_bags import (
     HOSTILE,
     MIB,

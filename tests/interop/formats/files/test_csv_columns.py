@@ -18,7 +18,7 @@ from semmap_log.errors import FormatError, MomentError, OutputError
 from semmap_log.interop.formats.files import csv_blocks
 from semmap_log.interop.formats.files import csv_sightings as sightings
 from semmap_log.interop.formats.files.csv_blocks import CsvBlocks
-from semmap_log.interop.formats.files.csv_times import instants_of
+from semmap_log.interop.formats.files.csv_windows import instants_of
 from semmap_log.interop.formats.files.door_csv import read_door_csv
 from semmap_log.interop.formats.parsing.text_column import TextCodes, TextColumn, decimals_in
 

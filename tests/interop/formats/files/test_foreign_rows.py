@@ -15,7 +15,7 @@ from semmap_log.cli import main
 from semmap_log.core.model.moments import format_utc
 from semmap_log.errors import CommandError, FormatError
 from semmap_log.interop.formats.files.door_csv import read_door_csv
-from semmap_log.interop.formats.files.table_forms import PRESETS, form_of
+from semmap_log.interop.formats.files.door_table import PRESETS, form_of
 from semmap_log.interop.importing.importing import ImportOptions, import_file
 
 HOME_ASSISTANT = """entity_id,state,last_changed

@@ -10,7 +10,7 @@ from PIL import Image
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
 from semmap_log.analysis.costmap_2d.map_rules import RULES
 from semmap_log.errors import CostmapError, FormatError
-from semmap_log.interop.formats.files import map_picture
+from semmap_log.interop.formats.files import map_server
 from semmap_log.interop.formats.files.map_server import read_map
 
 HEADER = {
@@ -323,7 +323,7 @@ def test_strips_join_without_a_seam(tmp_path, monkeypatch):
     path = written(tmp_path, Image.effect_noise((7, 50), 80))
     whole = read_map(path)
 
-    monkeypatch.setattr(map_picture, "PIXELS_A_STRIP", 21)
+    monkeypatch.setattr(map_server, "PIXELS_A_STRIP", 21)
 
     assert whole == read_map(path)
 

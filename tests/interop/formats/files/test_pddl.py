@@ -14,15 +14,18 @@ from hypothesis import strategies as st
 from semmap_log.core.model.doors import NAN, Door, DoorId, DoorMap, DoorState, Level
 from semmap_log.errors import CommandError
 from semmap_log.interop.formats.files.pddl import (
+    KEYWORDS,
+    WORDS,
     Likely,
     NamedRoom,
     PddlProblem,
+    Wanted,
     Wishes,
+    dump_domain,
     pass_cost,
+    pddl_names,
     rooms_between,
 )
-from semmap_log.interop.formats.files.pddl_domain import WORDS, dump_domain
-from semmap_log.interop.formats.files.pddl_names import KEYWORDS, Wanted, pddl_names
 from tests.pddl import expression_of
 
 A_NAME = re.compile(r"[a-z][a-z0-9_-]*")

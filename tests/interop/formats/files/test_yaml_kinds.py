@@ -8,7 +8,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import FormatError
-from semmap_log.interop.formats.files.yaml_kinds import kind_of_yaml
+from semmap_log.interop.formats.files.map_server import kind_of_yaml
 from semmap_log.interop.importing.importing import import_file
 
 BUILDING = """name: mill

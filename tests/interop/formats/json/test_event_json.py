@@ -36,9 +36,9 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.core.model.meaning import ALL_CHANGED
 from semmap_log.errors import FormatError, UnknownDoorError
-from semmap_log.interop.formats.json.event_json import event_to_json
+from semmap_log.interop.formats.json.door_json import event_to_json
 from semmap_log.interop.formats.json.event_json_reader import DoorLookup, parse_event_line
-from semmap_log.interop.formats.parsing.file_order import FileOrder
+from semmap_log.interop.formats.parsing.foreign_file import FileOrder
 
 NOON_NS = 1_772_366_400 * 10**9
 NOON = "2026-03-01T12:00:00.000000000Z"

@@ -6,9 +6,9 @@ from json_lines_page import PAGE, page
 
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import KINDS
-from semmap_log.interop.formats.json.event_json_keys import OF_EVERY_KIND, help_text, kinds_and_keys
 from semmap_log.interop.formats.json.event_json_reader import DoorLookup, parse_event_line
-from semmap_log.interop.formats.parsing.file_order import FileOrder
+from semmap_log.interop.formats.json.trip_json import OF_EVERY_KIND, help_text, kinds_and_keys
+from semmap_log.interop.formats.parsing.foreign_file import FileOrder
 
 VALUES = {
     "door_id|door": ("door_id", "7"), "state": ("state", '"OPEN"'), "name": ("name", '"x"'),

@@ -10,9 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semmap_log.analysis.scans.kept_visit import KeptVisit, folder_beside
-from semmap_log.analysis.scans.placed_scan import PlacedScan
-from semmap_log.analysis.scans.visit import Visit
+from semmap_log.analysis.scans.visit import KeptVisit, PlacedScan, Visit, folder_beside
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.errors import OutputError
 from semmap_log.interop.formats.kept_scans.reading import (

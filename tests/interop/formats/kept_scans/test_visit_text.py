@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from semmap_log.interop.formats.kept_scans.visit_text import ToldVisit, read_text, text_of
+from semmap_log.interop.formats.kept_scans.scan_messages import ToldVisit, read_text, text_of
 from tests.analysis.scans.some_visits import some_visit
 
 TOLD = ToldVisit(some_visit(laser="laser"), 0, (1.0, 2.0, 0.5, 0.9), (), 7)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from semmap_log.interop.formats.bags.mcap_reading import MAGIC
-from semmap_log.interop.formats.bags.mcap_records import records
+from semmap_log.interop.formats.bags.bag_protocol import MAGIC
+from semmap_log.interop.formats.bags.unpacking import records
 
 
 def chunks_at(path: Path) -> list[int]:

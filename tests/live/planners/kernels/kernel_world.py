@@ -10,8 +10,7 @@ from typing import Any
 
 import semmap_log as sl
 from semmap_log.live.planners.addresses import TcpAddress
-from semmap_log.live.planners.kernels.kernel_service import Kernels, KernelService
-from semmap_log.live.planners.kernels.kernel_session import Patience
+from semmap_log.live.planners.kernels.kernel_service import Kernels, KernelService, Patience
 from semmap_log.live.planners.oracle import Oracle
 from semmap_log.live.ros.serving.door_server import DoorServer
 from semmap_log.live.ros.serving.saving import DoorSaver

@@ -16,14 +16,14 @@ from semmap_log.errors import PasserError
 from semmap_log.live.planners.addresses import TcpAddress
 from semmap_log.live.planners.asked import AskedQuestion
 from semmap_log.live.planners.door_view import DoorView
-from semmap_log.live.planners.kernels import kernel_questions, kernel_session
-from semmap_log.live.planners.kernels.kernel_service import Kernels
-from semmap_log.live.planners.kernels.kernel_session import (
+from semmap_log.live.planners.kernels import kernel_questions, kernel_service
+from semmap_log.live.planners.kernels.kernel_service import (
     MOST_WAITING_BYTES,
+    Kernels,
     KernelSession,
     Patience,
 )
-from semmap_log.live.planners.kernels.message_passer import PasserConnection
+from semmap_log.live.planners.kernels.passer_frames import PasserConnection
 from semmap_log.live.planners.question_lines import Answer, Atom
 from tests.live.planners.kernels.kernel_world import KernelWorld, make_log, serving_kernels
 from tests.live.planners.kernels.stub_passer import StubKernel, StubPasser
@@ -253,7 +253,7 @@ def test_complaints_have_an_end(kernel: StubKernel, world: KernelWorld) -> None:
     assert kernel.answer("(ASK 1 (DOORS))", "1")
 
     said = [text for text in world.said if "sent" in text]
-    assert len(said) == kernel_session.MOST_COMPLAINTS
+    assert len(said) == kernel_service.MOST_COMPLAINTS
     assert world.said[-1] == "OPRS: more such messages are not told."
 
 
@@ -426,7 +426,7 @@ def test_what_was_answered_early_is_not_kept_until_its_time(
     """
     A kernel that waits all day, again and again, fills no memory.
     """
-    monkeypatch.setattr(kernel_session, "MOST_WAITS", 2)
+    monkeypatch.setattr(kernel_service, "MOST_WAITS", 2)
     for number in range(30):
         state = "OPEN" if number % 2 else "CLOSED"
         kernel.send(f"(ASK w{number} (WAIT_UNTIL DOOR_1 {state} 86400))")
@@ -532,7 +532,7 @@ def test_changes_that_a_slow_passer_has_no_time_for_become_one(
     """
     world = patient
     passer.wait_for("K1", ALL[-1])
-    monkeypatch.setattr(kernel_session, "MOST_WAITING_BYTES", 1)
+    monkeypatch.setattr(kernel_service, "MOST_WAITING_BYTES", 1)
     before = len(_facts(passer))
     with monkeypatch.context() as slow:
         slow.setattr(PasserConnection, "send", lambda _: None)
@@ -705,8 +705,8 @@ def test_answers_that_nobody_takes_fill_no_memory(
     assert "NIL" == kernel.answer("(ASK up (DOOR_OPEN DOOR_99))", "up")  # from here on it serves
     session = world.service._session
     assert session is not None
-    monkeypatch.setattr(kernel_session, "MOST_ANSWER_BYTES", 5000)
-    monkeypatch.setattr(kernel_session, "MOST_WAITING_BYTES", 500)
+    monkeypatch.setattr(kernel_service, "MOST_ANSWER_BYTES", 5000)
+    monkeypatch.setattr(kernel_service, "MOST_WAITING_BYTES", 500)
     with monkeypatch.context() as silent:
         silent.setattr(PasserConnection, "send", lambda _: None)
         for number in range(100):

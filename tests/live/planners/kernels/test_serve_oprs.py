@@ -158,7 +158,7 @@ def test_the_port_may_be_left_out(given: str, where: str) -> None:
     """
     A message passer has one of its own.
     """
-    from semmap_log.cli.oprs import chosen_kernels
+    from semmap_log.cli.ask import chosen_kernels
 
     kernels = chosen_kernels(given, None, None)
 

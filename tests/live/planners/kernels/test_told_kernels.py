@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.live.planners.kernels.s_expressions import read_expression
-from semmap_log.live.planners.kernels.told_kernels import (
+from semmap_log.live.planners.kernels.passer_frames import (
     FIRST_PAUSE_S,
     LONGEST_PAUSE_S,
     ToldKernels,
 )
+from semmap_log.live.planners.kernels.s_expressions import read_expression
 from tests.live.planners.kernels.kernel_world import make_log
 from tests.live.planners.kernels.test_passer_frames import parts_of
 

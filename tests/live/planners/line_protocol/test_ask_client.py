@@ -13,8 +13,8 @@ import pytest
 from semmap_log.cli.ask import _lines_of_stdin
 from semmap_log.errors import AddressError
 from semmap_log.live.planners.addresses import UnixAddress
-from semmap_log.live.planners.line_protocol import ask_client
-from semmap_log.live.planners.line_protocol.ask_client import AskClient
+from semmap_log.live.planners.line_protocol import tokens
+from semmap_log.live.planners.line_protocol.tokens import AskClient
 from semmap_log.live.planners.question_lines import MOST_LINE_BYTES
 
 
@@ -22,7 +22,7 @@ def test_an_answer_without_end_is_refused(tmp_path: Path, monkeypatch: pytest.Mo
     """
     What listens there may be any program.
     """
-    monkeypatch.setattr(ask_client, "MOST_ANSWER_BYTES", 2**20)
+    monkeypatch.setattr(tokens, "MOST_ANSWER_BYTES", 2**20)
     path = tmp_path / "stranger"
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(path))

@@ -22,11 +22,13 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.errors import AddressError, QuestionError
 from semmap_log.live.planners.addresses import read_address
-from semmap_log.live.planners.learnt import LearntDoors
-from semmap_log.live.planners.line_protocol import admission, ask_server
-from semmap_log.live.planners.line_protocol.ask_client import AskClient
+from semmap_log.live.planners.door_view import STATE_QUESTIONS, LearntDoors
+from semmap_log.live.planners.line_protocol import ask_server
+from semmap_log.live.planners.line_protocol import connection as admission
 from semmap_log.live.planners.line_protocol.ask_server import MOST_KNOWN_LINES, AskServer
 from semmap_log.live.planners.line_protocol.connection import MOST_ANSWERS_BYTES, Connection
+from semmap_log.live.planners.line_protocol.tokens import AskClient
+from semmap_log.live.planners.oracle import Wait
 from semmap_log.live.planners.question_lines import (
     MOST_LINE_BYTES,
     Answer,
@@ -37,8 +39,6 @@ from semmap_log.live.planners.question_lines import (
     write_answer,
     write_error,
 )
-from semmap_log.live.planners.state_answers import STATE_QUESTIONS
-from semmap_log.live.planners.waits import Wait
 from tests.live.oprs.line_server import LineServer
 from tests.live.planners.asker import Asker
 from tests.live.planners.line_protocol.running_server import Raw, serving, unix_in

@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from semmap_log.live.planners.line_protocol.connection import Connection
-from semmap_log.live.planners.line_protocol.turns import Turns
+from semmap_log.live.planners.line_protocol.connection import Connection, Turns
 from tests.live.ros.running import wait_until
 
 PART_S = 0.01

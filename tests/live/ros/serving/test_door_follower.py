@@ -10,7 +10,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.errors import LogError, NotALogError
 from semmap_log.live.ros.ros_node import Outcome
-from semmap_log.live.ros.serving.door_follower import DoorFollower
+from semmap_log.live.ros.serving.yaml_start import DoorFollower
 from tests.live.ros.running import wait_until
 from tests.live.ros.serving.goals import DOOR, goal_of
 

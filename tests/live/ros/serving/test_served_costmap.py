@@ -19,8 +19,8 @@ from semmap_log.analysis.costmap_2d.costs import (
 )
 from semmap_log.analysis.costmaps import CostmapOptions, costmap_at
 from semmap_log.core.model.events import FloorMap
-from semmap_log.live.ros.serving.served_costmap import ServedCostmaps
 from semmap_log.live.ros.serving.served_topics import LevelNames, ServedTopics, levels_of
+from semmap_log.live.ros.serving.server import ServedCostmaps
 from tests.live.ros.collecting_node import CollectingNode
 
 MASTER, LAYER = "semmap/costmap", "semmap/door_layer"

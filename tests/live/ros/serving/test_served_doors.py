@@ -9,8 +9,12 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.core.model.events import LevelAdded
-from semmap_log.live.ros.serving.served_doors import ServedDoors
-from semmap_log.live.ros.serving.served_topics import LevelNames, ServedTopics, levels_of
+from semmap_log.live.ros.serving.served_topics import (
+    LevelNames,
+    ServedDoors,
+    ServedTopics,
+    levels_of,
+)
 from tests.live.ros.collecting_node import CollectingNode
 
 DB, MARKERS = "lta_semantic_map_door_db", "semmap/doors"

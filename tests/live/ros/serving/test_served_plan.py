@@ -21,8 +21,7 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.core.model.moments import SECOND_NS, parse_instant
 from semmap_log.interop.formats.ros.ros_types import RosVersion
-from semmap_log.live.ros.serving.served_plan import PLAN, PatrolWish, ServedPlan
-from semmap_log.live.ros.serving.served_topics import ServedTopics
+from semmap_log.live.ros.serving.served_topics import PLAN, PatrolWish, ServedPlan, ServedTopics
 from tests.analysis.planning.ward import DOOR_Y, FRONT, LAB, TZ, ward
 from tests.conftest import SteadyClock
 from tests.live.ros.collecting_node import CollectingNode

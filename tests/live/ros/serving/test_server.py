@@ -14,8 +14,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.core.model.doors import DoorMap
 from semmap_log.errors import LogError
-from semmap_log.live.ros.action_names import DEFAULTS
-from semmap_log.live.ros.ros_node import Goal
+from semmap_log.live.ros.ros_node import DEFAULTS, Goal
 from semmap_log.live.ros.serving.door_server import DoorServer
 from semmap_log.live.ros.serving.saving import DoorSaver
 from semmap_log.live.ros.serving.server import ServeOptions, Server

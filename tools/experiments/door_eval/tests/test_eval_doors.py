@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from eval_doors import ESTIMATORS, _Set, step_of
 
-from semmap_log.analysis.probabilities.estimators import ESTIMATORS as KNOWN
+from semmap_log.analysis.probabilities.belief_fold import ESTIMATORS as KNOWN
 
 TOOL = Path(__file__).parents[2] / "eval_doors.py"
 MODES = ["frozen", "daily", "lag_1h", "lag_6h", "lag_24h", "patrol_30m", "patrol_4h"]

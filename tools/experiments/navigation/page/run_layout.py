@@ -15,7 +15,7 @@ from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import FloorMap
 from semmap_log.views.palette import DEFAULT
 from semmap_log.views.rerun.rerun_sdk import rr, rrb
-from semmap_log.views.rerun.rows import HAPPENED, entity
+from semmap_log.views.rerun.scene import HAPPENED, entity
 
 MOST_LANES = 20
 """Doors that were wrong for the longest come first; more lanes could not be read."""

@@ -23,9 +23,9 @@ from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import FloorMap
 from semmap_log.views.palette import DEFAULT, Rgb, packed
 from semmap_log.views.rerun.file import open_recording
-from semmap_log.views.rerun.floor import picture_of
 from semmap_log.views.rerun.rerun_sdk import rr
-from semmap_log.views.rerun.rows import HAPPENED, entity, rgba
+from semmap_log.views.rerun.robot_track import picture_of
+from semmap_log.views.rerun.scene import HAPPENED, entity, rgba
 
 WRONG: Rgb = (0xFF, 0x4F, 0xD8)
 OF_OUTCOME: Mapping[Outcome, Rgb] = {
