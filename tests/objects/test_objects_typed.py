@@ -101,7 +101,7 @@ def test_tables_call_states_as_the_class_does(run) -> None:
         "history office west": "seen taken (90%), was free",
         "tail office": "seen taken (90%)",
         "timeline office west": "\ttaken\t",
-        "why office west --at now": "seen taken (90%), was free",
+        "why office west --at now": "before that free",
         "replay office": "\tdock\ttaken\t",
         "show office 5": "west",
     }
