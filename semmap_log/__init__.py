@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from semmap_log.core.folds.projection import Projection
     from semmap_log.core.io.made_logs import MadeLog
     from semmap_log.core.model.commits import Note
-    from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState
-    from semmap_log.core.model.object_classes import Geometry, ObjectClass
+    from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState, Geometry, ObjectClass
     from semmap_log.errors import SemmapError
     from semmap_log.fleet.jobs.fleet_run import fleet
     from semmap_log.fleet.join.joining_logs import join
@@ -63,12 +62,21 @@ __all__ = [
 _HOMES = {
     "core.batches.event_batch": ("EventBatch",),
     "core.model.commits": ("Note",),
-    "core.model.doors": ("Door", "DoorId", "DoorMap", "DoorState"),
-    "core.model.object_classes": ("Geometry", "ObjectClass"),
+    "core.model.doors": (
+        "Door",
+        "DoorId",
+        "DoorMap",
+        "DoorState",
+        "Geometry",
+        "ObjectClass",
+    ),
     "log.door_log.appended": ("Appended",),
     "log.door_log.door_log": ("DoorLog",),
     "log.door_log.door_log_writer": ("DoorLogWriter",),
-    "log.door_log.opening": ("append", "create"),
+    "log.door_log.opening": (
+        "append",
+        "create",
+    ),
     "log.door_log.read_log": ("read",),
     "errors": ("SemmapError",),
     "fleet.join.joining_logs": ("join",),

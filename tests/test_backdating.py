@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.analysis.beliefs.belief_query import learn
+from semmap_log.analysis.beliefs.door_beliefs import learn
 from semmap_log.cli import main
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorObserved, Retracted

@@ -14,9 +14,8 @@ from batch_columns import MODULE, written
 
 import semmap_log as sl
 from semmap_log.analysis.beliefs.applying import apply_probabilities
-from semmap_log.analysis.beliefs.belief_query import learn
 from semmap_log.analysis.beliefs.best_times import best_time
-from semmap_log.analysis.beliefs.door_beliefs import probabilities, typical_weeks
+from semmap_log.analysis.beliefs.door_beliefs import learn, probabilities, typical_weeks
 from semmap_log.analysis.beliefs.evaluation import evaluate
 from semmap_log.analysis.beliefs.protocol import Patrol, Protocol
 from semmap_log.analysis.beliefs.sensor_calibration import calibrate
@@ -39,7 +38,7 @@ from semmap_log.interop.exporting.stream import StreamOptions
 from semmap_log.interop.importing.importing import ImportOptions, import_file
 from semmap_log.live.ros.player import PlayOptions
 from semmap_log.live.ros.serving.server import ServeOptions
-from semmap_log.log.door_log.asked_doors import LogTables
+from semmap_log.log.door_log.times import LogTables
 from tests.conftest import SteadyClock
 
 UNKNOWN = "acuracy_of_nothing"
@@ -124,7 +123,7 @@ TAKE_ANY = {
     "semmap_log.views.plots.matplotlib_sdk.new_figure": "matplotlib's own, which refuses others",
     "semmap_log.interop.formats.ros.ros_types.new": "a message's fields, which its class knows",
     "semmap_log.core.arrow.scanned_table.scanner": "DuckDB's own, which says more than is wanted",
-    "semmap_log.log.door_log.asked_doors.sql": "names of logs, as whoever asks calls them",
+    "semmap_log.log.door_log.times.sql": "names of logs, as whoever asks calls them",
     "semmap_log.analysis.sql.sql_query.sql": "names of logs, as whoever asks calls them",
     "semmap_log.fleet.__call__": "hands all on to `fleet_run.fleet`, which is looked at above",
 }

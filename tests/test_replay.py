@@ -31,7 +31,7 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.core.model.meaning import ALL_CHANGED
 from semmap_log.errors import CommandError, InvalidEventError
-from semmap_log.log.door_log.validator import Validator
+from semmap_log.log.door_log.known_past import Validator
 from semmap_log.log.replay.keyframes import decode, encode
 from tests.conftest import SteadyClock
 from tests.core.folds.dictionary_model import ALL, Told, model

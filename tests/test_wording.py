@@ -22,7 +22,7 @@ NEVER_ONE = {
     "log/door_log/door_index.py:  can mean {len(doors)} doors",
     "interop/importing/import_plan.py: : the log has {len(found)} doors",
     "interop/importing/line_commits.py: {len(found)} doors",
-    "views/rerun/blueprint.py: {level.name} doors",
+    "views/rerun/recording.py: {level.name} doors",
 }
 """Told where there are several, or none; the last is no number."""
 

@@ -28,7 +28,7 @@ MEASURED = (
     "semmap_log/store/writing/uniform_commit.py",
     "semmap_log/store/writing/segment_chain.py",
     "semmap_log/store/writing/writer_opening.py",
-    "semmap_log/store/writing/keyframe_source.py",
+    "semmap_log/store/writing/writer.py",
     "semmap_log/store/lock.py",
     "semmap_log/core/io/disk.py",
     "semmap_log/core/messages/layout.py",

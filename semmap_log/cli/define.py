@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class GeometryChoice(str, Enum):
-    """`semmap_log.core.model.object_classes.Geometry`, as typer wants its choices."""
+    """`semmap_log.core.model.doors.Geometry`, as typer wants its choices."""
 
     segment = "segment"
     polygon = "polygon"

@@ -29,7 +29,7 @@ from semmap_log.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.interop.exporting.log_bag import RecordedBag
+    from semmap_log.interop.exporting.log_files import RecordedBag
     from semmap_log.interop.exporting.stream import StreamOptions
     from semmap_log.log.door_log.door_log import DoorLog, Time
     from semmap_log.log.replay.replay import Scope
@@ -245,7 +245,7 @@ def _absolute(log: DoorLog, span: tuple[Time, Time]) -> tuple[Time, Time]:
 def _write_bag(
     log: DoorLog, out: Path, options: StreamOptions, span: tuple[Time, Time], *, as_json: bool
 ) -> None:
-    from semmap_log.interop.exporting.log_bag import record_bag
+    from semmap_log.interop.exporting.log_files import record_bag
 
     with progress("Exporting", unit="events") as told:
         done = record_bag(log, out, options, since=span[0], until=span[1], progress=told)

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from semmap_log.interop.importing.rebase_files import RebaseMoment
     from semmap_log.log.door_log.door_log import DoorLog
     from semmap_log.log.door_log.door_log_writer import About
-    from semmap_log.log.door_log.map_fit import MapFit
-    from semmap_log.log.door_log.rebasing import RebasePlan
+    from semmap_log.log.door_log.rebasing import MapFit, RebasePlan
 
 
 @takes_about
@@ -105,7 +104,7 @@ def run(
     from semmap_log.cli.annotate import tell
     from semmap_log.interop.formats.files.map_server import read_map
     from semmap_log.interop.formats.json.evaluation_json import rebase_to_json
-    from semmap_log.log.door_log.map_fit import MOST_RESIDUAL_M
+    from semmap_log.log.door_log.rebasing import MOST_RESIDUAL_M
 
     _check_together(by, pairs, most_residual)
     most_m = MOST_RESIDUAL_M if most_residual is None else most_residual
@@ -163,7 +162,7 @@ def _transform(
         CommandError: A pair does not fit.
     """
     from semmap_log.core.model.rigid_transform import RigidTransform
-    from semmap_log.log.door_log.map_fit import check_fit
+    from semmap_log.log.door_log.rebasing import check_fit
     from semmap_log.views.rebase_table import pairs_table
 
     if pairs is None:

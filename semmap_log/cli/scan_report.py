@@ -308,7 +308,7 @@ def _plot(seen: SeenVisits, report: ScanReport, out: Path, palette: Palette) -> 
         DoorPictures,
         plot_sightings,
     )
-    from semmap_log.views.sightings.chosen import drawn_visits
+    from semmap_log.views.sightings.visit_words import drawn_visits
 
     if not report.doors:
         say(f"{out}: not written; no door was visited.")

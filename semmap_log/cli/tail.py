@@ -167,8 +167,8 @@ def _json_line(recorded: RecordedEvent, note: Note) -> str:
 
 def _words(opened: DoorLog, *, for_people: bool) -> Callable[[RecordedEvent, Note], str]:
     """Return what makes a line of an event; doors that are named meanwhile get their names."""
+    from semmap_log.core.model.doors import CLASS
     from semmap_log.core.model.events import ClassDefined, DoorAnnotated
-    from semmap_log.core.model.object_classes import CLASS
     from semmap_log.views.column_table import line_of
     from semmap_log.views.tail_lines import event_line, event_row
 

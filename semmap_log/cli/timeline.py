@@ -56,7 +56,7 @@ def run(
     if as_json:
         print_json(timeline_to_json(found, name=opened.door_names().get(door_id)))
         return
-    from semmap_log.core.model.object_classes import DOOR
+    from semmap_log.core.model.doors import DOOR
     from semmap_log.views.timeline_table import timeline_pages, timeline_totals
 
     out, of = console(), opened.objects().get(door_id, DOOR)

@@ -12,7 +12,7 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.batches.event_columns import NO_TIME
+from semmap_log.core.batches.taken_columns import NO_TIME
 from semmap_log.core.messages import CDR_HEADER, OBJECT_KINDS, fixed_layout
 from semmap_log.core.model.events import KINDS
 from semmap_log.store import records as mcap

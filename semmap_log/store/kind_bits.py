@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch, SourcesOf, distinct
-from semmap_log.core.batches.event_columns import LazyColumns, places_by_kind
+from semmap_log.core.batches.taken_columns import LazyColumns, places_by_kind
 from semmap_log.core.lazily import computed_once
 from semmap_log.core.loops import compiled
 from semmap_log.core.messages import decode, fixed_layout, layout, read_message, type_name

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from semmap_log.analysis.beliefs.belief_query import EvidenceSummary
+from semmap_log.analysis.beliefs.door_beliefs import EvidenceSummary
 from semmap_log.analysis.planning.followed_round import FollowedRound, RoundStep
 from semmap_log.analysis.planning.patrol_plan import PlannedStop
 from semmap_log.analysis.probabilities.evidence.coverage import WEEK, spans_in_short

@@ -12,7 +12,7 @@ from typing import cast
 
 from typing_extensions import assert_never
 
-from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.doors import DOOR, DoorState, ObjectClass
 from semmap_log.core.model.events import (
     AnyEvent,
     ClassDefined,
@@ -38,7 +38,6 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.core.model.meaning import PARTS, Changed
 from semmap_log.core.model.moments import format_utc
-from semmap_log.core.model.object_classes import DOOR, ObjectClass
 from semmap_log.core.texts import counted, percent
 
 

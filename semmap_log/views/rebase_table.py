@@ -17,8 +17,7 @@ from semmap_log.analysis.planning.round_task import AtShutDoor, ShutDoorChoice
 from semmap_log.core.model.doors import Door, DoorId, DoorState
 from semmap_log.core.model.moments import SECOND_NS, format_local, format_short
 from semmap_log.core.texts import counted
-from semmap_log.log.door_log.map_fit import MapFit
-from semmap_log.log.door_log.rebasing import MovedDoor, RebasePlan
+from semmap_log.log.door_log.rebasing import MapFit, MovedDoor, RebasePlan
 from semmap_log.views.belief_words import named, with_interval
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable

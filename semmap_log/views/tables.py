@@ -20,11 +20,10 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from semmap_log.core.folds.levels import levels_of
-from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState
+from semmap_log.core.model.doors import DOOR, Door, DoorId, DoorMap, DoorState, ObjectClass
 from semmap_log.core.model.events import DoorUpdated, Event, FloorMap, RobotPose, field_names
 from semmap_log.core.model.meaning import PART_OF
 from semmap_log.core.model.moments import format_local, format_short
-from semmap_log.core.model.object_classes import DOOR, ObjectClass
 from semmap_log.core.texts import command_line, counted
 from semmap_log.views.column_table import (
     Cell,

@@ -24,11 +24,9 @@ from semmap_log.analysis.beliefs.evaluation import Evaluation
 from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_short
 from semmap_log.analysis.probabilities.scores import Scores
 from semmap_log.core.folds.history import HistoryEntry
-from semmap_log.core.folds.sighting_hold import Hold
-from semmap_log.core.folds.timeline import Interval, Timeline
-from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.folds.timeline import Hold, Interval, Timeline
+from semmap_log.core.model.doors import DOOR, DoorId, DoorState, ObjectClass
 from semmap_log.core.model.moments import DAY_NS, SECOND_NS, format_local, format_short
-from semmap_log.core.model.object_classes import DOOR, ObjectClass
 from semmap_log.core.texts import counted, percent
 from semmap_log.log.door_log.explanation import Explanation, StateReason
 from semmap_log.views.belief_words import moment_in_words, why_unknown, with_interval

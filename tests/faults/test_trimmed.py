@@ -11,7 +11,7 @@ import pytest
 from fault_injection.trimmed import Played, play
 
 import semmap_log as sl
-from semmap_log.store.writing import command_memory
+from semmap_log.store.writing import segment_chain
 from tests.faults.running import faults, is_tried
 
 TRIMMED = ("write", "write", "large", "thin", "keep")
@@ -46,7 +46,7 @@ def test_a_command_that_is_stored_again_is_noticed(
     """
     A log that forgets the commands of what was trimmed is wrong as soon as one is repeated.
     """
-    monkeypatch.setattr(command_memory, "gone_commands", lambda _: iter(()))
+    monkeypatch.setattr(segment_chain, "gone_commands", lambda _: iter(()))
 
     played = _played(room, (*TRIMMED, *RESENT))
 

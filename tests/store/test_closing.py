@@ -172,7 +172,7 @@ def test_a_wrong_index_of_commands_is_damage(
     All checksums are right, a fingerprint is another's: only the commits tell.
     """
     with monkeypatch.context() as patch:
-        import semmap_log.store.writing.command_memory  # noqa: F401 - not first under the patch
+        import semmap_log.store.writing.segment_chain  # noqa: F401 - not first under the patch
 
         patch.setattr("semmap_log.store.command_index.fingerprint", lambda _: 7)
         path = write_log(tmp_path / "log", 5)

@@ -10,7 +10,7 @@ from PIL import Image
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
 from semmap_log.core.model.doors import DoorState
 from semmap_log.errors import CostmapError
-from semmap_log.views.costmap_picture import MARGIN_PX, DoorMark, costmap_png
+from semmap_log.views.label_places import MARGIN_PX, DoorMark, costmap_png
 from semmap_log.views.palette import COST_DOORS
 
 ROOM = np.zeros((40, 60), np.uint8)

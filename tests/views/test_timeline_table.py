@@ -8,8 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from semmap_log.core.folds.sighting_hold import Hold
-from semmap_log.core.folds.timeline import Timeline
+from semmap_log.core.folds.timeline import Hold, Timeline
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.views.timeline_table import (
     PAGE_ROWS,

@@ -13,8 +13,7 @@ import semmap_log as sl
 from benchmark import plain_beliefs
 from benchmark.case import Case, Near, Peer, Work
 from benchmark.peers import OURS, on_cores
-from semmap_log.analysis.beliefs.belief_query import ask
-from semmap_log.analysis.beliefs.door_beliefs import DoorBelief, belief, probabilities
+from semmap_log.analysis.beliefs.door_beliefs import DoorBelief, ask, belief, probabilities
 from semmap_log.analysis.probabilities.belief_fold import by_name
 from semmap_log.analysis.probabilities.evidence.evidence import Evidence
 from semmap_log.core.batches.event_batch import EventBatch

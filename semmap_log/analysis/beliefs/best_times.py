@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.beliefs.belief_query import BeliefQuery, ask
 from semmap_log.analysis.beliefs.door_beliefs import (
     WEEK_HOURS,
+    BeliefQuery,
     DoorBelief,
     WeekPattern,
+    ask,
     belief,
     default_estimator,
     typical_week,

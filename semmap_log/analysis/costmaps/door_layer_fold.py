@@ -21,9 +21,16 @@ from semmap_log.analysis.costmap_2d.costs import (
 from semmap_log.analysis.costmap_2d.grid import CellWindow, GridGeometry
 from semmap_log.core.batches.event_batch import EventBatch, distinct
 from semmap_log.core.folds.door_map import DoorMapState
-from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState
+from semmap_log.core.model.doors import (
+    DOOR,
+    Door,
+    DoorId,
+    DoorMap,
+    DoorState,
+    Geometry,
+    ObjectClass,
+)
 from semmap_log.core.model.events import ClassDefined
-from semmap_log.core.model.object_classes import DOOR, Geometry, ObjectClass
 
 By = Literal["state", "belief"]
 """What decides on a door's cost: its state (the thesis, 4.3), or how likely it is to be open."""

@@ -25,7 +25,7 @@ from semmap_log.analysis.costmaps.door_layer_fold import By, DoorLayerProjection
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.levels import check_class, level_shown, resolve_level
-from semmap_log.core.model.doors import DoorId, DoorMap
+from semmap_log.core.model.doors import OUTLINE, DoorId, DoorMap, outline_told
 from semmap_log.core.model.events import (
     POSE_KINDS,
     SETTING_KINDS,
@@ -36,7 +36,6 @@ from semmap_log.core.model.events import (
     Retracted,
 )
 from semmap_log.core.model.keywords import knows_its_keywords, knows_keywords
-from semmap_log.core.model.object_classes import OUTLINE, outline_told
 from semmap_log.errors import CostmapError
 from semmap_log.log.door_log.clock_warnings import warn_of_clock
 from semmap_log.log.door_log.door_log import DoorLog, Time

@@ -23,15 +23,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.beliefs.belief_query import BeliefQuery, ask
-from semmap_log.analysis.beliefs.door_beliefs import default_estimator
+from semmap_log.analysis.beliefs.door_beliefs import BeliefQuery, ask, default_estimator
 from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs
 from semmap_log.analysis.probabilities.beta import beta_interval
 from semmap_log.analysis.probabilities.estimator import StateModel
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.evidence.samples import KnownTime
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.folds.sighting_hold import REPEATS_NS
+from semmap_log.core.folds.timeline import REPEATS_NS
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorObserved, DoorPassed, DoorRemoved

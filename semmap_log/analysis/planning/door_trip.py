@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semmap_log.analysis.beliefs.belief_query import BeliefQuery
+from semmap_log.analysis.beliefs.door_beliefs import BeliefQuery
 from semmap_log.analysis.planning.door_chances import (
     UNKNOWN_P,
     DoorChances,

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Final, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.beliefs.belief_query import BeliefQuery
+from semmap_log.analysis.beliefs.door_beliefs import BeliefQuery
 from semmap_log.analysis.planning.door_chances import (
     LONGEST_S,
     UNKNOWN_P,

@@ -61,8 +61,8 @@ from semmap_log.core.model.doors import MAX_DOOR_ID, Door, DoorId, DoorMap, Door
 from semmap_log.core.model.events import KINDS, RobotPose
 from semmap_log.core.model.meaning import FIELDS
 from semmap_log.core.model.moments import SECOND_NS, parse_duration
-from semmap_log.log.door_log.asked_doors import LogPart
 from semmap_log.log.door_log.door_log import DoorLog, Time
+from semmap_log.log.door_log.times import LogPart
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.window import Window
 

@@ -6,17 +6,29 @@ each look at a hundred events is a fiftieth of the time that a durable commit of
 The columns that a batch of each kind is made from, spelt out for editors and type checkers.
 
 The signatures are written by `python tools/batch_columns.py`, from the table of events.
+
+The fields of many events of one kind as a structured array: made, and checked, all at once.
+
+An event checks its values when it is made; rows that never were events are checked here by the
+same rules, and the first that breaks one is named.
+
+Where among many events those of each kind are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, overload
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from semmap_log.core.model.doors import DoorId
+from semmap_log.core.loops import compiled
+from semmap_log.core.messages import OBJECT_KINDS, fixed_layout
+from semmap_log.core.model.doors import NO_LEVEL, DoorId, is_given
 from semmap_log.core.model.events import (
+    KINDS,
     DoorAdded,
     DoorEvent,
     DoorObserved,
@@ -30,9 +42,14 @@ from semmap_log.core.model.events import (
     Retracted,
     RobotPose,
     SightingsThinned,
+    defaults_of,
+    event_of,
     field_names,
 )
 from semmap_log.core.model.keywords import unknown_keyword
+from semmap_log.core.model.meaning import HAPPENED, Changed
+from semmap_log.core.model.rules import Fit, Rule
+from semmap_log.errors import InvalidEventError
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -254,3 +271,256 @@ class MadeOfColumns:
     ) -> Self:
         """Return the batch; the names of the fields are known to be right."""
         raise NotImplementedError
+
+
+Rows = NDArray[np.void]
+
+
+Places = NDArray[np.intp] | slice
+"""Which rows of a kind: their places among all, or a slice of them."""
+
+
+class LazyColumns(Mapping[int, Rows]):
+    """Kind -> the fields of its events, made when somebody asks for that kind."""
+
+    def __init__(self, kinds: Collection[int], make: Callable[[int, Places], Rows]) -> None:
+        """Take note of them.
+
+        Args:
+            kinds: Which there are.
+            make: Returns the rows of a kind at some places.
+        """
+        self._kinds = kinds
+        self._make = make
+        self._made: dict[int, Rows] = {}
+
+    def __getitem__(self, kind: int) -> Rows:
+        rows = self._made.get(kind)
+        if rows is None:
+            if kind not in self._kinds:
+                raise KeyError(kind)
+            rows = self._made[kind] = self._make(kind, slice(None))
+        return rows
+
+    def some(self, kind: int, places: NDArray[np.intp]) -> Rows:
+        """Return the rows of a kind at some places; the others are not made for it."""
+        return self._made[kind].take(places) if kind in self._made else self._make(kind, places)
+
+    def __contains__(self, kind: object) -> bool:
+        return kind in self._kinds
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._kinds)
+
+    def __len__(self) -> int:
+        return len(self._kinds)
+
+
+NO_TIME = -1
+"""Stands in a column of happened times for one that was not given: the log's clock says it."""
+
+
+def rows_of(kind: type[Event], fields: Mapping[str, NDArray[Any]], count: int) -> Rows:
+    """Return columns as rows of a kind.
+
+    Args:
+        kind: Of fixed size.
+        fields: Its own fields, each with so many values or one that stands for all; those left
+            out have the defaults of the event.
+        count: How many rows.
+
+    Raises:
+        InvalidEventError: A field that the kind has not, one that is missing, or a value that is
+            no such number or that no event can have.
+    """
+    if kind.kind in OBJECT_KINDS:
+        raise InvalidEventError(kind.__name__, "a kind without texts and maps", kind.__name__)
+    dtype = fixed_layout(kind.kind).dtype
+    defaults, names = _defaults(kind.kind)
+    if not (names - defaults.keys() <= fields.keys() <= names):
+        wrong = sorted((fields.keys() - names) | (names - defaults.keys() - fields.keys()))
+        expected = f"the columns {' '.join(dtype.names or ())}"
+        raise InvalidEventError(kind.__name__, expected, wrong)
+    rows = np.zeros(count, dtype)
+    for name, column in {**defaults, **fields}.items():
+        rows[name] = as_type(f"{kind.__name__}.{name}", column, dtype[name])
+    if "level" in defaults.keys() - fields.keys():
+        _mark_levels(rows, np.ones(count, np.bool_))
+    check_rows(kind, rows)
+    return rows
+
+
+@cache
+def _defaults(kind: int) -> tuple[dict[str, NDArray[Any]], frozenset[str]]:
+    """Return the defaults of a kind's fields as they are stored, and the names of all fields."""
+    dtype = fixed_layout(kind).dtype
+    defaults = defaults_of(KINDS[kind - 1])
+    known = {name: np.array(value, dtype[name]) for name, value in defaults.items()}
+    return known, frozenset(dtype.names or ())
+
+
+def mark_levels(rows: Rows, events: Sequence[Event]) -> None:
+    """Write `NO_LEVEL` into the rows of events whose level was not given."""
+    if "level" in (rows.dtype.names or ()):
+        given = [is_given(event.level) for event in events]  # type: ignore[attr-defined]
+        _mark_levels(rows, ~np.array(given, np.bool_))
+
+
+def _mark_levels(rows: Rows, lacking: NDArray[np.bool_]) -> None:
+    """Write `NO_LEVEL` into some rows, where they say a level at all."""
+    if "changed" in (rows.dtype.names or ()):
+        lacking = lacking & ((rows["changed"] & int(Changed.POSE)) != 0)
+    rows["level"][lacking] = NO_LEVEL
+
+
+def common_length(where: str, columns: Mapping[str, NDArray[Any]]) -> int:
+    """Return how many rows columns make; those of one value fit any number.
+
+    Raises:
+        InvalidEventError: Their lengths differ, or one is no column.
+    """
+    shapes = {column.shape for column in columns.values()} - {()}
+    (count, *other) = shapes.pop() if shapes else (1,)
+    if shapes or other:
+        lengths = {name: column.shape for name, column in columns.items() if column.ndim}
+        raise InvalidEventError(where, "columns of one length", lengths)
+    return int(count)
+
+
+def as_type(where: str, values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return numbers as another type: never wrapped, cut or rounded to a whole one.
+
+    Raises:
+        InvalidEventError: A value is none of that type; the first is named.
+    """
+    if values.dtype == dtype:
+        return values
+    if values.size and not _may_become(values.dtype, dtype):
+        raise InvalidEventError(where, f"numbers of type {dtype}", f"{values.dtype}")
+    with np.errstate(invalid="ignore", over="ignore"):
+        cast = values.astype(dtype)
+    if dtype.kind in "iu":
+        info = np.iinfo(dtype)
+        wrong = (values < info.min) | (values > info.max)
+        if wrong.any():
+            got = np.atleast_1d(values)[np.atleast_1d(wrong)][0].item()
+            raise InvalidEventError(where, f"a whole number from {info.min} to {info.max}", got)
+    return cast
+
+
+def _may_become(source: np.dtype[Any], target: np.dtype[Any]) -> bool:
+    kinds = {"f": "fiu", "i": "iu", "u": "iu", "b": "b"}
+    return source.kind in kinds[target.kind]
+
+
+def check_rows(kind: type[Event], rows: Rows) -> None:
+    """Return if each row holds values that such an event can have.
+
+    Raises:
+        InvalidEventError: As the event itself would say it; the first row that is wrong is named.
+    """
+    dtype = fixed_layout(kind.kind).dtype
+    if rows.dtype != dtype and not _same_fields(rows.dtype, dtype):
+        raise InvalidEventError(kind.__name__, f"rows of {dtype}", rows.dtype)
+    checks = _checks(kind.kind)
+    for start in range(0, len(rows), _BLOCK):
+        columns = checks.columns_of(rows[start : start + _BLOCK])
+        if not checks.pass_all(columns):
+            first = start + checks.first_wrong(columns)
+            try:
+                event_of_row(kind, rows[first], None)
+            except InvalidEventError as error:
+                raise error.of_row(first) from None
+
+
+def are_possible(kind: type[Event], rows: Rows) -> bool:
+    """Tell whether each row of a log holds values that such an event can have."""
+    checks = _checks(kind.kind)
+    return checks.pass_all(checks.columns_of(rows))
+
+
+_BLOCK = 2**15
+"""So many rows are looked at at once: they stay in the processor's cache."""
+
+Columns = Mapping[str, NDArray[Any]]
+
+
+class _Checks(NamedTuple):
+    """What can be wrong with columns of a kind."""
+
+    alone: Sequence[tuple[str, Rule]]
+    """The rules of fields; not those that a type holds to by itself, as a `uint32` does to ids."""
+    together: Sequence[Fit]
+
+    def columns_of(self, rows: Rows) -> Columns:
+        """Return the columns that are looked at, each in one piece: that is done several times."""
+        alone = [name for name, _ in self.alone]
+        names = dict.fromkeys([*alone, *(name for fit in self.together for name in fit.of)])
+        return {name: np.ascontiguousarray(rows[name]) for name in names}
+
+    def pass_all(self, columns: Columns) -> bool:
+        """Tell whether nothing is wrong with any row."""
+        return all(rule.allows_all(columns[name]) for name, rule in self.alone) and not any(
+            misfits.any() for misfits in self.misfits(columns)
+        )
+
+    def first_wrong(self, columns: Columns) -> int:
+        """Return the first row with which something is."""
+        refused = [rule.refused(columns[name]) for name, rule in self.alone]
+        return int(np.argmax(np.logical_or.reduce([*refused, *self.misfits(columns)])))
+
+    def misfits(self, columns: Columns) -> Iterator[NDArray[np.bool_]]:
+        """Yield which rows' values do not fit each other."""
+        return (fit.broken(*[columns[name] for name in fit.of]) for fit in self.together)
+
+
+@cache
+def _checks(kind: int) -> _Checks:
+    rules, dtype = KINDS[kind - 1].rules, fixed_layout(kind).dtype
+    alone = [(name, rule) for name, rule in rules.fields.items() if rule.limits(dtype[name])]
+    return _Checks(alone, rules.fits)
+
+
+def event_of_row(kind: type[Event], row: Any, happened_ns: int | None) -> Event:
+    """Return a row as an event.
+
+    Raises:
+        InvalidEventError: It holds a value that no such event can have.
+    """
+    values = dict(zip(row.dtype.names, row.item(), strict=True))
+    return event_of(kind, values, happened_ns, is_stored=False)
+
+
+def check_times(happened_ns: NDArray[np.int64]) -> None:
+    """Return if happened times are such, or `NO_TIME`.
+
+    Raises:
+        InvalidEventError: One is not; it is named.
+    """
+    if len(happened_ns) and np.minimum.reduce(happened_ns) < NO_TIME:
+        first = int(np.argmax(happened_ns < NO_TIME))
+        got = int(happened_ns[first])
+        raise InvalidEventError("happened_ns", HAPPENED.expected, got).of_row(first)
+
+
+@cache
+def _same_fields(mine: np.dtype[np.void], wanted: np.dtype[np.void]) -> bool:
+    """Tell whether rows have the same fields, of the same types, wherever they lie."""
+    names = wanted.names or ()
+    return mine.names == names and all(mine[name] == wanted[name] for name in names)
+
+
+def places_by_kind(kinds: NDArray[np.uint8]) -> dict[int, NDArray[np.intp]]:
+    """Return the places of each kind that is there, ascending; kinds ascend, too."""
+    loops = compiled()
+    if loops is None:
+        there = np.flatnonzero(np.bincount(kinds)).tolist()
+        return {kind: np.flatnonzero(kinds == kind) for kind in there}
+    places, ends = np.empty(len(kinds), np.int64), np.empty(2**8, np.int64)
+    loops.sort_places(kinds, places, ends)
+    found, start = {}, 0
+    for kind, end in enumerate(ends.tolist()):
+        if end > start:
+            found[kind] = places[start:end]
+            start = end
+    return found

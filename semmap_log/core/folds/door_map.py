@@ -13,11 +13,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.batches.retraction import in_ranges
+from semmap_log.core.batches.event_batch import EventBatch, in_ranges
 from semmap_log.core.folds.levels import Annotations, DoorsPresent, Stamp
 from semmap_log.core.folds.registers import NEVER, NOBODY, DoorColumns, writes_of
-from semmap_log.core.model.doors import Door, DoorId, DoorMap, Level, RemovedDoor
+from semmap_log.core.model.doors import (
+    CLASS,
+    Door,
+    DoorId,
+    DoorMap,
+    Level,
+    ObjectClass,
+    RemovedDoor,
+)
 from semmap_log.core.model.events import (
     ADDING_KINDS,
     ClassDefined,
@@ -28,7 +35,6 @@ from semmap_log.core.model.events import (
     LevelAdded,
 )
 from semmap_log.core.model.meaning import FIELDS, REGISTERS, Presence
-from semmap_log.core.model.object_classes import CLASS, ObjectClass
 
 Array = NDArray[Any]
 

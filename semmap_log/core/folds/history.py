@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
-from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent, Retractions
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.registers import NEVER, Writes, writes_of
 from semmap_log.core.model import meaning

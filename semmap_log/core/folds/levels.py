@@ -30,10 +30,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import distinct
-from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState, Level, door_called
+from semmap_log.core.model.doors import (
+    CLASS,
+    DOOR,
+    Door,
+    DoorId,
+    DoorMap,
+    DoorState,
+    Level,
+    ObjectClass,
+    door_called,
+)
 from semmap_log.core.model.events import ClassDefined
 from semmap_log.core.model.meaning import FIELDS
-from semmap_log.core.model.object_classes import CLASS, DOOR, ObjectClass
 from semmap_log.errors import CommandError, LevelNameWarning, LogError, UnknownLevelError
 
 NUMBER_PREFIX = "number:"

@@ -15,7 +15,17 @@ from typing import Annotated, Any, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.model.doors import LEVEL_NOT_GIVEN, NAN, DoorState, is_given
+from semmap_log.core.model.doors import (
+    LEVEL_NOT_GIVEN,
+    NAN,
+    DoorState,
+    ObjectClass,
+    blocks_others,
+    class_name_expected,
+    geometry_expected,
+    is_given,
+    states_expected,
+)
 from semmap_log.core.model.doors import NO_LEVEL as NO_LEVEL  # noqa: PLC0414 - a column of events has it
 from semmap_log.core.model.meaning import (
     ALL_CHANGED,
@@ -31,13 +41,6 @@ from semmap_log.core.model.meaning import (
     Probability,
 )
 from semmap_log.core.model.meaning import Changed as Changed  # noqa: PLC0414 - users look for it here
-from semmap_log.core.model.object_classes import (
-    ObjectClass,
-    blocks_others,
-    class_name_expected,
-    geometry_expected,
-    states_expected,
-)
 from semmap_log.core.model.rules import (
     Bits,
     Cells,

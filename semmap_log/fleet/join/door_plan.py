@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.folds.door_map import DoorMapState
-from semmap_log.core.model.doors import NAN, Door, DoorId, DoorState
+from semmap_log.core.model.doors import NAN, Door, DoorId, DoorState, ObjectClass
 from semmap_log.core.model.events import DoorAdded, DoorRemoved, FloorMap
-from semmap_log.core.model.object_classes import ObjectClass
 from semmap_log.errors import FormatError, SemmapError
 from semmap_log.fleet.join.joined_logs import DoorRow, JoinedLog, JoinedLogs, log_called
 from semmap_log.log.door_log.door_log import DoorLog

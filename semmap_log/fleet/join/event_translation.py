@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.model.doors import NAN, DoorId
+from semmap_log.core.model.doors import CLASS, NAN, DoorId
 from semmap_log.core.model.events import (
     DOOR_KINDS,
     KINDS,
@@ -41,7 +41,6 @@ from semmap_log.core.model.events import (
     SightingsThinned,
 )
 from semmap_log.core.model.meaning import ALL_CHANGED, FIELDS, PLACING
-from semmap_log.core.model.object_classes import CLASS
 from semmap_log.fleet.join.door_plan import DoorPlan
 from semmap_log.fleet.join.joined_logs import JoinedLog
 from semmap_log.log.rewriting.new_numbers import NewNumbers, renamed

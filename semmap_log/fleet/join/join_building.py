@@ -34,9 +34,9 @@ from semmap_log.fleet.join.door_plan import BuildingDoor, DoorPlan, LogDoor
 from semmap_log.fleet.join.event_translation import EventTranslation
 from semmap_log.fleet.join.joined_logs import DoorRow, JoinedLog, JoinedLogs
 from semmap_log.log.door_log.robot_names import BEHIND_ROBOT, BETWEEN_ROBOTS
-from semmap_log.log.replay.kept_commits import kept_commits
+from semmap_log.log.replay.replay import kept_commits
 from semmap_log.log.replay.state import retractions_behind
-from semmap_log.log.rewriting.log_anew import LogAnew
+from semmap_log.log.rewriting.new_numbers import LogAnew
 from semmap_log.store.header import LogInfo
 from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.reading.following import FollowedCommit

@@ -49,7 +49,7 @@ from semmap_log.store.form import (
 )
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.removed_part import read_removed_part
-from semmap_log.store.salvage.swap import beside as recovery_beside
+from semmap_log.store.salvage.recovering import beside as recovery_beside
 
 _SIGNATURES = "signatures"
 """Signed heads: hashes and numbers, nothing that was said."""

@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.batches.event_batch import Retractions
 from semmap_log.core.folds.history import HistoryEntry, history
 from semmap_log.core.io.progress import Progress
-from semmap_log.core.model.doors import DoorId, DoorMap
+from semmap_log.core.model.doors import DOOR, DoorId, DoorMap
 from semmap_log.core.model.events import (
     ADDING_KINDS,
     POSE_KINDS,
@@ -39,7 +39,6 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.core.model.keywords import knows_its_keywords
 from semmap_log.core.model.moments import refuse_reversed
-from semmap_log.core.model.object_classes import DOOR
 from semmap_log.interop.exporting.stream_topics import (
     LatestDoors,
     LevelDoors,

@@ -9,10 +9,19 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from semmap_log.core.model.doors import NAN, Door, DoorId, DoorMap, DoorState
+from semmap_log.core.model.doors import (
+    CLASS,
+    DOOR,
+    NAN,
+    Door,
+    DoorId,
+    DoorMap,
+    DoorState,
+    Geometry,
+    ObjectClass,
+)
 from semmap_log.core.model.events import ClassDefined, DoorAnnotated, DoorEvent, Event, LevelAdded
 from semmap_log.core.model.meaning import Presence
-from semmap_log.core.model.object_classes import CLASS, DOOR, Geometry, ObjectClass
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
 from semmap_log.interop.formats.ros.door_markers import (
     DoorLook,

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from semmap_log.core.batches.retraction import in_ranges
+from semmap_log.core.batches.event_batch import in_ranges
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import suspect_cells, suspect_units
 from semmap_log.core.model.events import (
@@ -40,7 +40,7 @@ from semmap_log.interop.importing.line_commits import (
 )
 from semmap_log.log.door_log.door_index import DoorIndex
 from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.validator import Validator
+from semmap_log.log.door_log.known_past import Validator
 from semmap_log.store.gone_commands import CommandSeal, StoredCommand
 
 MOST_KEPT = 100_000

@@ -24,8 +24,13 @@ from semmap_log.interop.formats.files.thesis_yaml import read_thesis_yaml
 from semmap_log.log.door_log.door_commands import rebase_plan
 from semmap_log.log.door_log.door_index import resolve_door
 from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.map_fit import MOST_RESIDUAL_M, MapFit, fit_maps
-from semmap_log.log.door_log.rebasing import MeasuredDoor, RebasePlan
+from semmap_log.log.door_log.rebasing import (
+    MOST_RESIDUAL_M,
+    MapFit,
+    MeasuredDoor,
+    RebasePlan,
+    fit_maps,
+)
 from semmap_log.log.replay.replay import Scope
 
 READABLE = ".yaml: a building of Open-RMF, or the thesis's door database"

@@ -13,6 +13,7 @@ from dataclasses import fields, replace
 
 from semmap_log.analysis.rooms.room_graph import LIFT, ROOMS
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
+from semmap_log.core.model.doors import CLASS, OUTLINE, WORDED, outline_told
 from semmap_log.core.model.events import (
     ClassDefined,
     DoorAnnotated,
@@ -24,7 +25,6 @@ from semmap_log.core.model.events import (
     RobotPose,
     UnknownEvent,
 )
-from semmap_log.core.model.object_classes import CLASS, OUTLINE, WORDED, outline_told
 
 LEFT_OUT = (HistoryTrimmed, LogExported, MomentPinned, UnknownEvent)
 """Kinds that say in words what nobody else needs, or what is not known here."""

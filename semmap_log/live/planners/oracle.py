@@ -47,8 +47,7 @@ from semmap_log.live.ros.serving.door_server import when_ns
 from semmap_log.log.door_log.door_commands import content_of
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.log.door_log.known_later import known_later
-from semmap_log.log.door_log.state_reason import what_set
+from semmap_log.log.door_log.known_later import known_later, what_set
 from semmap_log.log.replay.replay import Scope
 
 LIKELY_QUESTIONS = {"BEST_TIME", "NEXT_DOOR"}

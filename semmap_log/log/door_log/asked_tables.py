@@ -15,8 +15,7 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from semmap_log.core.arrow.table_columns import HISTORY_COLUMNS, RETRACTED, SAID, THEN, Column
-from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.batches.event_batch import EventBatch, Retractions
 from semmap_log.core.folds.door_changes import NamesThen, levels_told
 from semmap_log.core.io.prefetch import ahead
 from semmap_log.core.io.progress import Progress

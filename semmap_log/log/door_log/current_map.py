@@ -24,20 +24,21 @@ from semmap_log.core.batches.event_batch import EventBatch, one_by_one
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.io.clock import believable_ns
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
-from semmap_log.core.model.doors import DoorId, DoorMap
-from semmap_log.core.model.events import ClassDefined, Event, RobotPose, is_whole_number
-from semmap_log.core.model.object_classes import (
+from semmap_log.core.model.doors import (
     CLASS,
     DOOR,
     LEAST_CORNERS,
     OUTLINE,
     Corners,
+    DoorId,
+    DoorMap,
     DoorState,
     Geometry,
     ObjectClass,
     outline_text,
     outline_told,
 )
+from semmap_log.core.model.events import ClassDefined, Event, RobotPose, is_whole_number
 from semmap_log.errors import (
     CommandError,
     InvalidEventError,

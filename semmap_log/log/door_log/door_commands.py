@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.model.commits import NO_CONTENT
-from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.doors import CLASS, DOOR, OUTLINE, Corners, DoorId, DoorState
 from semmap_log.core.model.events import (
     ClassDefined,
     DoorAdded,
@@ -36,7 +36,6 @@ from semmap_log.core.model.events import (
     is_whole_number,
 )
 from semmap_log.core.model.meaning import PART_OF, Changed, changed
-from semmap_log.core.model.object_classes import CLASS, DOOR, OUTLINE, Corners
 from semmap_log.core.model.rigid_transform import RigidTransform
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CommandError

@@ -23,7 +23,14 @@ from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.levels import level_called, level_numbers, only_level
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.messages import OBJECT_KINDS
-from semmap_log.core.model.doors import MAX_DOOR_ID, DoorId, DoorMap, is_given, next_door_id
+from semmap_log.core.model.doors import (
+    MAX_DOOR_ID,
+    DoorId,
+    DoorMap,
+    ObjectClass,
+    is_given,
+    next_door_id,
+)
 from semmap_log.core.model.events import (
     KINDS,
     NO_LEVEL,
@@ -42,7 +49,6 @@ from semmap_log.core.model.events import (
     is_whole_number,
 )
 from semmap_log.core.model.meaning import PLACING, Changed, Presence
-from semmap_log.core.model.object_classes import ObjectClass
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CommandError, DoorRemovedError, InvalidEventError, UnknownDoorError
 

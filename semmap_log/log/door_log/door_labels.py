@@ -28,7 +28,7 @@ from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.early_events import MAY_BE_EARLY, Addings, EarlyEvents
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Commit, Durability, Note
-from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState, suspect_units
+from semmap_log.core.model.doors import CLASS, Door, DoorId, DoorMap, DoorState, suspect_units
 from semmap_log.core.model.events import (
     KINDS,
     ClassDefined,
@@ -46,7 +46,6 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.core.model.meaning import PART_OF, PLACING, changed
 from semmap_log.core.model.moments import SECOND_NS, format_local
-from semmap_log.core.model.object_classes import CLASS
 from semmap_log.core.texts import command_line, counted
 from semmap_log.log.replay.read_model.indexing import IndexState, index_state
 from semmap_log.log.replay.state import keyframe_at

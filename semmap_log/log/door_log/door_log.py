@@ -16,15 +16,14 @@ from pathlib import Path, PurePath
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
-from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent, Retractions
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.projection import SAVE_EVERY_S, Projection
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import place_of
 from semmap_log.core.late_answers import answer_of
 from semmap_log.core.model.commits import Commit
-from semmap_log.core.model.doors import DoorId, DoorMap, ShownAsTable
+from semmap_log.core.model.doors import DOOR, DoorId, DoorMap, ObjectClass, ShownAsTable
 from semmap_log.core.model.events import (
     Event,
     FloorMap,
@@ -43,11 +42,16 @@ from semmap_log.core.model.moments import (
     parse_range,
     refuse_reversed,
 )
-from semmap_log.core.model.object_classes import DOOR, ObjectClass
 from semmap_log.core.texts import counted
 from semmap_log.errors import ClockTimeWarning, LogError, MomentError
-from semmap_log.log.door_log.asked_doors import LogQueries, LogTables
-from semmap_log.log.door_log.times import NEAR_NS, Time, moment_of, refuse_other_units
+from semmap_log.log.door_log.times import (
+    NEAR_NS,
+    LogQueries,
+    LogTables,
+    Time,
+    moment_of,
+    refuse_other_units,
+)
 from semmap_log.log.replay.replay import Scope, replay, visible_batches
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
@@ -182,7 +186,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             CheckpointError: The file is of something else, or the state cannot be stored in one.
             OutputError: It cannot be written.
         """
-        from semmap_log.log.replay.kept_commits import fold
+        from semmap_log.log.replay.replay import fold
 
         return fold(
             self._reader,
@@ -208,7 +212,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             known_event: Retractions count up to this event, wherever they are; None: as they are
                 known now. Processes that open a log one after the other want the same number.
         """
-        from semmap_log.log.replay.kept_commits import fold_part
+        from semmap_log.log.replay.replay import fold_part
 
         return fold_part(self._reader, projection, first, last, known_event=known_event)
 
@@ -487,7 +491,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             NewerLogError: A commit has an event of an unknown kind that may change others.
             HorizonError: The scope ends before the horizon.
         """
-        from semmap_log.log.replay.kept_commits import kept_commits
+        from semmap_log.log.replay.replay import kept_commits
 
         limit = self.limit_of(scope)
         self._reader.check_known(limit)
@@ -559,7 +563,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             kinds: Only these kinds: classes, or their names.
             object_class: Only events about objects of that class, where no door is named.
         """
-        from semmap_log.log.door_log.asked_events import entries
+        from semmap_log.log.door_log.last_patrol import entries
 
         window = self.window(since, until, recorded=recorded, kinds=kinds)
         doors = None if object_class is None else self.ids_of_class(object_class)
@@ -571,7 +575,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             LogError: There is no such event.
         """
-        from semmap_log.log.door_log.asked_events import entries
+        from semmap_log.log.door_log.last_patrol import entries
 
         for entry in entries(self._reader, self._reader.window_of(number)):
             return entry
@@ -606,7 +610,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             MomentError: The first comes after the second.
         """
         from semmap_log.core.folds.history import diff
-        from semmap_log.log.door_log.asked_events import between, comes_after, entries
+        from semmap_log.log.door_log.last_patrol import between, comes_after, entries
 
         start, end = self.moment(first), self.moment(second)
         if comes_after(start, end):
@@ -817,7 +821,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             UnknownDoorError: None, more than one, or one that was removed by then.
         """
-        from semmap_log.log.door_log.asked_doors import door_in
+        from semmap_log.log.door_log.times import door_in
 
         return door_in(door, self._reader, scope, door_map)
 
@@ -858,12 +862,12 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             UnknownDoorError: There is none, and never was.
         """
-        from semmap_log.log.door_log.asked_doors import door_ever
+        from semmap_log.log.door_log.times import door_ever
 
         return door_ever(door, self._reader)
 
     def _ids_ever(self, doors: Iterable[DoorId | str]) -> list[DoorId]:
-        from semmap_log.log.door_log.asked_doors import ids_ever
+        from semmap_log.log.door_log.times import ids_ever
 
         return ids_ever(doors, self._reader)
 

@@ -10,7 +10,7 @@ from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
-from semmap_log.core.model.doors import NAN, DoorId, DoorMap, DoorState
+from semmap_log.core.model.doors import NAN, DoorId, DoorMap, DoorState, Geometry, split_words
 from semmap_log.core.model.events import (
     DoorAdded,
     Event,
@@ -21,7 +21,6 @@ from semmap_log.core.model.events import (
     is_whole_number,
 )
 from semmap_log.core.model.keywords import knows_its_keywords, share_keywords
-from semmap_log.core.model.object_classes import Geometry, split_words
 from semmap_log.errors import InvalidEventError
 from semmap_log.log.door_log.appended import Appended, Appender
 from semmap_log.log.door_log.current_map import (

@@ -16,8 +16,7 @@ from pathlib import Path, PurePath
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.batches.event_batch import EventBatch, Retractions
 from semmap_log.core.folds.door_map import STATE_VERSION, DoorMapState
 from semmap_log.core.io.clock import Clock
 from semmap_log.core.model.events import Retracted
@@ -47,7 +46,7 @@ from semmap_log.store.verification.findings import Finding, Severity
 from semmap_log.store.verification.hash_chain import Report
 from semmap_log.store.verification.keyframe_place import KeyframePlace, Reread
 from semmap_log.store.verification.pieces import Piece
-from semmap_log.store.writing.keyframe_source import Flush, KeyframeMessage
+from semmap_log.store.writing.writer import Flush, KeyframeMessage
 
 
 class ReplayKeyframeCheck:

@@ -48,8 +48,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
-from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent, Retractions
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.projection import Dumping, Projection, name_of, version_of
 from semmap_log.core.folds.registers import NEVER

@@ -9,12 +9,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.batches.event_batch import Retractions
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.messages import read_message, type_name
+from semmap_log.core.model.doors import CLASS, OUTLINE
 from semmap_log.core.model.events import ClassDefined, DoorAnnotated, Event, MomentPinned, RobotPose
-from semmap_log.core.model.object_classes import CLASS, OUTLINE
 from semmap_log.errors import LogError
 from semmap_log.log.replay import keyframes
 from semmap_log.log.replay.state import pins, unpacked, with_state

@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
-from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent, Retractions
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.events import MAX_EVENT, Retracted

@@ -26,17 +26,19 @@ from semmap_log.core.folds.door_changes import (
     of_presence,
 )
 from semmap_log.core.folds.door_map import DoorMapState
-from semmap_log.core.model.doors import Door, DoorId, DoorState
-from semmap_log.core.model.events import DoorAdded
-from semmap_log.core.model.meaning import FIELDS, PART_OF, PARTS, PLACING, Presence
-from semmap_log.core.model.object_classes import (
+from semmap_log.core.model.doors import (
     DOOR,
     OUTLINE,
     Corners,
+    Door,
+    DoorId,
+    DoorState,
     Geometry,
     ObjectClass,
     outline_told,
 )
+from semmap_log.core.model.events import DoorAdded
+from semmap_log.core.model.meaning import FIELDS, PART_OF, PARTS, PLACING, Presence
 
 PLACE = tuple(name for name, part in PART_OF.items() if part & PLACING)
 PROBABILITIES = ("prob_open", "prob_closed")

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.batches.retraction import Retractions, in_ranges
+from semmap_log.core.batches.event_batch import EventBatch, Retractions, in_ranges
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.model.doors import DoorId, DoorMap
 from semmap_log.core.model.events import FloorMap

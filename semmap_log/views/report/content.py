@@ -22,10 +22,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from semmap_log.analysis.beliefs.belief_query import ask
 from semmap_log.analysis.beliefs.door_beliefs import (
     LATER,
     TypicalWeek,
+    ask,
     belief,
     default_estimator,
     typical_week,
@@ -33,9 +33,8 @@ from semmap_log.analysis.beliefs.door_beliefs import (
 from semmap_log.core.folds.history import ROUND_KINDS, HistoryEntry, history, rounds
 from semmap_log.core.folds.levels import levels_of
 from semmap_log.core.io.disk import log_name
-from semmap_log.core.model.doors import DoorId, DoorMap, DoorState
+from semmap_log.core.model.doors import DoorId, DoorMap, DoorState, ObjectClass
 from semmap_log.core.model.moments import format_local, zone
-from semmap_log.core.model.object_classes import ObjectClass
 from semmap_log.log.door_log.door_labels import LogSummary
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.robot_names import robots_of
@@ -61,9 +60,9 @@ from semmap_log.views.report.page_events import (
     gather,
     page_doors,
     placed_on,
+    track_of,
 )
 from semmap_log.views.report.plans import PageContent, begins_of_plans, shown_levels
-from semmap_log.views.report.track import track_of
 from semmap_log.views.tables import class_in, hold_setting
 from semmap_log.views.tail_lines import LATE_NS
 from semmap_log.views.zone_times import DAY_MS, MS_NS, Span, first_ms, how_to_begin, zone_offsets

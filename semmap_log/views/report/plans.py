@@ -15,11 +15,10 @@ from PIL import Image
 
 from semmap_log.core.model.doors import DoorMap
 from semmap_log.core.model.events import FloorMap
-from semmap_log.views.bounds import UNKNOWN_CELL, Bounds, bounds_of_floor
+from semmap_log.views.bounds import UNKNOWN_CELL, Bounds, bounds_of_floor, rooms_shown
 from semmap_log.views.excerpt.span import NO_PLANS, PlanEra, doors_at_ends, level_plans
 from semmap_log.views.report.page_events import PageDoor, Rows
 from semmap_log.views.report.page_rooms import rooms_of_page
-from semmap_log.views.rooms_shown import rooms_shown
 from semmap_log.views.zone_times import MS_NS, Span
 
 if TYPE_CHECKING:

@@ -27,16 +27,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.beliefs.belief_query import BeliefQuery, ask
 from semmap_log.analysis.beliefs.door_beliefs import (
     LATER,
+    BeliefQuery,
     TypicalWeek,
+    ask,
     default_estimator,
     typical_week,
 )
 from semmap_log.analysis.probabilities.belief_fold import Beliefs
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.core.batches.retraction import in_ranges
+from semmap_log.core.batches.event_batch import in_ranges
 from semmap_log.core.folds.history import ROUND_KINDS, HistoryEntry, Round, rounds
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import PatrolFinished, PatrolStarted

@@ -22,12 +22,11 @@ from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_changes import Changes, Stamp
-from semmap_log.core.model.doors import DoorState
+from semmap_log.core.model.doors import DOOR, DoorState
 from semmap_log.core.model.events import DoorEvent, Event, Retracted, RobotPose
 from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.core.model.meaning import NO_EFFECT, PLACING, Presence
 from semmap_log.core.model.moments import SECOND_NS
-from semmap_log.core.model.object_classes import DOOR
 from semmap_log.views import event_words
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.span import Excerpt

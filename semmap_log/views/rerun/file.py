@@ -29,6 +29,7 @@ from semmap_log.core.folds.door_changes import Changes, door_changes
 from semmap_log.core.io.disk import log_name
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.events import KINDS
+from semmap_log.views.bounds import rooms_shown
 from semmap_log.views.excerpt.span import Excerpt, doors_at_ends
 from semmap_log.views.palette import Palette, rooms_image
 from semmap_log.views.rerun.belief_curves import BeliefsShown, Lane, write_beliefs, write_rounds
@@ -54,7 +55,6 @@ from semmap_log.views.rerun.scene import (
     rgba,
 )
 from semmap_log.views.rerun.sighting_views import SightingsShown, write_sightings
-from semmap_log.views.rooms_shown import rooms_shown
 
 APPLICATION_ID = "semmap_log"
 """Dots and other odd characters would be rewritten by rerun."""

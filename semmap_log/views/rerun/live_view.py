@@ -47,10 +47,10 @@ from semmap_log.views.bounds import Bounds
 from semmap_log.views.excerpt.span import NO_PLANS, Excerpt
 from semmap_log.views.palette import DEFAULT, Palette
 from semmap_log.views.rerun.belief_curves import BeliefsShown, beliefs_to_show, round_lanes
-from semmap_log.views.rerun.blueprint import layout
 from semmap_log.views.rerun.contents import RecordingContents
 from semmap_log.views.rerun.file import Converter, open_recording
 from semmap_log.views.rerun.process import LOCAL, RerunProcess, reserved_port, running
+from semmap_log.views.rerun.recording import layout
 from semmap_log.views.rerun.scene import Scene, SceneDoor, SceneLevel
 
 POLL_S = 0.1

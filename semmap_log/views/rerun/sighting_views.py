@@ -23,7 +23,6 @@ from semmap_log.views.palette import BEAM_SHORT, Palette, Rgb
 from semmap_log.views.rerun.drawable import drawable
 from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.scene import HAPPENED, EntityPath, RowWriter, Scene, SceneDoor, rgba
-from semmap_log.views.sightings.chosen import worth_a_look
 from semmap_log.views.sightings.visit_words import (
     DoorScene,
     Fate,
@@ -33,6 +32,7 @@ from semmap_log.views.sightings.visit_words import (
     on_the_map,
     verdict,
     when,
+    worth_a_look,
 )
 
 SIGHTINGS = "sightings"

@@ -27,7 +27,7 @@ from semmap_log.core.model.events import (
     field_names,
 )
 from semmap_log.errors import CommandError, InvalidEventError
-from semmap_log.log.door_log.validator import Validator
+from semmap_log.log.door_log.known_past import Validator
 from tests.conftest import SteadyClock
 
 UPDATED = {

@@ -28,7 +28,7 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.interop.formats.json.door_json import diff_to_json, door_map_to_json
-from semmap_log.log.door_log.validator import Validator
+from semmap_log.log.door_log.known_past import Validator
 from tests.conftest import SteadyClock
 from tests.test_replay import START_NS, random_event
 

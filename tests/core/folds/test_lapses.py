@@ -14,8 +14,14 @@ from hypothesis import strategies as st
 
 import semmap_log as sl
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.folds.sighting_hold import USUAL_GAP_NS, Hold, hold_of
-from semmap_log.core.folds.timeline import Timeline, time_shares, timeline
+from semmap_log.core.folds.timeline import (
+    USUAL_GAP_NS,
+    Hold,
+    Timeline,
+    hold_of,
+    time_shares,
+    timeline,
+)
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import (
     Changed,

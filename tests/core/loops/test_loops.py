@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from semmap_log.core.batches.event_columns import places_by_kind
+from semmap_log.core.batches.taken_columns import places_by_kind
 from semmap_log.core.loops import compiled
 from semmap_log.core.loops.compiled_loops import CompiledLoops
 from semmap_log.store.record_scan import gather_behind

@@ -10,16 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from semmap_log.core.model.doors import Door, DoorId
-from semmap_log.core.model.events import ClassDefined
-from semmap_log.core.model.object_classes import (
+from semmap_log.core.model.doors import (
     DOOR,
+    Door,
+    DoorId,
     DoorState,
     Geometry,
     ObjectClass,
     outline_text,
     outline_told,
 )
+from semmap_log.core.model.events import ClassDefined
 
 numbers = st.floats(-1e6, 1e6)
 

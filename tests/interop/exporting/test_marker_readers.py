@@ -17,7 +17,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
-from semmap_log.interop.exporting.log_bag import record_bag
+from semmap_log.interop.exporting.log_files import record_bag
 from semmap_log.interop.exporting.stream import StreamOptions
 from semmap_log.interop.formats.ros.ros_types import ros_types
 from tests.interop.exporting.lively import lively_log, seen_in, some_moments

@@ -12,7 +12,7 @@ import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.core.model.doors import DoorMap, reduced
 from semmap_log.core.model.events import RobotPose
-from semmap_log.interop.exporting.log_bag import record_bag
+from semmap_log.interop.exporting.log_files import record_bag
 from tests.interop.exporting.lively import lively_log
 from tests.interop.formats.bags.played import played
 

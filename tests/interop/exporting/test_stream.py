@@ -18,7 +18,7 @@ from semmap_log.core.model.events import DoorAdded, RobotPose
 from semmap_log.errors import FormatError, MomentError, OutputError
 from semmap_log.interop.exporting import stream as in_order
 from semmap_log.interop.exporting import stream as stream_plan
-from semmap_log.interop.exporting.log_bag import record_bag
+from semmap_log.interop.exporting.log_files import record_bag
 from semmap_log.interop.exporting.stream import StreamOptions, log_stream
 from semmap_log.interop.formats.ros.ros_types import RosVersion
 from semmap_log.views.palette import COLOUR_BLIND

@@ -23,7 +23,7 @@ from semmap_log.interop.importing.importing_lines import plan_event_lines
 from semmap_log.interop.importing.line_commits import LineReader
 from semmap_log.log.door_log import door_index
 from semmap_log.log.door_log.door_index import DoorIndex
-from semmap_log.log.door_log.validator import EarlyCounter
+from semmap_log.log.door_log.known_past import EarlyCounter
 from semmap_log.store.reading import live_scan
 from tests.interop.importing.nothing_stored import NothingStored, lines_of
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.interop.exporting.log_bag import record_bag
+from semmap_log.interop.exporting.log_files import record_bag
 from tests.interop.exporting.lively import lively_log
 from tests.live.ros.door_map_listener import Heard, door_maps, heard, listen
 from tests.live.ros.ros_world import RosWorld

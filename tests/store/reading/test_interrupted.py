@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.batches.event_batch import EventBatch, Retractions
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorObserved, Retracted

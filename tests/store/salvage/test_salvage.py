@@ -21,7 +21,8 @@ from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import RECOVERING_NAME
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.segment_scan import open_segment
-from semmap_log.store.salvage import recovering, swap
+from semmap_log.store.salvage import recovering
+from semmap_log.store.salvage import recovering as swap
 from semmap_log.store.salvage.recovering import ACTOR
 from semmap_log.store.salvage.rewriting import Renumbering
 from tests.store.eventful import contents, eventful_log, flip

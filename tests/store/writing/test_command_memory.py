@@ -25,8 +25,9 @@ from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading import command_rows
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.writing import command_memory, segment_chain
-from semmap_log.store.writing.command_memory import CommandMemory
+from semmap_log.store.writing import segment_chain
+from semmap_log.store.writing import segment_chain as command_memory
+from semmap_log.store.writing.segment_chain import CommandMemory
 from tests.conftest import SteadyClock
 from tests.store.eventful import flip
 from tests.store.logs import close_as_before

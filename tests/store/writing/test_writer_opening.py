@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.core.batches.retraction import Retractions
+from semmap_log.core.batches.event_batch import Retractions
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAdded, Retracted
 from semmap_log.errors import CorruptLogError, LogError, LogPoisonedError

@@ -13,9 +13,9 @@ from PIL import Image
 import semmap_log as sl
 from semmap_log.analysis.rooms import room_plan
 from semmap_log.core.model.events import FloorMap
+from semmap_log.views.bounds import rooms_shown
 from semmap_log.views.report import page_rooms
 from semmap_log.views.report.page_rooms import rooms_of_page
-from semmap_log.views.rooms_shown import rooms_shown
 from tests.analysis.rooms.buildings import drawn
 
 FLOOR = drawn(

@@ -9,9 +9,8 @@ from itertools import accumulate
 import numpy as np
 import pytest
 
-from semmap_log.views.report import track as tracks
-from semmap_log.views.report.page_events import POSE
-from semmap_log.views.report.track import track_of
+from semmap_log.views.report import page_events as tracks
+from semmap_log.views.report.page_events import POSE, track_of
 from semmap_log.views.zone_times import MS_NS, Span
 
 BEGIN_MS = 1_700_000_000_000

@@ -10,8 +10,7 @@ import pytest
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'semmap-log[viewer]'")
 
 import semmap_log as sl
-from semmap_log.analysis.beliefs.belief_query import learn
-from semmap_log.analysis.beliefs.door_beliefs import default_estimator, typical_weeks
+from semmap_log.analysis.beliefs.door_beliefs import default_estimator, learn, typical_weeks
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.moments import parse_instant
 from semmap_log.views.rerun.belief_curves import TOLERANCE, times_of_curve

@@ -216,8 +216,8 @@ def test_the_plan_leaves_sightings_out(tmp_path: Path) -> None:
     They have views of their own, on pages behind the plan: of each door one, around it.
     """
     from semmap_log.views.excerpt.span import Excerpt
-    from semmap_log.views.rerun.blueprint import layout
     from semmap_log.views.rerun.contents import find_scene
+    from semmap_log.views.rerun.recording import layout
     from semmap_log.views.rerun.sighting_views import sightings_to_show
 
     excerpt = Excerpt(sighted_log(tmp_path / "office", doors=8))

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from semmap_log.analysis.scans.visit import KeptVisit
 from semmap_log.core.model.doors import DoorState
-from semmap_log.views.sightings.chosen import worth_a_look
 from semmap_log.views.sightings.visit_words import (
     Fate,
     door_scene,
@@ -21,6 +20,7 @@ from semmap_log.views.sightings.visit_words import (
     on_the_map,
     verdict,
     when,
+    worth_a_look,
 )
 from tests.analysis.scans.some_scans import LINE, SHUT, seen_visit, some_scan
 from tests.analysis.scans.some_visits import some_visit

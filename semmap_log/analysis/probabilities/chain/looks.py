@@ -15,7 +15,7 @@ from semmap_log.analysis.probabilities.chain.matrix_scan import Steps, states, s
 from semmap_log.analysis.probabilities.evidence.day_tables import DayRows
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.evidence.visits import MOST_ACCURACY
-from semmap_log.core.folds.sighting_hold import PASS_NS
+from semmap_log.core.folds.timeline import PASS_NS
 from semmap_log.core.model.local_clock import HOUR_S, LocalClock
 from semmap_log.core.model.moments import HOUR_NS, SECOND_NS
 

@@ -22,8 +22,8 @@ from semmap_log.core.folds.door_changes import (
     fill,
     known_states,
 )
-from semmap_log.core.folds.sighting_hold import pass_begins
 from semmap_log.core.folds.thinned_runs import sightings_of_runs
+from semmap_log.core.folds.timeline import pass_begins
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import (
     STATE_KINDS,

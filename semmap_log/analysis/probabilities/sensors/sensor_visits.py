@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from semmap_log.analysis.probabilities.evidence.visits import Rows
 from semmap_log.core.batches.event_batch import placed
-from semmap_log.core.folds.sighting_hold import PASS_NS, REPEATS_NS
+from semmap_log.core.folds.timeline import PASS_NS, REPEATS_NS
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.moments import HOUR_NS
 

@@ -43,7 +43,7 @@ from semmap_log.interop.formats.parsing.yaml_values import (
     sequence_of,
     text_of,
 )
-from semmap_log.log.door_log.map_fit import PointPair
+from semmap_log.log.door_log.rebasing import PointPair
 
 PIXELS = "reference_image"
 METRES = "cartesian_meters"

@@ -19,9 +19,8 @@ from typing import Any
 
 from semmap_log.analysis.rooms import RoomPlan
 from semmap_log.analysis.rooms.room_outlines import room_outline
-from semmap_log.core.model.doors import Door, DoorMap
+from semmap_log.core.model.doors import Door, DoorMap, Geometry
 from semmap_log.core.model.moments import format_utc
-from semmap_log.core.model.object_classes import Geometry
 from semmap_log.interop.formats.json.door_json import door_map_to_json, door_to_json
 from semmap_log.interop.formats.json.evaluation_json import room_to_json
 

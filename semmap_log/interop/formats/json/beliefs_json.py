@@ -7,9 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from semmap_log.analysis.beliefs.belief_query import EvidenceSummary
 from semmap_log.analysis.beliefs.best_times import BestTime, LikelyHours
-from semmap_log.analysis.beliefs.door_beliefs import By, DoorBelief, TypicalWeek, WeekPattern
+from semmap_log.analysis.beliefs.door_beliefs import (
+    By,
+    DoorBelief,
+    EvidenceSummary,
+    TypicalWeek,
+    WeekPattern,
+)
 from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_words
 from semmap_log.analysis.probabilities.forecast import INTERVAL
 from semmap_log.core.model.doors import Door

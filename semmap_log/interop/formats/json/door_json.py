@@ -30,7 +30,7 @@ from semmap_log.core.batches.event_batch import RecordedEvent
 from semmap_log.core.folds.history import Diff, FieldChange, HistoryEntry
 from semmap_log.core.io.inflating import inflated
 from semmap_log.core.model.commits import NO_CONTENT, Commit
-from semmap_log.core.model.doors import Door, DoorMap, DoorState, Level, is_given
+from semmap_log.core.model.doors import Door, DoorMap, DoorState, Level, ObjectClass, is_given
 from semmap_log.core.model.events import (
     KINDS,
     DoorObserved,
@@ -42,12 +42,10 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.core.model.meaning import FIELDS, PARTS
 from semmap_log.core.model.moments import SECOND_NS, format_utc
-from semmap_log.core.model.object_classes import ObjectClass
 from semmap_log.core.model.rules import Nanoseconds, Rule
 
 if TYPE_CHECKING:
-    from semmap_log.core.folds.sighting_hold import Hold
-    from semmap_log.core.folds.timeline import Interval, Timeline
+    from semmap_log.core.folds.timeline import Hold, Interval, Timeline
     from semmap_log.log.door_log.day import Day
 
 

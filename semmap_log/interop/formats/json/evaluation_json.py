@@ -23,8 +23,7 @@ from semmap_log.analysis.rooms import Doorway, Room, RoomPlan
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.core.model.moments import SECOND_NS
 from semmap_log.interop.formats.json.door_json import door_map_to_json
-from semmap_log.log.door_log.map_fit import MapFit
-from semmap_log.log.door_log.rebasing import MovedDoor, RebasePlan
+from semmap_log.log.door_log.rebasing import MapFit, MovedDoor, RebasePlan
 
 
 def evaluation_to_json(

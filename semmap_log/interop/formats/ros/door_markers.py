@@ -38,8 +38,7 @@ from numpy.typing import NDArray
 
 from semmap_log.analysis.costmap_2d.costs import bounds_of, to_occupancy
 from semmap_log.analysis.costmap_2d.grid import CellWindow, GridGeometry
-from semmap_log.core.model.doors import Door, DoorId, reduced
-from semmap_log.core.model.object_classes import Corners, middle_of
+from semmap_log.core.model.doors import Corners, Door, DoorId, middle_of, reduced
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic, NewBag
 from semmap_log.interop.formats.ros.ros_types import (
     DOOR_ENTRY,

@@ -7,10 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from semmap_log.analysis.scans.visit import DoorPlaces
-from semmap_log.core.model.doors import Door, DoorState
+from semmap_log.core.model.doors import CLASS, Door, DoorState
 from semmap_log.core.model.events import ClassDefined, DoorAnnotated, Event
 from semmap_log.core.model.meaning import PLACING, Presence
-from semmap_log.core.model.object_classes import CLASS
 from semmap_log.interop.topics.topic_reader import Known
 
 _NO = frozenset({"", "no", "false", "0", "none"})

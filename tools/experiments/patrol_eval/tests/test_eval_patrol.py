@@ -16,7 +16,7 @@ from patrol_eval.patrol_rounds import rounds_of, starts
 from patrol_eval.patrol_scores import scored
 from patrol_eval.patrol_world import WEEK_NS, PatrolWorld, RoundRules
 from patrol_eval.short_tour import short_tour
-from semmap_log.analysis.beliefs.belief_query import learn
+from semmap_log.analysis.beliefs.door_beliefs import learn
 from semmap_log.analysis.planning.patrol_round import PatrolTarget
 from semmap_log.analysis.probabilities.belief_fold import BeliefProjection
 from semmap_log.core.batches.event_batch import EventBatch
