@@ -1,4 +1,4 @@
-"""Writes what `EventBatch.of` takes into batches/made_of_columns.py, from the table of events.
+"""Writes what `EventBatch.of` takes into batches/taken_columns.py, from the table of events.
 
 python tools/batch_columns.py
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from semmap_log.core.messages import OBJECT_KINDS
 from semmap_log.core.model.events import KINDS, Event, defaults_of, field_names
 
-MODULE = Path(__file__).parents[1] / "semmap_log" / "core" / "batches" / "made_of_columns.py"
+MODULE = Path(__file__).parents[1] / "semmap_log" / "core" / "batches" / "taken_columns.py"
 IMPORT, END_OF_IMPORT = "from semmap_log.core.model.events import (\n", ")\n"
 FIRST, END = "    @overload\n", "    @classmethod\n    def of(\n        cls, kind: type[Event], *,"
 
@@ -22,7 +22,14 @@ def written() -> str:
     """Return the text of the module, its overloads made anew."""
     text = MODULE.read_text(encoding="utf-8")
     kinds = [kind for kind in KINDS if kind.kind not in OBJECT_KINDS]
-    names = sorted([*(kind.__name__ for kind in kinds), "Event", "field_names"])
+    start = text.index(IMPORT) + len(IMPORT)
+    others = {name.strip() for name in text[start : text.index(END_OF_IMPORT, start)].split(",")}
+    others -= {"", *(kind.__name__ for kind in KINDS)}
+    # constants, classes, functions: as ruff sorts them
+    names = sorted(
+        {*others, *(kind.__name__ for kind in kinds)},
+        key=lambda name: (not name.isupper(), not name[0].isupper(), name),
+    )
     imports = "".join(f"    {name},\n" for name in names)
     text = _replaced(text, IMPORT, END_OF_IMPORT, IMPORT + imports)
     return _replaced(text, FIRST, END, "".join(map(_overload, kinds)))
