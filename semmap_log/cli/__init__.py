@@ -26,7 +26,7 @@ WAITS_S = 3600.0
 
 
 class _CtrlC(KeyboardInterrupt):
-    """Ctrl-C, told apart from Python's own.
+    """Ctrl-C, distinguished from Python's own.
 
     Where Python's own passes through an `exec` of a text, as rosbags and dataclasses have them, it
     is remembered, and ends the process by the signal whatever code it exits with.
@@ -98,7 +98,7 @@ def _wait_to_be_stopped() -> None:
 def _ended_by_signals(*, is_whole_program: bool) -> Iterator[None]:
     """Let signals end us as an exception does: no half file and no viewer stays.
 
-    Behind it they are what they were before; of a whole program, what they are to any other: by
+    After it they are what they were before; of a whole program, what they are to any other: by
     then all is done, and Ctrl-C would only print where in Python's own end it came.
     """
 

@@ -1,8 +1,8 @@
 """`ask`: a planner's questions, to a server that runs.
 
-What `serve --ask` takes, and the server of questions that it runs beside ROS, or alone.
+What `serve --ask` takes, and the server of questions that it runs next to ROS, or alone.
 
-What `serve --oprs` takes, and the service of OPRS kernels that it runs beside the others.
+What `serve --oprs` takes, and the service of OPRS kernels that it runs next to the others.
 
 Whom of planners `serve` answers, over a socket or a message passer: by one oracle.
 """
@@ -112,7 +112,7 @@ class Asking:
 
     @classmethod
     def of(cls, address: str | None, token_file: Path | None, *, any_host: bool) -> Asking | None:
-        """Return what was asked for; None: nothing.
+        """Return what was requested; None: nothing.
 
         Raises:
             typer.BadParameter: It cannot be.
@@ -261,7 +261,7 @@ def _print(answer: str, questions: list[str] | None) -> None:
 
 
 PORT = 3300
-"""Of a message passer that was not told another."""
+"""Of a message passer that was not given another."""
 NAME = "SEMMAP"
 
 OprsAt = Annotated[
@@ -328,7 +328,7 @@ def kernels_served(
     Args:
         kernels: Who, and where.
         oracle: Knows the answers.
-        doors: What they are told of.
+        doors: What they are reported of.
         changes: Called after each change of the doors.
     """
     from semmap_log.live.planners.kernels.kernel_service import KernelService
@@ -373,11 +373,11 @@ class Planners:
     def served(
         self, log: Path, doors: AskedDoors, changes: list[Callable[[], object]]
     ) -> Iterator[Callable[[], Exception | None]]:
-        """Answer them within; gives what tells why they cannot be answered any more, if so.
+        """Answer them within; gives what shows why they cannot be answered any more, if so.
 
         Args:
-            log: For what is said.
-            doors: What is asked about.
+            log: For what is stated.
+            doors: What is queried.
             changes: Called after each change of the doors.
 
         Raises:

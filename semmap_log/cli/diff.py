@@ -64,7 +64,7 @@ def run(
 def _refuse_twice(
     log: Path, first: str | None, second: str | None, since: str | None, until: str | None
 ) -> None:
-    """Refuse a moment that is told in two ways, and a range that does not say where it begins.
+    """Refuse a moment that is given in two ways, and a range that does not say where it begins.
 
     Raises:
         typer.BadParameter: It is.

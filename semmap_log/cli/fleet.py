@@ -122,8 +122,8 @@ def run(
       export         every event as Parquet files, a folder a month (--out)
       fold           what a projection of yours makes of each log (--fold)
 
-    Each log's answer is kept until the log has grown: what was stopped goes on, and what is asked
-    again is asked of new logs only. A log that is damaged, gone, refused, that kills its workers,
+    Each log's answer is kept until the log has grown: what was stopped goes on, and what is queried
+    again is queried of new logs only. A log that is damaged, gone, refused, that kills its workers,
     or that has no answer in time (--timeout) is a row of its own; the others' answers stand.
 
     Exit code: 0 all logs answered, 1 the run failed, 2 usage, 4 some logs did not.

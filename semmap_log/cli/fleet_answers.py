@@ -16,7 +16,7 @@ MOST_ROWS = 40
 
 
 def write_rows(found: FleetAnswer, out: Path) -> None:
-    """Write the rows of an answer as a file; its name tells whether CSV or Parquet."""
+    """Write the rows of an answer as a file; its name says whether CSV or Parquet."""
     from semmap_log.core.arrow.parquet import write_parquet
     from semmap_log.core.arrow.plain_rows import write_csv
     from semmap_log.core.io.disk import output_errors, whole_file

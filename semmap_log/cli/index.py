@@ -1,4 +1,4 @@
-"""`index`: tables beside a log in which one door's events lie together."""
+"""`index`: tables next to a log in which one door's events lie together."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def run(
     \b
     Examples:
       semmap-log index office
-      semmap-log index office --anew --json
+      semmap-log index office --again --json
     """
     from semmap_log.log.replay.read_model.indexing import index
 

@@ -23,7 +23,7 @@ def run(
     """Copy the module for OpenPRS kernels, to build it there.
 
     It is a module in C, with a Makefile, that gives a kernel the thesis's predicates, functions
-    and actions: they ask and change the doors of a running `semmap-log serve LOG --ask`. Beside it
+    and actions: they ask and change the doors of a running `semmap-log serve LOG --ask`. Next to it
     is an include file, and plans by which the actions are goals. What is there already under that
     name stays, and is an error unless it is the same.
 

@@ -42,7 +42,7 @@ ends."""
 
 
 def is_for_people() -> bool:
-    """Tell whether a terminal shows what is printed on stdout."""
+    """Return whether a terminal shows what is printed on stdout."""
     return sys.stdout.isatty()
 
 
@@ -173,7 +173,7 @@ def kinds(_: Any, incomplete: str) -> Offers:
 def _map(ctx: Any) -> Iterator[DoorMap]:
     """Yield the door map of the log that is on the command line, if it can be read.
 
-    Behind an option whose value is still to come, words are not yet given their meaning: then the
+    After an option whose value is still to come, words are not yet given their meaning: then the
     log is the first of them.
     """
     log = ctx.params.get("log") or next(iter(ctx.args), None)

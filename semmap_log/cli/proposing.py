@@ -43,7 +43,7 @@ Plot = Annotated[
 
 
 class Proposing(NamedTuple):
-    """What was asked for."""
+    """What was requested."""
 
     is_asked: bool
     yes: bool
@@ -70,7 +70,7 @@ def check_proposing(asked: Proposing, *, has_scan: bool, files: list[Path], dry_
 
 
 def numbers_of(only: list[str] | None) -> list[int] | None:
-    """Return which proposals are meant; None: it was not said."""
+    """Return which proposals are meant; None: it was not stated."""
     if only is None:
         return None
     if not all(text.isdecimal() and int(text) > 0 for text in only):

@@ -77,7 +77,7 @@ def run(
 
     Robots map a building again, and the new map has another origin and is turned. From now on, or
     --at, the level has the new floor plan, and each of its doors lies where the transform puts it.
-    History stays: every earlier moment is drawn on the map of its time. What is told of later
+    History stays: every earlier moment is drawn on the map of its time. What is reported later
     times is taken to be in the new map already. The doors of other levels, and those without a
     place, stay as they are. `retract` of the commit's events brings the old map and places back.
 
@@ -95,7 +95,7 @@ def run(
     \b
     Examples:
       semmap-log rebase office new.yaml --pairs points.csv --dry-run
-      semmap-log rebase office new.yaml --pairs points.csv --reason "mapped anew"
+      semmap-log rebase office new.yaml --pairs points.csv --reason "mapped again"
       semmap-log rebase office new.yaml --by 12.5,-3,1.5708 --at 2026-03-02T08:00
       semmap-log rebase office new.yaml --pairs points.csv --doors measured.yaml
       semmap-log rebase clinic L2.yaml --level L2 --by 0,0,3.1416 --json

@@ -10,7 +10,7 @@ import typer
 from semmap_log.cli.common import AsJson, WritableLog, console, print_json, progress
 
 NEEDS_YES = 4
-"""Exit code where there is something to do that was not asked for yet."""
+"""Exit code where there is something to do that was not requested yet."""
 
 Out = Annotated[
     Path | None,
@@ -23,7 +23,7 @@ def run(log: WritableLog, *, out: Out = None, yes: Yes = False, as_json: AsJson 
     """Save what is whole of a damaged log, and name what is lost. Without --yes nothing is written.
 
     A commit is saved if all of it is there as it was written, by its checksums and its own hash;
-    else it is lost as a whole. Events keep their fields and times; behind a gap they get new
+    else it is lost as a whole. Events keep their fields and times; after a gap they get new
     numbers, and the log a new id. The damaged files are kept, in a folder `damaged-1` inside the
     log's, or where they are with --out. A torn tail is no damage: the next writer mends it.
 

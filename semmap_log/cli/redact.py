@@ -51,8 +51,8 @@ def run(
     whom and why something was taken out. Nobody may be writing; stopped half way, do it again.
 
     Known copies go, too, or are named: caches, indexes and checkpoints are removed, and with
-    --tracks the scans of visits that are kept beside the log; what a crash or `recover` left, and
-    copies beside the log, are named. Exports, backups and what was shipped to a store are not
+    --tracks the scans of visits that are kept next to the log; what a crash or `recover` left, and
+    copies next to the log, are named. Exports, backups and what was shipped to a store are not
     known.
 
     Of a signed log give --sign-key, an officer's key: without its statement `verify --public-key`
@@ -60,7 +60,7 @@ def run(
 
     \b
     Examples:
-      semmap-log redact office --actor anna --by officer --reason "asked for"
+      semmap-log redact office --actor anna --by officer --reason "requested"
       semmap-log redact office --tracks --until "90d ago"
       semmap-log redact office --door 3 --key name --dry-run
     """

@@ -1,6 +1,6 @@
 """`retain`: a log that keeps so much of its past, and no more.
 
-What runs beside the verbs that write for long, and tells at the end how far it has come.
+What runs next to the verbs that write for long, and shows at the end how far it has come.
 
 The key with which verbs sign, and `--sign-key` of the verbs that write for long.
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def told_at_end(beside: AbstractContextManager[object], say: Callable[[], None]) -> Iterator[None]:
-    """Run something beside, and say at the end how it stands, whatever the verb's exit code."""
+    """Run something next to, and say at the end how it stands, whatever the verb's exit code."""
     left: typer.Exit | None = None
     with beside:
         try:
@@ -75,7 +75,7 @@ TrimKey = Annotated[
 
 
 def key_to_sign(log: Path, path: Path) -> SigningKey:
-    """Return the key to sign a log with; its passphrase is asked for on a terminal.
+    """Return the key to sign a log with; its passphrase is requested on a terminal.
 
     Raises:
         SigningError: It cannot be used, or lies in the log's folder.
@@ -163,7 +163,7 @@ def trim(
         note: Who does it, and why.
         sign_key: Private key of who vouches for it; None: nobody does.
         dry_run: Whether it is only counted.
-        as_json: Whether it is told as JSON.
+        as_json: Whether it is given as JSON.
     """
     from semmap_log.interop.copies.copies_of_log import plan_copies, take_out_of_copies
     from semmap_log.interop.copies.going import Going
@@ -291,7 +291,7 @@ def run(
     Nobody may be writing; stopped half way, do it again. An age is counted from now, by the clock
     of this machine.
 
-    The scans of visits of that time that are kept beside the log go as well. Caches are removed,
+    The scans of visits of that time that are kept next to the log go as well. Caches are removed,
     and other known copies are named.
 
     With --thin robot poses go that are older, and sightings that repeat others: of those of a door

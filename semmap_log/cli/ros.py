@@ -42,7 +42,7 @@ def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def chosen_ros(*, ros1: bool, ros2: bool) -> RosVersion:
-    """Return which ROS was asked for.
+    """Return which ROS was requested.
 
     Raises:
         BadParameter: None, or both.

@@ -197,7 +197,7 @@ def run(
     `semmap-log ask ADDRESS HELP` names the questions. Many may ask at once.
 
     With --oprs HOST:PORT kernels of OPRS ask the same by their message passer, and those that
-    --oprs-to names are told of the doors: all facts when they come, then each change. A passer
+    --oprs-to names are reported of the doors: all facts when they come, then each change. A passer
     that is not there is tried again until it is. Whoever reaches the passer may set doors.
 
     With --log LOG the first start makes the log, as `init` does: with --yaml a plain file of doors
@@ -208,18 +208,18 @@ def run(
     what differs. --yaml-replace then adds, updates and removes doors, in one commit; one that was
     removed comes back under its id.
 
-    SaveDoorDB writes YAML into one folder: --save-root, else that of --yaml, else LOG_saved beside
+    SaveDoorDB writes YAML into one folder: --save-root, else that of --yaml, else LOG_saved next to
     the log (office_saved), made when it is needed. A probability that a door does not have is left
     out of it, unless --default-prob gives one.
 
     With --ship each segment is sent to a store once it is closed (after a day, 10,000 commits or 64
-    MiB, and at the end), by a thread that no goal waits for. A store that cannot be reached is told
-    once and tried again, at most ten minutes apart. The end waits 30 s for what is being sent; what
-    is not sent then is sent the next time, or by `ship`.
+    MiB, and at the end), by a thread that no goal waits for. A store that cannot be reached is
+    given once and tried again, at most ten minutes apart. The end waits 30 s for what is being
+    sent; what is not sent then is sent the next time, or by `ship`.
 
     With --sign-key the log's end is signed each minute (--sign-every) and when it is closed, by a
     thread that no goal waits for, and only what this server wrote. What cannot be signed (a full
-    disk) is told once, and signed later, or by `sign`. Events found unsigned at the start, as a
+    disk) is given once, and signed later, or by `sign`. Events found unsigned at the start, as a
     power cut leaves them, are signed by `sign` first, or with --adopt.
 
     Exit code 2: the server would never start like this (no log, a wrong option or file).

@@ -108,7 +108,7 @@ UNCACHED = {"verify"}
 
 
 class VerbsByName(Mapping[str, Any]):
-    """Name -> the verb, as typer has it: made when it is first asked for."""
+    """Name -> the verb, as typer has it: made when it is first requested."""
 
     def __init__(self) -> None:
         self._loaded: dict[str, Any] = {}

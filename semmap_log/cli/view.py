@@ -128,7 +128,7 @@ def run(
 
     --web serves on 127.0.0.1 alone. The page is rerun's own: it may ask the internet for a font and
     for news of rerun, and report its use; never the log. In browsers without WebGPU rerun draws
-    hundreds of doors beside their walls; a window does not.
+    hundreds of doors next to their walls; a window does not.
 
     \b
     Examples:

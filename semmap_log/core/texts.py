@@ -1,4 +1,4 @@
-"""Texts of messages: counts, command lines to paste, and repeats that are told once."""
+"""Texts of messages: counts, command lines to paste, and repeats that are given once."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def brief(text: str) -> str:
 MOST_KEPT = 20
 """So many of a kind are kept."""
 MOST_TOLD = 3
-"""So many of a kind are told where there are many."""
+"""So many of a kind are given where there are many."""
 
 
 @dataclass(slots=True)
@@ -72,7 +72,7 @@ class Kind:
     last_line: int = 0
 
     def rest(self) -> list[str]:
-        """Return in words how many more there are than are told; nothing where there are none."""
+        """Return in words how many more there are than are given; nothing where there are none."""
         more = self.count - MOST_TOLD
         last = f", the last on line {self.last_line}" if self.last_line else ""
         return [f"… and {more:,} more like that{last}"] * (more > 0)
@@ -89,7 +89,7 @@ class Repeats:
 
         Args:
             line: Where, 1-based; 0: on none.
-            text: What is said of it; what is longer than anybody reads is cut.
+            text: What is reported about it; what is longer than anybody reads is cut.
         """
         text = brief(text)
         kind = self._kinds.setdefault(_without_values(text), Kind())

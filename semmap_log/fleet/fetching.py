@@ -48,12 +48,12 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
     Args:
         url: Where it lies.
         folder: What is to be made; nothing may be there.
-        progress: Told how many bytes have come.
+        progress: Called with how many bytes have come.
 
     Raises:
         LogExistsError: There is something there.
         NotALogError: There is no shipped log at the URL.
-        CorruptLogError: A segment is not what the manifest tells, or the log is not whole.
+        CorruptLogError: A segment is not what the manifest shows, or the log is not whole.
         LogAccessError: The store does not let us.
         OutputError: The disk does not.
     """
@@ -103,7 +103,7 @@ def _check_room(url: UrlPath, folder: Path, size: int) -> None:
 
 
 def _write_lists(folder: LogFolder, manifest: Manifest) -> None:
-    """Write what a log has beside its segments: its mark, and metadata.yaml for other tools."""
+    """Write what a log has next to its segments: its mark, and metadata.yaml for other tools."""
     write_mark(folder, manifest.mark)
     write_bag_metadata(folder, map(statistics_of, LogReader(folder).segments))
 
@@ -126,7 +126,7 @@ def _bring(
     """Write a segment's bytes into a file, and return how many have come in all.
 
     Raises:
-        CorruptLogError: They are not what the manifest tells.
+        CorruptLogError: They are not what the manifest shows.
     """
     status = ObjectStatus(segment.name, segment.size, "")
     come, total = done

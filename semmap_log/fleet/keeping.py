@@ -68,7 +68,7 @@ def remove_shipped(
         log: The log's folder.
         store: Where it was shipped to.
         before_ns: Only segments go in which all was recorded before this, nanoseconds UTC.
-        progress: Told how many bytes were read back.
+        progress: Called with how many bytes were read back.
 
     Raises:
         LogLockedError: Somebody is writing.
@@ -222,7 +222,7 @@ class ShippingCheck:
     to_send: ObjectCount
     """Closed segments that a shipping would send."""
     is_list_old: bool
-    """Whether a shipping would write a manifest anew, though perhaps no segment."""
+    """Whether a shipping would write a manifest again, though perhaps no segment."""
     waits_events: int
     """Events of the live segment, which is sent once it is closed."""
     is_probed: bool
@@ -241,9 +241,9 @@ class ShippingCheck:
 
 
 def check_shipping(log: Path, place: UrlPath | ObjectStore) -> ShippingCheck:
-    """Tell what a shipping of a log would send, and whether what was shipped is still there.
+    """Return what a shipping of a log would send, and whether what was shipped is still there.
 
-    Nothing is sent; where there is something to send, the store is asked whether it honours
+    Nothing is sent; where there is something to send, the store is queried whether it honours
     conditional writes, as a shipping does first: by a byte that is put twice, and removed.
 
     Args:

@@ -1,6 +1,6 @@
-"""Shipping beside a writer: a reader of the log's folder that ships when a segment was closed.
+"""Shipping next to a writer: a reader of the log's folder that ships when a segment was closed.
 
-It looks at two files there. Nothing that goes wrong in it reaches the writer: it is told once, and
+It looks at two files there. Nothing that goes wrong in it reaches the writer: it is given once, and
 tried again.
 """
 
@@ -46,7 +46,7 @@ class ShippingPauses:
 
 @dataclass(frozen=True, slots=True)
 class ShippingStatus:
-    """How a shipping beside a writer stands."""
+    """How a shipping next to a writer stands."""
 
     shipped: Shipped | None = None
     """What the last one that went well has done; None: none has yet."""
@@ -76,12 +76,12 @@ class ShipBeside:
         pauses: ShippingPauses = ShippingPauses(),
         end_s: float = END_S,
     ) -> None:
-        """Take the log and the store; nothing is asked yet, and no thread is started.
+        """Take the log and the store; nothing is queried yet, and no thread is started.
 
         Args:
             log: The log's folder.
             place: Where it is to lie: `s3://bucket/logs/tug1`.
-            tell: Told once when it cannot be shipped, and once when it can again.
+            tell: Called with once when it cannot be shipped, and once when it can again.
             pauses: How long the thread waits.
             end_s: So long the end waits for what is being sent.
 
@@ -125,7 +125,7 @@ class ShipBeside:
         """Ship what was closed last, and end; what is not sent by then waits for the next time.
 
         Args:
-            end_s: So long it waits, instead of what was said at first; then it gives up.
+            end_s: So long it waits, instead of what was stated at first; then it gives up.
 
         Returns:
             How it stands. Of what was not sent nothing is lost: it lies in the log.
@@ -150,7 +150,7 @@ class ShipBeside:
             self._try()
 
     def _is_due(self, *, is_last: bool) -> bool:
-        """Look at the folder, and tell whether there is something to ship now."""
+        """Look at the folder, and return whether there is something to ship now."""
         closed, now_s = self._closed(), time.monotonic()
         if closed != self._seen:
             self._seen = closed

@@ -2,7 +2,7 @@
 
 Stopped at any request, the store holds the log as it was there before, or as it is now; begun
 again, what is there is found. Two that ship at once do not harm each other: of two manifests one
-takes the place of the one before, and the other begins anew.
+takes the place of the one before, and the other begins again.
 
 The order (content first, then one pointer by compare-and-swap) is that of Delta Lake and Iceberg.
 """
@@ -72,7 +72,7 @@ def ship(log: Path, place: UrlPath | ObjectStore, progress: Progress | None = No
     Args:
         log: The log's folder.
         place: Where it is to lie: `s3://bucket/logs/tug1`.
-        progress: Told how many bytes of the segments are sent, or were there.
+        progress: Called with how many bytes of the segments are sent, or were there.
 
     Raises:
         LogError: Another log lies there; or one that has gone another way since; or the store does
@@ -182,7 +182,7 @@ class _Shipping:
         return manifest_entry(segment, name, sha256)
 
     def _holds(self, name: str, size: int, sha256: str) -> bool:
-        """Tell whether the object that lies there has these bytes: read, not believed."""
+        """Return whether the object that lies there has these bytes: read, not believed."""
         status = self.store.status(name)
         if status.size != size:
             return False
@@ -252,7 +252,7 @@ def check_same_way(url: UrlPath, segments: Sequence[Segment], there: Manifest) -
 
     Args:
         url: Where, for messages.
-        segments: All of this log, a live one included: a writer that begins anew continues a small
+        segments: All of this log, a live one included: a writer that begins again continues a small
             closed segment, and what was shipped of it is in the live one then.
         there: What lies there.
 
@@ -298,7 +298,7 @@ def shipped_before(closed: Sequence[Segment], there: Manifest) -> dict[str, Ship
 
 
 def _is_copy(one: ShippedSegment, segment: Segment) -> bool:
-    """Tell whether an object is a copy of a segment: it has the same, and lacks the same."""
+    """Return whether an object is a copy of a segment: it has the same, and lacks the same."""
     theirs = (one.size, one.head, one.header.trimmed)
     return theirs == (segment.size, segment.head, segment.header.trimmed)
 

@@ -1,1 +1,1 @@
-"""Programs that run beside a robot: ROS 1, ROS 2, planners."""
+"""Programs that run next to a robot: ROS 1, ROS 2, planners."""

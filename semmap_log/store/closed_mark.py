@@ -2,14 +2,14 @@
 
 A closed segment that was cut looks like a live one, and a log whose last file is gone like a
 shorter log: their bytes do not tell. So whoever closes a segment writes down, and syncs before
-`close` returns, which one it was, the number of the event behind it, and the hash of its last
+`close` returns, which one it was, the number of the event after it, and the hash of its last
 commit. A log that ends before, or that has another commit there, is not what it was. Compaction
 and merges change nothing of this; a log without such a file (copied without it, or older than it)
 is read as it is.
 
-Each mark is a file of its own, named after what it tells, and it never changes under that name. So
+Each mark is a file of its own, named after what it shows, and it never changes under that name. So
 `cp -r`, which lists the names first and copies one file after the other, cannot copy a mark that is
-ahead of its segments: a segment that a listed mark tells of was closed before the list was made.
+ahead of its segments: a segment that a listed mark reports of was closed before the list was made.
 The marks before stay for a while, so that a copy under way finds one that it has listed.
 
 A JSON object that carries the SHA-256 of its other entries: a changed one is noticed.
@@ -53,7 +53,7 @@ class ClosedMark:
     segment: int
     """Number of the last closed segment."""
     next_event: int
-    """Number of the first event behind it."""
+    """Number of the first event after it."""
     head: str
     """Hash of its last commit, in hexadecimal digits."""
 
@@ -79,7 +79,7 @@ class ClosedMark:
 
 
 def write_mark(folder: LogFolder, mark: ClosedMark) -> None:
-    """Add a mark behind those before; it survives a power cut. Old ones are removed.
+    """Add a mark after those before; it survives a power cut. Old ones are removed.
 
     Only for who holds the writer's lock.
 
@@ -204,7 +204,7 @@ def _damaged(file: PurePath, problem: str) -> CorruptLogError:
 
 
 def sealed(entries: Mapping[str, Any]) -> str:
-    """Return the text of entries, their digest behind them."""
+    """Return the text of entries, their digest after them."""
     return json.dumps({**entries, DIGEST_KEY: _digest(entries)}) + "\n"
 
 

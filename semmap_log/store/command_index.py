@@ -1,6 +1,6 @@
-"""The command index of a segment: by it a writer tells whether a command is stored already.
+"""The command index of a segment: by it a writer says whether a command is stored already.
 
-Closing a segment writes it behind `semmap_index`, as the MCAP Attachment `semmap_commands`: for
+Closing a segment writes it after `semmap_index`, as the MCAP Attachment `semmap_commands`: for
 each commit one little-endian uint64, ascending. The upper half is the fingerprint of the commit's
 command id, the first four bytes of its sha256 as a little-endian number; the lower half is the
 number of the commit's first event, counted from the segment's first. Two commands may share a
@@ -41,7 +41,7 @@ def command_rows(
     """Return the command index of these commits.
 
     Args:
-        command_ids: All of them, one behind the other.
+        command_ids: All of them, one after the other.
         first_events: Number of the first event of each commit.
         segment_first: Number of the segment's first event.
     """
@@ -73,7 +73,7 @@ def attachment(rows: NDArray[np.uint64], end_ns: int) -> Attachment:
 class WrittenCommits:
     """What a segment's writer keeps of its commits: 37 bytes each, and the last hash.
 
-    It is told of every append, so it cuts these bytes out of the record and decodes nothing.
+    It is reported of every append, so it cuts these bytes out of the record and decodes nothing.
     """
 
     def __init__(self, head: bytes) -> None:

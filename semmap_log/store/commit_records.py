@@ -95,7 +95,7 @@ class CommitBuilder:
 
         Args:
             stamp: What the commit takes from outside.
-            note: What was said of it.
+            note: What was reported about it.
             entropy: Gives salts.
 
         Raises:
@@ -265,7 +265,7 @@ def closing_record(
 
     Args:
         stamp: What the commit takes from outside.
-        end_event: The number behind its last event.
+        end_event: The number after its last event.
         time: Its log time.
         digests: Channel id -> sha256 of that channel's records in this commit, in order.
     """

@@ -1,6 +1,6 @@
 """What answers a command that is sent again once its events were taken out of the log.
 
-A *seal* keeps of a command: codes of what it asked for, when it was recorded, and which events it
+A *seal* keeps of a command: codes of what it requested, when it was recorded, and which events it
 became. It lies in the Tombstone that stands for the events. The codes are HMACs under the command's
 id, of which no more than a digest is kept where the whole commit is gone: only who has the id can
 try contents against them. An id that a writer drew is never sent again: nothing of it is kept.
@@ -79,7 +79,7 @@ class CommandSeal:
         return None if data == NO_HASH else cls(*_SEAL.unpack(data))
 
     def fits(self, command_id: bytes, content: bytes, note: Note, events: Sequence[Event]) -> bool:
-        """Tell whether it is that of a command.
+        """Return whether it is that of a command.
 
         Args:
             command_id: The command's id.
@@ -107,7 +107,7 @@ class StoredCommand:
     """None: all of its events, and its note, are there to be compared."""
 
     def has_content(self, content: bytes) -> bool:
-        """Tell whether it asked for what a digest stands for."""
+        """Return whether it requested what a digest stands for."""
         commit = self.commit
         if self.seal is None:
             return commit.content == content
@@ -276,7 +276,7 @@ class Tombstone:
 
     @property
     def next_event(self) -> int:
-        """Number of the first event behind these commits."""
+        """Number of the first event after these commits."""
         return self.first_event + self.count
 
     def record(self, time_ns: int) -> bytes:
@@ -317,7 +317,7 @@ class Tombstone:
         return cls(**said, reasons=reasons, previous_hash=previous_hash, hash=its_hash, parts=parts)
 
     def check(self) -> None:
-        """Return if something is gone, as far as this tells.
+        """Return if something is gone, as far as this shows.
 
         Raises:
             ValueError: Nothing is, or more than there was: no trimming leaves such a Tombstone.

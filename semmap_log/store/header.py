@@ -188,9 +188,9 @@ class Trimmed:
 
     reasons: TrimReason
     next_event: int
-    """Number of the first event behind the segment: what is left does not count them all."""
+    """Number of the first event after the segment: what is left does not count them all."""
     horizon: int = 0
-    """Events below this number are gone for their age; the Keyframe that tells the state there
+    """Events below this number are gone for their age; the Keyframe that shows the state there
     stands in the segment, or at the head of the next."""
 
 
@@ -210,7 +210,7 @@ class SegmentHeader:
     others: tuple[tuple[str, str], ...] = ()
     """Entries that a later version has added."""
     newer: Newer = NOTHING_NEWER
-    """What else it has put at the head; of a segment that is read it is there once it is asked
+    """What else it has put at the head; of a segment that is read it is there once it is queried
     for: `Segment.full_header`."""
     trimmed: Trimmed | None = None
     """None: all that was written is there."""
@@ -336,7 +336,7 @@ def index_metadata(
         least_ns: Their least happened time.
         greatest_ns: Their greatest.
         head: Hash of the segment's last commit; of the one before, if it has none.
-        next_events: In a trimmed segment the number of the first event behind each chunk.
+        next_events: In a trimmed segment the number of the first event after each chunk.
     """
     return _signed(
         INDEX_METADATA,
@@ -369,7 +369,7 @@ def read_index(
 
 
 def next_events_in_index(metadata: Metadata, *, most: int) -> NDArray[np.int64] | None:
-    """Return the number of the first event behind each chunk; None: no segment was trimmed.
+    """Return the number of the first event after each chunk; None: no segment was trimmed.
 
     Args:
         metadata: The `semmap_index` record.

@@ -222,14 +222,14 @@ class Page:
         return self._commit(int(places[-1])) if len(places) else None
 
     def commit_holding(self, event: int) -> Commit | None:
-        """Return its first commit that ends with that event or behind it; None: none does."""
+        """Return its first commit that ends with that event or after it; None: none does."""
         places, ends = self._commit_ends
         found = int(ends.searchsorted(event, "right"))
         return self._commit(int(places[found])) if found < len(places) else None
 
     @computed_once
     def _commit_ends(self) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
-        """Where its Commit messages are, and the number behind the last event of each."""
+        """Where its Commit messages are, and the number after the last event of each."""
         places = self.commit_places()
         rows = self.commit_rows(places)
         return places, rows["first_event"].astype(np.int64) + rows["count"]
@@ -435,7 +435,7 @@ def _bit_of_kind(kind: int) -> int:
 
 
 BIT_OF_CHANNEL = np.full(2**16, _bit_of_channel(FLOOR_MAP_CHANNEL), np.uint32)
-"""Of each channel there can be: those behind the first floor map's carry floor maps, too."""
+"""Of each channel there can be: those after the first floor map's carry floor maps, too."""
 BIT_OF_CHANNEL[:FLOOR_MAP_CHANNEL] = [
     _bit_of_channel(channel) for channel in range(FLOOR_MAP_CHANNEL)
 ]

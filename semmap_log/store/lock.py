@@ -110,7 +110,7 @@ class WriterLock:
         return fd, is_new
 
     def _is_strangers(self, fd: int, folder: LogFolder) -> bool:
-        """Tell whether strangers have locked a lock file that they can read."""
+        """Return whether strangers have locked a lock file that they can read."""
         at = folder.open_itself()
         try:
             is_strangers = is_held_by_strangers(fd, at)
@@ -227,7 +227,7 @@ def _try_lock(fd: int) -> bool:
 
 
 def _is_public(mode: int) -> bool:
-    """Tell whether somebody may read a file who may not write it."""
+    """Return whether somebody may read a file who may not write it."""
     return bool(mode & _GROUP_AND_OTHERS_READ & ~_private(mode))
 
 
@@ -256,7 +256,7 @@ def _takes_after(fd: int, old: os.stat_result) -> bool:
 
 
 def _holder(folder: LogFolder) -> str:
-    """Return who has the lock, as far as the lock file tells."""
+    """Return who has the lock, as far as the lock file shows."""
     try:
         holder = folder.read_bytes(LOCK_NAME, _HOLDER_BYTES).decode("ascii", "replace").strip()
     except OSError:

@@ -1,11 +1,11 @@
 """manifest.json: which segments of a log lie in a store, and what must be known to ask them.
 
-Segments are put there first, each under a name that tells what is in it, and never written again;
+Segments are put there first, each under a name that shows what is in it, and never written again;
 then one manifest takes the place of the one before, if nobody else's has. A reader believes only
 what the manifest names. What it says of a segment is believed until that is read, and
 compared then.
 
-In what a segment differs from what a manifest tells of it.
+In what a segment differs from what a manifest reports of it.
 
 Which objects below a URL are a log's.
 """
@@ -78,8 +78,8 @@ def _shown(value: object) -> object:
 def log_objects(store: ObjectStore) -> list[ObjectStatus]:
     """Return what lies right below a URL, by name.
 
-    A web server that lists nothing is asked for what the log's metadata.yaml names: the closed
-    segments, which tell how far it reached. What a mark is called, only a list tells; but for those
+    A web server that lists nothing is requested what the log's metadata.yaml names: the closed
+    segments, which tell how far it reached. What a mark is called, only a list shows; but for those
     of older versions.
 
     Raises:
@@ -113,7 +113,7 @@ def _asked_for(store: ObjectStore, names: Sequence[str]) -> list[ObjectStatus]:
 
 @dataclass(frozen=True, slots=True)
 class KeptManifest:
-    """A manifest, and what tells it from the next one."""
+    """A manifest, and what shows it from the next one."""
 
     manifest: Manifest
     e_tag: str
@@ -177,9 +177,9 @@ class ShippedSegment:
     """Of all its bytes, in hexadecimal digits."""
     header: SegmentHeader
     head_end: int
-    """Where the records behind the head's Metadata begin."""
+    """Where the records after the head's Metadata begin."""
     next_event: int
-    """Number of the first event behind it."""
+    """Number of the first event after it."""
     head: bytes
     """Hash of its last commit; of the commit before it, if it has none."""
     counts: Mapping[int, int]
@@ -198,7 +198,7 @@ class Superseded:
     size: int
     since_ns: int | None
     """When a manifest came that did not name it, by the store's clock, nanoseconds UTC; None: it is
-    the first such one, and the store tells when it came."""
+    the first such one, and the store shows when it came."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -375,14 +375,14 @@ def _number(entries: dict[str, Any], name: str) -> int:
 
 
 def _is_counted(told: ShippedSegment) -> bool:
-    """Tell whether a segment has as many events as its numbers leave room for."""
+    """Return whether a segment has as many events as its numbers leave room for."""
     events = told.next_event - told.header.first_event
     counted = count_events(told.counts)
     return counted == events if told.header.trimmed is None else 0 <= counted <= events
 
 
 def _check_possible(told: ShippedSegment) -> None:
-    """Check that what is told of a segment can be.
+    """Check that what is reported of a segment can be.
 
     Raises:
         ValueError: It cannot.

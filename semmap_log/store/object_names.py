@@ -14,14 +14,14 @@ def object_name(number: int, sha256: str, generation: int = 0) -> str:
     Args:
         number: Its own.
         sha256: Of its bytes, in hexadecimal digits.
-        generation: That of the manifest by which it is sent; nothing is said of 0.
+        generation: That of the manifest by which it is sent; nothing is reported about 0.
     """
     later = f"-{generation}" if generation else ""
     return f"{number:06d}-{sha256[:_HASH_DIGITS]}{later}.mcap"
 
 
 def is_object_name(name: str) -> bool:
-    """Tell whether that is what a shipping calls a segment."""
+    """Return whether that is what a shipping calls a segment."""
     return _NAME.fullmatch(name) is not None
 
 

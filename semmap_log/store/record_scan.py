@@ -26,7 +26,7 @@ from semmap_log.store import records as mcap
 from semmap_log.store.form import EventFields
 
 FREE_CHUNK_BYTES = 128 * 2**20
-"""So much a chunk may hold however few bytes it is packed in: the longest event and note, behind
+"""So much a chunk may hold however few bytes it is packed in: the longest event and note, after
 which a chunk ends, and what stands before them (below 2 MiB)."""
 MOST_RATIO = 100
 """Beyond, only so many times its packed bytes: keyframes of a million doors are, packed sixteenfold
@@ -148,7 +148,7 @@ def _check_messages(pieces: Iterable[bytes]) -> None:
     """Check that records are messages of a log, as far as their heads tell.
 
     Args:
-        pieces: The records; the next one is asked for when those before it are good.
+        pieces: The records; the next one is requested when those before it are good.
 
     Raises:
         ChunkDamage: One is no message, or many have the same time.
@@ -240,7 +240,7 @@ def scan_one(file: memoryview | bytes, behind: int, records: bytes | memoryview)
 def _columns_of_few(
     file: memoryview | bytes, behind: NDArray[np.int64], starts: NDArray[np.int64]
 ) -> list[NDArray[np.int64]]:
-    """Return the offsets that each MessageIndex behind these chunks says, whatever it is worth."""
+    """Return the offsets that each MessageIndex after these chunks says, whatever it is worth."""
     found = [np.empty(0, np.int64)]
     head, step = mcap.MESSAGE_INDEX_HEAD_BYTES, mcap.MESSAGE_INDEX_ENTRY_BYTES
     for at, start in zip(behind.tolist(), starts.tolist(), strict=True):
@@ -435,12 +435,12 @@ def gather_behind(
     places: NDArray[np.int64],
     dtype: np.dtype[np.void],
 ) -> NDArray[np.void]:
-    """Return the structs of that dtype which lie so many bytes behind some of these offsets.
+    """Return the structs of that dtype which lie so many bytes after some of these offsets.
 
     Args:
         records: What holds them.
         offsets: Where records begin.
-        ahead: How far behind that the structs lie.
+        ahead: How far after that the structs lie.
         places: Of which records.
         dtype: Theirs.
     """

@@ -3,7 +3,7 @@
 It is written, and synced, before the first of them goes. A segment whose file is there is read
 from it, whatever this list says: so a removal may be cut short anywhere, and a segment that was
 copied back counts. What a question about all of a log needs of a removed segment (its index, the
-commands in it, what was taken back) is kept in a small file beside it.
+commands in it, what was taken back) is kept in a small file next to it.
 """
 
 from __future__ import annotations

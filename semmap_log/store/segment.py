@@ -162,7 +162,7 @@ class SegmentWriter:
         self._writing = threading.Lock()
         """Held while bytes go to the file or wait for it: in one order, whoever hands them on."""
         self._is_broken = False
-        """A write failed or was interrupted: what follows it would lie behind a gap."""
+        """A write failed or was interrupted: what follows it would lie after a gap."""
         self._version: Version
         """The file as it was when it was closed, or is before it gets its name."""
         self.temporary: str | None
@@ -195,7 +195,7 @@ class SegmentWriter:
             chunk: The chunk.
             levels: Levels whose floor maps are in it.
             hold_back: Keep the bytes in memory until there are many, or `flush` is called.
-            next_event: In a trimmed segment the number of the first event behind the chunk.
+            next_event: In a trimmed segment the number of the first event after the chunk.
         """
         data = chunk.data
         offset = self.size
@@ -335,7 +335,7 @@ class SegmentWriter:
             self._flush()
 
     def _begin_write(self) -> None:
-        """Refuse to write behind a gap; whoever ends well takes `_is_broken` back."""
+        """Refuse to write after a gap; whoever ends well takes `_is_broken` back."""
         if self._is_broken:
             raise OSError(errno.EIO, "an earlier write failed, or was interrupted")
         self._is_broken = True

@@ -1,4 +1,4 @@
-"""Beliefs in words: numbers short enough for a table, and what must be said beside them.
+"""Beliefs in words: numbers short enough for a table, and what must be stated next to them.
 
 A patrol round under way as lines: after an event, where the robot goes next.
 """
@@ -44,7 +44,7 @@ def step_row(step: RoundStep, tz: str) -> tuple[str, ...]:
 
 
 def step_line(step: RoundStep, tz: str) -> str:
-    """Return a step in words: when, what was told, where to go, P then, and why."""
+    """Return a step in words: when, what was given, where to go, P then, and why."""
     begun = f"{format_short(step.at_ns, tz)}  {printable(step.because)}"
     if step.stop is None:
         return f"{begun}. {OVER[0].upper()}{OVER[1:]}."
@@ -100,7 +100,7 @@ def _end(probability: float) -> str:
 
 
 def why_unknown(evidence: EvidenceSummary) -> str:
-    """Return why nothing is said of a door."""
+    """Return why nothing is reported about a door."""
     if evidence.is_empty:
         return "never seen"
     said = f"{counted(evidence.counts.words, 'event')} about its state"
@@ -135,7 +135,7 @@ def labels_in(told: Sequence[BeliefTexts]) -> list[str]:
 
 
 def never_seen_lines(told: Sequence[BeliefTexts]) -> list[str]:
-    """Return what must be said of the hours in which nobody looked.
+    """Return what must be reported about the hours in which nobody looked.
 
     Of a few doors, or where they are alike, for each; else the hours in which none of them was
     ever seen.

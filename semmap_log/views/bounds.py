@@ -68,7 +68,7 @@ class Bounds:
         )  # fmt: skip
 
     def holds(self, other: Bounds) -> bool:
-        """Tell whether another rectangle lies in this one; the empty one does."""
+        """Return whether another rectangle lies in this one; the empty one does."""
         return self.including(other) == self
 
     @property

@@ -7,7 +7,7 @@ column is there at any width, under a name that never changes; cells are separat
 
 Tables for people as HTML: the same cells that a terminal shows, texts escaped.
 
-Heads and texts beside each other, or a text below its head where it has no room beside it.
+Heads and texts next to each other, or a text below its head where it has no room next to it.
 
 A table of names and values.
 """
@@ -88,15 +88,15 @@ class BesideLayout:
     """How pairs stand."""
 
     gap: int
-    """Between a head and a text beside it."""
+    """Between a head and a text next to it."""
     indent: int
     """Of a text below its head."""
     readable: int
-    """A text is folded beside its head where it has so many columns there."""
+    """A text is folded next to its head where it has so many columns there."""
 
 
 def beside_or_below(pairs: Sequence[Pair], width: int, layout: BesideLayout) -> Group:
-    """Return pairs in that width, all their texts whole; texts beside a head stand in line."""
+    """Return pairs in that width, all their texts whole; texts next to a head stand in line."""
     heads = max((w for p in pairs if (w := cell_len(p.head)) <= width // 2), default=0)
     room = width - heads - layout.gap
 
@@ -113,7 +113,7 @@ def beside_or_below(pairs: Sequence[Pair], width: int, layout: BesideLayout) -> 
 
 
 def _has_room(text: str, room: int, readable: int) -> bool:
-    """Tell whether a text fits: on one line, or folded at its spaces so that it reads well."""
+    """Return whether a text fits: on one line, or folded at its spaces so that it reads well."""
     if cell_len(text) <= room:
         return True
     return room >= readable and all(cell_len(word) <= room for word in text.split())
@@ -149,7 +149,7 @@ BELOW = BesideLayout(gap=GAP, indent=0, readable=16)
 
 @dataclass(frozen=True, slots=True)
 class CellValue:
-    """A cell that is drawn as one text and told to programs as another."""
+    """A cell that is drawn as one text and given to programs as another."""
 
     drawn: str | Text
     told: str
@@ -193,7 +193,7 @@ class ColumnTable:
     columns: list[TableColumn]
     gap: int = GAP
     has_head: bool = True
-    """False for the pages of a long table behind the first."""
+    """False for the pages of a long table after the first."""
     rows: list[tuple[tuple[Cell, ...], str]] = field(default_factory=list)
     """Cells, and the style of their row."""
 
@@ -300,7 +300,7 @@ class ColumnTable:
         return table
 
     def _draw_below(self, places: list[int], width: int) -> Group:
-        """Return the cells of each row below each other, behind the heads of their columns."""
+        """Return the cells of each row below each other, after the heads of their columns."""
         pairs: list[Pair] = []
         for number, (cells, style) in enumerate(self.rows):
             if number or not self.has_head:

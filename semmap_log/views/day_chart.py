@@ -63,7 +63,7 @@ def _told(day: Day) -> ColumnTable:
 
 
 def _half_hours_a_bar(width: int, slots: int) -> int:
-    """Return how many half hours are one bar, so that all have room beside a name."""
+    """Return how many half hours are one bar, so that all have room next to a name."""
     fitting = (n for n in SLOTS_A_BAR if SHORTEST_NAME + GAP + math.ceil(slots / n) <= width)
     return next(fitting, SLOTS_A_BAR[-1])
 

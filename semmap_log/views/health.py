@@ -152,7 +152,7 @@ def verification_report(found: Verification, signed: Sequence[Text] = ()) -> Ren
 
     Args:
         found: That.
-        signed: What is said of its signatures, in lines; empty: they were not checked.
+        signed: What is reported about its signatures, in lines; empty: they were not checked.
     """
     if found.exit_code == 5:
         return Group(*(plain_text(f"{f.path}: {f.text}") for f in found.findings))

@@ -161,7 +161,7 @@ def proposal_to_json(number: int, proposal: Proposal, name: str) -> dict[str, An
 
 
 MOST_DOORS, MOST_ROOMS = 2, 3
-"""So many are drawn by name; programs are told all."""
+"""So many are drawn by name; programs are given all."""
 
 
 def room_table(plan: RoomPlan, words: RoomWords) -> ColumnTable:

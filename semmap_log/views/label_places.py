@@ -2,10 +2,10 @@
 
 A costmap as a picture for people: legend, doors with their ids, a scale bar, y up as in the map.
 
-Shades stand for costs (`costmap_shading`); a door's state is told by the stroke as well as by its
+Shades stand for costs (`costmap_shading`); a door's state is given by the stroke as well as by its
 colour: closed is a thick line, open a thin one in a wide gap, unknown is dashed.
 
-What stands beside a costmap's picture: what shades and strokes mean, how long a metre is.
+What stands next to a costmap's picture: what shades and strokes mean, how long a metre is.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ TICKS_EVERY_PX = 90
 LABEL_PX = 13
 MOST_LABEL_PX = 240
 MOST_COLUMNS = 3
-"""Of names, beside the legend."""
+"""Of names, next to the legend."""
 MOST_NAMES = 40
-"""Of more doors than that, names would hide the map: they stand beside it."""
+"""Of more doors than that, names would hide the map: they stand next to it."""
 STROKE_PX = 10
 
 
@@ -133,7 +133,7 @@ class _View:
         return max(self.height + 2 * MARGIN_PX, LEAST_HEIGHT_PX)
 
     def canvas_size(self, columns: int) -> tuple[int, int]:
-        """Return (width, height) with so many columns of notes beside the legend."""
+        """Return (width, height) with so many columns of notes next to the legend."""
         beside = LEGEND_PX * (1 + columns)
         return MARGIN_PX + self.width + MARGIN_PX // 2 + beside, self.canvas_height
 
@@ -199,7 +199,7 @@ def _draw_doors(draw: ImageDraw, view: _View, doors: Sequence[DoorMark]) -> list
     """Draw the doors that are on the map, then their labels, so that no stroke hides a number.
 
     Returns:
-        What could not be said on the map: the names of doors that only have their number there.
+        What could not be stated on the map: the names of doors that only have their number there.
     """
     lines = []
     for door in doors:
@@ -231,7 +231,7 @@ def _full_label(door: DoorMark) -> str:
 def _draw_label(
     draw: ImageDraw, places: LabelPlaces, door: DoorMark, line: tuple[Point, Point], *, named: bool
 ) -> bool:
-    """Draw a door's number, and its name where there is room; tell whether all of it is there."""
+    """Draw a door's number, and its name where there is room; return whether all of it is there."""
     (x0, y0), (x1, y1) = line
     middle = (x0 + x1) / 2, (y0 + y1) / 2
     across = math.atan2(y1 - y0, x1 - x0) + math.pi / 2
@@ -249,7 +249,7 @@ def _draw_label(
 
 
 def _draw_box(draw: ImageDraw, box: Box, text: str, middle: Point, colour: Rgb) -> None:
-    """Draw a label, and where it is not beside its door, a line to it."""
+    """Draw a label, and where it is not next to its door, a line to it."""
     left, top, right, bottom = box
     nearest = min(max(middle[0], left), right), min(max(middle[1], top), bottom)
     if math.dist(middle, nearest) > NEAR_PX[-1] + 4:
@@ -331,7 +331,7 @@ def drawable(text: str) -> str:
 
 
 def lacks_letters(text: str) -> bool:
-    """Tell whether a letter or a digit would become a question mark."""
+    """Return whether a letter or a digit would become a question mark."""
     return any(c.isalnum() and not _has_shape(c) and _plain(c) == "?" for c in text)
 
 
@@ -349,7 +349,7 @@ def _plain(character: str) -> str:
 
 @lru_cache(1024)
 def _has_shape(character: str) -> bool:
-    """Tell whether the font has a shape of its own for it."""
+    """Return whether the font has a shape of its own for it."""
     mask = font(14).getmask
     return character == " " or (
         character.isprintable() and bytes(mask(character)) != bytes(mask("\U0010fffd"))
@@ -498,5 +498,5 @@ def _beside(at: Point, size: tuple[int, int], distance: float, angle: float) -> 
 
 
 def without_level(name: str, level: str) -> str:
-    """Return a door's name without the level in front, which is told by the plan it is on."""
+    """Return a door's name without the level in front, which is given by the plan it is on."""
     return name.removeprefix(level).lstrip(" ._-:/") or name

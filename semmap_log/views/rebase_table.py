@@ -65,7 +65,7 @@ def moved_doors_table(plan: RebasePlan) -> ColumnTable:
 
 
 def rebase_notes(plan: RebasePlan) -> Iterator[str]:
-    """Yield what is to be said of doors that stay, and of those that were measured."""
+    """Yield what is to be reported about doors that stay, and of those that were measured."""
     measured = [door for door in plan.doors if door.is_measured]
     if measured:
         worst = max(measured, key=lambda door: -1 if math.isnan(door.off_m) else door.off_m)

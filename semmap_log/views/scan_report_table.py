@@ -30,7 +30,7 @@ MOST_NAMED = 12
 
 
 def scan_report_table(report: ScanReport) -> RenderableType:
-    """Return a row a door, in 80 columns, and behind it what is odd."""
+    """Return a row a door, in 80 columns, and after it what is odd."""
     table = ColumnTable([
         TableColumn("door", "door", least=12),
         TableColumn("visits", "visits", right=True),

@@ -135,7 +135,7 @@ When = Callable[[int], str]
 
 
 def explanation_table(told: Explanation, *, tz: str) -> RenderableType:
-    """Return what a log tells of a door at a moment.
+    """Return what a log reports of a door at a moment.
 
     Args:
         told: The answer.
@@ -154,7 +154,7 @@ def explanation_table(told: Explanation, *, tz: str) -> RenderableType:
 
 
 class _Rows:
-    """Names and values; times are drawn short, and told to programs in full."""
+    """Names and values; times are drawn short, and given to programs in full."""
 
     def __init__(self, told: Explanation, tz: str) -> None:
         self.table: PairTable = pairs()
@@ -164,7 +164,7 @@ class _Rows:
         self._day = format_short(told.time_ns, tz).partition(" ")[0]
 
     def add(self, name: str, value: Callable[[When], Text], *, under: str = "") -> None:
-        """Add a row; one under another is told by both names."""
+        """Add a row; one under another is given by both names."""
         drawn, full = value(self.drawn), value(lambda ns: format_local(ns, self._tz))
         told_name = f"{under}: {name}" if under else name
         label = f"  {name}" if under and name else name
@@ -186,7 +186,7 @@ class _Rows:
             )
 
     def drawn(self, ns: int) -> str:
-        """Return a time: without the date on the day that is asked about."""
+        """Return a time: without the date on the day that is queried."""
         day, _, clock = format_short(ns, self._tz).partition(" ")
         return clock if day == self._day else f"{day} {clock}"
 
@@ -199,7 +199,7 @@ class _Rows:
 
 
 def _class_told(told: Explanation) -> ObjectClass:
-    """Return what a log tells something of."""
+    """Return what a log shows something of."""
     door = told.true.door or told.believed.door
     return DOOR if door is None else door.object_class
 
@@ -226,7 +226,7 @@ def _state(known: StateReason, told: Explanation, when: When) -> Text:
 
 
 def _coloured(state: DoorState, of: ObjectClass, said: str = "") -> Text:
-    """Return a state, or what is said of it, in its colour; what is appended has none."""
+    """Return a state, or what is reported about it, in its colour; what is appended has none."""
     return Text.assemble((said or of.word(state), STATE_COLOURS.get(state, OTHER_STATE_COLOUR)))
 
 

@@ -42,7 +42,7 @@ class Span:
         return first_ms(ns) - self.begin_ms
 
     def widened(self, ms: int) -> Span:
-        """Return the same with so much more before and behind."""
+        """Return the same with so much more before and after."""
         return Span(self.begin_ms - ms, self.end_ms + ms)
 
 

@@ -31,7 +31,7 @@ class Applied:
     """What became of it."""
 
     beliefs: list[DoorBelief]
-    """Of all doors asked about."""
+    """Of all doors queried."""
     written: list[DoorBelief]
     """Doors whose numbers changed; they are in the log now."""
     unknown: list[DoorBelief]
@@ -58,7 +58,7 @@ def apply_probabilities(
 ) -> Applied:
     """Append P(open) and P(closed) of all doors that are known and differ, as one commit.
 
-    They hold from the moment that is asked from on. Asked again without new evidence, nothing is
+    They hold from the moment that is queried from on. Asked again without new evidence, nothing is
     written.
 
     Args:
@@ -74,7 +74,7 @@ def apply_probabilities(
             evidence.
         command_id: 16 bytes: the same command, sent again, is stored once.
         expected_event: Number of the last event of the log, as the caller knows it.
-        progress: Told how far the reading is.
+        progress: Called with how far the reading is.
 
     Raises:
         CommandReusedError: The command is stored already, and was another.

@@ -61,7 +61,7 @@ class BestTime:
 
     state: State
     now: DoorBelief
-    """How likely it is open at the moment that is asked from."""
+    """How likely it is open at the moment that is queried from."""
     tz: str
     is_known: bool
     """False: too little was seen of the door; there are no windows."""
@@ -108,7 +108,7 @@ def best_time(
         estimator: For the next hours; None: `filter`.
         tz: IANA zone of the building's clocks; None: the log's.
         most: How many windows of each kind.
-        progress: Told how far the reading is.
+        progress: Called with how far the reading is.
 
     Raises:
         UnknownDoorError: The door was not in the map then.

@@ -148,7 +148,7 @@ def typical_weeks(
             told later: see `belief_query.ask`.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these (id, name, or level/name); None: all that are in the map then.
-        progress: Told how far the reading is.
+        progress: Called with how far the reading is.
 
     Raises:
         UnknownDoorError: One of the doors was not in the map then.
@@ -266,7 +266,7 @@ def probabilities(
         estimator: None: `filter` up to a day ahead, `schedule` beyond.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these (id, name, or level/name); None: all that are in the map then.
-        progress: Told how far the reading is.
+        progress: Called with how far the reading is.
 
     Raises:
         UnknownDoorError: One of the doors was not in the map then.
@@ -286,7 +286,7 @@ def probabilities(
 
 
 def belief(asked: BeliefQuery, door: Door, horizon_ns: int = 0) -> DoorBelief:
-    """Return what is believed of one door, so long after the moment that is asked from."""
+    """Return what is believed of one door, so long after the moment that is queried from."""
     time_ns = asked.known_ns + horizon_ns
     said = asked.predict(door, np.array([time_ns]))
     return DoorBelief(
@@ -304,17 +304,17 @@ def belief(asked: BeliefQuery, door: Door, horizon_ns: int = 0) -> DoorBelief:
 
 
 FEWEST_WORDS = 30
-"""Of so few nobody can tell how often a sensor errs: what would judge it is not even loaded."""
+"""Of so few nobody can see how often a sensor errs: what would judge it is not even loaded."""
 AS_HAPPENED = (
     "for what would have been believed had each event been recorded when it happened, ask "
     '--at "{then}" --as-happened (in Python: as_happened=True)'
 )
-"""What to do where beliefs are asked for, and what the log tells of that time came later."""
+"""What to do where beliefs are requested, and what the log reports of that time came later."""
 
 
 @dataclass(frozen=True, slots=True)
 class BeliefQuery:
-    """What is known at a moment, and the doors that are asked about."""
+    """What is known at a moment, and the doors that are queried."""
 
     beliefs: Beliefs
     estimator: str
@@ -324,7 +324,7 @@ class BeliefQuery:
     door_map: DoorMap
     """The doors as they were known then."""
     doors: list[Door]
-    """Those asked about, ids ascending."""
+    """Those queried, ids ascending."""
 
     def by(self, estimator: str) -> BeliefQuery:
         """Return the same by another estimator, from the same evidence.
@@ -381,13 +381,13 @@ def ask(
         at: The moment, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits. Without `at` it is the moment,
             too; without either that is the log's end.
-        as_happened: As if each event had been recorded when it happened: what was told later, as
+        as_happened: As if each event had been recorded when it happened: what was given later, as
             by an import, counts from then on, names and annotations, too. What is retracted today
             was never there.
         estimator: Its name.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these; None: all that are in the map then.
-        progress: Told how far the reading is.
+        progress: Called with how far the reading is.
 
     Raises:
         EstimatorError: There is no such estimator.
@@ -436,7 +436,7 @@ def _door_then(
     """Return the door that is meant, among those that were known then.
 
     Raises:
-        UnknownDoorError: There was none; it says so if one was told of later.
+        UnknownDoorError: There was none; it says so if one was reported later.
     """
     try:
         return log.resolve_in(door, log.scope(at, known_at), door_map)
@@ -469,7 +469,7 @@ def learn(
         estimator: A method, or its name: see `semmap_log.analysis.probabilities.belief_fold`.
         tz: IANA zone of hours and weekdays; None: the log's.
         doors: Learn of these alone, which an index makes quick; no door teaches of another.
-        progress: Told how far the reading is.
+        progress: Called with how far the reading is.
 
     Raises:
         EstimatorError: There is no such estimator.

@@ -78,7 +78,7 @@ class Evaluation:
     left_out: Mapping[DoorId, str]
     """Doors with too little known time, and how much they have."""
     reliability: Mapping[str, Reliability]
-    """Estimator -> what came where so much was said, all doors together."""
+    """Estimator -> what came where so much was stated, all doors together."""
     sensor_doubts: Sequence[SensorDoubt] = ()
     """Sensors that are not as accurate as declared: forecasts, and what they are held against, are
     off alike."""
@@ -117,7 +117,7 @@ def evaluate(
         since: Only the known time from then on; what was before still teaches.
         until: Only the known time before then.
         tz: IANA zone of the building's clocks; default: the log's.
-        progress: Told (done, in all), in forecasts of a door by an estimator.
+        progress: Called with (done, in all), in forecasts of a door by an estimator.
 
     Raises:
         EstimatorError: No door has enough known time, or visits; a patrol of a log without truth.
@@ -242,16 +242,16 @@ class _Test:
     stretches: Mapping[DoorId, StateIntervals]
     """Of a truth: when each door is known."""
     ask: Callable[[DoorId, Protocol], Trials]
-    """Makes what is asked about a door anew each time: kept for all doors it would fill memory."""
+    """Makes what is queried a door again each time: kept for all doors it would fill memory."""
     read_forecasts: ForecastReader | None
     doors: dict[DoorId, tuple[int, int]] = field(default_factory=dict)
-    """How many samples teach, and when the first one behind them is."""
+    """How many samples teach, and when the first one after them is."""
     left_out: dict[DoorId, str] = field(default_factory=dict)
     scores: dict[DoorId, dict[str, Scores]] = field(default_factory=dict)
     reliability: dict[str, Reliability] = field(default_factory=dict)
 
     def take(self, door_ids: Sequence[DoorId], where: str) -> None:
-        """Split what is asked of each door; leave out doors with too little.
+        """Split what is queried of each door; leave out doors with too little.
 
         Raises:
             EstimatorError: That leaves none.
@@ -286,7 +286,7 @@ class _Test:
             self.read_forecasts(self.name, name, trials, p)
 
     def _tests(self, door_id: DoorId, training: int) -> Trials:
-        """Return what is asked about a door after the part that teaches."""
+        """Return what is queried a door after the part that teaches."""
         trials = self.ask(door_id, self.protocol).only(slice(training, None))
         if self.is_truth and self.protocol.needs_known:
             before_ns = trials.times_ns - (self.protocol.horizon_ns or 0)

@@ -43,9 +43,9 @@ def explain(
         at: The moment; of an event, when it counts; default: the log's end.
         known_at: What had been recorded by then was known; default: by the moment itself. Without
             `at` it is the moment, too.
-        near_ns: From so long before the moment to so long after it events are told that say
+        near_ns: From so long before the moment to so long after it events are given that say
             otherwise; before it, at the least since the state began.
-        progress: Told how far the reading is.
+        progress: Called with how far the reading is.
 
     Raises:
         UnknownDoorError: There is no such door, and never was.

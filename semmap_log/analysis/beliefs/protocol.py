@@ -34,7 +34,7 @@ class Protocol:
     """What is known at each forecast. Without any of the choices: what was known at the split.
 
     `prequential`: the days that were over, up to the last local midnight. `horizon_ns`: all up to
-    so long before the forecast, which is asked for where the state was known then; and with
+    so long before the forecast, which is requested where the state was known then; and with
     `prequential` the days that were over then. `patrol`: up to the forecast itself, but only what
     that patrol read.
     """

@@ -3,7 +3,7 @@
 Sensors that are not as accurate as declared: said whenever somebody asks what to believe.
 
 The numbers stay those of what is declared. What is learnt from the readings alone may be the door:
-only who knows the true state can tell, and declares what `calibrate` finds.
+only who knows the true state can see, and declares what `calibrate` finds.
 """
 
 from __future__ import annotations
@@ -221,7 +221,7 @@ def warn_of_sensors(
     Args:
         log: Where the evidence is from.
         evidence: What is known.
-        door_ids: The doors that are asked about.
+        door_ids: The doors that are queried.
         until_ns: What comes after does not count.
     """
     found = sensor_doubts(evidence, door_ids, until_ns)

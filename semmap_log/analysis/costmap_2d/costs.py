@@ -319,7 +319,7 @@ FARTHEST_CELL = 1e8
 def area_cells(geometry: GridGeometry, corners: Sequence[tuple[float, float]]) -> NDArray[np.int64]:
     """Return the flat indices of a polygon's cells on the map, ascending.
 
-    Within is what an odd number of sides lie beside (the even-odd rule): the inside of a figure
+    Within is what an odd number of sides lie next to (the even-odd rule): the inside of a figure
     that crosses itself has holes. Its sides are drawn as doors' lines are, so that the thinnest
     polygon is seen.
 

@@ -2,7 +2,7 @@
 
 The update cycle of costmap_2d/src/layered_costmap.cpp: where a layer changed, the master is reset
 to its default, and each layer writes into that window in turn. Windows are exact cells here, and
-wide enough: the master after an update is, byte for byte, the master drawn anew.
+wide enough: the master after an update is, byte for byte, the master drawn again.
 
 ROS's inflation layer: costs that fall off around obstacles (noetic's `inflation_layer.cpp`).
 

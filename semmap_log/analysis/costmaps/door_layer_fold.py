@@ -138,7 +138,7 @@ class DoorLayerProjection:
         return door_lines(state.door_map(), level=self.level, by=self.by, only=self.only)
 
     def apply(self, state: DoorLayerState, batch: EventBatch, /) -> DoorLayerState:
-        """Fold a batch in; only the doors that it is about are drawn anew.
+        """Fold a batch in; only the doors that it is about are drawn again.
 
         All are where it says what objects of a class are like.
         """

@@ -1,6 +1,6 @@
 """A level's costmap at a moment of a log: floor, doors, and costs around both.
 
-A level's costmap over time: one after the other of a log's past, or live beside a writer.
+A level's costmap over time: one after the other of a log's past, or live next to a writer.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Costmap:
         self.geometry = geometry
         self.level = level
         self.floor = floor
-        """The floor map below the doors; None: there is none, and nothing is known beside them."""
+        """The floor map below the doors; None: there is none, and nothing is known next to them."""
         self.options = options
         self._projection = DoorLayerProjection(geometry, level, options.by, options.object_class)
         self._state = self._projection.of(state)
@@ -187,7 +187,7 @@ def costmap_at(
 
 
 def level_drawn(options: CostmapOptions, doors: DoorMap) -> int:
-    """Return the level of which a costmap is asked.
+    """Return the level of which a costmap is queried.
 
     Raises:
         UnknownLevelError: No such level, or several have doors and none was named.
@@ -353,7 +353,7 @@ def costmap_live(
         options: Which level, and what is drawn how.
         floor: As for `costmap_at`.
         poll_s: How long to wait before looking again, when nothing was new.
-        stop: Asked before each look; once it says yes, what is there then is the end.
+        stop: Called before each look; once it says yes, what is there then is the end.
 
     Raises:
         CostmapError: As for `costmap_at`.
@@ -409,7 +409,7 @@ def _first_ns(log: DoorLog) -> int:
 def _places(batches: Sequence[EventBatch], level: int, before: DoorMap) -> Iterator[Point]:
     """Yield points around all places on a level to which events bring doors.
 
-    How wide a door is then, or where the corners of an outline are, may be told elsewhere: the
+    How wide a door is then, or where the corners of an outline are, may be given elsewhere: the
     widest of all is taken.
     """
     kinds = [(batch, kind) for batch in batches for kind in POSE_KINDS]

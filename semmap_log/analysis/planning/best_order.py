@@ -213,7 +213,7 @@ class _Piece:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pieces:
-    """A path, and sums along it, from which each of its pieces is told without a loop."""
+    """A path, and sums along it, from which each of its pieces is given without a loop."""
 
     round: _Round
     path: Orders

@@ -6,7 +6,7 @@ What is believed at the moment that a plan starts from.
 
 P(a door lets a robot in) where the robot may ask: learnt from who went through, or gave up.
 
-A door that is shut may open for who asks, and one that is locked does not. P(open) cannot tell the
+A door that is shut may open for who asks, and one that is locked does not. P(open) cannot see the
 two apart; what became of earlier tries can.
 
 How often a door was open when it was looked at, at such hours of such days.
@@ -39,13 +39,13 @@ from semmap_log.core.model.moments import DAY_NS, HOUR_NS, SECOND_NS, Moment
 from semmap_log.log.door_log.door_log import DoorLog, Time
 
 STEP_S = 300.0
-"""Between two times at which P is asked for."""
+"""Between two times at which P is requested."""
 LONGEST_S = 12 * 3600.0
 """Of a round: from then on P stays as it is."""
 
 
 def round_times_s(longest_s: float) -> NDArray[np.float64]:
-    """Return the times of a round at which P is asked for, from its start on, seconds."""
+    """Return the times of a round at which P is requested, from its start on, seconds."""
     count = math.ceil(min(longest_s, LONGEST_S) / STEP_S) + 1
     return np.arange(count, dtype=np.float64) * STEP_S
 
@@ -112,7 +112,7 @@ def beliefs_at(
         start: When the plan starts; None: at the log's end.
         estimator: None: as far ahead as that is from the log's end.
         tz: IANA zone; None: the log's.
-        progress: Told how far the reading is.
+        progress: Called with how far the reading is.
 
     Raises:
         EstimatorError: There is no such estimator.
@@ -166,7 +166,7 @@ class PassingProjection(BeliefProjection):
 def passings_in(batch: EventBatch) -> EventBatch:
     """Return a batch's tries as sightings that cannot err: passed is OPEN, gave up is CLOSED.
 
-    Beside these there is only when doors came and went.
+    Next to these there is only when doors came and went.
     """
     kinds = (DoorAdded, DoorRemoved, DoorPassed)
     places = np.sort(np.concatenate([batch.where(kind) for kind in kinds]))

@@ -45,7 +45,7 @@ from semmap_log.errors import PlanError
 from semmap_log.log.door_log.door_log import DoorLog, Time
 
 ASKED_P = 0.5
-"""P(a shut door opens for who asks) where nobody has tried; it is said."""
+"""P(a shut door opens for who asks) where nobody has tried; it is stated."""
 LEAST_SHUT = 0.001
 LONGEST_TRIP_S = 3600.0
 """P is looked up for so long ahead."""
@@ -118,7 +118,7 @@ def door_trip(
         asks: It may ask for doors.
         patience_s: It waits so long at most; what comes after counts as nothing. None: it waits
             until the door is open.
-        progress: Told how far the reading is.
+        progress: Called with how far the reading is.
 
     Raises:
         PlanError: There is no such place, no way from one to the other, no map then, or no

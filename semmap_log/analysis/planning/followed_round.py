@@ -5,8 +5,8 @@ What counts is what happened after the round's start:
 - the robot passed a door, or is in a room: it is visited;
 - it gave up at a door, or that door is seen shut while the robot stands before it, being sent
   there: the room's other door is tried, or the next room;
-- any other door of the round is told to be open or shut: its P is learnt anew, by the same
-  estimator, and the order is made anew if the door is now expected to be otherwise;
+- any other door of the round is given to be open or shut: its P is learnt again, by the same
+  estimator, and the order is made again if the door is now expected to be otherwise;
 - a door leaves the map: it is not gone to;
 - `PatrolFinished`, or the budget: the round is over.
 
@@ -69,7 +69,7 @@ class FollowedRound:
 
         Args:
             begun: The round.
-            log: Gives the log with all that is written, from which is learnt anew when events are
+            log: Gives the log with all that is written, from which is learnt again when events are
                 taken back.
         """
         self._begun = begun
@@ -168,7 +168,7 @@ class FollowedRound:
         return steps
 
     def _now(self) -> tuple[int | None, int]:
-        """Return what a step is told for: another door to go to, or another room visited."""
+        """Return what a step is given for: another door to go to, or another room visited."""
         planned = None if self._is_finished else self._order.next_try()
         return (None if planned is None else planned.door), len(self._visited)
 
@@ -259,7 +259,7 @@ class FollowedRound:
                 self._order.rule_out(place)
 
     def _learn(self, door_id: DoorId, said: str, at_ns: int) -> None:
-        """Learn a door's P anew, where it may still be gone to."""
+        """Learn a door's P again, where it may still be gone to."""
         left = [place for place in self._doors[door_id] if self._order.is_left(place)]
         if not left:
             return
@@ -306,7 +306,7 @@ def events_since(
     Args:
         log: As it was opened when the round was planned.
         start_ns: The moment.
-        stop: Asked before each look; once it says yes, what is there then is the end.
+        stop: Called before each look; once it says yes, what is there then is the end.
 
     Raises:
         LogError: The log is damaged, or another lies there now.

@@ -244,7 +244,7 @@ def _room(ways: WaysBetween, room: RoomId, name: str) -> WantedTarget | None:
 
 
 def _is_alone(ways: WaysBetween, room: RoomId) -> bool:
-    """Tell whether a room has no doors but those to the outside."""
+    """Return whether a room has no doors but those to the outside."""
     graph = ways.plan.graph
     return all(graph.doorways[door].beyond(room) == OUTSIDE for door in graph.doors_of(room))
 

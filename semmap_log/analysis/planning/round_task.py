@@ -204,7 +204,7 @@ class ShutDoorChoice:
 
 
 class TripPolicy:
-    """The best choices of a trip, worked out where they are asked for."""
+    """The best choices of a trip, worked out where they are requested."""
 
     def __init__(self, task: TripTask) -> None:
         """Take a trip.
@@ -337,7 +337,7 @@ class TripTask:
     """(d,): from one side of each door to the other."""
     doors: tuple[TripDoor, ...]
     ask_s: float = 8.0
-    """Until a door opens that was asked for."""
+    """Until a door opens that was requested."""
     refused_s: float = 30.0
     """Until one gives up a door that does not."""
 
@@ -361,7 +361,7 @@ class TripTask:
 
     @staticmethod
     def door_at(place: int) -> int:
-        """Return the door that a place is beside."""
+        """Return the door that a place is next to."""
         return (place - 2) // 2
 
     @staticmethod

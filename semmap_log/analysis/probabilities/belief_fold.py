@@ -1,4 +1,4 @@
-"""An estimator as a fold over a log's events: evidence comes in, beliefs are asked for.
+"""An estimator as a fold over a log's events: evidence comes in, beliefs are requested.
 
 The estimators by the names that the command line knows them by.
 """
@@ -29,7 +29,7 @@ from semmap_log.errors import EstimatorError
 class Beliefs:
     """What an estimator makes of the evidence so far.
 
-    Nothing is learnt before somebody asks, and anew where more was told since.
+    Nothing is learnt before somebody asks, and again where more was given since.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Beliefs:
 
     @property
     def door_ids(self) -> list[DoorId]:
-        """Doors that something was said of, removed ones, too, ascending."""
+        """Doors that something was reported about, removed ones, too, ascending."""
         return self.evidence.door_ids
 
     def predict(
@@ -72,7 +72,7 @@ class Beliefs:
         return self.learnt(until_ns).predict(door_id, times_ns, known_ns)
 
     def learnt(self, until_ns: int | None = None) -> LearntModel:
-        """Return what the evidence teaches; it can be asked for what was known up to then.
+        """Return what the evidence teaches; it can be requested what was known up to then.
 
         Args:
             until_ns: Default: the latest event's time.

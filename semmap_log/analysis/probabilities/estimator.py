@@ -68,4 +68,4 @@ class Estimator(Protocol):
         """What the command line calls it."""
 
     def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntModel:
-        """Return what the evidence teaches; the work may wait until it is asked for."""
+        """Return what the evidence teaches; the work may wait until it is requested."""

@@ -39,7 +39,7 @@ class Forecast:
     """(n,), False: the evidence is below the stated amount, and `p_open` is what doors are like
     of which nothing is known."""
     effective_days: Probabilities
-    """(n,), days of evidence about that time of day behind it, old ones discounted."""
+    """(n,), days of evidence about that time of day after it, old ones discounted."""
 
     @classmethod
     def of(

@@ -30,7 +30,7 @@ class Scores:
     """Expected calibration error: mean over the forecasts of |mean p - frequency| of their bin
     (Naeini et al., AAAI 2015)."""
     bias: float | None
-    """Mean p - mean outcome; above 0: the door was said to be open too often."""
+    """Mean p - mean outcome; above 0: the door was stated to be open too often."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Reliability:
         """Return the diagram of some forecasts.
 
         Args:
-            p: (n,), what was said.
+            p: (n,), what was stated.
             outcome: (n,), what came: 0 or 1.
         """
         bins = np.minimum((p * BINS).astype(np.int64), BINS - 1)
@@ -80,7 +80,7 @@ def scores(p: Probabilities, outcome: Probabilities) -> Scores:
     """Return how good forecasts were.
 
     Args:
-        p: (n,), what was said.
+        p: (n,), what was stated.
         outcome: (n,), what came: 0 or 1.
     """
     if not len(p):

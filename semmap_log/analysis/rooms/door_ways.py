@@ -2,7 +2,7 @@
 
 The nodes are the cells before and behind each door. Within a connected part of the floor their
 distances are measured once; a door that is not shut joins its two nodes, a lift those before its
-doors. So what is asked with other doors shut costs no new look at the floor.
+doors. So what is queried with other doors shut costs no new look at the floor.
 
 Distances between spots on connected parts of floors, measured once and kept.
 """
@@ -43,7 +43,7 @@ class _Node:
 
     level: int
     spot: Spot
-    """Its own cell: 0 m beside it."""
+    """Its own cell: 0 m next to it."""
     to_door_m: float
     """From there to the middle of the door."""
 

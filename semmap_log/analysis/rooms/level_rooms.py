@@ -75,7 +75,7 @@ class RoomPlan:
         """Return that levels have no floor plan, as the end of a sentence about them.
 
         Args:
-            levels: Those that are asked about; None: all.
+            levels: Those that are queried; None: all.
         """
         chosen = self.later.keys() if levels is None else self.later.keys() & set(levels)
         if not chosen:
@@ -511,7 +511,7 @@ def _span(
 
     Args:
         ends: Of the line, along that axis.
-        half_m: How far it reaches beside itself.
+        half_m: How far it reaches next to itself.
         axis: Where its first cell begins, metres a cell, how many cells it has.
     """
     origin, cell_m, count = axis

@@ -7,7 +7,7 @@ not with its cells.
 
 Shortest ways over free cells from many starts at once: sweeps over runs, up and down the rows.
 
-A step to a side costs 1, one to a corner 1.414, and only where both cells beside it are free
+A step to a side costs 1, one to a corner 1.414, and only where both cells next to it are free
 (the octile metric without cut corners): at most 8 % above the straight line. Costs are whole
 numbers, thousandths of a cell, so that a sweep ends when nothing changes, to the bit.
 
@@ -65,7 +65,7 @@ class DistanceFields:
         """Return the costs to all cells: (size, starts), thousandths of a cell.
 
         Args:
-            cells: Where to start, as `index_of` tells cells.
+            cells: Where to start, as `index_of` shows cells.
         """
         field = np.full((self.size, len(cells)), NO_WAY, np.int32)
         field[cells, np.arange(len(cells))] = 0
@@ -109,7 +109,7 @@ class DistanceFields:
         waiting: NDArray[np.bool_],
         waiting_back: NDArray[np.bool_],
     ) -> None:
-        """Tell what changed to the next rows, in the order of the sweep."""
+        """Return what changed to the next rows, in the order of the sweep."""
         for run in order:
             if not waiting[run]:
                 continue
@@ -129,7 +129,7 @@ class DistanceFields:
 
 
 def _stepped(source: Costs, target: Costs) -> bool:
-    """Take the steps from cells to those beside them in the next row; tell if one was shorter."""
+    """Take the steps from cells to those next to them in the next row; tell if one was shorter."""
     found = source + STRAIGHT
     np.minimum(found[1:], source[:-1] + DIAGONAL, out=found[1:])
     np.minimum(found[:-1], source[1:] + DIAGONAL, out=found[:-1])

@@ -30,7 +30,7 @@ from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import CostmapError
 
 REACH_M = 1.0
-"""How far before a door the robot may have to stand, beside its radius."""
+"""How far before a door the robot may have to stand, next to its radius."""
 LEAST_AWAY_M = 1e-6
 """On a door's line is on none of its sides."""
 LEAST_REACH_CELLS = 0.75
@@ -180,7 +180,7 @@ class WalkingFloor:
         return flats.ravel(), centre_x.ravel(), centre_y.ravel()
 
     def _sees(self, point: Point, target: Point, *, leaves_door: bool) -> bool:
-        """Tell whether nothing stands between; a door that the point itself is in does not count.
+        """Return whether nothing stands between; a door that the point itself is in does not count.
 
         Where the way leaves a door, what it is in at first does not count, wall or door: the
         middle of a door that stands in a wall without a gap can be left, too.

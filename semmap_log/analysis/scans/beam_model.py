@@ -1,4 +1,4 @@
-"""How likely each range is, were the leaf so and the robot a little beside its place.
+"""How likely each range is, were the leaf so and the robot a little next to its place.
 
 The beam model is the mixture of laser localisation (hit, short, lost, stray: Thrun, Burgard and
 Fox, "Probabilistic Robotics", 6.3), with the leaf, or else the room behind the door, as what is
@@ -112,7 +112,7 @@ class _View:
     blind: Table
     """(m,) nearer than that nothing is met."""
     wall_at: Table
-    """The wall: where the shift puts the beam beside the door; inf: it does not."""
+    """The wall: where the shift puts the beam next to the door; inf: it does not."""
     before: Table
     """A leaf nearer than that looks like anybody."""
     free: Table
@@ -120,7 +120,7 @@ class _View:
     peak: Table
     """(m,) p at the very place of a leaf, through the noise alone, times the noise's scale."""
     ends_short: Table
-    """p, if the leaf is beyond where the beam ended, beside the noise."""
+    """p, if the leaf is beyond where the beam ended, next to the noise."""
     ends_beyond: Table
     """The same, if the leaf is nearer."""
     persuades: np.float32
@@ -245,7 +245,7 @@ def _chance(far: Table, leaf: _LeafView, view: _View) -> Table:
 
 
 def wall_log_likelihoods(beams: DoorBeams, model: ScanModel) -> Floats:
-    """Return (m, s + 1): log p(range | shift) of beams beside a door, were the wall in its line.
+    """Return (m, s + 1): log p(range | shift) of beams next to a door, were the wall in its line.
 
     The last column is that of a wall that is anywhere else near it.
     """

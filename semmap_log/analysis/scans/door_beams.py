@@ -85,7 +85,7 @@ class Sights:
     """(p,)"""
     over: DoorBeams
     """Of the beams to that wall those that come over the floor where a leaf would stand that is
-    swung towards the laser; looks as those beside."""
+    swung towards the laser; looks as those next to."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,7 +153,7 @@ def _swept(beams: DoorBeams) -> NDArray[np.bool_]:
 
 
 def _is_over(beams: DoorBeams) -> NDArray[np.bool_]:
-    """Return (m,) whether a beam beside a door comes over the floor that its leaf sweeps."""
+    """Return (m,) whether a beam next to a door comes over the floor that its leaf sweeps."""
     before = beams.where - OVER * beams.width * beams.ux / np.abs(beams.uy)
     return (before > 0) & (before < beams.width)
 

@@ -2,7 +2,7 @@
 
 What a laser saw of all doors, for who wants to know how far to trust it.
 
-What visits tell of a door that should be looked at: its line, its glass, the robot's poses.
+What visits report of a door that should be looked at: its line, its glass, the robot's poses.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class ScanReport:
     summary: Sequence[str] = ()
     """What there was of scans."""
     oddities: Sequence[str] = ()
-    """What is odd about the scans, beside the doors."""
+    """What is odd about the scans, next to the doors."""
 
     def label(self, door_id: DoorId) -> str:
         """Return what to call a door."""
@@ -75,9 +75,9 @@ def scan_report(
 
 
 FEW = 5
-"""Habits are told of doors with at least so many visits."""
+"""Habits are reported of doors with at least so many visits."""
 LEAST_OFFSETS = 3
-"""Visits that an offset is told of."""
+"""Visits that an offset is reported of."""
 OFF_M = 0.12
 """Less is a leaf in its recess, as drawings go."""
 SURE = 3.0
@@ -164,7 +164,7 @@ def _offset(door: DoorFigures) -> str:
 
 
 def _is_off(offsets: Mean) -> bool:
-    """Tell whether offsets are one on average, and not by chance."""
+    """Return whether offsets are one on average, and not by chance."""
     return abs(offsets.value) >= max(OFF_M, SURE * offsets.error)
 
 
@@ -236,14 +236,14 @@ class DoorFigures:
     contradictions: int = 0
     """Visits that say CLOSED while it did."""
     accuracy: Mean = field(default_factory=Mean)
-    """That is said of those that are decided by beams."""
+    """That is reported about those that are decided by beams."""
     opening: Mean = field(default_factory=Mean)
     """The clear share of the width, 0..1, where beams saw anything of it."""
     behind_m: Mean = field(default_factory=Mean)
     """Where beams ended that ended near the line, behind (+) or before (-) it, as the robot sees
     it: in visits to a leaf that may be shut, wherever its line is drawn."""
     left_m: Mean = field(default_factory=Mean)
-    """The same to the left (+) or right (-) of the line, where a visit tells from which side."""
+    """The same to the left (+) or right (-) of the line, where a visit shows from which side."""
     sides: set[int] = field(default_factory=set)
     """From where it was seen: 1 the left, -1 the right."""
     reasons: Counter[str] = field(default_factory=Counter)
@@ -305,12 +305,12 @@ def door_figures(visits: Iterable[Visit]) -> list[DoorFigures]:
 
 
 def is_undecided(visit: Visit) -> bool:
-    """Tell whether a visit says neither OPEN nor CLOSED."""
+    """Return whether a visit says neither OPEN nor CLOSED."""
     return visit.state not in (DoorState.OPEN, DoorState.CLOSED)
 
 
 def _may_be_shut(visit: Visit) -> bool:
-    """Tell whether nearly all beams ended near the line, and the door is not open or ajar."""
+    """Return whether nearly all beams ended near the line, and the door is not open or ajar."""
     stands = visit.state is DoorState.OPEN or visit.ajar >= MOST_AJAR
     met = NEARLY_ALL * visit.looks <= visit.near <= MANY_MORE * visit.looks
     return not stands and met and visit.looks >= LEAST_LOOKS

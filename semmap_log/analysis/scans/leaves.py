@@ -81,7 +81,7 @@ class Leaves:
     def with_leaf(self) -> tuple[int, ...]:
         """How many rows, the first ones, have a first leaf, a second one, ...
 
-        Beside those that are two others together.
+        Next to those that are two others together.
         """
         single = self.lengths[: len(self.clear) - len(self.both)]
         return tuple(n for n in (single > 0).sum(0).tolist() if n)
@@ -249,7 +249,7 @@ def _table(stands: Iterable[Stand]) -> Leaves:
 
 
 def _has_wall(leaves: Sequence[Leaf]) -> bool:
-    """Tell whether these are a wall and a leaf before it."""
+    """Return whether these are a wall and a leaf before it."""
     return len(leaves) == 2 and leaves[0].length == WALL
 
 

@@ -50,11 +50,11 @@ class SightSums:
     tables: dict[int, NDArray[np.float32]]
     """Of a sight with beams (s, h): the sum of their log-likelihoods."""
     over: dict[int, NDArray[np.float32]]
-    """The same of the log-ratios of those beside the door that come over its leaf."""
+    """The same of the log-ratios of those next to the door that come over its leaf."""
     walls: Floats
-    """(p, s + 1): the same of the beams beside the door."""
+    """(p, s + 1): the same of the beams next to the door."""
     beside: Floats
-    """(p,) beams beside the door."""
+    """(p,) beams next to the door."""
 
     @classmethod
     def of(cls, sights: Sights, doors: WatchedDoors, model: ScanModel) -> SightSums:
@@ -131,7 +131,7 @@ MIDDLE = 0.1
 HOP_M, GAP_S = 1.5, 5.0
 """Between two scans: a robot that is farther than that, or later, may have been put elsewhere."""
 SLACK_M, FASTEST = 0.15, 2.0
-"""A correction that localisation makes, m, beside which no robot of a building is faster, m/s."""
+"""A correction that localisation makes, m, next to which no robot of a building is faster, m/s."""
 SPACING_M = 0.02
 """Places of a track are so far apart at least: a robot that stands has one."""
 PLACES = 512

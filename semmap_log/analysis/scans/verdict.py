@@ -80,7 +80,7 @@ class _Looks:
 
 
 def _why(p_open: float, ajar: float, looks: _Looks, model: ScanModel, *, is_glass: bool) -> str:
-    """Return why nothing can be said; empty: it can.
+    """Return why nothing can be stated; empty: it can.
 
     No OPEN without beams that went through, no CLOSED without beams that ended on the line, or with
     many that ended deep in the room behind it (unless the door is of glass).

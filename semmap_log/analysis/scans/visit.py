@@ -1,9 +1,9 @@
-"""What a visit to a door tells.
+"""What a visit to a door shows.
 
 Where the scans of visits are kept, and how.
 
     office/              the log
-    office.scans/        beside it
+    office.scans/        next to it
       20260301T212000.123456789Z.mcap     the visits of one run, named after the first one
 
 Each file is an MCAP of standard ROS 2 messages, for `ros2 bag play` and whatever reads bags:
@@ -12,7 +12,7 @@ Each file is an MCAP of standard ROS 2 messages, for `ros2 bag play` and whateve
 - `/<robot>/<laser>/scan`: sensor_msgs/LaserScan;
 - `/<robot>/<laser>/pose`: geometry_msgs/PoseWithCovarianceStamped, how sure the place is;
 - `/<robot>/<laser>/beams`: sensor_msgs/PointCloud2, frame `map`, where each beam began and ended:
-  only of scans that a LaserScan cannot tell well, by a laser that moves while it turns;
+  only of scans that a LaserScan cannot see well, by a laser that moves while it turns;
 - `/visits`: std_msgs/String, a JSON object: the door, its line then, what was found, its scans.
 
 A scan is in a file once, before the first visit that it is of; a visit is one chunk with the scans
@@ -23,7 +23,7 @@ Scans of one laser, one behind the other, as arrays over all their beams.
 
 What is known beforehand of the laser, of the robot's place and of what lies around doors.
 
-The scans of the last minute: a visit that ends is asked for those that it was made from.
+The scans of the last minute: a visit that ends is requested those that it was made from.
 
 A scan of a planar laser whose beams have their places on the map.
 """
@@ -68,13 +68,13 @@ class KeptVisit:
     line: DoorLine
     """Of the door at that moment."""
     scans: tuple[PlacedScan, ...]
-    """Stamps ascending; empty if they were not asked for."""
+    """Stamps ascending; empty if they were not requested."""
     event: int | None = None
-    """Number of the DoorObserved or DoorPassed that it became; None: not told, or none."""
+    """Number of the DoorObserved or DoorPassed that it became; None: not given, or none."""
 
 
 class VisitReader(Protocol):
-    """Reads the visits that are kept beside a log, file by file, in the order in which they ended.
+    """Reads the visits that are kept next to a log, file by file, in the order in which they ended.
 
     See `kept_visits`, which is one.
     """
@@ -129,9 +129,9 @@ Rows = NDArray[np.intp]
 LEAST_RANGE = 0.02
 """m; what is nearer was not measured."""
 LARGEST_RANGE = 1000.0
-"""m; a laser that tells of more means that it does not know."""
+"""m; a laser that reports of more means that it does not know."""
 LARGEST_SD = 10.0
-"""m, or rad: whoever tells of more does not know where the robot is."""
+"""m, or rad: whoever reports of more does not know where the robot is."""
 FARTHEST = 1e7
 """m from the map's origin; what is farther is no place on Earth."""
 
@@ -148,7 +148,7 @@ class ScanStack:
     """(t, 2) of the laser in the middle of its turn, m."""
     sd_xy: Floats
     sd_theta: Floats
-    """(t,) as told, else the model's; m, rad."""
+    """(t,) as given, else the model's; m, rad."""
     max_range: Floats
     """(t,) m"""
     begins: Rows
@@ -232,7 +232,7 @@ def _cleaned(scan: PlacedScan) -> Floats:
 
 
 def _told(values: Sequence[float], default: float, least: float) -> Floats:
-    """Return standard deviations, none below the least; the default where none is told."""
+    """Return standard deviations, none below the least; the default where none is given."""
     told = np.array(values, np.float64)
     return np.clip(np.where(told >= 0, told, default), least, LARGEST_SD)
 
@@ -268,7 +268,7 @@ class ScanModel:
     deep: float = 0.5
     """Behind the line by more a beam ended in the room, whatever the pose."""
     beside: float = 0.7
-    """So far from its ends the wall beside a door is looked at."""
+    """So far from its ends the wall next to a door is looked at."""
     beside_beams: int = 4
     """Used of the wall at each end."""
 
@@ -291,9 +291,9 @@ class ScanModel:
     blurred: float = 0.08
     """A leaf's ends are known so well at best: nearer to them a beam may meet it, or may not."""
     wall_in_line: float = 0.7
-    """P(the wall beside a door is in its line)."""
+    """P(the wall next to a door is in its line)."""
     wall_there: float = 0.6
-    """P(a beam beside the door ends on the wall, if it is in line)."""
+    """P(a beam next to the door ends on the wall, if it is in line)."""
 
     cell: float = 0.10
     """Beams nearer to each other on the line count once."""
@@ -316,7 +316,7 @@ class ScanModel:
     stand: float = 0.5
     """A laser that is no farther from where it was stands."""
     same_again_s: float = 1800.0
-    """From one stand the same state of a door is told again after this time: a patrol's pace."""
+    """From one stand the same state of a door is given again after this time: a patrol's pace."""
 
     enough: float = 0.7
     """Looks through the line, or on it, that a word needs."""
@@ -329,10 +329,10 @@ class ScanModel:
     """Share of the beams towards the door that something before it stopped: more, and what the
     others met is as likely its edge as the door."""
     least_accuracy: float = 0.8
-    """Below it nothing is said."""
+    """Below it nothing is stated."""
     most_ajar_shut: float = 0.5
     most_ajar_open: float = 0.125
-    """P(ajar) above which CLOSED, or OPEN, is not said."""
+    """P(ajar) above which CLOSED, or OPEN, is not stated."""
     lapse: float = 0.008
     """P(the visit means nothing at all): a wrong map, another door, glass that nobody told of."""
     passed_accuracy: float = 0.999
@@ -415,9 +415,9 @@ class Visit:
     """Which of the robot's lasers saw most of it."""
     robot: str = ""
     side: int = 0
-    """From where it was seen: 1 the left of its line, -1 the right, 0 both or not told."""
+    """From where it was seen: 1 the left of its line, -1 the right, 0 both or not given."""
     told_ns: int = 0
-    """When the same state was told from the same stand already; 0: it is news. See `stands`."""
+    """When the same state was given from the same stand already; 0: it is news. See `stands`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -443,9 +443,9 @@ class PlacedScan:
     max_range: float
     """m; farther than that a beam does not come back."""
     sd_xy: float = nan
-    """Standard deviation of the laser's place on the map along each axis, m; NaN: not told."""
+    """Standard deviation of the laser's place on the map along each axis, m; NaN: not given."""
     sd_theta: float = nan
-    """Of its heading, rad; NaN: not told."""
+    """Of its heading, rad; NaN: not given."""
     robot: str = ""
 
 

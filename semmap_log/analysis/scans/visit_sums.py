@@ -40,7 +40,7 @@ class VisitSums:
     table: Floats
     """(s, h): log-likelihoods of the shift and the stand of the leaves."""
     walls: Floats
-    """(s + 1,): of the shift by the walls beside; the last: the wall is not in line."""
+    """(s + 1,): of the shift by the walls next to; the last: the wall is not in line."""
     through: Floats
     stopped: Floats
     deep: Floats

@@ -24,10 +24,10 @@ from semmap_log.errors import FormatError
 
 
 def write_answer(answer: pa.Table, out: Path) -> None:
-    """Write an answer to a file whose name tells its format.
+    """Write an answer to a file whose name shows its format.
 
     Raises:
-        FormatError: It tells none.
+        FormatError: It shows none.
         OutputError: It cannot be written; what was there is whole.
     """
     write = writer_for(out)
@@ -42,7 +42,7 @@ def writer_for(out: Path) -> Callable[[pa.Table, Path], None]:
     """Return what writes an answer to a file of that name.
 
     Raises:
-        FormatError: It tells no format.
+        FormatError: It shows no format.
     """
     write = _WRITERS.get(out.suffix.lower())
     if write is None:

@@ -370,7 +370,7 @@ FUNCTIONS: Mapping[str, tuple[Column, ...]] = {
     "doors_known_at": DOORS,
     "beliefs": BELIEFS,
 }
-"""Of what is asked about a moment."""
+"""Of what is queried a moment."""
 
 
 TEXTS = pa.map_(pa.string(), pa.string())
@@ -472,7 +472,7 @@ class RowMaking:
         return found
 
     def _noted(self, error: Exception) -> Exception:
-        """Keep what went wrong, and return what DuckDB is told of it.
+        """Keep what went wrong, and return what DuckDB is reported of it.
 
         It is kept without its frames, which would hold DuckDB, and DuckDB us, for ever.
         """
@@ -491,7 +491,7 @@ class RowMaking:
 
 
 MOST_DOORS = 16
-"""So many are asked for one by one; for more, all events are read sooner."""
+"""So many are requested one by one; for more, all events are read sooner."""
 
 BOUNDED = ("event", "happened", "happened_ns", "recorded", "recorded_ns")
 """Columns by which parts of a log can be left out."""
@@ -561,7 +561,7 @@ def _bounds(part: LogPart, asked: ScanRequest) -> Iterator[Guarantee]:
 
 
 def _joined(parts: Iterable[LogPart]) -> list[tuple[int, int]]:
-    """Return ranges of events, the end of each behind its last; neighbours are one."""
+    """Return ranges of events, the end of each after its last; neighbours are one."""
     found: list[tuple[int, int]] = []
     for part in parts:
         if found and found[-1][1] == part.first_event:

@@ -231,7 +231,7 @@ def _check_only_reads(connection: duckdb.DuckDBPyConnection, query: str) -> None
     Without files to reach it could not be done; where they are allowed, DuckDB would do it.
 
     Raises:
-        SqlError: One does, or the parts cannot be told.
+        SqlError: One does, or the parts cannot be given.
     """
     ((said,),) = connection.execute("SELECT json_serialize_sql(?)", [query]).fetchall()
     parsed = json.loads(said)

@@ -5,7 +5,7 @@ Events of one door side by side: the rows of the read model, and the events in t
 Values are as the messages have them: numbers for kinds, states and bits, NaN for what was not
 given. So rows become the same events again, which `table`, made for people, does not promise. A
 field is null where its kind has none; a column that no event fills is left out. When an event
-happened is told by how late it was recorded: a small number, where a time is a big one.
+happened is given by how late it was recorded: a small number, where a time is a big one.
 
 Rows of the read model as they lie there, by door: columns of a history's table made of them.
 
@@ -134,7 +134,7 @@ class RowsByDoor:
         """Number of an event with texts -> its bytes."""
 
     def add(self, events: Events, door_ids: NDArray[np.uint32]) -> None:
-        """Take events, all of whose numbers lie behind those before.
+        """Take events, all of whose numbers lie after those before.
 
         Args:
             events: They.
@@ -162,7 +162,8 @@ class RowsByDoor:
         The parts are let go of.
 
         Args:
-            notes: (events,), in the order of their numbers: the place of what is said of each.
+            notes: (events,), in the order of their numbers: the place of what is reported about
+                each.
             texts: `NOTE_TEXTS` of each note; an empty one is null.
         """
         heads = {name: _joined(parts) for name, parts in self._heads.items()}
@@ -440,7 +441,7 @@ def _happened_ns(rows: pa.Table) -> NDArray[np.int64]:
 
 
 class _FieldsOfKind:
-    """The fields of the events of one kind, each taken from its column when it is asked for."""
+    """The fields of the events of one kind, each taken from its column when it is requested."""
 
     def __init__(self, rows: pa.Table, places: NDArray[np.intp]) -> None:
         self._rows, self._places = rows, places

@@ -244,7 +244,7 @@ _ENCODINGS = {pa.int64(): "DELTA_BINARY_PACKED", pa.float64(): "BYTE_STREAM_SPLI
 
 
 def _repeats(column: pa.ChunkedArray) -> bool:
-    """Tell whether a column is smaller as numbers into the list of its values."""
+    """Return whether a column is smaller as numbers into the list of its values."""
     if pa.types.is_dictionary(column.type):
         return True
     there: int = len(column) - column.null_count

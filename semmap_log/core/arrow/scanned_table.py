@@ -35,7 +35,7 @@ class ScanRequest:
         """Those that are shown or filtered by, in the order of the schema; at least one."""
 
     def has(self, name: str) -> bool:
-        """Tell whether the table has such a column, asked for or not."""
+        """Return whether the table has such a column, requested or not."""
         return name in self._schema.names
 
     def filters_by(self, name: str) -> bool:
@@ -61,7 +61,7 @@ class ScanRequest:
 
 
 Read = Callable[[ScanRequest], Iterable[pa.Table]]
-"""Yields tables with at least the columns that are asked for, and all rows that may match."""
+"""Yields tables with at least the columns that are requested, and all rows that may match."""
 
 
 class ScannedTable(pads.Dataset):  # type: ignore[misc]

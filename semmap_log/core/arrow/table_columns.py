@@ -118,7 +118,7 @@ MEANINGS: Mapping[str, str] = {
     "at_ns": "LogExported: the moment whose state was saved",
 }
 """Fields of events, in the order of their columns, and what they mean; those that came later have
-the words of the `.msg` text behind these."""
+the words of the `.msg` text after these."""
 
 OF_CELLS = (
     Column("cells_width", "uint32", "FloorMap: cells in a row", field="cells"),
@@ -426,7 +426,7 @@ def texts_array(places: NDArray[np.integer[Any]], texts: Sequence[str]) -> pa.Ar
 
 
 class CodedTexts(NamedTuple):
-    """Texts that many rows share, ready to be told."""
+    """Texts that many rows share, ready to be given."""
 
     codes: NDArray[np.int32]
     """Of each text its place among the different ones; -1: it is empty."""

@@ -49,13 +49,13 @@ if TYPE_CHECKING:
 
 
 _ABOUT_THE_LOG = (HistoryTrimmed.kind, MomentPinned.kind)
-"""Kinds that tell of the log, and not of the building."""
+"""Kinds that report of the log, and not of the building."""
 
 
 class Retractions:
     """Ranges of event numbers that were taken back; a retraction itself is never hidden.
 
-    Nor is an event that tells of the log by a range around it: only by its own number.
+    Nor is an event that reports of the log by a range around it: only by its own number.
     """
 
     def __init__(self) -> None:
@@ -78,7 +78,7 @@ class Retractions:
         return self._those([number <= event for number in self.numbers])
 
     def after(self, event: int) -> Retractions:
-        """Return those that events behind that number made."""
+        """Return those that events after that number made."""
         return self._those([number > event for number in self.numbers])
 
     def __bool__(self) -> bool:
@@ -302,7 +302,7 @@ class EventBatch(MadeOfColumns):
     def door_ids(self) -> NDArray[np.uint32]:
         """Return the door each event is about; 0 where it is about none.
 
-        A door may have the number 0, too: `about_doors` tells them apart.
+        A door may have the number 0, too: `about_doors` shows them apart.
         """
         if self.known_door_ids is not None:
             return self.known_door_ids

@@ -434,7 +434,7 @@ def check_rows(kind: type[Event], rows: Rows) -> None:
 
 
 def are_possible(kind: type[Event], rows: Rows) -> bool:
-    """Tell whether each row of a log holds values that such an event can have."""
+    """Return whether each row of a log holds values that such an event can have."""
     checks = _checks(kind.kind)
     return checks.pass_all(checks.columns_of(rows))
 
@@ -459,7 +459,7 @@ class _Checks(NamedTuple):
         return {name: np.ascontiguousarray(rows[name]) for name in names}
 
     def pass_all(self, columns: Columns) -> bool:
-        """Tell whether nothing is wrong with any row."""
+        """Return whether nothing is wrong with any row."""
         return all(rule.allows_all(columns[name]) for name, rule in self.alone) and not any(
             misfits.any() for misfits in self.misfits(columns)
         )
@@ -505,7 +505,7 @@ def check_times(happened_ns: NDArray[np.int64]) -> None:
 
 @cache
 def _same_fields(mine: np.dtype[np.void], wanted: np.dtype[np.void]) -> bool:
-    """Tell whether rows have the same fields, of the same types, wherever they lie."""
+    """Return whether rows have the same fields, of the same types, wherever they lie."""
     names = wanted.names or ()
     return mine.names == names and all(mine[name] == wanted[name] for name in names)
 

@@ -46,7 +46,7 @@ nanoseconds since 1970, UTC), its kind, and the fields of the door after it. `se
 `Changed` and `THERE`; the fields outside them mean nothing."""
 
 THERE = 128
-"""In `sets`, beside the bits of `Changed`: it brings the door into the map, or takes it out."""
+"""In `sets`, next to the bits of `Changed`: it brings the door into the map, or takes it out."""
 EVERYTHING = int(ALL_CHANGED) | THERE
 STATE = int(Changed.STATE)
 
@@ -143,19 +143,19 @@ def known_states(states: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def of_presence(changes: Changes, presence: Presence) -> NDArray[np.bool_]:
-    """Tell which rows bring a door into the map, take it out, or do neither."""
+    """Return which rows bring a door into the map, take it out, or do neither."""
     found: NDArray[np.bool_] = _PRESENCE[changes["kind"]] == presence.value
     return found
 
 
 def are_sightings(changes: Changes) -> NDArray[np.bool_]:
-    """Tell which rows are sightings: see `Effect.is_sighting`."""
+    """Return which rows are sightings: see `Effect.is_sighting`."""
     found: NDArray[np.bool_] = _IS_SIGHTING[changes["kind"]]
     return found
 
 
 def is_before(changes: Changes, stamp: Stamp) -> NDArray[np.bool_]:
-    """Tell which rows come before a stamp: (folds_ns, number)."""
+    """Return which rows come before a stamp: (folds_ns, number)."""
     folds_ns, number = stamp
     ties = (changes["folds_ns"] == folds_ns) & (changes["number"] < number)
     earlier: NDArray[np.bool_] = (changes["folds_ns"] < folds_ns) | ties
@@ -291,7 +291,7 @@ class NamesThen:
 
 
 def _of_that_moment(batch: EventBatch) -> NDArray[np.int64]:
-    """Return numbers behind which, at the time of each event, nothing more was said."""
+    """Return numbers after which, at the time of each event, nothing more was stated."""
     return np.full(len(batch), np.iinfo(np.int64).max)
 
 
@@ -363,7 +363,7 @@ class LastWritten:
         self._table = self._table_of_keys()
 
     def __contains__(self, key: int) -> bool:
-        """Tell whether a key ever held something."""
+        """Return whether a key ever held something."""
         return key in self._keys
 
     def values(self) -> list[int]:
@@ -389,7 +389,7 @@ class LastWritten:
     def _behind(
         self, rows: NDArray[np.intp], happened_ns: NDArray[np.int64], numbers: NDArray[np.int64]
     ) -> NDArray[np.intp]:
-        """Return the place behind the last change up to each stamp; 0: its key has none so early.
+        """Return the place after the last change up to each stamp; 0: its key has none so early.
 
         All are halved at once, as often as the key with the most changes needs.
         """
@@ -406,7 +406,7 @@ class LastWritten:
         return np.where(low > first, low, 0)
 
     def _rows(self, keys: Integers) -> NDArray[np.intp]:
-        """Return the place of each key among those that have changes; behind them: it has none."""
+        """Return the place of each key among those that have changes; after them: it has none."""
         if self._table is not None:
             return self._table.take(keys, mode="clip")
         rows = np.searchsorted(self._keys, keys)

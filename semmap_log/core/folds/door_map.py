@@ -135,14 +135,14 @@ class DoorMapState:
         return np.concatenate([self._columns["last_event"][:n], *columns, others]).astype(np.int64)
 
     def is_present(self, door_id: int) -> bool:
-        """Tell whether the door is in the map."""
+        """Return whether the door is in the map."""
         row = self._row_of.get(door_id)
         if row is None:
             return False
         return bool(self._is_here(slice(row, row + 1))[0])
 
     def _is_here(self, rows: slice) -> NDArray[np.bool_]:
-        """Tell which doors are in the map: added, and not removed since.
+        """Return which doors are in the map: added, and not removed since.
 
         A removal that comes before the adding was of no door: it leaves the map alone.
         """
@@ -158,7 +158,7 @@ class DoorMapState:
         return NEVER if row is None else int(self._columns["last_event"][row])
 
     def is_placed(self, door_id: int) -> bool:
-        """Tell whether the door has a place on the floor."""
+        """Return whether the door has a place on the floor."""
         row = self._row_of.get(door_id)
         return row is not None and not np.isnan(self._columns["x"][row])
 
@@ -182,7 +182,7 @@ class DoorMapState:
         return {i: classes[name] for i, name in said.items() if name in classes}
 
     def since_added(self, key: str) -> dict[DoorId, str]:
-        """Return what is said of each door under a key since it was added; ids ascending."""
+        """Return what is reported about each door under a key since it was added; ids ascending."""
         said = self._annotations.said_under(key)
         return {i: text for i, (stamp, text) in said.items()
                 if (added := self.stamp(i, "added")) is not None and stamp > added}  # fmt: skip
@@ -289,7 +289,7 @@ class DoorMapState:
         """Return the state that `to_arrays` gave.
 
         Raises:
-            ValueError: Some arrays have other lengths than those beside them.
+            ValueError: Some arrays have other lengths than those next to them.
         """
         state = cls()
         state.event = int(arrays["event"])

@@ -25,13 +25,13 @@ _KINDS = np.array([kind.kind for kind in MAY_BE_EARLY], np.uint8)
 
 @dataclass(frozen=True, slots=True)
 class Addings:
-    """When doors were added, to find what is said of earlier times."""
+    """When doors were added, to find what is reported about earlier times."""
 
     door_ids: NDArray[np.int64]
     """Ascending."""
     happened_ns: NDArray[np.int64]
     number: NDArray[np.int64]
-    """Of each adding; -1: it is older than all that is asked about."""
+    """Of each adding; -1: it is older than all that is queried."""
 
     @classmethod
     def of(cls, stamps: Mapping[int, tuple[int, int]]) -> Addings:

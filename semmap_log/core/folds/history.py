@@ -42,7 +42,7 @@ FIELDS = (*meaning.FIELDS, "annotations", "object_class")
 """The fields that make a door what it is: if one differs, the door was changed."""
 
 STAMPS = ("last_seen_ns", "last_event")
-"""What tells that something was heard of a door, though it may be the same as before."""
+"""What shows that something was heard of a door, though it may be the same as before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class Diff(ShownAsTable):
     """Of the same, by `STAMPS`."""
     levels: Sequence[LevelChange]
     events: Sequence[HistoryEntry]
-    """Those with happened time behind the first moment, up to and with the second."""
+    """Those with happened time after the first moment, up to and with the second."""
 
     def __repr__(self) -> str:
         changed = len({change.door.door_id for change in self.changed})
@@ -87,7 +87,7 @@ class Diff(ShownAsTable):
         return f"<Diff of doors: {doors}; {counted(len(self.events), 'event')}>"
 
     def __bool__(self) -> bool:
-        """Tell whether a door is another than before; that it was seen again does not count."""
+        """Return whether a door is another than before; that it was seen again does not count."""
         return bool(self.added or self.removed or self.changed)
 
     def applied_to(self, before: DoorMap) -> DoorMap:
@@ -174,7 +174,7 @@ def _said(value: Any) -> str:
 
 
 def _is_same(one: Any, other: Any) -> bool:
-    """Tell whether two values are equal, NaN being equal to NaN."""
+    """Return whether two values are equal, NaN being equal to NaN."""
     if isinstance(one, float) and isinstance(other, float):
         return one == other or (math.isnan(one) and math.isnan(other))
     if isinstance(one, (Door, Level)) and type(one) is type(other):
@@ -206,7 +206,7 @@ class Round:
         return self.name or f"round {self.patrol}"
 
     def overlaps(self, since_ns: int, until_ns: int) -> bool:
-        """Tell whether some of it lies between two times, as far as anybody knows."""
+        """Return whether some of it lies between two times, as far as anybody knows."""
         begun = self.start_ns is None or self.start_ns < until_ns
         return begun and (self.end_ns is None or self.end_ns >= since_ns)
 
@@ -252,7 +252,7 @@ class HistoryEntry(ShownAsTable):
     retracted_by: int | None = None
     """The number of the first event that took it back; None: it stands."""
     changes: tuple[ValueChange, ...] = ()
-    """What it changed in the map when it was recorded, where that was asked for."""
+    """What it changed in the map when it was recorded, where that was requested."""
 
     @property
     def folds_ns(self) -> int:
@@ -291,7 +291,7 @@ def history(
         batches: Events, numbers ascending; gaps allowed.
         said_of: Tells what the commits say; asked once a batch.
         retractions: What is hidden; it is shown here, and marked.
-        changes_in: Returns what the events of a batch changed; None: that is not told.
+        changes_in: Returns what the events of a batch changed; None: that is not given.
     """
     for batch in batches:
         changes = changes_in(batch) if changes_in is not None else {}

@@ -1,8 +1,8 @@
 """Which level is meant where something is put on one, or asked of one: the one rule for it.
 
 The levels of a log are those that have a name, a floor map, or a door with a place. Where a level
-is told, by its name or its number, that one is meant. A text of digits is a name first, with a
-warning where another level has that number; `number:2` is the number. Where none is told,
+is given, by its name or its number, that one is meant. A text of digits is a name first, with a
+warning where another level has that number; `number:2` is the number. Where none is given,
 
 - the only level is meant, if the log has one;
 - it is an error that names them, if the log has several;
@@ -13,9 +13,9 @@ are appended, the events before them in the same commit included.
 
 Of the objects in a map those of one class; doors, for those who know nothing else.
 
-The doors of a map as values, each made when it is asked for: of hundreds, one is wanted.
+The doors of a map as values, each made when it is queried for: of hundreds, one is wanted.
 
-What is said of doors in words: for each door and key the text with the greatest stamp.
+What is reported about doors in words: for each door and key the text with the greatest stamp.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from semmap_log.errors import CommandError, LevelNameWarning, LogError, UnknownL
 NUMBER_PREFIX = "number:"
 
 OPTION = '--level L on the command line, level=L in Python, "level": L in a JSON line'
-"""How a level is told."""
+"""How a level is given."""
 
 
 def levels_of(door_map: DoorMap) -> dict[int, Level]:
@@ -75,7 +75,7 @@ def placed_levels(door_map: DoorMap) -> set[int]:
 
 
 def only_level(names: Mapping[int, str | None]) -> int:
-    """Return the level that is meant where none is told.
+    """Return the level that is meant where none is given.
 
     Args:
         names: The levels that there are, by their numbers.
@@ -98,7 +98,7 @@ def resolve_level(text: str | int | None, door_map: DoorMap) -> int:
         door_map: The map as it is.
 
     Raises:
-        UnknownLevelError: No such level, or several and none was told.
+        UnknownLevelError: No such level, or several and none was given.
     """
     names = {number: level.name for number, level in levels_of(door_map).items()}
     return only_level(names) if text is None else level_called(text, names)
@@ -193,7 +193,7 @@ class DoorsPresent(Mapping[DoorId, Door]):
 
         Args:
             columns: The fields of the doors and their stamps, one row a door, ids ascending.
-            annotations: What is said of them; must not change any more.
+            annotations: What is reported about them; must not change any more.
         """
         self._columns = columns
         self._annotations = annotations
@@ -202,9 +202,9 @@ class DoorsPresent(Mapping[DoorId, Door]):
         self._ids: list[int] = columns["door_id"].tolist()
         self._places = dict(zip(self._ids, range(len(self._ids)), strict=True))
         self._made: dict[DoorId, Door] = {}
-        """Those that were asked for, in the order in which they were."""
+        """Those that were requested, in the order in which they were."""
         self._everything: dict[DoorId, Door] | None = None
-        """All of them, ids ascending, once somebody asked for all."""
+        """All of them, ids ascending, once somebody requested all."""
 
     def __getitem__(self, door_id: DoorId | str) -> Door:
         if isinstance(door_id, str):
@@ -315,7 +315,7 @@ class DoorsPresent(Mapping[DoorId, Door]):
 
 
 NAME = "name"
-"""The key under which a door's name is said."""
+"""The key under which a door's name is stated."""
 
 _NO_DOOR = 0
 _DEFINES = "\x01class:"
@@ -340,7 +340,7 @@ class Annotations:
         """Whether a snapshot holds the same dictionaries: they must not change any more."""
 
     def write(self, door_id: int, key: str, value: str, stamp: Stamp) -> None:
-        """Note what was said at a stamp, unless something later is known."""
+        """Note what was stated at a stamp, unless something later is known."""
         if self._is_shared:
             self._said = {door: dict(texts) for door, texts in self._unpacked().items()}
             self._is_shared = False
@@ -372,12 +372,12 @@ class Annotations:
         return None if told is None else told[0]
 
     def said_under(self, key: str) -> dict[DoorId, tuple[Stamp, str]]:
-        """Return what is said of each door under a key, and its stamp; ids ascending."""
+        """Return what is reported about each door under a key, and its stamp; ids ascending."""
         said = sorted(self._unpacked().items())
         return {DoorId(door_id): texts[key] for door_id, texts in said if key in texts}
 
     def forget(self, door_id: int, key: str, before: int) -> None:
-        """Leave out what events below a number said of a door under a key."""
+        """Leave out what events below a number reported about a door under a key."""
         said = self._unpacked().get(door_id, {})
         if key in said and said[key][0][1] < before:
             del said[key]
@@ -387,7 +387,7 @@ class Annotations:
         return self._unpacked().get(door_id, {}).get(key)
 
     def of(self, door_id: int, added: Stamp) -> Mapping[str, str]:
-        """Return what is said of a door since it was added, keys ascending."""
+        """Return what is reported about a door since it was added, keys ascending."""
         said = self._unpacked().get(door_id, {})
         since = {key: value for key, (stamp, value) in sorted(said.items()) if stamp > added}
         if door_id == _NO_DOOR:

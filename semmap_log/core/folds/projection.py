@@ -67,7 +67,7 @@ class Mergeable(Protocol[S]):
 
         Args:
             earlier: What events up to some number make of `initial()`.
-            later: What those behind it make of another `initial()`.
+            later: What those after it make of another `initial()`.
         """
 
 

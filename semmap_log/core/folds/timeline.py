@@ -44,7 +44,7 @@ Shares = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class TimeShares:
-    """What is said of a door in slots of time that follow each other."""
+    """What is reported about a door in slots of time that follow each other."""
 
     opened: Shares
     """(slots,): share of the time known to be open or closed in which it was open; NaN: none."""
@@ -116,7 +116,7 @@ class Timeline(ShownAsTable):
     start_ns: Times
     """When the state began: nanoseconds since the Unix epoch, UTC."""
     end_ns: Times
-    """When it ended; of the last: when the door was removed, else the moment asked for."""
+    """When it ended; of the last: when the door was removed, else the moment requested."""
     state: NDArray[np.uint8]
     """`DoorState` of each."""
     event: NDArray[np.int64]
@@ -305,7 +305,7 @@ def timelines(
 ) -> dict[DoorId, Timeline]:
     """Return the states of doors, ids ascending; only of those whose adding is among the events.
 
-    Some 22 bytes an event that tells a state are kept until the end.
+    Some 22 bytes an event that shows a state are kept until the end.
 
     Args:
         batches: Events in any order, retracted ones left out, none later than `end_ns`.
@@ -347,7 +347,7 @@ class _Reports:
         self._parts.append(rows)
 
     def doors(self) -> Iterator[_Life]:
-        """Yield what was said of each door that was added, ids ascending."""
+        """Yield what was reported about each door that was added, ids ascending."""
         changes = np.concatenate([np.empty(0, STATE_CHANGE), *self._parts])
         changes["state"] = known_states(changes["state"])
         order = np.lexsort((changes["number"], changes["folds_ns"], changes["door_id"]))
@@ -360,7 +360,7 @@ class _Reports:
 
 
 class _Life:
-    """What was said about one door, in the order of the fold."""
+    """What was stated about one door, in the order of the fold."""
 
     def __init__(self, door_id: DoorId, changes: Changes) -> None:
         self.door_id = door_id
@@ -514,7 +514,7 @@ def _median(values: NDArray[np.int64]) -> int:
 def pass_begins(
     seen_ns: NDArray[np.int64], is_parted: NDArray[np.bool_] | None = None
 ) -> NDArray[np.bool_]:
-    """Tell which sightings begin a pass.
+    """Return which sightings begin a pass.
 
     Args:
         seen_ns: (k,), ascending where nothing parts them.

@@ -94,7 +94,7 @@ def _let_requests_end() -> None:
 
 
 def _peak_bytes() -> int:
-    """Return the most memory that this process has held so far; 0 where none is told."""
+    """Return the most memory that this process has held so far; 0 where none is given."""
     try:
         import resource
     except ImportError:  # Windows

@@ -193,7 +193,7 @@ def output_errors(path: Path) -> Iterator[None]:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Hand out a new, empty file beside `path`; on success it takes the name, synced, at once.
+    """Hand out a new, empty file next to `path`; on success it takes the name, synced, at once.
 
     Its name is nobody else's, and no link that somebody put there is followed. Where `path` is a
     link, the link is replaced, and what it points to stays. On any error the file is removed and
@@ -218,7 +218,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 def whole_folder(path: Path) -> Iterator[Path]:
     """Hand out a path for a new folder of the same name; on success it takes its place, synced.
 
-    It lies in a temporary folder beside `path`. On any error that is removed, with all in it.
+    It lies in a temporary folder next to `path`. On any error that is removed, with all in it.
 
     Raises:
         OutputError: There is something at `path` already: a folder is never replaced.
@@ -244,7 +244,7 @@ def replace_file(path: Path, data: bytes) -> None:
 
 
 def left_by_killed(path: Path) -> Iterator[Path]:
-    """Yield the temporary files beside `path` of processes that are no more."""
+    """Yield the temporary files next to `path` of processes that are no more."""
     leftover = re.compile(
         re.escape(_stem(path)) + r"\.(\d+)(?:\.[0-9a-f]+)?" + re.escape(TEMPORARY_SUFFIX)
     )
@@ -309,7 +309,7 @@ def refuse_special(path: Path) -> None:
 
 
 def new_beside(path: Path) -> Path:
-    """Make an empty file beside `path`, under a name that nobody else has, and return that.
+    """Make an empty file next to `path`, under a name that nobody else has, and return that.
 
     Raises:
         OSError: The folder takes none.
@@ -318,9 +318,9 @@ def new_beside(path: Path) -> Path:
 
 
 def name_beside(path: Path, suffix: str = TEMPORARY_SUFFIX) -> Path:
-    """Return a name beside `path` that nobody else draws.
+    """Return a name next to `path` that nobody else draws.
 
-    The process in it tells whether who drew it still runs; the token keeps threads apart.
+    The process in it says whether who drew it still runs; the token keeps threads apart.
     """
     token = os.urandom(TOKEN_BYTES).hex()
     return path.with_name(f"{_stem(path)}.{os.getpid()}.{token}{suffix}")
@@ -344,7 +344,7 @@ def _make_folder(path: Path) -> None:
 
 
 def _stem(path: Path) -> str:
-    """Return how temporary names beside `path` begin: of a long name, its end tells more."""
+    """Return how temporary names next to `path` begin: of a long name, its end shows more."""
     name = path.name
     while len(os.fsencode(name)) > MOST_STEM_BYTES:
         name = name[1:]
@@ -422,7 +422,7 @@ def check_can_write(path: Path) -> None:
 
 
 def read_into(fd: int, target: memoryview, at: int) -> int:
-    """Read bytes of an open file from an offset on; return how many: 0 behind its end.
+    """Read bytes of an open file from an offset on; return how many: 0 after its end.
 
     Raises:
         OSError: As the kernel says.

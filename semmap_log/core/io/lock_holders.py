@@ -14,7 +14,7 @@ _MAY_WRITE_GROUP, _MAY_WRITE_OTHERS = 0o020, 0o002
 
 
 def is_held_by_strangers(fd: int, folder: int) -> bool | None:
-    """Tell whether nobody who has locked a file (flock) may write in a folder.
+    """Return whether nobody who has locked a file (flock) may write in a folder.
 
     Args:
         fd: The file, or the folder itself, open.
@@ -43,7 +43,7 @@ def _holders(file: os.stat_result) -> list[int]:
 
 
 def _may_write(pid: int, folder: os.stat_result) -> bool | None:
-    """Tell whether a process may write in a folder; None: it cannot be seen.
+    """Return whether a process may write in a folder; None: it cannot be seen.
 
     Its real ids count: a setuid program that a stranger has started holds what they locked.
     """

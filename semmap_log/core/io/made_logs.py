@@ -34,7 +34,7 @@ def register_maker(suffix: str, make: Callable[[Path], MadeLog]) -> None:
 
 
 def is_called_as_made(path: PurePath) -> bool:
-    """Tell whether a path is called as the definition of a log that is made."""
+    """Return whether a path is called as the definition of a log that is made."""
     return path.name.lower().endswith(tuple(_makers)) if _makers else False
 
 

@@ -66,7 +66,7 @@ class ObjectCache:
         """Return a block; None: it is not there.
 
         Args:
-            content: What tells the object from all others, also of its own name.
+            content: What shows the object from all others, also of its own name.
             block: Its place in it.
         """
         path = self._place_of(content, block)
@@ -110,7 +110,7 @@ class ObjectCache:
             total -= size
 
     def _has_written(self, count: int) -> bool:
-        """Count what was written, and tell whether it is time to look through all."""
+        """Count what was written, and return whether it is time to look through all."""
         with self._lock:
             self._written += count
             if self._written < self._most_bytes // _SWEEPS:

@@ -1,4 +1,4 @@
-"""The bytes of an object in a store: only what is asked for is fetched, near ranges as one."""
+"""The bytes of an object in a store: only what is requested is fetched, near ranges as one."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def keep_at_most(most: int) -> None:
 class ObjectSource:
     """A `ByteSource`: an object as it was when the log was opened.
 
-    Each request says which object it means, so that one that was exchanged is told, never mixed
+    Each request says which object it means, so that one that was exchanged is given, never mixed
     in. What was fetched is kept for a while; `let_go` gives it up.
     """
 
@@ -123,7 +123,7 @@ class ObjectSource:
         return self.read_ranges([(start, end)])
 
     def read_ranges(self, ranges: Sequence[tuple[int, int]]) -> memoryview:
-        """Return ranges one behind the other; as `ByteSource.read_ranges`."""
+        """Return ranges one after the other; as `ByteSource.read_ranges`."""
         clipped = [(max(0, start), min(end, self.size)) for start, end in ranges]
         wanted = [(start, end) for start, end in clipped if start < end]
         self._check_piece(sum(end - start for start, end in wanted))

@@ -53,14 +53,14 @@ class ObjectStatus:
     e_tag: str
     """Another for other bytes."""
     modified_ns: int = field(default=0, compare=False)
-    """When it was put, by the store's clock, nanoseconds UTC; 0: it was not asked."""
+    """When it was put, by the store's clock, nanoseconds UTC; 0: it was not queried."""
 
 
 class ObjectStore:
     """The objects right below a URL."""
 
     def __init__(self, url: UrlPath, *, patience_s: float = PATIENCE_S) -> None:
-        """Name a place in a store; nothing is asked yet.
+        """Name a place in a store; nothing is queried yet.
 
         Args:
             url: Of the folder.
@@ -72,7 +72,7 @@ class ObjectStore:
         """
         self.url = url
         self.place = f"{url} {_endpoint(url)}"
-        """What tells it from another store of the same URL."""
+        """What shows it from another store of the same URL."""
         try:
             import obstore
             from obstore.store import from_url
@@ -201,7 +201,7 @@ class ObjectStore:
         Raises:
             FileNotFoundError: It is gone.
             ObjectChangedError: Another has its name.
-            LogAccessError: The store does not let us, or its answer is not what was asked for.
+            LogAccessError: The store does not let us, or its answer is not what was requested.
         """
         options: dict[str, object] = {}
         if (start, end) != (0, status.size):  # some servers know no ranges
@@ -228,7 +228,7 @@ class ObjectStore:
         )
 
     def create(self, name: str, data: Buffer | os.PathLike[str]) -> bool:
-        """Put an object where none is, and tell whether that was done; False: there is one.
+        """Put an object where none is, and return whether that was done; False: there is one.
 
         Raises:
             LogAccessError: The store does not let us.
@@ -236,7 +236,7 @@ class ObjectStore:
         return self._put(name, data, "create")
 
     def replace(self, name: str, data: bytes, e_tag: str) -> bool:
-        """Put an object in the place of one, and tell whether that was done.
+        """Put an object in the place of one, and return whether that was done.
 
         Args:
             name: Its own.
@@ -347,7 +347,7 @@ def _status_in(text: str) -> int | None:
 
 
 def _is_no_list(status: int | None) -> bool:
-    """Tell whether a web server's answer means that it lists nothing; a 403 comes again later."""
+    """Return whether a web server's answer means that it lists nothing; a 403 comes again later."""
     return status == 501 or (status is not None and 400 <= status < 500 and status != 429)
 
 
@@ -372,7 +372,7 @@ def _room_for(data: Buffer | os.PathLike[str]) -> int:
 
 
 def _may_be_plain(url: UrlPath) -> bool:
-    """Tell whether the user has named a store without TLS."""
+    """Return whether the user has named a store without TLS."""
     named = [value for name, value in os.environ.items() if name.startswith("AWS_ENDPOINT_URL")]
     allowed = os.environ.get("AWS_ALLOW_HTTP", "").lower() in ("1", "true", "yes")
     return url.scheme == "http" or allowed or any(one.startswith("http://") for one in named)

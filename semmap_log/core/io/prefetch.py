@@ -52,7 +52,7 @@ def ahead(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:
 
 
 def _cores() -> int:
-    """Return how many cores this process may use, as far as the system tells."""
+    """Return how many cores this process may use, as far as the system shows."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1  # macOS, Windows

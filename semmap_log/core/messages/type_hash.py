@@ -1,8 +1,8 @@
-"""RIHS01, the hash by which ROS 2 tells whether two types of one name are the same (REP 2016).
+"""RIHS01, the hash by which ROS 2 says whether two types of one name are the same (REP 2016).
 
 Messages with texts and arrays <-> CDR bytes, field by field as their `.msg` texts tell.
 
-XCDR1, little endian, as ROS 2 writes it: numbers are aligned to their own size, counted from behind
+XCDR1, little endian, as ROS 2 writes it: numbers are aligned to their own size, counted from after
 the encapsulation; a text is its length with the zero that ends it, and its bytes; an array of any
 size begins with its length. The same bytes as rosbags reads and writes, which is the oracle in the
 tests; here arrays are views, nothing is generated, and nothing heavy is imported: a moment of the
@@ -72,7 +72,7 @@ CDR_HEADER = b"\x00\x01\x00\x00"
 """Representation identifier CDR_LE and no options."""
 
 MOST_PADDING = 3
-"""Bytes behind the last field, with which some writers fill up to four."""
+"""Bytes after the last field, with which some writers fill up to four."""
 
 _LENGTH = struct.Struct("<I")
 
@@ -130,7 +130,7 @@ def write_message(ros_type: str, values: Mapping[str, Any]) -> bytes:
 
 
 class Texts(Sequence[str]):
-    """An array of texts; walked when one is asked for, or what lies behind it.
+    """An array of texts; walked when one is requested, or what lies after it.
 
     The first use raises ValueError if these bytes are none.
     """
@@ -140,7 +140,7 @@ class Texts(Sequence[str]):
 
         Args:
             body: The message without its encapsulation.
-            start: Where they begin; or what they lie behind.
+            start: Where they begin; or what they lie after.
         """
         self._body = body
         self._start = start

@@ -48,7 +48,7 @@ NOTE_TEXTS = ("actor", "source", "reason", "correlation")
 """The texts of a note."""
 
 NoteTexts: TypeAlias = tuple[str, str, str, str]
-"""What they say; empty where nothing is said."""
+"""What they say; empty where nothing is stated."""
 NO_TEXTS: NoteTexts = ("", "", "", "")
 
 MOST_NOTE_CHARACTERS = 4 * 2**20
@@ -132,7 +132,7 @@ class Commit:
     durable_before: int = 0
     """Events below this number were known to be on the disk when this commit was written."""
     content: bytes = NO_CONTENT
-    """Digest of what the command asked for; zeros where its id was drawn for it."""
+    """Digest of what the command requested; zeros where its id was drawn for it."""
     note: Note = Note()
 
     @property

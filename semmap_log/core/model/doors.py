@@ -8,7 +8,7 @@ Values that show themselves in a notebook; a room above draws them.
 What else than doors a log can be about: docks, lifts, gates, fire shutters, spill zones.
 
 A class says what its objects look like on the floor, what their states are called, and which of
-these block a robot's way; the log tells it by a ClassDefined. (The thesis, chapter 5: "an Object
+these block a robot's way; the log shows it by a ClassDefined. (The thesis, chapter 5: "an Object
 super-class, offering important methods like the Costmap draw function".)
 
 An object has the life of a door: it is added, seen, set, moved, removed, and believed to be in a
@@ -98,7 +98,7 @@ Corners: TypeAlias = tuple[tuple[float, float], ...]
 """(x, y) of each corner, metres, the last joined to the first; empty: there is no outline."""
 
 WORDED = (DoorState.OPEN, DoorState.CLOSED, DoorState.MOVING)
-"""The states for which a class has words, in the order in which it tells them."""
+"""The states for which a class has words, in the order in which it shows them."""
 
 
 class Geometry(str, Enum):
@@ -125,7 +125,7 @@ class ObjectClass:
 
     @classmethod
     def told(cls, name: str, geometry: str, states: str, blocks: str) -> ObjectClass:
-        """Return the class that a ClassDefined with these values tells."""
+        """Return the class that a ClassDefined with these values shows."""
         words = split_words(states)
         blocking = {word.upper() for word in split_words(blocks)}
         state_of = zip(words, WORDED, strict=False)
@@ -165,7 +165,7 @@ class ObjectClass:
         return " ".join(self.word(state) for state in DoorState if self.has(state))
 
     def has(self, state: DoorState) -> bool:
-        """Tell whether its objects can be in a state."""
+        """Return whether its objects can be in a state."""
         return _PLACE.get(state, 0) < len(self.words)
 
 
@@ -221,7 +221,7 @@ def states_expected(text: str) -> str:
 
 
 def blocks_others(states: str, blocks: str) -> bool:
-    """Tell whether a class would block in a state that it has no word for."""
+    """Return whether a class would block in a state that it has no word for."""
     known = {word.upper() for word in split_words(states)}
     return not {word.upper() for word in split_words(blocks)} <= known
 
@@ -232,10 +232,10 @@ def outline_text(corners: Sequence[tuple[float, float]]) -> str:
 
 
 def outline_told(text: str) -> Corners:
-    """Return the corners that such an annotation tells.
+    """Return the corners that such an annotation shows.
 
     Raises:
-        ValueError: It tells none.
+        ValueError: It shows none.
     """
     try:
         corners = tuple(tuple(map(float, pair.split(","))) for pair in text.split())
@@ -287,14 +287,14 @@ LEVEL_NOT_GIVEN: Final[int] = _LevelNotGiven(0)
 
 
 def is_given(level: int) -> bool:
-    """Tell whether a level was given, be it 0."""
+    """Return whether a level was given, be it 0."""
     return not isinstance(level, _LevelNotGiven)
 
 
 def next_door_id(used: Container[int], greatest: int) -> DoorId:
     """Return the id for a new door: the one after the greatest, while there is one.
 
-    Behind the last there is none: then the lowest from 1 on that was never given.
+    After the last there is none: then the lowest from 1 on that was never given.
 
     Args:
         used: Every id that was ever given, or is to stay free.
@@ -474,7 +474,7 @@ class DoorMap(ShownAsTable):
 
     @property
     def moment_ns(self) -> int:
-        """The moment that it is of: as asked for, else the latest in it."""
+        """The moment that it is of: as requested, else the latest in it."""
         asked = self.at_ns if self.at_ns is not None else self.known_at_ns
         return self.latest_ns if asked is None else asked
 
@@ -485,7 +485,7 @@ class DoorMap(ShownAsTable):
 
 
 WIDEST_DOOR_M = 25.0
-"""Gates of hangars are wider, and are asked about; nothing is refused."""
+"""Gates of hangars are wider, and are queried; nothing is refused."""
 WIDEST_CELL_M = 1.0
 
 

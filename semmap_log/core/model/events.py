@@ -143,7 +143,7 @@ class DoorObserved(DoorEvent):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoorRequested(DoorEvent):
-    """Somebody asked for a state (who: the commit's note); never changes the state."""
+    """Somebody requested a state (who: the commit's note); never changes the state."""
 
     state: DoorState
 
@@ -276,13 +276,13 @@ class HistoryTrimmed(Event):
     events_gone: EventNumber
     notes_gone: EventNumber
     horizon: EventNumber
-    """Events below this number cannot be asked about any more; 0: all can."""
+    """Events below this number cannot be queried any more; 0: all can."""
     reasons: str
     rule: str
     """What was taken out, in words."""
     tombstones: str
     """The log's id, a colon, and the SHA-256 of the data of all its Tombstones in order, in
-    hexadecimal digits; without that it has begun, and another such event tells once it is done."""
+    hexadecimal digits; without that it has begun, and another such event shows once it is done."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -426,7 +426,7 @@ KIND_BY_NAME: Mapping[str, type[Event]] = {kind.__name__: kind for kind in KINDS
 
 
 def kinds_meant(kinds: Iterable[type[Event] | str] | type[Event]) -> list[type[Event]]:
-    """Return kinds of events that are told as classes, or by their names; one alone, too.
+    """Return kinds of events that are given as classes, or by their names; one alone, too.
 
     Raises:
         CommandError: There is no such kind.
@@ -500,7 +500,7 @@ def field_names(kind: type[Event]) -> tuple[str, ...]:
 
 
 def told_fields(kind: type[Event]) -> tuple[str, ...]:
-    """Return the names of those of them that are told to others: all but salts."""
+    """Return the names of those of them that are given to others: all but salts."""
     return tuple(f.name for f in fields(kind) if f.repr and f.name != "happened_ns")
 
 

@@ -27,7 +27,7 @@ def share_keywords(keywords: type, defaults: Mapping[str, Any]) -> None:
 
     Args:
         keywords: The class; all of its keys may be left out.
-        defaults: What each is then, in the order in which they are told.
+        defaults: What each is then, in the order in which they are given.
     """
     assert list(defaults) == list(keywords.__annotations__), "each keyword has a default"
     _SHARED[keywords.__name__] = defaults
@@ -36,7 +36,7 @@ def share_keywords(keywords: type, defaults: Mapping[str, Any]) -> None:
 def knows_keywords(call: Callable[P, R]) -> Callable[P, R]:
     """Return a function that refuses keywords which the given one does not know, and does the same.
 
-    Python refuses them, too, but tells neither the known ones nor what was meant. What takes none
+    Python refuses them, too, but shows neither the known ones nor what was meant. What takes none
     at all is left to Python.
     """
     code: CodeType = call.__code__
@@ -79,7 +79,7 @@ def unknown_keyword(call: str, got: str, known: Iterable[str]) -> UnknownKeyword
     Args:
         call: Its name.
         got: The keyword.
-        known: Those that it knows, in the order in which they are told.
+        known: Those that it knows, in the order in which they are given.
     """
     from difflib import get_close_matches
 

@@ -2,7 +2,7 @@
 
 A kind of event says in its `effect` what it does to its door (`events`). From these tables come the
 fold (`folds.registers`), all columns of changes (`folds.door_changes`), evidence, JSON
-lines, Arrow tables and imports: who adds a kind that sets a state, or a field of a door, tells it
+lines, Arrow tables and imports: who adds a kind that sets a state, or a field of a door, shows it
 here and in `events`, and nowhere else.
 
 What every event is: a frozen fact in the past tense, which says when it happened.
@@ -59,7 +59,7 @@ class Changed(IntFlag):
 
 
 def sets_part(changed: Any, bit: int) -> Any:
-    """Tell whether bits of `Changed` have one of them; or a column of bits, where."""
+    """Return whether bits of `Changed` have one of them; or a column of bits, where."""
     return ((changed + 0) & bit) != 0  # + 0: a plain number, whose `&` takes a tenth of the time
 
 
@@ -208,7 +208,7 @@ class KindRules:
     def breaches(self, event: Event) -> Iterator[InvalidEventError]:
         """Yield what an event breaks; types come first, then what the fields say, in their order.
 
-        What comes behind the first may rest on it.
+        What comes after the first may rest on it.
         """
         values = {name: getattr(event, name) for name in self.fields}
         for name, rule in self.fields.items():
@@ -263,7 +263,7 @@ class Event:
 
     changes_nothing: ClassVar[bool] = False
     """Of a kind that was added to the format later: programs that do not know it may leave it out,
-    since no answer about other events depends on it. `store.form` tells what that promises."""
+    since no answer about other events depends on it. `store.form` shows what that promises."""
 
     rules: ClassVar[KindRules] = KindRules(MappingProxyType({}), ())
     """What its values can be; `fits` are among them."""

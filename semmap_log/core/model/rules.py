@@ -29,12 +29,12 @@ GREATEST = sys.float_info.max
 
 
 def is_whole_number(value: object) -> bool:
-    """Tell whether a value is a whole number; a truth value is none, though Python counts it."""
+    """Return whether a value is a whole number; a truth value is none, though Python counts it."""
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
 def is_number(value: object) -> bool:
-    """Tell whether a value is a number, whole or not; a truth value is none."""
+    """Return whether a value is a number, whole or not; a truth value is none."""
     return is_whole_number(value) or isinstance(value, (float, np.floating))
 
 
@@ -42,7 +42,7 @@ class Rule:
     """What the values of a field are. This one: whatever its type says, which nobody checks."""
 
     dtype: str = ""
-    """Numpy type of a column that holds them, where it was not said otherwise; "": none can."""
+    """Numpy type of a column that holds them, where it was not stated otherwise; "": none can."""
 
     is_coded: bool = False
     """Whether a column's numbers stand for values that are something else: `told_by`."""
@@ -51,15 +51,15 @@ class Rule:
     """In words; a name in braces stands for the value of that field of the same event."""
 
     def allows(self, value: Any) -> bool:  # noqa: ARG002 - others look at it
-        """Tell whether an event can have that value."""
+        """Return whether an event can have that value."""
         return True
 
     def allows_all(self, column: NDArray[Any]) -> bool:
-        """Tell whether events can have all values of a column."""
+        """Return whether events can have all values of a column."""
         return not np.any(self.refused(column))
 
     def refused(self, column: NDArray[Any]) -> NDArray[np.bool_]:
-        """Tell which values of a column no event can have."""
+        """Return which values of a column no event can have."""
         return np.zeros(len(column), np.bool_)
 
     def told_by(self, number: Any) -> Any:
@@ -67,7 +67,7 @@ class Rule:
         return number
 
     def limits(self, dtype: np.dtype[Any]) -> bool:  # noqa: ARG002 - others look at it
-        """Tell whether a column of that type could hold a value that no event can have."""
+        """Return whether a column of that type could hold a value that no event can have."""
         return False
 
     def expected_of(self, value: Any) -> str:  # noqa: ARG002 - others look at it
@@ -285,7 +285,7 @@ class Fit:
     """What values of an event must be to each other."""
 
     before: str
-    """The field before whose own rule it is looked at; "": behind all."""
+    """The field before whose own rule it is looked at; "": after all."""
     of: tuple[str, ...]
     """The fields that it is about."""
     broken: Callable[..., Any]

@@ -6,7 +6,7 @@ job             what a job is; door_jobs, care_jobs, fold_job, month_export: tho
 log_answer      one log asked by one job, in a worker: a table, or why not
 log_outcome     what became of a log
 engine          where functions run; dask_engine, ray_engine: two of them
-kept_answers    what is not asked again by the next run
+kept_answers    what is not queried again by the next run
 """
 
 from importlib.util import find_spec

@@ -111,7 +111,7 @@ class OpeningsJob:
     """How often each door was opened in each hour (UTC) in which it was.
 
     An opening is the beginning of an interval of a door's timeline in which it is OPEN, where it
-    was last known to be CLOSED. So it is a lower bound: what no sensor saw is not told.
+    was last known to be CLOSED. So it is a lower bound: what no sensor saw is not given.
     """
 
     name: ClassVar[str] = "openings"
@@ -131,7 +131,7 @@ class OpeningsJob:
         return self.ask_part(log, 0, 1, log.last_event())
 
     def parts(self, events: int) -> int:
-        """Return how many parts of the doors are asked apart."""
+        """Return how many parts of the doors are queried apart."""
         return max(1, -(-events // PART_EVENTS))
 
     def ask_part(self, log: DoorLog, part: int, parts: int, last_event: int) -> Told:
@@ -340,7 +340,7 @@ class KeptAnswers:
     def keep(self, answer: LogAnswer) -> None:
         """Keep an answer in the place of the log's last one.
 
-        Where that fails, or the answer is too long, the log is asked again by the next run.
+        Where that fails, or the answer is too long, the log is queried again by the next run.
         """
         assert answer.table is not None
         asked = answer.asked
@@ -431,7 +431,7 @@ def ask_logs(engine: Engine, job: Job, questions: Sequence[LogQuestion]) -> Iter
 def _in_parts(
     engine: Engine, job: Job, long: Sequence[tuple[AskedLog, int]]
 ) -> Iterator[LogAnswer]:
-    """Yield the answers of logs that are asked in parts: asked log, and how many parts."""
+    """Yield the answers of logs that are queried in parts: asked log, and how many parts."""
     parts = [
         LogQuestion(asked.place, part=n, parts=count, last_event=asked.events - 1)
         for asked, count in long
@@ -457,7 +457,7 @@ def _asked(
 ) -> Iterator[tuple[LogQuestion, LogAnswer]]:
     """Yield what workers answer.
 
-    What was with a worker whenever one died is asked once more, each alone: only so it is known
+    What was with a worker whenever one died is queried once more, each alone: only so it is known
     which it was. Once no worker answers in time, none is waited for again.
     """
     size = min(max(len(questions) // BATCHES, 1), MOST_IN_A_BATCH)
@@ -491,7 +491,7 @@ def _late(question: LogQuestion, late: NoAnswer) -> LogAnswer:
 
 
 def _given_up(asked: AskedLog, late: AskedLog) -> LogAnswer:
-    """Return the answer of a long log whose parts are not asked, since another log was late."""
+    """Return the answer of a long log whose parts are not queried, since another log was late."""
     return LogAnswer(replace(asked, outcome=late.outcome, text=late.text))
 
 

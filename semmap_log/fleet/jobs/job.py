@@ -54,7 +54,7 @@ class FleetAnswer:
     """What many logs answered."""
 
     logs: tuple[AskedLog, ...]
-    """What became of each, in the order in which they were asked."""
+    """What became of each, in the order in which they were queried."""
     table: pa.Table
     """The answers of those that gave one, in the same order; `log` is the place of each row's."""
 
@@ -92,7 +92,7 @@ class LogOutcome(str, Enum):
     gone = "gone"
     """There is no log, or none any more."""
     newer = "newer"
-    """A later version of this program has written what is asked for."""
+    """A later version of this program has written what is requested."""
     refused = "refused"
     """The store or the disk does not let us, or does not answer."""
     failed = "failed"
@@ -113,7 +113,7 @@ class AskedLog:
     """A log, and what became of it."""
 
     place: str
-    """Its path or URL, as it was asked."""
+    """Its path or URL, as it was queried."""
     outcome: LogOutcome
     log_id: str = ""
     robot: str = ""
@@ -170,12 +170,12 @@ class Job(Protocol):
     name: ClassVar[str]
     """As the command line says it."""
     fields: ClassVar[tuple[pa.Field, ...]]
-    """The columns of its tables, behind `LOG_FIELDS`."""
+    """The columns of its tables, after `LOG_FIELDS`."""
     holds: ClassVar[Holds]
-    """For how long a log's answer need not be asked again."""
+    """For how long a log's answer need not be queried again."""
 
     def parameters(self) -> str:
-        """Return all that decides on the answer, beside the log."""
+        """Return all that decides on the answer, next to the log."""
 
     def ask(self, log: DoorLog) -> Told:
         """Return a log's answer."""
@@ -186,7 +186,7 @@ class PartedJob(Protocol):
     """A job that may be done in parts of a log, by as many workers as there are."""
 
     def parts(self, events: int) -> int:
-        """Return in how many parts a log of so many events is asked; 1: whole."""
+        """Return in how many parts a log of so many events is queried; 1: whole."""
 
     def ask_part(self, log: DoorLog, part: int, parts: int, last_event: int) -> Any:
         """Return the answer of one part.
@@ -195,7 +195,7 @@ class PartedJob(Protocol):
             log: The log.
             part: 0 to `parts` - 1.
             parts: How many there are.
-            last_event: Nothing behind it counts, so that all parts are of one moment.
+            last_event: Nothing after it counts, so that all parts are of one moment.
         """
 
     def joined(self, answers: Sequence[Any]) -> Told:
@@ -319,9 +319,9 @@ class LogQuestion:
     """Of the log, when it answered before: with the same one it need not answer again."""
     part: int = 0
     parts: int = 0
-    """0: the whole log, or it is told that it is asked in parts."""
+    """0: the whole log, or it is given that it is queried in parts."""
     last_event: int = -1
-    """Of a part: nothing behind it counts."""
+    """Of a part: nothing after it counts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -332,11 +332,11 @@ class LogAnswer:
     table: pa.Table | None = None
     """None: there is none."""
     parts: int = 0
-    """More than 0: the log is long, and wants to be asked in so many parts."""
+    """More than 0: the log is long, and wants to be queried in so many parts."""
     part: Any = None
     """The answer of a part."""
     is_question_wrong: bool = False
-    """The moment asked for is none to it: perhaps to no log, perhaps in its time zone only."""
+    """The moment requested is none to it: perhaps to no log, perhaps in its time zone only."""
 
 
 def answers(job: Job, questions: Sequence[LogQuestion]) -> list[LogAnswer]:
@@ -352,7 +352,7 @@ def joined_answer(job: Job, asked: AskedLog, parts: Sequence[Any]) -> LogAnswer:
 
     Args:
         job: The job.
-        asked: The log, as it was before it was asked in parts.
+        asked: The log, as it was before it was queried in parts.
         parts: Their answers, in order.
     """
     assert isinstance(job, PartedJob)

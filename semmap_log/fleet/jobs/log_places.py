@@ -116,7 +116,7 @@ def _matching(pattern: Path | UrlPath) -> Iterator[Path | UrlPath]:
 
 
 def _look(place: Path | UrlPath) -> tuple[bool, Sequence[str]]:
-    """Tell whether a log lies right there, and name the folders in which others may.
+    """Return whether a log lies right there, and name the folders in which others may.
 
     Of a web server it is believed.
     """

@@ -47,7 +47,7 @@ class BuildingDoor:
 
     @property
     def is_shared(self) -> bool:
-        """True if several logs tell of it."""
+        """True if several logs report of it."""
         return len({each.log for each in self.doors}) > 1
 
 
@@ -62,7 +62,7 @@ class DoorPlan:
     adding: frozenset[tuple[str, int]]
     """(log, event): the addings that stay such; others of a building's door are updates."""
     removing: frozenset[tuple[str, int]]
-    """(log, event): the removals that count: the first behind the last adding."""
+    """(log, event): the removals that count: the first after the last adding."""
     levels: LevelPlan
     is_alone: bool
     """One log alone stays as it is."""
@@ -73,7 +73,7 @@ class DoorPlan:
 
     @property
     def unmatched(self) -> list[BuildingDoor]:
-        """The doors of which one log alone tells."""
+        """The doors of which one log alone shows."""
         return [door for door in self.doors if not door.is_shared]
 
 
@@ -158,7 +158,7 @@ def _told(
 
 
 def _same(first: DoorRow, second: DoorRow) -> bool:
-    """Tell whether a row came again by another join, and not in one table."""
+    """Return whether a row came again by another join, and not in one table."""
     return first.line == second.line == 0
 
 

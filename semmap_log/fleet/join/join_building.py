@@ -90,7 +90,7 @@ def build_join(
         folder: Where; nothing is there.
         seed: What ids and salts follow from, the log's own, too.
         names_origin: Each commit's reason names log, event and head that it comes from.
-        progress: Told how many of the events are done.
+        progress: Called with how many of the events are done.
 
     Raises:
         LogExistsError: Something is there.
@@ -348,7 +348,7 @@ def horizon_of(joined: JoinedLogs, plan: DoorPlan) -> int:
 def _taken_back(reader: LogReader) -> Iterator[tuple[int, int]]:
     """Yield of each retraction when its commit was recorded, and that of the first it reaches.
 
-    None from before a log's own horizon reaches what is asked about; what is gone matters no more.
+    None from before a log's own horizon reaches what is queried; what is gone matters no more.
     """
     for one in retractions_behind(reader, reader.horizon - 1):
         reached = Window(first_event=one.first_event, before_event=one.last_event + 1)
@@ -406,7 +406,7 @@ def _others(rows: dict[str, NDArray[np.void]], name: str) -> NDArray[np.void]:
 
 
 def _states_of(log: JoinedLog, plan: DoorPlan) -> NDArray[np.void]:
-    """Return the states that a log tells of the building's doors, by door and time."""
+    """Return the states that a log reports of the building's doors, by door and time."""
     reader = log.opened
     hidden = reader.retractions()
     window = Window(kinds=bits_of_kinds(STATE_KINDS), first_event=reader.horizon or None)

@@ -193,7 +193,7 @@ def _folder(log: JoinedLog) -> str:
 
 
 def _plain(name: str) -> str:
-    """Return a name that can stand before a source, and beside others."""
+    """Return a name that can stand before a source, and next to others."""
     return name.replace(BEHIND_ROBOT, "-").replace(BETWEEN_ROBOTS.strip(), "-").strip()
 
 

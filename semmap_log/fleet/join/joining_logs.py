@@ -48,7 +48,7 @@ FOLDER = "joined"
 TEMPORARY = "semmap-log-joined-"
 """How the name of a folder for a view begins that is not kept."""
 LOGS_NAME = ".logs"
-"""In a view: the file that tells of which logs it is, an id a line."""
+"""In a view: the file that reports of which logs it is, an id a line."""
 
 Frames = Mapping[str, tuple[float, float, float]]
 
@@ -94,7 +94,7 @@ def _build_beside(joined: JoinedLogs, path: Path, seed: bytes) -> None:
 
 
 def seed_of(joined: JoinedLogs) -> bytes:
-    """Return what tells a view from all others: the definition, and each log's head."""
+    """Return what shows a view from all others: the definition, and each log's head."""
     told = [
         VIEW_VERSION,
         joined.reference.name,
@@ -125,7 +125,7 @@ def views_of(log_ids: AbstractSet[str], cache: Path) -> list[Path]:
 
 
 def is_view_of(log_ids: AbstractSet[str], view: Path) -> bool:
-    """Tell whether a view may be of one of these logs: one that is being made does not tell."""
+    """Return whether a view may be of one of these logs: one that is being made does not tell."""
     try:
         return not log_ids.isdisjoint((view / LOGS_NAME).read_text("ascii").split())
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Where a robot's map lies in the building, as the command line tells it."""
+"""Where a robot's map lies in the building, as the command line shows it."""
 
 from __future__ import annotations
 

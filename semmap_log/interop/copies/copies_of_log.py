@@ -52,7 +52,7 @@ from semmap_log.store.removed_part import read_removed_part
 from semmap_log.store.salvage.recovering import beside as recovery_beside
 
 _SIGNATURES = "signatures"
-"""Signed heads: hashes and numbers, nothing that was said."""
+"""Signed heads: hashes and numbers, nothing that was stated."""
 _TEMPORARY = "semmap-log-"
 """How the names of our folders for temporary files begin."""
 _LOOK = "look at it, and remove it"
@@ -143,7 +143,7 @@ def _not_done(copy: Copy, error: Exception) -> Copy:
 
 
 def _in_folder(log: Path, *, is_trimmed: bool) -> Iterator[Copy]:
-    """Yield what lies in the log's folder beside its segments."""
+    """Yield what lies in the log's folder next to its segments."""
     for path in sorted(log.iterdir()):
         name = path.name
         if name == INDEX_FOLDER and path.is_dir():

@@ -47,14 +47,14 @@ class Going:
     """Whether states of doors go."""
 
     def shows(self, visit: Visit) -> bool:
-        """Tell whether a visit shows where the robot was when it went."""
+        """Return whether a visit shows where the robot was when it went."""
         seen = self.sightings.get(visit.door_id, ())
         place = bisect_left(seen, visit.first_ns)
         is_later = place < len(seen) and seen[place] <= visit.last_ns
         return visit.first_ns < self.scans_before_ns and not is_later
 
     def names(self, robots: AbstractSet[str]) -> bool:
-        """Tell whether some of these robots are among the actors."""
+        """Return whether some of these robots are among the actors."""
         return bool(robots - {""} if self.actors is None else robots & self.actors)
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Which files and folders beside a log are copies of it, by the log's identity in them."""
+"""Which files and folders next to a log are copies of it, by the log's identity in them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from semmap_log.store.reading.segment_scan import MOST_HEADER_BYTES, head_in
 
 
 class SameLog(NamedTuple):
-    """A file or folder beside a log that holds what it holds."""
+    """A file or folder next to a log that holds what it holds."""
 
     name: str
     is_checkpoint: bool
@@ -48,7 +48,7 @@ def beside(log: Path, log_ids: Container[str]) -> Iterator[SameLog]:
 
 
 def holds(folder: Path, log_ids: Container[str]) -> bool:
-    """Tell whether there is a segment of one of these logs in a folder, however deep."""
+    """Return whether there is a segment of one of these logs in a folder, however deep."""
     return any(_id_of_segment(path) in log_ids for path in folder.rglob("*.mcap"))
 
 

@@ -60,7 +60,7 @@ class CostmapFile:
 def write_costmap(
     log: DoorLog, costmap: Costmap, out: Path, part: Part = "master", *, scope: Scope = Scope()
 ) -> CostmapFile:
-    """Write a file whose name tells its format; old files of that name are replaced at once.
+    """Write a file whose name shows its format; old files of that name are replaced at once.
 
     `.npy` holds the costs themselves: uint8, (height, width), row 0 at the lowest y. A ROS map and
     the keepout mask hold the values that costmap_2d publishes of them.
@@ -73,7 +73,7 @@ def write_costmap(
         scope: Of which moment it is: for the title.
 
     Raises:
-        FormatError: The name tells no format, or one that cannot hold that part.
+        FormatError: The name shows no format, or one that cannot hold that part.
         OutputError: The file cannot be written; what was there is whole.
     """
     refuse_own_folder(log.path, out)
@@ -224,11 +224,11 @@ def record_costmap(
         every_s: Whole grids come at most so often; at a change, or that much later. 0: at each.
         updates: Each change as a patch, too, when it happens; RViz takes them in.
         floor: As for `costmap_at`.
-        progress: Told how much of the time is done, in ns.
+        progress: Called with how much of the time is done, in ns.
 
     Raises:
         CostmapError: As for `costmap_at`.
-        FormatError: The name tells no bag.
+        FormatError: The name shows no bag.
         OutputError: It cannot be written; what was there is whole.
     """
     refuse_own_folder(log.path, out)

@@ -81,7 +81,7 @@ def export(
     object_class: str | None = None,
     progress: Progress | None = None,
 ) -> Exported:
-    """Write a file whose name tells its format; an old file of that name is replaced at once.
+    """Write a file whose name shows its format; an old file of that name is replaced at once.
 
     Args:
         log: Where from.
@@ -89,12 +89,12 @@ def export(
         scope: The moment of the state, or up to which events count.
         default_prob: Thesis YAML, PDDL: for doors without probabilities.
         wishes: PDDL: start, goal, and whether there are costs.
-        domain: PDDL: a file for the domain, written beside the problem.
+        domain: PDDL: a file for the domain, written next to the problem.
         object_class: GeoJSON, CSV: only objects of that class; None: all.
-        progress: Told how far the reading is, where events are written.
+        progress: Called with how far the reading is, where events are written.
 
     Raises:
-        FormatError: The name tells no format.
+        FormatError: The name shows no format.
         MissingExtraError: The format needs a package that is not installed.
         CommandError: The format cannot hold a door; the message says what to do.
         CostmapError: `.pgm`: there is nothing to draw, or the floor map is turned.
@@ -304,14 +304,14 @@ def write_event_lines(
     """Write the events of a scope, numbers ascending, retracted ones marked.
 
     A retraction counts whenever it happened, as it does for every question about the scope. The
-    first line also tells the log's time zone. What stands for events that the log no longer keeps
-    is told, too: a log that is made of the lines answers as this one does, from its horizon on.
+    first line also shows the log's time zone. What stands for events that the log no longer keeps
+    is given, too: a log that is made of the lines answers as this one does, from its horizon on.
 
     Args:
         log: The log.
         path: The file.
         scope: Which events.
-        progress: Told how many of the events are done.
+        progress: Called with how many of the events are done.
 
     Raises:
         HorizonError: The scope ends before the log's horizon.
@@ -391,9 +391,9 @@ def planning_problem(
         scope: The moment. How likely a door is open is learnt from what counts then, as
             `probabilities` does it.
         wishes: Start, goal, costs.
-        about: What is said of the log.
+        about: What is reported about the log.
         default_prob: P(open) of doors of which too little was seen; None: what that little says.
-        progress: Told how far the reading is.
+        progress: Called with how far the reading is.
 
     Raises:
         CommandError: There is no such room or door, or the goal is no PDDL.
@@ -504,13 +504,13 @@ def record_bag(
         log: The log.
         out: `.mcap`, `.bag` (ROS 1) or, without an extension, a rosbag2 folder. A file that was
             there is replaced, a folder never.
-        options: What is told, and how.
+        options: What is given, and how.
         since: The first messages show this moment; default: the first event's, or the horizon.
         until: The last moment; default: the log's end.
-        progress: Told how many of the events are done.
+        progress: Called with how many of the events are done.
 
     Raises:
-        FormatError: The name tells no bag.
+        FormatError: The name shows no bag.
         MomentError: `since` comes after `until`.
         OutputError: It cannot be written, or a time cannot be a ROS stamp; what was there is whole.
     """

@@ -1,4 +1,4 @@
-"""A log folded to messages on topics: what a player, or RViz, is told of it over time.
+"""A log folded to messages on topics: what a player, or RViz, is reported of it over time.
 
 At each moment of the stream the last message of each topic is what `replay(at=…)` says of that
 moment: what was true, with all that is known today. So it can be played, and jumped in. It goes
@@ -71,7 +71,7 @@ from semmap_log.views.palette import DEFAULT, Palette
 @knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class StreamOptions:
-    """What is told, and how."""
+    """What is given, and how."""
 
     markers: bool = False
     """Doors as markers and events in words, too; else the thesis's DoorMap, the robot's poses and
@@ -127,7 +127,7 @@ class LogStream:
         """Yield the messages, their times ascending, in memory of a slice of the log.
 
         Args:
-            progress: Told how many of the events are done.
+            progress: Called with how many of the events are done.
 
         Raises:
             OutputError: A time cannot be a ROS stamp.
@@ -161,7 +161,7 @@ def log_stream(
 
     Args:
         log: The log.
-        options: What is told.
+        options: What is given.
         ros_version: Whose messages.
         since: The first messages show this moment; default: the first event's, or the horizon.
         until: The last moment; default: the log's end.
@@ -222,18 +222,18 @@ class _Fold:
         self._show_all()
 
     def begin(self, at_ns: int) -> None:
-        """Tell what there is before the first event."""
+        """Return what there is before the first event."""
         self._send_due(at_ns)
 
     def take(self, at_ns: int, entries: Sequence[HistoryEntry]) -> None:
-        """Tell what happened at a moment."""
+        """Return what happened at a moment."""
         self._catch_up(at_ns)
         for entry in entries:
             self._take(at_ns, entry)
         self._send_due(at_ns)
 
     def finish(self) -> None:
-        """Tell what waits for its time, as of the last moment."""
+        """Return what waits for its time, as of the last moment."""
         for waiting in self._arrays():
             if waiting.has_changed and self._last_ns:
                 waiting.send(self._last_ns)
@@ -456,7 +456,7 @@ def moments(
     Args:
         log: Where from.
         times: `times_of` its range.
-        progress: Told how many of the events are done.
+        progress: Called with how many of the events are done.
     """
     done = 0
     starts = np.unique(times[::SLICE_EVENTS]).tolist()

@@ -70,7 +70,7 @@ def plan_bag(
         log: What its messages are compared with, as it stands.
         mapping: How its topics are read.
         source: Only what the log has of this source is compared; empty: all.
-        progress: Told (messages read, messages in all).
+        progress: Called with (messages read, messages in all).
 
     Raises:
         FormatError: The bag cannot be read, or has no topic that is read.
@@ -98,7 +98,7 @@ def plan_bag(
 
 
 def reads_any(path: Path, mapping: RosMapping) -> bool:
-    """Tell whether a bag has a topic that a mapping reads.
+    """Return whether a bag has a topic that a mapping reads.
 
     Raises:
         FormatError: The bag cannot be read.
@@ -260,7 +260,7 @@ class PlannedVisit:
 class SeenBefore:
     """What a log has of the lasers of a bag, at the time of the bag.
 
-    A visit that is told twice would count as two.
+    A visit that is given twice would count as two.
     """
 
     commands: frozenset[bytes]
@@ -296,14 +296,14 @@ class SeenBefore:
         return cls(frozenset(commands), in_order, from_where)
 
     def holds(self, planned: PlannedVisit) -> bool:
-        """Tell whether this very visit is stored."""
+        """Return whether this very visit is stored."""
         return planned.command_id in self.commands
 
     def overlaps(self, planned: PlannedVisit, actor: str = "") -> bool:
-        """Tell whether the same laser told of the same door meanwhile, or another of its robot.
+        """Return whether the same laser told of the same door meanwhile, or another of its robot.
 
         Or whoever it was that told that the robot drove through it: it did so once. Whatever name
-        it was told in: two robots are not at one place at one moment.
+        it was given in: two robots are not at one place at one moment.
 
         Args:
             planned: The visit.
@@ -341,7 +341,7 @@ def kind_of(visit: Visit) -> type[DoorObserved | DoorPassed]:
 
 
 def _was_there(way: Sequence[RobotPose], pose: RobotPose) -> bool:
-    """Tell whether a robot came by a place at that very moment."""
+    """Return whether a robot came by a place at that very moment."""
     at_ns = pose.happened_ns or 0
     for before, after in pairwise(way):
         first_ns, last_ns = before.happened_ns or 0, after.happened_ns or 0
@@ -354,7 +354,7 @@ def _was_there(way: Sequence[RobotPose], pose: RobotPose) -> bool:
 
 
 AHEAD_NS = 4 * HOUR_NS
-"""What was said so long after a moment is read with it: visits come in the order of time."""
+"""What was stated so long after a moment is read with it: visits come in the order of time."""
 
 
 class DoorsThen:
@@ -376,7 +376,7 @@ class DoorsThen:
         return self._current[1]
 
     def state(self, door_id: int, since_ns: int, when_ns: int) -> DoorState | None:
-        """Return how a door is by then, by what was said after `since_ns`; None: nothing was."""
+        """Return how a door is by then, by what was stated after `since_ns`; None: nothing was."""
         return self._states.last(door_id, since_ns, when_ns)
 
     def _places(self, when_ns: int) -> DoorPlaces:
@@ -400,7 +400,7 @@ def _changes(log: DoorLog) -> Iterator[int]:
 
 
 class _States:
-    """What was said of the states of doors: some hours of it are in memory at a time."""
+    """What was reported about the states of doors: some hours of it are in memory at a time."""
 
     def __init__(self, log: DoorLog, others: EventBatch) -> None:
         self._log, self._others = log, others

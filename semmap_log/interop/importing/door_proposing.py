@@ -1,4 +1,4 @@
-"""Doors that a bag's scans show and a log does not have: proposed, and added where asked for."""
+"""Doors that a bag's scans show and a log does not have: proposed, and added where requested."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProposedDoors:
-    """What a bag shows beside the log's doors."""
+    """What a bag shows next to the log's doors."""
 
     proposals: Sequence[Proposal]
     """Best first."""
@@ -61,7 +61,7 @@ def propose_doors(
         log: Its doors as they are now, and its floor plans.
         path: The bag.
         options: Which lasers are read, and how.
-        progress: Told (messages read, messages in all).
+        progress: Called with (messages read, messages in all).
 
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
@@ -114,7 +114,7 @@ def append_proposed(
     Args:
         log: Where to.
         found: What `propose_doors` returned for the log as it is.
-        note: Who and why; the source tells laser and method.
+        note: Who and why; the source shows laser and method.
         numbers: Which of them, counted from 1; none: all.
     """
     used = set(log.state.used_door_ids)

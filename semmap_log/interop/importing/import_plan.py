@@ -67,7 +67,7 @@ class Present:
     next_event: int = 0
     """The number that the log will give next."""
     index: DoorIndex | None = None
-    """What commands are checked against; None: what the door map alone tells."""
+    """What commands are checked against; None: what the door map alone shows."""
     log: PurePath = Path("LOG")
     """Where the log is, for messages."""
     past: KnownPast | None = None
@@ -84,7 +84,7 @@ class ImportPlan:
     """What to append, in one commit, and what to tell the user."""
 
     events: Iterable[Event | EventBatch]
-    """Can be gone through more than once; those of a large file are made as they are asked for."""
+    """Can be gone through more than once; those of a large file are made as they are requested."""
     count: int
     """How many events there are; 0: the log holds all of the file already."""
     summary: tuple[str, ...] = ()
@@ -387,7 +387,7 @@ def differences(door: TableDoor, there: Door) -> Iterator[tuple[str, object, obj
 
 
 def _is_at(door: TableDoor, there: Door) -> bool:
-    """Tell whether a file's door lies just where one of the log does."""
+    """Return whether a file's door lies just where one of the log does."""
     return all(getattr(door, name) == getattr(there, name) for name in ("x", "y", "theta", "width"))
 
 

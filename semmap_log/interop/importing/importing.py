@@ -96,7 +96,7 @@ class ImportOptions:
     mapping: Path | None = None
     """Bags: how their topics are read; None: the well-known ones."""
     scan: ScanOptions | None = None
-    """Bags: which lasers are looked through, beside those that the mapping names."""
+    """Bags: which lasers are looked through, next to those that the mapping names."""
     map_rules: RulesName | None = None
     """Maps: the server whose cells the picture's pixels become; None: nav2."""
     as_recorded: bool = False
@@ -127,11 +127,12 @@ def import_file(
 
     Args:
         log: Where to.
-        path: Its name tells its format.
+        path: Its name shows its format.
         options: How to take it.
         note: Who and why; the source is the file's name unless given.
-        keep_scans: Keep the scans of all visits beside the log, also of those imported before.
-        progress: Told (events written, events in all); of a bag first (messages read, in all).
+        keep_scans: Keep the scans of all visits next to the log, also of those imported before.
+        progress: Called with (events written, events in all); of a bag first (messages read, in
+            all).
 
     Raises:
         FormatError: The file cannot be read, or is of no known format.
@@ -222,7 +223,7 @@ def _refuse_since(path: Path, options: ImportOptions) -> None:
     """Refuse to say since when something is there of a file whose events say it.
 
     Raises:
-        CommandError: It is said.
+        CommandError: It is stated.
     """
     if options.since_ns is not None and not is_yaml(path):
         raise CommandError(
@@ -283,7 +284,7 @@ def _plan_scans(
     log: DoorLogWriter, path: Path, options: ImportOptions, progress: Progress | None,
     *, keep_scans: bool, actor: str,
 ) -> ScanImport | None:  # fmt: skip
-    """Return what a bag's scans would bring, kept or not; None: no laser is asked for.
+    """Return what a bag's scans would bring, kept or not; None: no laser is requested.
 
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
@@ -313,13 +314,13 @@ def plan_scan_import(
     log: DoorLog, path: Path, options: ImportOptions, progress: Progress | None = None,
     *, keeper: ScanKeeper | None = None, actor: str = "",
 ) -> ScanImport | None:  # fmt: skip
-    """Return what a bag would bring whose scans are looked through; None: no laser is asked for.
+    """Return what a bag would bring whose scans are looked through; None: no laser is requested.
 
     Args:
         log: As it stands.
         path: The bag.
         options: How it is read.
-        progress: Told (messages read, messages in all).
+        progress: Called with (messages read, messages in all).
         keeper: What keeps the scans of all visits; None: nobody does.
         actor: Who will be named as who saw it; "": the robot.
 
@@ -343,7 +344,7 @@ def plan_scan_import(
 
 
 def tells_event_lines(path: Path) -> bool:
-    """Tell whether a name is that of a file of JSON lines."""
+    """Return whether a name is that of a file of JSON lines."""
     return path.name.lower().removesuffix(".gz").endswith((".jsonl", ".ndjson"))
 
 

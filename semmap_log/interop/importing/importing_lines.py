@@ -411,7 +411,7 @@ class _Checks:
             self.retracted.append((event.first_event, event.last_event))
 
     def begin(self, now_ns: int, *, are_facts: bool) -> None:
-        """Begin a commit: only what was retracted before it cannot be asked for any more."""
+        """Begin a commit: only what was retracted before it cannot be requested any more."""
         self.now_ns = now_ns
         last = self.validator
         index = self.without_retracted() if last.has_retraction else last.index

@@ -254,7 +254,7 @@ class LineOptions:
     log_tz: str
     """IANA zone of the log."""
     source: str = ""
-    """Which sensor the file is of, where it was said."""
+    """Which sensor the file is of, where it was stated."""
     as_recorded: bool = False
     """The times of the lines are when it was known; refused where they cannot be kept."""
     at_ns: int | None = None
@@ -271,7 +271,7 @@ class PlannedEvent(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PlannedCommit:
-    """A commit for the log; its events are read on while they are asked for, and once."""
+    """A commit for the log; its events are read on while they are requested, and once."""
 
     command_id: bytes
     content: bytes
@@ -370,7 +370,7 @@ class _CommitKey:
 
 
 def _are_one(last: ParsedLine, line: ParsedLine) -> bool:
-    """Tell whether two lines that follow each other are of one commit."""
+    """Return whether two lines that follow each other are of one commit."""
     if (last.command_id, last.note) != (line.command_id, line.note):
         return False
     if line.command_id is not None:

@@ -128,7 +128,7 @@ class RebaseMoment:
                 of is what was there before.
 
         Raises:
-            UnknownLevelError: There is no such level, or there are several and none is told.
+            UnknownLevelError: There is no such level, or there are several and none is given.
         """
         event = None if before_event is None else before_event - 1
         door_map = log.state_in(Scope(at_ns=at_ns, event=event)).door_map()

@@ -23,11 +23,11 @@ from semmap_log.log.door_log.door_log import DoorLog
 
 @dataclass(slots=True)
 class SeenVisits:
-    """The visits that a report is about; their scans are on the disk until they are asked for."""
+    """The visits that a report is about; their scans are on the disk until they are requested."""
 
     log: DoorLog
     place: PurePath
-    """The scans lie beside it."""
+    """The scans lie next to it."""
     doors: Collection[DoorId] | None = None
     """None: of all doors."""
     since_ns: int | None = None
@@ -78,12 +78,12 @@ def seen_visits(
 
     Args:
         log: Whose doors are looked at.
-        bags: With scans; none: those kept beside the log.
+        bags: With scans; none: those kept next to the log.
         options: How bags are read.
         doors: Only these.
         since_ns: Only visits that ended from then on.
         until_ns: Only those that ended before.
-        progress: Told (messages read, messages in all).
+        progress: Called with (messages read, messages in all).
 
     Raises:
         FormatError: A bag cannot be read, or has no scans; or no scans are kept.

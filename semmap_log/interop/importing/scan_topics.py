@@ -67,7 +67,7 @@ MOST_TOPICS = 20
 
 @dataclass(frozen=True, slots=True)
 class ScanOptions:
-    """Which lasers of a bag are read, beside those of a mapping."""
+    """Which lasers of a bag are read, next to those of a mapping."""
 
     topics: tuple[str, ...] = ()
     """Empty: the bag's only one; of several, those called `scan`."""
@@ -87,7 +87,7 @@ class ScanOptions:
 
 
 def with_scans(path: Path, mapping: RosMapping, options: ScanOptions | None) -> RosMapping:
-    """Return a mapping that reads the lasers that were asked for, as far as the bag has them.
+    """Return a mapping that reads the lasers that were requested, as far as the bag has them.
 
     Raises:
         FormatError: It has no such topic, or several could be meant.
@@ -216,7 +216,7 @@ def plan_with_scans(
         ids: See there.
         earlier: What says that doors were there by then.
         keeper: What keeps the scans of all visits; None: nobody does.
-        progress: Told (messages read, messages in all).
+        progress: Called with (messages read, messages in all).
         actor: Who will be named as who saw it; "": the robot.
 
     Raises:
@@ -275,15 +275,15 @@ def plan_scans(
         path: The bag.
         log: Whose doors are looked at, as they were when the scans were made.
         mapping: Which lasers are read, and how.
-        others: What comes into the log before the scans: it may tell of doors.
+        others: What comes into the log before the scans: it may report of doors.
         bag_id: Digest of the bag.
         keeper: What keeps the scans of all visits; None: nobody does.
-        progress: Told (messages read, messages in all).
+        progress: Called with (messages read, messages in all).
         actor: Who will be named as who saw it; "": the robot.
 
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
-        CommandError: No door was there at the time of the scans; or a level is not told.
+        CommandError: No door was there at the time of the scans; or a level is not given.
     """
     doors = DoorsThen(log, others)
     return _Scanning(path, log, mapping.for_lasers_only(), doors, keeper, actor).plan(
@@ -474,7 +474,7 @@ def _what_to_do(path: Path, lasers: Lasers, mapping: RosMapping) -> Iterator[str
 
 
 def _is_alone(topic: str, top: str, lasers: Lasers) -> bool:
-    """Tell whether a laser's frame is in no transform: then no pose of the robot helps."""
+    """Return whether a laser's frame is in no transform: then no pose of the robot helps."""
     return lasers.why_not.get(topic) == f"{top} is in no transform"
 
 

@@ -34,14 +34,14 @@ def pseudonymous(
 ) -> Iterator[tuple[DoorLog, Pseudonyms]]:
     """Hand out a copy of a log without names; it goes when it was used.
 
-    Events that are left out have no number in it, so that those behind have others than in the
+    Events that are left out have no number in it, so that those after have others than in the
     log. Its times are those of the log, and so is its horizon.
 
     Args:
         log: The log.
         scope: Which events there are in the copy.
         with_tracks: Tell where the robot was.
-        progress: Told how many of the events are done.
+        progress: Called with how many of the events are done.
 
     Raises:
         LogPoisonedError: There is no room for it.
@@ -80,7 +80,7 @@ def _retell(
 def _without_names(
     followed: FollowedCommit, names: Pseudonyms, numbers: NewNumbers, first: int
 ) -> Iterator[Event]:
-    """Yield what is told of a commit, numbered from `first` on."""
+    """Yield what is reported of a commit, numbered from `first` on."""
     for recorded in followed:
         event = names.event(recorded.event)
         for told in () if event is None else renamed(event, numbers.ranges):

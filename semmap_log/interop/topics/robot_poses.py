@@ -126,7 +126,7 @@ class Poses:
 
 
 def is_on_map(got: TopicMessage, context: Context) -> bool:
-    """Tell whether a pose is in the map's frame; complain if it is not."""
+    """Return whether a pose is in the map's frame; complain if it is not."""
     frame, on_map = got.message.header.frame_id, context.mapping.map_frame
     if frame.removeprefix("/") == on_map:
         return True
@@ -236,7 +236,7 @@ class DoorMaps:
         self._door_of: dict[int, DoorId] | None = None
         """The server's number -> our door, of all that its map had, or that came with it once."""
         self._last: dict[int, bytes] = {}
-        """The server's number -> what it said of that door last."""
+        """The server's number -> what it reported about that door last."""
 
     def events(self, got: TopicMessage) -> Iterator[Event]:
         """Return what makes the doors we know those of the message."""
@@ -276,7 +276,7 @@ class DoorMaps:
         self._last.clear()
 
     def _remembered(self) -> dict[int, DoorId]:
-        """Return the doors that are the server's, as far as the log tells."""
+        """Return the doors that are the server's, as far as the log shows."""
         doors = [door for door in self._context.known.doors.values() if door.object_class.is_door]
         own = {
             int(text): door.door_id
@@ -306,7 +306,7 @@ class DoorMaps:
         return door.door_id
 
     def _is_there(self, number: int) -> bool:
-        """Tell whether a door of the server is known, and in our map."""
+        """Return whether a door of the server is known, and in our map."""
         assert self._door_of is not None
         return self._door_of.get(number) in self._context.known.doors
 
@@ -408,7 +408,7 @@ def _packed(entry: Any) -> bytes:
 
 
 def _is_other(known: float, told: float) -> bool:
-    """Tell whether a probability is given, and differs."""
+    """Return whether a probability is given, and differs."""
     return not math.isnan(told) and told != known
 
 

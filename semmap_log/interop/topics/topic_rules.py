@@ -64,7 +64,7 @@ class ReadRmfState:
 
 @dataclass(frozen=True, slots=True)
 class ReadRmfRequest:
-    """rmf_door_msgs/DoorRequest: somebody asked for a state."""
+    """rmf_door_msgs/DoorRequest: somebody requested a state."""
 
     doors: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     unknown: Unknown = "add"
@@ -81,7 +81,7 @@ class ReadSensor:
     states: Mapping[Value, DoorState] = field(default_factory=lambda: MappingProxyType({}))
     """Value -> state; none at all: true is open, a text is a state's name."""
     open_above: float = math.nan
-    """A number above it is OPEN; NaN: not asked."""
+    """A number above it is OPEN; NaN: not queried."""
     closed_below: float = math.nan
     unknown: Unknown = "add"
     accuracy: Accuracy = Accuracy()
@@ -126,14 +126,14 @@ class ReadScan:
 
     level: str | None = None
     robot: str | None = None
-    """Whose laser it is; None: the namespace of its topic tells it, where that has frames."""
+    """Whose laser it is; None: the namespace of its topic shows it, where that has frames."""
     pose_topic: str = ""
     """Poses of the robot on the map; empty: TF leads from the map to it."""
     heights: tuple[float, float] = (0.3, 1.5)
     """Of a cloud: points between these heights over the robot's frame count, m."""
 
     def told(self, pose_topic: str = "", heights: tuple[float, float] | None = None) -> ReadScan:
-        """Return it with what is told in its place: a topic of poses, heights."""
+        """Return it with what is given in its place: a topic of poses, heights."""
         return replace(
             self, pose_topic=pose_topic or self.pose_topic, heights=heights or self.heights
         )
@@ -253,7 +253,7 @@ class RosMapping:
 
     @property
     def reads_scans(self) -> bool:
-        """Tell whether any laser is read."""
+        """Return whether any laser is read."""
         return self.scans is not None or any(True for _ in self.scan_rules())
 
     def with_scans(

@@ -120,7 +120,7 @@ class TransformTree:
         return sorted((link.parent, child) for child, link in self._links.items())
 
     def has(self, frame: str) -> bool:
-        """Tell whether a frame stands in another, or another in it."""
+        """Return whether a frame stands in another, or another in it."""
         return frame in self._links or any(link.parent == frame for link in self._links.values())
 
     def chain(self, top: str, frame: str) -> tuple[str, ...] | None:

@@ -73,9 +73,9 @@ class Made:
     """What became of a message."""
 
     events: list[Event]
-    """In their order; none: it said nothing new, or nothing that can be."""
+    """In their order; none: it stated nothing new, or nothing that can be."""
     actor: str = ""
-    """Who did it, where the message tells."""
+    """Who did it, where the message shows."""
     reason: str = ""
     said: str = ""
     """What was done, for a person who waits for it; empty: nobody does."""
@@ -99,7 +99,7 @@ class Translator:
         """Read a topic from now on.
 
         Raises:
-            CommandError: There is no such level, or it is not said which.
+            CommandError: There is no such level, or it is not stated which.
         """
         try:
             self._readers[topic] = self._reader(topic, rule)
@@ -323,7 +323,7 @@ class Rounds:
 
 
 def _is_among(value: object, marks: tuple[object, ...]) -> bool:
-    """Tell whether a value is one of the marks: true is not 1."""
+    """Return whether a value is one of the marks: true is not 1."""
     kind = isinstance(value, bool)
     return any(value == mark and kind == isinstance(mark, bool) for mark in marks)
 
@@ -362,14 +362,14 @@ class SightingMaker:
 
 @dataclass(slots=True)
 class RepeatFilter:
-    """Tells what only says again what was said a moment ago."""
+    """Tells what only says again what was stated a moment ago."""
 
     within_ns: int
     _last: dict[tuple[DoorId, str], tuple[DoorState, int]] = field(default_factory=dict)
     """Door and sayer -> the state that was kept last, and when."""
 
     def is_repeat(self, door: DoorId, state: DoorState, at_ns: int, sayer: str = "") -> bool:
-        """Tell whether it can be left out; what cannot is remembered as kept."""
+        """Return whether it can be left out; what cannot is remembered as kept."""
         last = self._last.get((door, sayer))
         if last is not None and last[0] == state and 0 <= at_ns - last[1] < self.within_ns:
             return True
@@ -406,7 +406,7 @@ class RmfRequests:
         self._repeats = RepeatFilter(int(context.mapping.repeats_s * 1e9))
 
     def events(self, got: TopicMessage) -> Iterator[Event]:
-        """Return a request, unless the same one asked for the same a moment ago."""
+        """Return a request, unless the same one requested the same a moment ago."""
         said = self._doors.said(got, got.message.requested_mode, got.message.request_time)
         yield from said.new
         if said.door is None:
@@ -476,7 +476,7 @@ class _Said:
     state: DoorState = DoorState.UNKNOWN
     happened_ns: int | None = None
     new: Sequence[Event] = ()
-    """What makes the door known, before anything is said of it."""
+    """What makes the door known, before anything is reported about it."""
 
 
 class _RmfDoors:

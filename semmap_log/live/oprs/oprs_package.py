@@ -10,7 +10,7 @@ from semmap_log.errors import OutputError
 
 NAME = "semantic_map_oprs"
 MADE = ("__pycache__", "*.o", "*.so", "semantic_map.inc")
-"""What installers and `make` put beside the sources."""
+"""What installers and `make` put next to the sources."""
 
 
 def write_oprs_package(folder: Path) -> tuple[Path, bool]:

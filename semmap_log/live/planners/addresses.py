@@ -108,7 +108,7 @@ class Listener:
 
     socket: socket.socket
     address: Address
-    """With the port that it has, where any was asked for."""
+    """With the port that it has, where any was requested."""
     _file: tuple[int, int] | None = None
 
     def close(self) -> None:
@@ -244,7 +244,7 @@ def _file_id(path: Path) -> tuple[int, int] | None:
 
 
 def _connect_unix(connection: socket.socket, path: Path) -> None:
-    """Connect; where many wait at the door, wait behind them.
+    """Connect; where many wait at the door, wait after them.
 
     Raises:
         OSError: Nobody listens, or lets us in in time.

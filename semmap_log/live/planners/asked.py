@@ -23,7 +23,7 @@ Word: TypeAlias = str | int | float
 AT = "AT"
 
 MOST_SECONDS = 86_400.0
-"""A question that waits longer is asked again."""
+"""A question that waits longer is queried again."""
 MOST_WORDS = 1000
 """Of a question, its name and the doors of NEXT_DOOR included."""
 MOST_WORD = 1000
@@ -41,7 +41,7 @@ class AskedQuestion:
     number: float = 0.0
     """A probability, or how many seconds to wait."""
     name: str | None = None
-    """Of the question that HELP is asked about."""
+    """Of the question that HELP is queried."""
     when: str | int | None = None
     """What was true then; None: now."""
     known_at: str | int | None = None
@@ -57,10 +57,10 @@ class AskedQuestion:
 
 
 def read_words(words: Sequence[Word], command_id: bytes | None = None) -> AskedQuestion:
-    """Return what is asked by a question's words, its name first.
+    """Return what is queried by a question's words, its name first.
 
     Raises:
-        QuestionError: There is no such question, it is asked in another form, or it is too long.
+        QuestionError: There is no such question, it is queried in another form, or it is too long.
     """
     if not words:
         raise QuestionError(f"expected a question such as {BY_NAME['DOOR_OPEN'].form}, got none")
@@ -90,7 +90,7 @@ def _check_words(words: Sequence[Word]) -> None:
 
 
 def too_many() -> str:
-    """Return what is said of a question of too many words."""
+    """Return what is reported about a question of too many words."""
     return f"expected at most {MOST_WORDS:,} words, got more"
 
 
@@ -102,7 +102,7 @@ class _Reader:
         self._words = words
 
     def read(self, command_id: bytes | None) -> AskedQuestion:
-        """Return what is asked."""
+        """Return what is queried."""
         question = self._question
         if question.times is Times.KNOWN_AT:
             return self._read_believed()
@@ -164,7 +164,7 @@ class _Reader:
 
     @staticmethod
     def _fits(what: Type, word: Word) -> bool:
-        """Tell whether a word is what may be left out, and not a time."""
+        """Return whether a word is what may be left out, and not a time."""
         return what is not Type.STATE or word in DoorState.__members__
 
     def _door(self, word: Word) -> str:
@@ -231,7 +231,7 @@ class Type(Enum):
 
 
 class Times(Enum):
-    """Which moment a question can name, behind its other words."""
+    """Which moment a question can name, after its other words."""
 
     NONE = ""
     WHEN = "[TIME]"
@@ -254,7 +254,7 @@ class Question:
     """What the answer is, in words for HELP and the guide."""
     arguments: tuple[Type, ...] = ()
     optional: tuple[Type, ...] = ()
-    """May be left out; they stand behind the others."""
+    """May be left out; they stand after the others."""
     times: Times = Times.NONE
     is_the_thesiss: bool = False
 

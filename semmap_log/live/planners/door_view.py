@@ -4,7 +4,7 @@
     DOOR_main_door  the door that is called `main_door`; DOOR_ground/main_door, where several are
     "main door"     what the command line takes: a name, level/name, an id, or id:3
 
-A name that several doors bear means none of them: it is told by which ids to say it.
+A name that several doors bear means none of them: it is given by which ids to say it.
 
 Answers about what is likely: at a time, by what was learnt up to now.
 
@@ -13,7 +13,7 @@ not foretell the past.
 
 How likely doors are open, by all that is known up to now: learnt once, and gone on from.
 
-What the doors of a moment answer; nothing but them is asked.
+What the doors of a moment answer; nothing but them is queried.
 
 The doors of now, and what was looked up of other moments since they are so.
 """
@@ -166,12 +166,12 @@ class LearntDoors:
         return float(said.p_open[0]), bool(said.is_known[0])
 
     def forget(self) -> None:
-        """Begin anew with the next question: the log lost its end."""
+        """Begin again with the next question: the log lost its end."""
         with self._learning:
             self._by_estimator = {}
 
     def _take_in(self, log: DoorLog, event: int) -> None:
-        """Learn what came since, up to an event; a retraction begins anew.
+        """Learn what came since, up to an event; a retraction begins again.
 
         Another thread may have learnt of later ones already.
         """

@@ -1,6 +1,6 @@
 """The door oracle: answers what planners ask of a log, and does what they want done.
 
-It knows no socket. What is true now is held in memory and taken anew at each change. Questions of
+It knows no socket. What is true now is held in memory and taken again at each change. Questions of
 the past replay the log; their answers are remembered until it changes. Several threads may ask.
 
 Questions that wait until a door is in a state.
@@ -56,12 +56,12 @@ ENDS = Answer(value=False, reason="the server ends.")
 
 
 def is_wait(asked: AskedQuestion) -> bool:
-    """Tell whether a question may wait for long, and for nothing but a change of a door."""
+    """Return whether a question may wait for long, and for nothing but a change of a door."""
     return asked.question.name == "WAIT_UNTIL"
 
 
 def is_likely(asked: AskedQuestion) -> bool:
-    """Tell whether a question is about what is likely: its answer may take long."""
+    """Return whether a question is about what is likely: its answer may take long."""
     return asked.question.name in LIKELY_QUESTIONS or asked.learnt_at is not None
 
 
@@ -78,7 +78,7 @@ class Oracle:
         """Look at the doors; from then on somebody has to call `refresh` after each change.
 
         Args:
-            doors: What is asked about.
+            doors: What is queried.
             say: Is told of actions that are refused, and why.
             clock_ns: What `now` is, from which `2h ago` and forecasts count; where the log's end
                 is later, that is.
@@ -103,7 +103,7 @@ class Oracle:
     def refresh(self) -> None:
         """Take the doors up as they are now: after each change, by whoever made or saw it.
 
-        Behind it, questions of now are answered from them, and those that wait are looked at.
+        After it, questions of now are answered from them, and those that wait are looked at.
         """
         with self._refreshing:
             try:
@@ -169,7 +169,7 @@ class Oracle:
     def wait(
         self, asked: AskedQuestion, done: Callable[[Answer], None]
     ) -> Callable[[Answer], None]:
-        """Let a question wait; `done` is told its answer, once, maybe before this returns.
+        """Let a question wait; `done` is given its answer, once, maybe before this returns.
 
         Returns:
             What ends the waiting with another answer: that the time is over, that the server ends.
@@ -227,7 +227,7 @@ class Oracle:
         return answers[0]
 
     def _told_later(self, asked: AskedQuestion) -> str:
-        """Return why so little was known then, if that was asked: it was told later."""
+        """Return why so little was known then, if that was asked: it was given later."""
         if asked.known_at is None:
             return ""
         log = self._doors.log
@@ -236,7 +236,7 @@ class Oracle:
         return known_later(log, when, known_at, remedy='ask "{then}" without AT')
 
     def _look_up(self, asked: AskedQuestion) -> Iterator[Answer | None]:
-        """Yield the steps to what the log tells of another moment, or of what is likely."""
+        """Yield the steps to what the log reports of another moment, or of what is likely."""
         now = self._now
         log = self._doors.log  # not before: it must be as new
         now_ns = max(self._clock_ns(), now.view.door_map.latest_ns)
@@ -262,7 +262,7 @@ def time_is_over(asked: AskedQuestion) -> Answer:
 
 
 def _may_change(batch: EventBatch, doors: set[DoorId]) -> bool:
-    """Tell whether a commit may set the state of one of some doors."""
+    """Return whether a commit may set the state of one of some doors."""
     return Retracted in batch or bool(batch.of_doors(doors).any())
 
 
@@ -369,7 +369,7 @@ class AskedDoors(Protocol):
 
 
 def act(doors: AskedDoors, asked: AskedQuestion, client: str = "") -> None:
-    """Do what is asked; it lasts, as the log's durability promises, when this returns.
+    """Do what is queried; it lasts, as the log's durability promises, when this returns.
 
     What the map is already needs no event. With a command id one is stored all the same: sent
     again, later, the command must be known.
@@ -438,4 +438,4 @@ _SETS: Mapping[str, tuple[Changed, str, DoorState | None]] = {
     "SET_OPEN_PROBABILITY": (Changed.PROB_OPEN, "prob_open", None),
     "SET_CLOSED_PROBABILITY": (Changed.PROB_CLOSED, "prob_closed", None),
 }
-"""Action -> part, field and value; None: the number that is asked for."""
+"""Action -> part, field and value; None: the number that is requested."""

@@ -31,7 +31,7 @@ _OURS = re.compile(rf"(^|/){MARKERS_NAME}(/|$)")
 
 @dataclass(frozen=True, slots=True)
 class DoorFields:
-    """What is said of a door; None: nothing is."""
+    """What is reported about a door; None: nothing is."""
 
     x: float | None = None
     y: float | None = None
@@ -146,7 +146,7 @@ class DoorClient:
         return self.server or action_name(self.node, action)
 
     def _is_ours(self, action: str) -> bool:
-        """Tell whether the node that serves an action publishes what `serve` does beside.
+        """Return whether the node that serves an action publishes what `serve` does next to.
 
         Raises:
             RosError: Nobody serves it in time.
@@ -180,7 +180,7 @@ class DoorClient:
 
 
 class _Reasons:
-    """What is said about a goal on /rosout: results of ROS 2 have no text."""
+    """What is stated about a goal on /rosout: results of ROS 2 have no text."""
 
     def __init__(self, node: RosNode, goal_id: bytes) -> None:
         self._node = node

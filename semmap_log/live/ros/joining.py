@@ -1,4 +1,4 @@
-"""A node of ROS 1 or ROS 2, whichever is asked for."""
+"""A node of ROS 1 or ROS 2, whichever is requested."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def open_node(ros_version: RosVersion, name: str, ros_args: Sequence[str] = ()) 
         ros_version: 1 or 2.
         name: The node's, unless `ros_args` say otherwise.
         ros_args: As ROS's own tools take them: `__ns:=/robot1` and the like for ROS 1, what stands
-            behind `--ros-args` for ROS 2.
+            after `--ros-args` for ROS 2.
 
     Raises:
         RosError: That ROS is not installed here, or no master answers (ROS 1).

@@ -58,7 +58,7 @@ class LineAnswer:
 
 @dataclass(slots=True)
 class LineRecorder:
-    """Records the lines of a file descriptor until its end, or until it is told to stop."""
+    """Records the lines of a file descriptor until its end, or until it is given to stop."""
 
     log: DoorLogWriter
     answer: Callable[[LineAnswer], None]
@@ -112,7 +112,7 @@ class LineRecorder:
         return True
 
     def _stop_or_wait(self) -> bool:
-        """Tell whether to stop; called while nothing comes in, and between reads."""
+        """Return whether to stop; called while nothing comes in, and between reads."""
         if self._poses and time.monotonic() - self._poses_since >= POSES_WAIT_S:
             self._write_poses()
         if self._waiting and not self._may_wait():
@@ -124,7 +124,7 @@ class LineRecorder:
         return min(POLL_S, self.log.policy.batch_s) if self._waiting else POLL_S
 
     def _may_wait(self) -> bool:
-        """Tell whether lines that are written may wait for more to share their sync: `batch`."""
+        """Return whether lines that are written may wait for more to share their sync: `batch`."""
         policy = self.log.policy
         return (
             policy.level is Durability.BATCH
@@ -149,7 +149,7 @@ class LineRecorder:
         return True
 
     def _is_answered(self, text: bytes) -> bool:
-        """Tell whether the line is a command that is stored already, and answer it then.
+        """Return whether the line is a command that is stored already, and answer it then.
 
         Its door may be gone by now, or its name mean another: so it is looked up before it is
         understood.
@@ -170,7 +170,7 @@ class LineRecorder:
         return True
 
     def _holds(self, known: Commit, text: bytes) -> bool:
-        """Tell whether a commit has the event of a line that a log wrote: `import` stored it."""
+        """Return whether a commit has the event of a line that a log wrote: `import` stored it."""
         parsed = self._parse(text)
         return parsed.is_exported and means_same(
             parsed.event, self.log.event(known.last_event).event
@@ -246,7 +246,7 @@ class LineRecorder:
 def _line_groups(
     fd: int, stop: Callable[[], bool], patience_s: Callable[[], float]
 ) -> Iterator[list[bytes]]:
-    """Yield the lines that wait on `fd`, a group at a time, until its end or until told to stop."""
+    """Yield the lines that wait on `fd`, a group at a time, until its end or until stopped stop."""
     rest = bytearray()
     while not stop():
         ready, _, _ = select.select([fd], [], [], patience_s())

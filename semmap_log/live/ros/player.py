@@ -55,7 +55,7 @@ class PlayOptions:
     wait: bool = False
     """Begin when somebody subscribes to one of the topics."""
     keep_alive: bool = False
-    """Stay behind the end, for who subscribes to what is latched later."""
+    """Stay after the end, for who subscribes to what is latched later."""
 
 
 def play(
@@ -135,7 +135,7 @@ class _Player:
         self._clock = None if options.clock_hz is None else _Clock(node)
 
     def run(self) -> None:
-        """Play, until the end or until told to stop."""
+        """Play, until the end or until stopped stop."""
         span_ns = self._stream.span_ns
         if self._options.wait:
             self._wait_for_subscribers()
@@ -208,7 +208,7 @@ NowNs = Callable[[], int]
 
 
 class Pace:
-    """The log's time beside the wall's.
+    """The log's time next to the wall's.
 
     What is due is reckoned from the beginning, never from the message before: being late once, or
     rounding, makes nothing later that follows.

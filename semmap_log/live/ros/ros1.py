@@ -139,7 +139,7 @@ class Ros1Node:
         return Ros1Publisher(self._rospy, topic)
 
     def subscribe(self, topic: str, ros_type: str, take: Callable[[Received], None]) -> None:
-        """Have each message of a topic; the publisher tells what its type is made of."""
+        """Have each message of a topic; the publisher shows what its type is made of."""
 
         def received(message: Any) -> None:
             said = message._connection_header  # noqa: SLF001  rospy has no other way to them
@@ -267,7 +267,7 @@ class Ros1Node:
 
 
 _SAME_NAME = "new node registered with same name"
-"""What the master tells a node that has lost its name: rosmaster/registrations.py."""
+"""What the master shows a node that has lost its name: rosmaster/registrations.py."""
 
 
 def _values(message: Any) -> Values:

@@ -1,8 +1,8 @@
-"""ROS 1's topics as bytes: publishers, what is not out yet, and a master that is started anew.
+"""ROS 1's topics as bytes: publishers, what is not out yet, and a master that is started again.
 
 What actionlib lacks: patience with clocks, answers to goals sent again, given ids.
 
-Links between nodes of ROS 1: rospy tells of them before they stand, and may make one twice.
+Links between nodes of ROS 1: rospy reports of them before they stand, and may make one twice.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ QUEUED = 1000
 """Messages of a topic that wait for a slow subscriber; beyond, rospy drops the oldest."""
 
 MASTER_EVERY_S = 1.0
-"""How soon a master that was started anew hears of us."""
+"""How soon a master that was started again hears of us."""
 
 
 class Ros1Publisher:
@@ -72,12 +72,12 @@ def is_sending() -> bool:
 
 
 def _is_sending(topic: Any) -> bool:
-    """Tell whether messages of a topic wait to be sent, or are just being sent."""
+    """Return whether messages of a topic wait to be sent, or are just being sent."""
     return any(_is_busy(connection) for connection in topic.connections)
 
 
 def _is_busy(connection: Any) -> bool:
-    """Tell whether the thread of a rospy QueuedConnection has anything to do.
+    """Return whether the thread of a rospy QueuedConnection has anything to do.
 
     It takes all that is queued, then sends it: an empty queue alone does not say that it is out.
     """
@@ -89,7 +89,7 @@ def _is_busy(connection: Any) -> bool:
 
 
 def stay_known(node: str, known_to: int, ended: threading.Event) -> None:
-    """Make this node known to each master that is started anew; rospy itself never does.
+    """Make this node known to each master that is started again; rospy itself never does.
 
     Args:
         node: Its name.
@@ -117,7 +117,7 @@ def stay_known(node: str, known_to: int, ended: threading.Event) -> None:
 def patient_server_class() -> Any:
     """Return actionlib's server, less two of its habits.
 
-    It takes a cancel to be for all older goals to come, too: so a client whose clock is behind is
+    It takes a cancel to be for all older goals to come, too: so a client whose clock is after is
     never served once anybody has cancelled anything. And a goal that is sent again within five
     seconds of its answer is never answered.
     """
@@ -134,7 +134,7 @@ def patient_server_class() -> Any:
                 self.last_cancel = rospy.Time()
 
         def internal_goal_callback(self, goal: Any) -> None:
-            """Forget a goal of that id which has ended: the log knows what was asked and done."""
+            """Forget a goal of that id which has ended: the log knows what was queried and done."""
             with self.lock:
                 self.status_list[:] = [
                     each
@@ -212,9 +212,9 @@ class _OneAtATime:
 
 
 def wait_for_listener(server: Any, caller: str) -> None:
-    """Return once results are sent to a caller that asked for them, though not for ever.
+    """Return once results are sent to a caller that requested them, though not for ever.
 
-    rospy tells a subscriber that it is connected before it begins to send to it (TCPROSHandler:
+    rospy shows a subscriber that it is connected before it begins to send to it (TCPROSHandler:
     write_header, then add_connection). A client that has just come would wait for a result in vain.
     """
     results = server.result_pub.impl
@@ -223,7 +223,7 @@ def wait_for_listener(server: Any, caller: str) -> None:
 
 
 def _has_asked(caller: str, topic: str) -> bool:
-    """Tell whether a node subscribes to a topic; True as well where the master does not answer.
+    """Return whether a node subscribes to a topic; True as well where the master does not answer.
 
     `rostopic pub` sends goals, and asks for no result.
     """
@@ -239,7 +239,7 @@ def _has_asked(caller: str, topic: str) -> bool:
 
 
 def wait_for_server(client: Any, timeout_s: float) -> bool:
-    """Tell whether a client's server is connected within that time, by the wall's clock.
+    """Return whether a client's server is connected within that time, by the wall's clock.
 
     actionlib's own waiting goes by ROS's time: where a simulation stands still, for ever.
     """
@@ -247,7 +247,7 @@ def wait_for_server(client: Any, timeout_s: float) -> bool:
 
 
 def _is_connected(client: Any) -> bool:
-    """Tell what `ActionClient.wait_for_server` looks at."""
+    """Return what `ActionClient.wait_for_server` looks at."""
     if client.last_status_msg is None:
         return False
     server = _server_of(client)

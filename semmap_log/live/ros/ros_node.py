@@ -50,7 +50,7 @@ def action_name(node: RosNode, action: str) -> str:
 
 NAME = "lta_semantic_map"
 COMPILED = "__pycache__"
-"""What installers put beside launch files."""
+"""What installers put next to launch files."""
 
 
 def write_ros_package(workspace_src: Path) -> tuple[Path, bool]:
@@ -264,7 +264,7 @@ class RosNode(Protocol):
         """
 
     def run(self, stop: Callable[[], bool], *, tick: Callable[[], None] | None = None) -> None:
-        """Let callbacks come, until told to stop or until ROS ends.
+        """Let callbacks come, until stopped stop or until ROS ends.
 
         Args:
             stop: Asked some twenty times a second.

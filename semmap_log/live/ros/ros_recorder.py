@@ -1,7 +1,7 @@
 """Records what a robot's topics say: callbacks fill a queue, one writer makes events of it.
 
 The writer takes all that waits, appends the events of each message as one commit, and has them
-share one sync. What came before it was told to stop is written; what had not come is not.
+share one sync. What came before it was given to stop is written; what had not come is not.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ class RecorderCounts:
 
 @dataclass(slots=True)
 class RosRecorder:
-    """Records the topics of a mapping until it is told to stop."""
+    """Records the topics of a mapping until it is given to stop."""
 
     node: RosNode
     mapping: RosMapping
@@ -158,7 +158,7 @@ class RosRecorder:
     _subscribed: set[str] = field(default_factory=set)
     _error: BaseException | None = None
     _is_alone: bool = False
-    """ROS did not answer when it was asked last."""
+    """ROS did not answer when it was queried last."""
     _next_look: float = 0.0
     _next_word: float = 0.0
 
@@ -224,7 +224,7 @@ class RosRecorder:
                 self.say(f"left out: {error}")
 
     def _published(self) -> Mapping[str, str]:
-        """Return the topics that are published; none while ROS does not answer, which is told."""
+        """Return the topics that are published; none while ROS does not answer, which is given."""
         try:
             found = self.node.topics()
         except RosError as error:

@@ -4,7 +4,7 @@ The one way into a log: a command comes in, and is a commit when it returns.
 
 Tells who appends that no answer counts something: it happened before its door was added.
 
-Tells who appends that events are said to happen in time to come: no answer counts them so.
+Tells who appends that events are stated to happen in time to come: no answer counts them so.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class Appender:
         One that is stored already is not stored again.
 
         Args:
-            command: What is asked for; it has at least one event.
+            command: What is requested; it has at least one event.
             sync: Whether to return only when it survives a power cut; default: as the log's
                 durability says.
 
@@ -100,7 +100,7 @@ class Appender:
         What it looked at to know that lasts, too, as the log's durability promises.
 
         Raises:
-            LogError: As `append`; if the log cannot be appended to, the command is asked nothing.
+            LogError: As `append`; if the log cannot be appended to, the command is queried nothing.
         """
         with self._lock:
             appended = self._repeated(command)
@@ -165,7 +165,7 @@ class Appender:
         """Keep a pose for the next commit; if none comes within a second, it gets its own.
 
         Raises:
-            UnknownLevelError: It tells no level, and the log has several.
+            UnknownLevelError: It shows no level, and the log has several.
         """
         with self._lock:
             self._writer.check_usable()
@@ -251,7 +251,7 @@ class Appender:
         *,
         are_facts: bool = False,
     ) -> Appended:
-        """Write a command's events behind the poses that wait, and take in what they change."""
+        """Write a command's events after the poses that wait, and take in what they change."""
         now, context = self.now, command.context
         if not isinstance(command, TakenOver):  # which has the content of its own log
             if context.command_id is None:
@@ -305,7 +305,7 @@ class Appender:
         now.next_event = self._writer.next_event  # last: an interrupt may come in between
 
     def _keep(self, commit: Commit, *, sync: bool | None) -> None:
-        """Return once a commit lasts: as was asked, or as the log's durability promises."""
+        """Return once a commit lasts: as was queried, or as the log's durability promises."""
         before = commit.last_event + 1
         try:
             if sync is None:
@@ -367,7 +367,7 @@ class Appended(ShownAsTable):
 
 
 TOLD_AGAIN = 10
-"""What no answer counts is told at once, and again when it has become so many times as much."""
+"""What no answer counts is given at once, and again when it has become so many times as much."""
 
 
 class EarlyWarnings:
@@ -404,11 +404,11 @@ class EarlyWarnings:
 SLACK_NS = 60 * SECOND_NS
 """Two clocks may differ by this much."""
 WARN_AGAIN = 10
-"""What is to come is told at once, and again when it has become so many times as much."""
+"""What is to come is given at once, and again when it has become so many times as much."""
 
 
 class FutureWarnings:
-    """What was appended and is said to happen later than it was recorded."""
+    """What was appended and is stated to happen later than it was recorded."""
 
     def __init__(self, timezone: str) -> None:
         """Begin with nothing.

@@ -1,9 +1,9 @@
-"""Events of a log as Arrow tables, one after the other: only the columns that are asked for.
+"""Events of a log as Arrow tables, one after the other: only the columns that are requested.
 
 Events as tables in whatever order they are had soonest: from the read model, else from the log.
 
 A segment's table is read whole, of few columns, before any of its rows is given away: one that
-turns out to be damaged is not used, and the log itself tells the same.
+turns out to be damaged is not used, and the log itself shows the same.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def event_tables(
         doors: Only events about these; None: all.
         retracted: Retracted events, too.
         limit: What was called how, and taken back, by the events up to this number; None: by all.
-        progress: Told how far the reading is.
+        progress: Called with how far the reading is.
 
     Raises:
         MissingExtraError: pyarrow is not installed.
@@ -235,7 +235,7 @@ def _texts_then(batch: EventBatch, names: NamesThen | None, wanted: Collection[s
 def names_then(
     reader: LogReader, known: Retractions, wanted: Collection[str], limit: int | None
 ) -> NamesThen:
-    """Return what tells the names of doors and levels at the time of events.
+    """Return what shows the names of doors and levels at the time of events.
 
     What says them is rare but for updates, which most logs with one level need not read for it.
 

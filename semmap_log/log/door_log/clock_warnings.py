@@ -18,7 +18,7 @@ from semmap_log.store.reading.window import Window
 
 
 class ClockedLog(Protocol):
-    """What is asked of a log: a `DoorLog`."""
+    """What is queried of a log: a `DoorLog`."""
 
     has_told_of_clock: bool
     """Whether the warning was given."""
@@ -42,7 +42,7 @@ def warn_of_clock(log: ClockedLog, since_ns: int | None = None) -> None:
     """Warn, once for a log, of events at times at which the robot's clock cannot have been right.
 
     They lie before 2000, or after 2099, and others do not. Where all are from such a time, they fit
-    together, and nothing is said.
+    together, and nothing is stated.
 
     Args:
         log: The log.

@@ -2,9 +2,9 @@
 
 What commands say of objects that are no doors: their class, their place, their states.
 
-Commands: what a log is asked to append, as values.
+Commands: what a log is queried to append, as values.
 
-A command tells who asks and why, and makes its events of the map as it stands when its turn has
+A command shows who asks and why, and makes its events of the map as it stands when its turn has
 come: one that is sent again may speak of a door that it has removed itself.
 """
 
@@ -151,14 +151,14 @@ def class_of(door_id: DoorId, now: CurrentMap) -> ObjectClass:
 def defined_by_then(
     kind: ObjectClass, happened_ns: int | None, now: CurrentMap
 ) -> Iterator[ClassDefined]:
-    """Yield the definition of a class once more where an object is of it before that was told."""
+    """Yield the definition of a class once more where an object is of it before that was given."""
     defined = None if kind.is_door else now.state.defined(kind.name)
     if happened_ns is not None and defined is not None and happened_ns < defined[0]:
         yield ClassDefined.of(kind, happened_ns)
 
 
 def check_annotation(key: str, value: str, now: CurrentMap) -> None:
-    """Return if something that makes an object what it is may be said so.
+    """Return if something that makes an object what it is may be stated so.
 
     Raises:
         CommandError: No class is called so, though there are others; or it is no outline.
@@ -170,10 +170,10 @@ def check_annotation(key: str, value: str, now: CurrentMap) -> None:
 
 
 def check_outline(text: str) -> None:
-    """Return if an annotation tells an outline.
+    """Return if an annotation shows an outline.
 
     Raises:
-        CommandError: It tells none.
+        CommandError: It shows none.
     """
     try:
         outline_told(text)
@@ -186,7 +186,7 @@ Events: TypeAlias = "Iterable[Event | EventBatch] | EventBatch"
 
 
 class CommandContext(NamedTuple):
-    """When, who and why: what a command tells besides what it asks for."""
+    """When, who and why: what a command shows besides what it asks for."""
 
     at: Time = None
     """When it happened; None: when it is recorded."""
@@ -218,7 +218,7 @@ class Command(ABC):
         """
 
     def is_stored_as(self, commit: Commit, events: Sequence[Event]) -> bool:
-        """Tell whether a commit of its id is what it became.
+        """Return whether a commit of its id is what it became.
 
         Args:
             commit: The commit.
@@ -228,7 +228,7 @@ class Command(ABC):
         return commit.content == self.content
 
     def is_sealed_as(self, stored: StoredCommand) -> bool:
-        """Tell whether a command of its id, of which something was taken out, is this one."""
+        """Return whether a command of its id, of which something was taken out, is this one."""
         return stored.has_content(self.content)
 
     @property
@@ -237,7 +237,7 @@ class Command(ABC):
         return None
 
     def door_expected(self, events: Iterable[Event | EventBatch]) -> DoorId | None:
-        """Return of which door `expected_event` tells the last event; None: of the log.
+        """Return of which door `expected_event` shows the last event; None: of the log.
 
         Args:
             events: Its own, as the map stands.
@@ -276,7 +276,7 @@ class GivenEvents(Command):
         return sum(len(one) if isinstance(one, EventBatch) else 1 for one in self.given)
 
     def is_stored_as(self, commit: Commit, events: Sequence[Event]) -> bool:
-        """Tell whether the digest is that of the commit; without one, the events and the note."""
+        """Return whether the digest is that of the commit; without one, the events and the note."""
         if self.content != NO_CONTENT:
             return commit.content == self.content
         wanted = list(one_by_one(self.given))
@@ -310,7 +310,7 @@ class TakenOver(Command):
     """A commit of another log."""
 
     make: Callable[[int], Iterable[Event | EventBatch]]
-    """Gives its events; is told the number that the first of them gets."""
+    """Gives its events; is given the number that the first of them gets."""
     content: bytes
 
     def events(self, now: CurrentMap) -> Iterable[Event | EventBatch]:
@@ -354,7 +354,7 @@ class CurrentMap:
         """Events below this number are taken into account in all of these."""
 
     def take_in(self) -> None:
-        """Forget what does not fit any more: an interrupt came right behind a commit."""
+        """Forget what does not fit any more: an interrupt came right after a commit."""
         if self.next_event != self._writer.next_event:
             self.waiting, self.index, self.doors, self.is_read = [], None, None, False
             self.next_event = self._writer.next_event

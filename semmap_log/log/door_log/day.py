@@ -58,7 +58,8 @@ def day_of_doors(log: DoorLog, day: Time = None) -> Day:
 
     Args:
         log: The log.
-        day: A moment of that day; None: the last on which anything was said of a door's state.
+        day: A moment of that day; None: the last on which anything was reported about a door's
+            state.
 
     Raises:
         MomentError: The time cannot be read.

@@ -269,7 +269,7 @@ class ObserveDoor(DoorCommand):
 
 @dataclass(frozen=True, slots=True)
 class AnnotateDoor(DoorCommand):
-    """Something is said of a door in words."""
+    """Something is reported about a door in words."""
 
     key: str
     value: str
@@ -300,7 +300,7 @@ class AnnotateDoor(DoorCommand):
 
 @dataclass(frozen=True, slots=True)
 class RequestDoor(DoorCommand):
-    """Somebody asked for a state."""
+    """Somebody requested a state."""
 
     state: DoorState | str
 
@@ -414,7 +414,7 @@ class FinishPatrol(WordedCommand):
 
 
 def door_meant(door: str | int, now: CurrentMap) -> DoorId:
-    """Return the door that a command is about; whether one of that id is there is not asked.
+    """Return the door that a command is about; whether one of that id is there is not queried.
 
     Raises:
         UnknownDoorError: None is called so, or more than one.

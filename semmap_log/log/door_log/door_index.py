@@ -56,7 +56,7 @@ MOST_ID_DIGITS = len(str(MAX_DOOR_ID))
 
 
 def _is_door_id(text: str) -> bool:
-    """Tell whether a text can be a door's id."""
+    """Return whether a text can be a door's id."""
     return text.isdecimal() and len(text) <= MOST_ID_DIGITS
 
 
@@ -125,7 +125,7 @@ SIGHTINGS = tuple(
     for kind in _ROWS
     if kind.effect.presence is Presence.STAYS and not kind.effect.can_set & ~Changed.STATE
 )
-"""Kinds that can be said of every door in the map, and change neither doors nor names."""
+"""Kinds that can be reported about every door in the map, and change neither doors nor names."""
 
 HARMLESS: tuple[type[Event], ...] = (*SIGHTINGS, PatrolStarted, PatrolFinished, RobotPose)
 """Those, and the kinds that are about no door: nothing of a batch of them can be wrong."""
@@ -180,7 +180,7 @@ def kinds_of(batch: EventBatch) -> list[type[Event]]:
 
 
 def lacks_levels(batch: EventBatch) -> bool:
-    """Tell whether some of the events leave it to the log which level they mean."""
+    """Return whether some of the events leave it to the log which level they mean."""
     columns = (batch.columns[kind.kind] for kind in ON_A_LEVEL if kind.kind in batch.columns)
     if any((rows["level"] == NO_LEVEL).any() for rows in columns):
         return True
@@ -307,11 +307,11 @@ class DoorIndex:
         """Return the level that somebody means: see `levels`.
 
         Args:
-            level: Its name or number; None, or `LEVEL_NOT_GIVEN`: not told. Whether there is one
+            level: Its name or number; None, or `LEVEL_NOT_GIVEN`: not given. Whether there is one
                 of a number, the `Validator` says.
 
         Raises:
-            UnknownLevelError: There is none of that name, or there are several and none is told.
+            UnknownLevelError: There is none of that name, or there are several and none is given.
         """
         if isinstance(level, str):
             return level_called(level, self.levels)

@@ -2,9 +2,9 @@
 
 What a log holds, in a page: for `info`, and for whoever must judge its health.
 
-What of a log tells of persons, or may: for `info`, and for who decides what is redacted.
+What of a log reports of persons, or may: for `info`, and for who decides what is redacted.
 
-Doors that were there before they were added: what was told of them then, and how to say so.
+Doors that were there before they were added: what was reported of them then, and how to say so.
 
 An adding is moved to an earlier time by a correction: one commit retracts the DoorAdded and adds
 the door again, under its id, at the earlier time. Questions as known before still see the first.
@@ -80,7 +80,7 @@ class LogSummary:
     warnings: list[str]
     """What else looks wrong."""
     personal: PersonalData
-    """What tells of persons, or may."""
+    """What reports of persons, or may."""
     index: IndexState | None = None
     """How far the tables by door are; None: the log has none."""
     is_understood: bool = True
@@ -256,7 +256,7 @@ class PersonalData:
     reasons: int = 0
     """Notes that tell why, in words."""
     annotations: Counter[str] = field(default_factory=Counter)
-    """Key -> how often something was said of a door under it; names of doors, too."""
+    """Key -> how often something was reported about a door under it; names of doors, too."""
     poses: int = 0
     """Where the robot was, and when."""
     patrols: int = 0
@@ -276,7 +276,7 @@ class PersonalData:
         self.patrols += len(batch.where(PatrolStarted))
 
     def take_note(self, note: Note) -> None:
-        """Count what the note of a commit tells."""
+        """Count what the note of a commit shows."""
         self.notes += bool(note)
         self.actors.update([note.actor] * bool(note.actor))
         self.sources.update([note.source] * bool(note.source))
@@ -284,7 +284,7 @@ class PersonalData:
 
 
 def early_events(reader: LogReader) -> EarlyEvents:
-    """Return what the log tells of doors before they were added; retracted events left out."""
+    """Return what the log reports of doors before they were added; retracted events left out."""
     hidden = reader.retractions()
     stamps: dict[int, tuple[int, int]] = {}
     for batch in reader.batches(Window(kinds=bits_of_kinds([DoorAdded]))):
@@ -306,13 +306,13 @@ def early_events(reader: LogReader) -> EarlyEvents:
 
 
 def remedy(log: PurePath) -> str:
-    """Return what to do about events that are told of doors before they were added."""
+    """Return what to do about events that are reported of doors before they were added."""
     line = command_line("import", log, "--since-ever")
     return f"if they were there already, say so: {line}"
 
 
 def since_ever_ns(reader: LogReader) -> int | None:
-    """Return a whole second before the first thing that the log tells; None: it tells nothing."""
+    """Return a whole second before the first thing that the log shows; None: it shows nothing."""
     spans = [segment.span for segment in reader.segments if len(segment.chunks)]
     least_ns = min((least for least, _ in spans if least >= 0), default=None)
     return None if least_ns is None else max(least_ns - 1, 0) // SECOND_NS * SECOND_NS
@@ -399,7 +399,7 @@ def _said_with(reader: LogReader, addings: Iterable[RecordedEvent]) -> list[Reco
 
 
 def _told_of(reader: LogReader, at_ns: int) -> set[int]:
-    """Return the doors of which something is told that happened at that very time."""
+    """Return the doors of which something is given that happened at that very time."""
     window = Window(happened_from_ns=at_ns, happened_before_ns=at_ns + 1)
     return {door_id for batch in reader.batches(window) for door_id in batch.door_ids().tolist()}
 

@@ -1,4 +1,4 @@
-"""A log that is written: asked like any other, and told what happened, a commit at a time."""
+"""A log that is written: asked like any other, and given what happened, a commit at a time."""
 
 from __future__ import annotations
 
@@ -127,13 +127,13 @@ class DoorLogWriter(DoorLog):
         """Add a door and return its id: the next free one, unless given.
 
         Without x, y, theta and width it is an unplaced door: a sensor without geometry. Its level
-        is told by number or name; None: the only one there is. With an `object_class` it is an
+        is given by number or name; None: the only one there is. With an `object_class` it is an
         object of that class; a polygon needs an `outline`, the corners (x, y) in metres, frame
         `map`, and lies at the first of them, unless x and y are given.
 
         Raises:
             DoorExistsError, DoorRemovedError: The id is taken, or was.
-            UnknownLevelError: There is no such level, or there are several and none is told.
+            UnknownLevelError: There is no such level, or there are several and none is given.
             CommandError: There is no such class, or its objects do not look like that.
             InvalidEventError: A value that no door can have.
         """
@@ -245,7 +245,7 @@ class DoorLogWriter(DoorLog):
         state: DoorState | str,
         **about: Unpack[About],
     ) -> Appended:
-        """Record that somebody asked for a state; the door's state stays as it is."""
+        """Record that somebody requested a state; the door's state stays as it is."""
         return self._appender.append(RequestDoor(_context(about), door, _state(state)))
 
     def passed(
@@ -309,7 +309,7 @@ class DoorLogWriter(DoorLog):
     ) -> Appended:
         """Give a level a new map, and its doors their places in it, as one commit.
 
-        What happened before stays on the old map. What is told of later times is taken to be in
+        What happened before stays on the old map. What is reported later times is taken to be in
         the new one already, so that `at` may be the time when the robot began to use it. Doors
         without a place, and those of other levels, stay as they are.
 
@@ -325,7 +325,7 @@ class DoorLogWriter(DoorLog):
         Raises:
             CommandError: The level has this very map already, or another from a later time.
             UnknownDoorError: A measured door is not known.
-            UnknownLevelError: There is no such level, or there are several and none is told.
+            UnknownLevelError: There is no such level, or there are several and none is given.
         """
         from semmap_log.core.model.rigid_transform import RigidTransform
         from semmap_log.log.door_log.door_commands import RebaseMap
@@ -434,10 +434,10 @@ class DoorLogWriter(DoorLog):
         """Append a commit of another log as it was there; `sync` makes it last.
 
         Args:
-            make: Gives the events; is told the number that the first of them gets.
+            make: Gives the events; is given the number that the first of them gets.
             note: Who, with what, why.
             command_id: 16 bytes; who calls has seen that it is not stored.
-            content: Digest of what the command asked for.
+            content: Digest of what the command requested.
             are_facts: The other log took them: only what this log could not hold is refused.
             recorded_ns: When the other log recorded it; None: it is recorded now. Later than the
                 log's end, or the log ends there.
@@ -487,7 +487,7 @@ class DoorLogWriter(DoorLog):
         """Keep a pose for the next commit; if none comes within a second, it gets its own.
 
         Raises:
-            UnknownLevelError: It tells no level, and the log has several.
+            UnknownLevelError: It shows no level, and the log has several.
         """
         self._appender.add_pose(pose)
 
@@ -497,7 +497,7 @@ class DoorLogWriter(DoorLog):
         return self._appender.now.reader
 
     def refresh(self) -> None:
-        """Look at the log's folder anew; what this object writes it sees anyway."""
+        """Look at the log's folder again; what this object writes it sees anyway."""
         self._appender.now.refresh()
 
     @property

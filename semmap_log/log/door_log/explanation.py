@@ -76,7 +76,7 @@ class NextChange:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Explanation(ShownAsTable):
-    """What a log tells of a door at a moment, and of what was believed of it."""
+    """What a log reports of a door at a moment, and of what was believed of it."""
 
     door_id: DoorId
     label: str
@@ -88,7 +88,7 @@ class Explanation(ShownAsTable):
     known_event: int | None
     """The last event that was known; None: all were, -1: none."""
     end_ns: int
-    """The log's end: of the time after it nothing is told."""
+    """The log's end: of the time after it nothing is given."""
     true: StateReason
     """By all that is known today."""
     believed: StateReason
@@ -99,15 +99,15 @@ class Explanation(ShownAsTable):
     """What was believed rested on this event, which was retracted later."""
     otherwise: tuple[HistoryEntry, ...]
     """Events that tell another state than the true one, as they happened: readings that were taken
-    back, requests, robots that gave up, and what was told shortly before and after."""
+    back, requests, robots that gave up, and what was given shortly before and after."""
     otherwise_ns: tuple[int, int]
-    """From when to when these are told, both included."""
+    """From when to when these are given, both included."""
     retractions: dict[int, HistoryEntry]
     """By their numbers, those that took back what is named here."""
     belief: OpenChance | None
     """P(open) then, by what was known then; None: the door was not known."""
     next: NextChange | None
-    """None: no other was told."""
+    """None: no other was given."""
 
     def __repr__(self) -> str:
         told = f"true {_in_words(self.true)}, believed {_in_words(self.believed)}"

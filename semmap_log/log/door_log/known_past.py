@@ -6,7 +6,7 @@ Intent against state: may this event be appended to the map as it stands?
 
 Checking an intent is apart from applying a fact: what is in the log is never judged again.
 
-What a commit tells of doors before they were added.
+What a commit reports of doors before they were added.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class Validator:
             index: The doors and levels before it.
             next_event: The number of its first event.
             now_ns: The log's clock, by which events without a time happen; None: not known.
-            are_facts: Another log took the events; what is said there of a door after its removal
+            are_facts: Another log took the events; what is stated there of a door after its removal
                 stays in its history.
             past: What the log still holds of its past; None: all of it.
             first_new: Number of the first event that the log does not hold yet; None: the first of
@@ -107,7 +107,7 @@ class Validator:
         """The index after the events that passed; the one that was given stays as it was."""
         self.is_index_sure = True
         """An index cannot follow a retraction, nor what may have happened before something that
-        it knows: then it must be made anew."""
+        it knows: then it must be made again."""
         self.has_retraction = False
         self.keeps_names = True
         """Which name means which door is as it was before."""
@@ -380,7 +380,7 @@ ROWS_AT_A_TIME = 8192
 _SIGHTINGS = frozenset(SIGHTINGS)
 
 MAY_BE_OUTDONE = (DoorUpdated, LevelAdded, ClassDefined)
-"""Kinds of which another may have happened later, and been told before."""
+"""Kinds of which another may have happened later, and been given before."""
 
 NAMING = (DoorAdded, DoorUpdated, DoorRemoved, DoorAnnotated, LevelAdded, Retracted)
 """Kinds that may change which name means which door (an update: by its level)."""
@@ -442,7 +442,7 @@ class EarlyCounter:
 class KnownPast:
     """Checks what new events say of the past against what the log still holds of it.
 
-    Thinned sightings are those that it holds when it is asked first: only the writer's lock lets
+    Thinned sightings are those that it holds when it is queried first: only the writer's lock lets
     anybody thin a log.
     """
 
@@ -468,7 +468,7 @@ class KnownPast:
         check_can_retract(self._reader(), first, last, own=own, are_facts=are_facts)
 
     def is_late(self, at_ns: int) -> bool:
-        """Tell whether a time is earlier than the last sighting that was thinned."""
+        """Return whether a time is earlier than the last sighting that was thinned."""
         return at_ns < self._thinned_until_ns
 
     def check_late(self, batch: EventBatch) -> None:

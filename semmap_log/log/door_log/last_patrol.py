@@ -1,8 +1,8 @@
 """Which round of a patrol was the last.
 
-When a log ends: the latest happened time of what it tells, without a replay.
+When a log ends: the latest happened time of what it shows, without a replay.
 
-Which events of a log are asked about, and what is told of each.
+Which events of a log are queried, and what is reported of each.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def entries(
 
 
 def comes_after(one: Moment, other: Moment) -> bool:
-    """Tell whether a moment is later than another of its sort."""
+    """Return whether a moment is later than another of its sort."""
     if one.ns is not None and other.ns is not None:
         return one.ns > other.ns
     return one.event is not None and other.event is not None and one.event > other.event

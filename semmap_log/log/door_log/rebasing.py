@@ -2,8 +2,8 @@
 
 Everything in a log is in the frame `map`. A new map has another origin, and is turned against the
 old one. From the moment of the change on, the level has the new floor plan, and its doors lie where
-the transform puts them, or where they were measured again. What is told of earlier times stays as
-it is, and belongs to the old plan. What is told of later times is in the new frame already.
+the transform puts them, or where they were measured again. What is reported earlier times stays as
+it is, and belongs to the old plan. What is reported later times is in the new frame already.
 
 Whether events that are given again are those that are stored.
 
@@ -93,7 +93,7 @@ class RebasePlan:
 
 @dataclass(frozen=True, slots=True)
 class MapStates:
-    """The door map at the moment of the change, and with all that is told of later times."""
+    """The door map at the moment of the change, and with all that is reported later times."""
 
     then: DoorMapState
     now: DoorMapState
@@ -179,7 +179,7 @@ def _check_measured(
 
 
 def _is_placed_later(states: MapStates, door_id: DoorId) -> bool:
-    """Tell whether what put a door in its place happened after the moment of the change."""
+    """Return whether what put a door in its place happened after the moment of the change."""
     placed = states.now.stamp(door_id, "pose")
     return placed is not None and placed != states.then.stamp(door_id, "pose")
 
@@ -213,7 +213,7 @@ SAME_ANGLE = 1e-6
 
 
 def are_same(given: Sequence[Event], stored: Sequence[Event]) -> bool:
-    """Tell whether events that are given are those that are stored.
+    """Return whether events that are given are those that are stored.
 
     Salts do not count, nor when it happened, or on which level, where that was not given: the log
     said it.
@@ -395,7 +395,7 @@ def _worst(old: Points, new: Points) -> float:
 def _misfits(old: Points, new: Points, residuals: np.ndarray, most_m: float) -> list[int]:
     """Return the pairs that do not fit the others; none where most of them do not.
 
-    Of all transforms that two pairs give, the one that most pairs fit within `most_m` tells (RANSAC
+    Of all transforms that two pairs give, the one that most pairs fit within `most_m` shows (RANSAC
     with every sample drawn: Fischler and Bolles 1981). Where all fit, the one pair counts without
     which the others fit much better.
     """

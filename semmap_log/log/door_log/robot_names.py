@@ -1,4 +1,4 @@
-"""Which robots a log tells of: one, or those whose logs were joined in it."""
+"""Which robots a log shows of: one, or those whose logs were joined in it."""
 
 from __future__ import annotations
 

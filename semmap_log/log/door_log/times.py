@@ -1,8 +1,8 @@
-"""What a time means that somebody asks a log about, or tells it.
+"""What a time means that somebody asks a log about, or shows it.
 
-Which door of a log is asked about: one that is there, or one that ever was.
+Which door of a log is queried about: one that is there, or one that ever was.
 
-What a log tells as tables, for pandas, polars, DuckDB and whatever else reads Arrow.
+What a log shows as tables, for pandas, polars, DuckDB and whatever else reads Arrow.
 
 What queries in other languages ask of a log; and `sql`, which a room above answers.
 
@@ -277,9 +277,9 @@ class LogTables(ABC):
             recorded: The range is of recorded time.
             doors: Only events about these doors: ids, names, or level/names.
             kinds: Only these kinds: classes, or their names.
-            retracted: Retracted events, too; the column `retracted` tells them.
+            retracted: Retracted events, too; the column `retracted` shows them.
             columns: Only these, in this order; the others are not made. None: all.
-            progress: Told how far the reading is.
+            progress: Called with how far the reading is.
 
         Raises:
             MissingExtraError: pyarrow is not installed.
@@ -313,7 +313,7 @@ class LogTables(ABC):
             columns: Only these, in this order; None: all.
             limit: What was called how, and taken back, by the events up to this number; None: by
                 all.
-            progress: Told how far the reading is.
+            progress: Called with how far the reading is.
         """
         from semmap_log.log.door_log.asked_tables import columns_called, event_tables
 
@@ -336,7 +336,7 @@ class LogQueries(ABC):
 
         The views are `events`, `changes`, `doors`, `intervals`, `commits`, `patrols` and `poses`;
         `doors_at('2h ago')`, `doors_known_at(…)` and `beliefs(…)` are of a moment. Rows are made
-        when the relation is read; the log is asked as it was opened.
+        when the relation is read; the log is queried as it was opened.
 
         Args:
             query: One SELECT.
@@ -518,7 +518,7 @@ def refuse_other_units(time: int, first_ns: Callable[[], int | None]) -> None:
 
 
 def happened_ns_of(time: Time, *, tz: str, now_ns: int) -> int | None:
-    """Return when something happened by what is said of it; None: that is not said.
+    """Return when something happened by what is reported about it; None: that is not stated.
 
     Args:
         time: A moment in any of its forms, but for the number of an event.

@@ -54,7 +54,7 @@ class ReplayKeyframeCheck:
 
     A `KeyframeCheck`.
 
-    A retraction of events that are folded already makes the state be folded anew, from the last
+    A retraction of events that are folded already makes the state be folded again, from the last
     keyframe that it does not touch.
     """
 
@@ -255,7 +255,7 @@ class WrittenState:
         """A number below those that wait, and less than 2^32 away from them."""
         self._needs_reading = False
         self._since_keyframe = 0
-        """Bytes of records behind the last keyframe."""
+        """Bytes of records after the last keyframe."""
         self._keyframe_size = 0
         """Of the last keyframe's record."""
 
@@ -276,7 +276,7 @@ class WrittenState:
         return KeyframeMessage(state.event, data)
 
     def wants_keyframe(self, *, is_commit_begun: bool) -> bool:
-        """Tell whether a keyframe should stand before what is written next.
+        """Return whether a keyframe should stand before what is written next.
 
         In the middle of a commit none can be made if a retraction came before it.
         """
@@ -345,7 +345,7 @@ def verify(
     Args:
         path: The log's folder, one .mcap file, a zip file or a URL of it; or another place.
         head: Hash of a commit that the log must hold, kept elsewhere.
-        progress: Told how many bytes are read.
+        progress: Called with how many bytes are read.
         ends: Event numbers: whether a commit ends before each of them, and with which hash.
 
     Raises:
@@ -365,7 +365,7 @@ def copy(
         log: Its folder, or a zip file with it; it may be written meanwhile.
         target: A folder that is not there yet, or is empty, or an earlier copy of the same log.
         full: Read and verify what is there already, too; what is damaged there is copied again.
-        progress: Told how many bytes were copied and verified.
+        progress: Called with how many bytes were copied and verified.
 
     Raises:
         LogExistsError: Something else lies at the target.

@@ -1,4 +1,4 @@
-"""What events changed, found where the events were read: the map is folded beside the reading."""
+"""What events changed, found where the events were read: the map is folded next to the reading."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
 
 FAR = 20_000
-"""Events; a state further away is asked for anew rather than folded up to."""
+"""Events; a state further away is requested again rather than folded up to."""
 
 
 class ChangeFinder:
@@ -30,7 +30,7 @@ class ChangeFinder:
 
         Args:
             reader: Of the log.
-            doors: Only what changed of these is asked for; None: of all.
+            doors: Only what changed of these is requested; None: of all.
         """
         self._reader = reader
         self._doors = None if doors is None else list(doors)

@@ -1,6 +1,6 @@
 """States of plain values and numpy arrays as bytes, and back: safe on a file from anywhere.
 
-A line of JSON holds the values, and .npy bodies (never pickled) behind it the arrays. What comes
+A line of JSON holds the values, and .npy bodies (never pickled) after it the arrays. What comes
 back has the very types that went in; a state of anything else is an error.
 """
 

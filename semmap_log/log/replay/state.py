@@ -1,13 +1,14 @@
 """The door map at a moment: the nearest keyframe, and what came after it.
 
 A keyframe is a cache. One serves a moment if all its events had happened by then, and if it holds
-nothing that a later retraction hides; behind it only those chunks are read in which events lie that
+nothing that a later retraction hides; after it only those chunks are read in which events lie that
 had happened by then, too. Without any keyframe the answer is the same, from the log's beginning.
 
 Pinned moments: their state is kept when what was before the horizon is not.
 
 While the log holds all that the answer needs, a pin is a name for a moment. Before its events go,
-retention writes the state of that moment into the log; what is told of it later is folded onto it.
+retention writes the state of that moment into the log; what is reported of it later is folded onto
+it.
 
 The events of a log of which the oldest were taken out: what stands for those that are gone.
 
@@ -153,11 +154,11 @@ def unpacked(text: str) -> DoorMapState | None:
 def events_at_horizon(
     reader: LogReader, window: Window, doors: Collection[int] | None
 ) -> Iterator[EventBatch]:
-    """Yield what a log still tells of the time before its horizon, as one batch.
+    """Yield what a log still reports of the time before its horizon, as one batch.
 
     Args:
         reader: Of a log that has a horizon.
-        window: Which events; it has no beginning, and ends behind the horizon.
+        window: Which events; it has no beginning, and ends after the horizon.
         doors: Only events about these, where they are about a door; None: all.
 
     Raises:
@@ -178,7 +179,7 @@ def events_at_horizon(
 
 
 def last_writes(reader: LogReader) -> list[RecordedEvent]:
-    """Return the state at a log's horizon, as far as no event that is left tells it.
+    """Return the state at a log's horizon, as far as no event that is left shows it.
 
     Each is an update with the number of an event that is gone, and says what that wrote of a door
     and no other wrote since; numbers ascend. When it was recorded is not known.
@@ -333,7 +334,7 @@ class Checkpoint(Generic[S]):
             replace_file(self.path, whole + hashlib.sha256(whole).digest())
 
     def _fits(self, head: Mapping[str, Any]) -> bool:
-        """Tell whether a file is of this projection and log.
+        """Return whether a file is of this projection and log.
 
         Raises:
             CheckpointError: It is of others.
@@ -416,7 +417,7 @@ def state_at(
         at_ns: Only what had happened by then.
         limit: Only events up to that number, and what they retract.
         uses_keyframes: Whether to start at one; else from the beginning, for the same answer.
-        progress: Told how far the reading is.
+        progress: Called with how far the reading is.
         with_newer: Even where an event of an unknown kind may have changed it.
 
     Raises:
@@ -462,7 +463,7 @@ class _Search:
     retractions: Retractions
 
     def nearest(self) -> tuple[DoorMapState, ChunkPlace]:
-        """Return its state and where the events behind it begin; the empty state if none serves."""
+        """Return its state and where the events after it begin; the empty state if none serves."""
         unused: list[str] = []
         found = self._nearest(unused)
         if unused:
@@ -484,7 +485,7 @@ class _Search:
         return DoorMapState(), BEGINNING
 
     def _knows_of_later(self, state: DoorMapState) -> bool:
-        """Tell whether a state counts events from after the moment, which were taken out since.
+        """Return whether a state counts events from after the moment, which were taken out since.
 
         What is left of a chunk then happened before the moment.
         """
@@ -573,7 +574,7 @@ class Position:
     """Those recorded so far, so that what they hide was left out."""
 
     def is_in(self, reader: LogReader) -> bool:
-        """Tell whether the log, as it is now, has come by here."""
+        """Return whether the log, as it is now, has come by here."""
         if self.event == NO_EVENT:
             return True
         commit = reader.find_commit(self.event)
@@ -583,7 +584,7 @@ class Position:
         )
 
     def is_before_redaction(self, reader: LogReader) -> bool:
-        """Tell whether something was redacted since: what was taken in may tell it."""
+        """Return whether something was redacted since: what was taken in may tell it."""
         if self.event == NO_EVENT:
             return False
         own = f"{reader.info.log_id}:"
@@ -600,7 +601,7 @@ class Position:
         )
 
     def is_touched_by(self, later: Iterable[Retraction]) -> bool:
-        """Tell whether one of these retractions hides an event that was taken in."""
+        """Return whether one of these retractions hides an event that was taken in."""
         return any(
             one.first_event <= self.event and not self._leaves_out(one)
             for one in later
@@ -608,11 +609,11 @@ class Position:
         )
 
     def is_before_horizon(self, reader: LogReader) -> bool:
-        """Tell whether events that come next are gone for their age."""
+        """Return whether events that come next are gone for their age."""
         return NO_EVENT < self.event < reader.horizon - 1
 
     def _leaves_out(self, later: Retraction) -> bool:
-        """Tell whether an earlier retraction hides all of it that was taken in."""
+        """Return whether an earlier retraction hides all of it that was taken in."""
         last = min(later.last_event, self.event)
         return any(
             one.first_event <= later.first_event and last <= one.last_event
@@ -623,7 +624,7 @@ class Position:
 def retractions_behind(
     reader: LogReader, event: int, limit: int | None = None
 ) -> tuple[Retraction, ...]:
-    """Return the retractions with numbers behind `event`, and up to `limit`.
+    """Return the retractions with numbers after `event`, and up to `limit`.
 
     Raises:
         NewerLogError: An event of an unknown kind may have taken back others, too.
@@ -653,7 +654,7 @@ def events_behind(
     at_ns: int | None = None,
     progress: Progress | None = None,
 ) -> Iterator[EventBatch]:
-    """Yield all events with numbers behind `event`, and up to `limit`, retracted ones included.
+    """Yield all events with numbers after `event`, and up to `limit`, retracted ones included.
 
     From a log's beginning on, what stands for the events before its horizon comes first.
 
@@ -662,7 +663,7 @@ def events_behind(
         event: The number; -1: from the beginning on.
         limit: The last event; None: the log's.
         at_ns: Those that happened later are not needed; None: all are.
-        progress: Told how far the reading is.
+        progress: Called with how far the reading is.
 
     Raises:
         CorruptLogError: A chunk is not what was written, or events are missing.

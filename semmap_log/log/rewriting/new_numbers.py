@@ -97,7 +97,7 @@ class LogAnew:
             folder: Where; nothing is there.
             info: What is fixed of it.
             entropy: Where ids and salts come from.
-            horizon_ns: What was recorded by this moment is not all known: history begins behind
+            horizon_ns: What was recorded by this moment is not all known: history begins after
                 it; -1: it has no horizon.
 
         Raises:
@@ -123,12 +123,12 @@ class LogAnew:
         return NextPlace(self._writer.next_event, self._writer.last_ns >= recorded_ns)
 
     def append(self, events: list[Any], commit: Commit, *, note: Note, command_id: bytes) -> None:
-        """Append what became of a commit; `place` was asked before.
+        """Append what became of a commit; `place` was queried before.
 
         Args:
             events: At least one, or a batch of them.
             commit: As it was.
-            note: What is said of it now.
+            note: What is reported about it now.
             command_id: Its id now.
         """
         self._writer.append(

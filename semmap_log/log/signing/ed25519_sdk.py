@@ -65,7 +65,7 @@ class SigningKey:
 
 
 def is_signed_by(public_bytes: bytes, signature: bytes, data: bytes) -> bool:
-    """Tell whether a signature of 64 bytes is that of a public key of 32 bytes for the data."""
+    """Return whether a signature of 64 bytes is that of a public key of 32 bytes for the data."""
     try:
         Ed25519PublicKey.from_public_bytes(public_bytes).verify(signature, data)
     except (InvalidSignature, ValueError):

@@ -79,7 +79,7 @@ def sign(
             what was taken out without an officer's statement.
         trimmed: Vouch for what was taken out just now.
         next_key: Name the key that goes on in the place of this one, which signs no more of it.
-        progress: Told how many bytes are read.
+        progress: Called with how many bytes are read.
 
     Raises:
         SigningError: It is damaged, or not what the key has signed before.
@@ -160,7 +160,7 @@ def read_for_signing(
     Args:
         log: Its folder.
         state: Of the key.
-        progress: Told how many bytes are read.
+        progress: Called with how many bytes are read.
         at: Also before this event.
 
     Raises:
@@ -370,7 +370,7 @@ def read_key(path: Path, *, log: Path, passphrase: Passphrase = lambda: None) ->
 
 
 def make_key(path: Path, *, log: Path, comment: str = "") -> SigningKey:
-    """Make a key pair: the private key at a path, the public one beside it as `.pub`.
+    """Make a key pair: the private key at a path, the public one next to it as `.pub`.
 
     The private key belongs to its owner alone from its first instant on. Nothing is replaced.
 

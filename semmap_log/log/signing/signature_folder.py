@@ -1,4 +1,4 @@
-"""Where signatures lie: statements and their signatures, beside a log's segments.
+"""Where signatures lie: statements and their signatures, next to a log's segments.
 
     signatures/000000000216_9f86d081884c7d65_3.head      a statement: up to event 216, by that key
     signatures/000000000216_9f86d081884c7d65_3.head.sig  its signature
@@ -136,7 +136,7 @@ def token_file(statement: Path) -> Path:
 
 
 def is_url(text: str) -> bool:
-    """Tell whether it is a URL that can be asked."""
+    """Return whether it is a URL that can be queried."""
     return text.startswith(_SCHEMES)
 
 

@@ -41,7 +41,7 @@ from semmap_log.log.signing.statement import (
 from semmap_log.store.verification.findings import Finding, Severity, Verification
 
 _ATTEMPTS = 3
-"""How often to begin anew when somebody signs meanwhile, and what is signed now is missing."""
+"""How often to begin again when somebody signs meanwhile, and what is signed now is missing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +194,7 @@ class _Check:
                 self._wrong("statement", one.path, text)
 
     def _is_held(self, one: SignedStatement) -> bool:
-        """Tell whether the log holds what a statement says."""
+        """Return whether the log holds what a statement says."""
         said, found = one.statement, self._found
         last = said.next_event - 1
         whose = self._keys[one.public_bytes]
@@ -228,7 +228,7 @@ class _Check:
         return self._agrees(one)
 
     def _agrees(self, one: SignedStatement) -> bool:
-        """Tell whether all that a statement says besides the head is so, too."""
+        """Return whether all that a statement says besides the head is so, too."""
         said, found = one.statement, self._found
         end = found.ends[said.next_event]
         if isinstance(said, Statement):
@@ -298,7 +298,7 @@ class _Check:
 
     @staticmethod
     def _confirms(other: SignedStatement, one: SignedStatement) -> bool:
-        """Tell whether a statement vouches for what another one has adopted."""
+        """Return whether a statement vouches for what another one has adopted."""
         said, adopted = other.statement, one.statement
         if other.public_bytes == one.public_bytes or isinstance(said, OldStatement):
             return False

@@ -220,7 +220,7 @@ class Statement:
         )
 
     def agrees(self, end: CommitEnd, *, counts_all: bool) -> bool:
-        """Tell whether a log that was read holds what this says besides the head.
+        """Return whether a log that was read holds what this says besides the head.
 
         Args:
             end: Of the commit that it names.
@@ -303,7 +303,7 @@ class SshSignature:
     signature: bytes
 
     def fits(self, text: bytes) -> bool:
-        """Tell whether that key has signed this text."""
+        """Return whether that key has signed this text."""
         signed = _signed(text, self.namespace, self.hash_name)
         return is_signed_by(self.public_bytes, self.signature, signed)
 
@@ -323,7 +323,7 @@ def signature_of(text: bytes, key: SigningKey, namespace: str = HEADS) -> str:
 
 
 def read_signature(text: str) -> SshSignature:
-    """Return what is in a signature's file; whether it fits a text is asked of that.
+    """Return what is in a signature's file; whether it fits a text is queried of that.
 
     Raises:
         ValueError: It is no signature of Ed25519 in one of our namespaces.
@@ -451,7 +451,7 @@ def _key_in(path: Path, number: int, line: str) -> PublicKey:
 
 
 def _parted(line: str) -> tuple[str, str]:
-    """Return what stands before the kind of key, and what behind; behind nothing without it."""
+    """Return what stands before the kind of key, and what after; after nothing without it."""
     if line.startswith(f"{KEY_TYPE} "):
         return "", line.removeprefix(KEY_TYPE)
     before, _, behind = line.partition(f" {KEY_TYPE} ")

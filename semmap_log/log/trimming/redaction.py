@@ -27,7 +27,7 @@ from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
 
 _SALT_END = mcap.MESSAGE.size + 4 + 16
-"""Where in the record of a note its texts begin, behind the encapsulation and the salt."""
+"""Where in the record of a note its texts begin, after the encapsulation and the salt."""
 
 
 class Part(Protocol):
@@ -92,7 +92,7 @@ class Tracks:
 
 @dataclass(frozen=True, slots=True)
 class Annotation:
-    """What was said of a door under a key."""
+    """What was reported about a door under a key."""
 
     door_id: int
     key: str
@@ -122,7 +122,7 @@ class Redaction:
     pins: Sequence[MomentPinned] = ()
     """The pins of the log."""
     later: Sequence[tuple[int, DoorAnnotated]] = ()
-    """What was said under keys that are redacted from that number on, with the numbers, and the
+    """What was stated under keys that are redacted from that number on, with the numbers, and the
     times by which they are ordered: where that is earlier than what goes, it counts then."""
     retractions: Retractions = field(default_factory=Retractions)
     """Of the log."""

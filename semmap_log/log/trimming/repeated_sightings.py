@@ -3,7 +3,7 @@
 Of sightings of a door that follow each other in one hour and say the same, the first and the last
 stay. So the state at every moment is what it was, as is what was known at every moment: a sighting
 goes only if the first of them was known before it. How many went, and what
-their sensors were worth, is told by an event for each run of them, on which beliefs rest from then
+their sensors were worth, is given by an event for each run of them, on which beliefs rest from then
 on. What is lost is when exactly within an hour a door was looked at again, by which of several
 sensors of the same accuracy, and up to an hour of its `last_seen` at moments of that time. Doors of
 which something was taken back there keep all their sightings.
@@ -106,7 +106,7 @@ class Thinning:
         return None if event is None or event < self.before else data
 
     def _concerns(self, segment: Segment) -> bool:
-        """Tell whether some of it may go; the live one is closed before anything does."""
+        """Return whether some of it may go; the live one is closed before anything does."""
         if segment.header.first_event >= self.before or segment.told is not None:
             return False
         if segment.counts is not None:
@@ -123,7 +123,7 @@ class Thinning:
         self._known.add(segment.header.first_event)
 
     def _going(self, numbers: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Tell which events are sightings that go."""
+        """Return which events are sightings that go."""
         is_old = numbers < self.before
         old = np.where(is_old, numbers, 0)
         bits: NDArray[np.bool_] = (self._goes[old // 8] >> (old % 8).astype(np.uint8)) % 2 > 0
@@ -162,7 +162,7 @@ def _worth(repeats: NDArray[np.void]) -> EventBatch:
 def repeats_in(reader: LogReader, segment: Segment) -> Iterator[NDArray[np.void]]:
     """Yield the sightings of a segment that repeat others, some hours at a time, as `STATE_ROW`.
 
-    All that the log tells of the doors' states in the same span of time is looked at, in whatever
+    All that the log reports of the doors' states in the same span of time is looked at, in whatever
     segment it is. Those of some hours come by door and time. What happened before the log's horizon
     stays: a pinned moment of that time may lie between two sightings that others, which are gone,
     had lain between.

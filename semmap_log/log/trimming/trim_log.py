@@ -1,9 +1,9 @@
-"""A log trimmed: what goes is told by an event before and after, which says who, and why.
+"""A log trimmed: what goes is given by an event before and after, which says who, and why.
 
 What a log need not keep any longer: old sightings, changes of state and poses.
 
 What says which doors, levels, floor plans and rounds there were stays, and so does what was taken
-back. At the horizon stands a keyframe; from there on all moments can be asked about.
+back. At the horizon stands a keyframe; from there on all moments can be queried.
 
 The trimmed copy of a segment, checked before it takes the segment's place.
 """
@@ -92,7 +92,7 @@ class TrimmedLog:
 
     done: Trimming
     event: int | None
-    """Number of the event that tells of it; None: it was only counted."""
+    """Number of the event that reports of it; None: it was only counted."""
 
 
 def plan_trimming(log: Path, rule: TrimRule, progress: Progress | None = None) -> TrimmedLog:
@@ -125,8 +125,8 @@ def trim_log(
         log: Its folder.
         rule: What goes.
         note: Who does it, and why.
-        progress: Told how far the work is.
-        writing: Options of `append`, for the events that tell of it.
+        progress: Called with how far the work is.
+        writing: Options of `append`, for the events that report of it.
 
     Raises:
         LogLockedError: Somebody is writing.
@@ -182,7 +182,7 @@ def _refuse_elsewhere(reader: LogReader, rule: TrimRule) -> None:
 
 
 def _is_begun(reader: LogReader) -> bool:
-    """Tell whether a trimming was stopped before the log could say that it is done."""
+    """Return whether a trimming was stopped before the log could say that it is done."""
     window = Window(kinds=bits_of_kinds([HistoryTrimmed]))
     told = [one.event.tombstones for batch in reader.batches(window) for one in batch
             if isinstance(one.event, HistoryTrimmed)]  # fmt: skip
@@ -273,7 +273,7 @@ def _recorded_before(reader: LogReader, horizon: int) -> int:
 
 
 def _horizon(reader: LogReader, until_ns: int) -> tuple[int, int | None]:
-    """Return the number of the event behind the last keyframe that can be the horizon.
+    """Return the number of the event after the last keyframe that can be the horizon.
 
     All before it was recorded before the moment, in closed segments, and no commit reaches across
     it. A later retraction may not reach before it: the keyframe would know what is not true any
@@ -292,7 +292,7 @@ def _horizon(reader: LogReader, until_ns: int) -> tuple[int, int | None]:
 
 
 def _is_state_before(segment: Segment, chunk: int, event: int) -> bool:
-    """Tell whether a keyframe lies between two commits, and holds the state before an event."""
+    """Return whether a keyframe lies between two commits, and holds the state before an event."""
     commit = commit_of(segment, event)
     if commit is not None and commit.first_event < event:
         return False

@@ -1,4 +1,4 @@
-"""Compaction beside a writer: a thread that never holds an append up, and never brings it down."""
+"""Compaction next to a writer: a thread that never holds an append up, and never brings it down."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class BackgroundCompactor:
             folder: The log's.
             installed: Called in the thread after a segment was replaced, with what metadata.yaml
                 is to say of it. It must not wait for anybody who may be in `close`.
-            keep_up: Called in the thread behind each segment.
+            keep_up: Called in the thread after each segment.
         """
         self._folder = folder
         self._installed = installed

@@ -66,12 +66,12 @@ def compact(
         keep_s: How long the files stay that were merged into another, for copies of the folder
             that are under way; default: an hour. The first writer or compaction after that
             removes them.
-        progress: Told how far the work is.
+        progress: Called with how far the work is.
 
     Raises:
         LogLockedError: Somebody is writing.
         LogAccessError: The file system says no; what was done until then stays done.
-        CorruptLogError: A segment is damaged; it stays as it is, and so do those behind it.
+        CorruptLogError: A segment is damaged; it stays as it is, and so do those after it.
     """
     refuse_zip(path)
     check_is_log(LogFolder(path))

@@ -8,10 +8,10 @@ will hold: so rosbag2's tools never meet a file that is missing, nor a message t
 
 The records of segments in pages of about a MiB: what compaction writes as chunks.
 
-Closed segments written anew in large zstd chunks: the same records, a fraction of the bytes.
+Closed segments written again in large zstd chunks: the same records, a fraction of the bytes.
 
 Records keep their bytes and their order; only keyframes that stand too near to each other, where
-small segments are merged, are left out. The copy lies beside the old file until it has been
+small segments are merged, are left out. The copy lies next to the old file until it has been
 compared with it, and is synced; only then may it take a name. Memory: about one chunk.
 """
 
@@ -211,7 +211,7 @@ def pages(sources: Iterable[Segment], pause: Pause = no_pause) -> Iterator[Page]
 
 
 def are_pages(chunks: ChunkTable) -> bool:
-    """Tell whether a segment's chunks are what `pages` makes of them; none is read."""
+    """Return whether a segment's chunks are what `pages` makes of them; none is read."""
     since_keyframe, is_short = KEYFRAME_EVERY_BYTES, False
     is_keyframe = (chunks.rows["kinds"] & np.uint32(KEYFRAME_BIT)) != 0
     for keyframe, size in zip(is_keyframe.tolist(), chunks.rows["size"].tolist(), strict=True):
@@ -254,7 +254,7 @@ class _Read:
         return int(self.ends[at] - self.starts[at])
 
     def reaching(self, at: int, size: int) -> int:
-        """Return the chunk behind those, from `at` on, that reach that size, or to a keyframe."""
+        """Return the chunk after those, from `at` on, that reach that size, or to a keyframe."""
         end = int(np.searchsorted(self.ends, int(self.starts[at]) + size)) + 1
         keyframes: list[int] = (at + np.flatnonzero(self.is_keyframe[at:end])).tolist()
         return min(end, len(self.ends), *keyframes[:1])
@@ -332,7 +332,7 @@ def merged_header(sources: Sequence[Segment]) -> SegmentHeader:
 
 
 def needs_compaction(segment: Segment) -> bool:
-    """Tell whether compaction would make a closed segment smaller or its chunks fewer.
+    """Return whether compaction would make a closed segment smaller or its chunks fewer.
 
     Reads few chunks: of a segment that was compacted those that would not get smaller by it.
     """

@@ -139,7 +139,7 @@ def _overlap(one: Segment, other: Segment) -> bool:
 
 
 def _holds(one: Segment, other: Segment) -> bool:
-    """Tell whether all segments of the other's range are in the range of one."""
+    """Return whether all segments of the other's range are in the range of one."""
     ours, theirs = one.header, other.header
     return ours.number <= theirs.number and theirs.last_number <= ours.last_number
 
@@ -154,12 +154,12 @@ def _stands_for(there: Segment, segment: Segment) -> bool:
 
 
 def is_merged_alone(there: Segment, segment: Segment) -> bool:
-    """Tell whether a file of the copy holds more segments than that of the log."""
+    """Return whether a file of the copy holds more segments than that of the log."""
     return _holds(there, segment) and not _holds(segment, there)
 
 
 def is_same_file(one: Segment, other: Segment) -> bool:
-    """Tell whether two files hold the same bytes, from their ends.
+    """Return whether two files hold the same bytes, from their ends.
 
     What closes a segment holds the CRC of all before it, and where each chunk lies. A live one is
     the same if it ends with the same commit at the same byte: it only grows.
@@ -235,7 +235,7 @@ class StagedFile:
         self.verify(new_check, told)
 
     def is_written(self) -> bool:
-        """Tell whether a copying that was stopped has written it: as long, and closed alike."""
+        """Return whether a copying that was stopped has written it: as long, and closed alike."""
         try:
             if self.folder.status(self.temporary).st_size != self.size:
                 return False

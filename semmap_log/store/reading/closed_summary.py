@@ -1,4 +1,4 @@
-"""What closing a segment wrote behind its data: by this it is opened without reading the rest.
+"""What closing a segment wrote after its data: by this it is opened without reading the rest.
 
 Of each chunk: how many events it has, and when they happened, at the earliest and latest.
 
@@ -74,7 +74,7 @@ def spans_of_summary(summary: ClosedSummary) -> NDArray[np.void]:
 
 
 def next_events_of_summary(summary: ClosedSummary) -> NDArray[np.int64]:
-    """Return the number of the first event behind each chunk of a trimmed segment.
+    """Return the number of the first event after each chunk of a trimmed segment.
 
     Raises:
         CorruptLogError: Its index is missing or damaged, or the numbers do not rise.
@@ -157,7 +157,7 @@ class ClosedSummary:
 
     @property
     def most_chunks(self) -> int:
-        """How many chunks the summary has room to tell of."""
+        """How many chunks the summary has room to report of."""
         start, end = self.groups.get(Opcode.CHUNK_INDEX, (0, 0))
         return (end - start) // LEAST_INDEX_BYTES
 
@@ -181,10 +181,10 @@ class ClosedSummary:
         """Return the segment's chunks.
 
         Args:
-            data_start: They lie behind this offset.
+            data_start: They lie after this offset.
 
         Raises:
-            CorruptLogError: What is said of them cannot be.
+            CorruptLogError: What is reported about them cannot be.
         """
         start, indexes = self.group(Opcode.CHUNK_INDEX)
         try:
@@ -195,7 +195,7 @@ class ClosedSummary:
         return ChunkTable(self.path, self.source, rows)
 
     def fits_data(self) -> bool:
-        """Tell whether the data are what was written, by their CRC; reads them all.
+        """Return whether the data are what was written, by their CRC; reads them all.
 
         Raises:
             UnreadableLogError: Some cannot be read.
@@ -224,7 +224,7 @@ _USUAL_BYTES = 2**15
 
 
 def is_footer(data: memoryview) -> bool:
-    """Tell whether a file's last bytes are a footer and the magic: no live segment's are."""
+    """Return whether a file's last bytes are a footer and the magic: no live segment's are."""
     if len(data) < FOOTER_BYTES or data[-len(mcap.MAGIC) :] != mcap.MAGIC:
         return False
     return bool(mcap.FRAME.unpack_from(data) == (Opcode.FOOTER, 20))

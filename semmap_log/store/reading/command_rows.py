@@ -24,7 +24,7 @@ def rows_of(segment: Segment) -> NDArray[np.uint64]:
     """Return the command index of a closed segment, in memory of its own.
 
     One that has none, since it was closed before there were any, or whose index does not fit its
-    CRC, has its commits read: they are the truth, and what is wrong with an index `verify` tells.
+    CRC, has its commits read: they are the truth, and what is wrong with an index `verify` shows.
 
     Raises:
         CorruptLogError: Its summary is damaged; or, where they are read, its commits are.

@@ -3,8 +3,8 @@
     data = head, { { channel }, chunk, { message index } }, [ closing section ]
 
 Chunks have a CRC (`live_records`), and their messages must follow each other (`grammar`). Whatever
-else stands where a chunk must be is a *bad place*. It is damage if some whole commit behind it
-says that what is missing was on the disk already; else what lies behind is the torn tail that a
+else stands where a chunk must be is a *bad place*. It is damage if some whole commit after it
+says that what is missing was on the disk already; else what lies after is the torn tail that a
 writer leaves which lost its power: sectors of unsynced commits are missing, in any order.
 
 The records of a segment without a summary: chunk after chunk, each whole by itself.
@@ -50,24 +50,24 @@ from semmap_log.store.record_scan import (
 
 @dataclass(frozen=True, slots=True)
 class LiveScan:
-    """What of a segment proves itself, and what is wrong behind."""
+    """What of a segment proves itself, and what is wrong after."""
 
     table: ChunkTable
     """All chunks that fit, those of a commit that is not finished, too."""
     at: int
     """Where the next chunk must begin; beyond the file's end where message indexes are cut."""
     place: ReadPosition
-    """Where the log stands behind all of `table`."""
+    """Where the log stands after all of `table`."""
     spans: NDArray[np.void]
     """When the events of each chunk in `table` happened, as `SPAN`."""
     whole: int
     """How many chunks there are up to the end of the last whole commit, or keyframe."""
     whole_at: int
-    """As `at`, behind these."""
+    """As `at`, after these."""
     whole_place: ReadPosition
-    """As `place`, behind these."""
+    """As `place`, after these."""
     problem: str = ""
-    """Why what lies behind them does not count; empty if nothing of worth lies there."""
+    """Why what lies after them does not count; empty if nothing of worth lies there."""
     is_damage: bool = False
     """Whether what is missing was on the disk: then nothing may be cut off unasked."""
 
@@ -84,7 +84,7 @@ def scan_live(path: PurePath, header: SegmentHeader, source: ByteSource, start: 
         path: Its file, for messages.
         header: What its head says.
         source: Its bytes.
-        start: Where the records behind the head's Metadata begin.
+        start: Where the records after the head's Metadata begin.
 
     Raises:
         UnreadableLogError: Some of it cannot be read.
@@ -191,7 +191,7 @@ def _too_much(scan: LiveScan, part: ChunkRun) -> str:
 
 
 def _judged(scan: LiveScan, source: ByteSource) -> LiveScan:
-    """Return the scan with what lies behind the chunks that fit: harmless, torn, or damage."""
+    """Return the scan with what lies after the chunks that fit: harmless, torn, or damage."""
     behind = _Behind.of(source, scan.at, scan.place.committed)
     if not scan.problem and behind.chunks:
         scan = replace(scan, problem="a closing section with chunks behind it")
@@ -213,19 +213,19 @@ def _judged(scan: LiveScan, source: ByteSource) -> LiveScan:
 
 @dataclass(frozen=True, slots=True)
 class _Behind:
-    """What whole chunks behind a bad place tell."""
+    """What whole chunks after a bad place tell."""
 
     expected: int
     """Number of the event that should have come at the bad place."""
     chunks: int = 0
     first_event: int | None = None
-    """The first later event that lies behind it."""
+    """The first later event that lies after it."""
     durable_before: int = 0
-    """Events below this number were on the disk, say the commits behind it."""
+    """Events below this number were on the disk, say the commits after it."""
 
     @classmethod
     def of(cls, source: ByteSource, start: int, expected: int) -> _Behind:
-        """Search all that lies behind an offset."""
+        """Search all that lies after an offset."""
         chunks, first_event, durable_before = 0, None, 0
         for _, records, offsets in whole_chunks(source.read, start, source.size):
             page = Page(records, expected, PurePath(), 0, ScannedRecords(offsets))
@@ -315,7 +315,7 @@ WINDOW_BYTES = 5 * CHUNK_BYTES // 4
 
 
 class _BehindWindow(Exception):  # noqa: N818  # a turn of events: the caller reads more
-    """A record reaches behind what was read."""
+    """A record reaches after what was read."""
 
     def __init__(self, end: int) -> None:
         super().__init__(end)
@@ -336,7 +336,7 @@ class _Window:
         """Return bytes, by their offsets in the file; fewer where it ends.
 
         Raises:
-            _BehindWindow: They lie behind the window's end, and not behind the file's.
+            _BehindWindow: They lie after the window's end, and not after the file's.
         """
         if min(end, self.size) > self.start + len(self.data):
             raise _BehindWindow(end)
@@ -427,7 +427,7 @@ def _check_channel(body: memoryview) -> None:
 
 
 def _is_closing_section(window: _Window, at: int) -> bool:
-    """Tell whether what closes a segment begins at an offset, or as much of it as is there."""
+    """Return whether what closes a segment begins at an offset, or as much of it as is there."""
     start = window.get(at, at + mcap.FRAME.size)
     if start[0] == Opcode.METADATA:
         name_at = at + mcap.FRAME.size + 4

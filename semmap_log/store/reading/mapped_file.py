@@ -2,12 +2,12 @@
 
 A mapped file whose bytes nobody looks at: the kernel copies them, and says where it cannot.
 
-A look at a mapped page that the disk refuses, or that lies behind the end of a file which was cut
+A look at a mapped page that the disk refuses, or that lies after the end of a file which was cut
 meanwhile, is no error but a signal that ends the process. A system call that meets such a page
 stops there. So what is wanted is copied by one: `process_vm_readv` from the process to itself. It
 needs no file descriptor, and no privilege.
 
-Where that is not to be had (macOS; a sandbox that forbids it), the pages are asked for before they
+Where that is not to be had (macOS; a sandbox that forbids it), the pages are requested before they
 are copied (MADV_POPULATE_READ, Linux 5.14), and a file that is cut in the instant between the two
 still ends the process. Where that is not to be had either, nothing is asked: then so does a sector
 that cannot be read.
@@ -70,7 +70,7 @@ class MappedFile:
         return self._read_all(((start, max(0, min(end, self.size) - start)),))
 
     def read_ranges(self, ranges: Sequence[tuple[int, int]]) -> memoryview:
-        """Return copies of ranges, one behind the other; as `ByteSource.read_ranges`."""
+        """Return copies of ranges, one after the other; as `ByteSource.read_ranges`."""
         return self._read_all([(a, max(0, min(b, self.size) - a)) for a, b in ranges])
 
     def _read_all(self, wanted: Sequence[tuple[int, int]]) -> memoryview:
@@ -243,7 +243,7 @@ class MappedMemory:
         return done
 
     def will_need(self, start: int, end: int) -> None:
-        """Have the disk asked for bytes."""
+        """Have the disk requested bytes."""
         first = start // mmap.PAGESIZE * mmap.PAGESIZE
         end = min(end, self._size)
         for at in range(first, end, MOST_AT_ONCE):
@@ -295,7 +295,7 @@ def _asked_copy(source: int, size: int, target: int) -> int:
 
 
 def _are_there(address: int, size: int) -> bool:
-    """Tell whether pages can be read; where nobody can tell, that they can."""
+    """Return whether pages can be read; where nobody can see, that they can."""
     if not sys.platform.startswith("linux"):
         return True
     first = address // mmap.PAGESIZE * mmap.PAGESIZE
@@ -336,7 +336,7 @@ def _library() -> _Library:
 
 @cache
 def can_map() -> bool:
-    """Tell whether files can be mapped by the C library: not on Windows."""
+    """Return whether files can be mapped by the C library: not on Windows."""
     try:
         _library()
     except (OSError, TypeError, AttributeError):

@@ -1,9 +1,9 @@
 """Events of kinds that a later version of this program has added: how many, and what they touch.
 
 What they mean is not known. Those whose kind is marked as changing nothing are left out of every
-answer but a list of events; behind the first of another kind, every answer may be another one.
+answer but a list of events; after the first of another kind, every answer may be another one.
 
-Segments asked for before their turn: where they lie in a store, each asking takes a while.
+Segments requested before their turn: where they lie in a store, each asking takes a while.
 
 How far the reading of a log has come: told to who waits, and no longer kept in memory.
 """
@@ -58,7 +58,7 @@ class NewerEvents:
         return cls(dict(counts), *first, max(segment.header.minor for segment in segments))
 
     def reach(self, limit: int | None) -> bool:
-        """Tell whether they may touch what is known by an event; None: by the log's end."""
+        """Return whether they may touch what is known by an event; None: by the log's end."""
         return self.first is not None and (limit is None or self.first <= limit)
 
     def refusal(self, log: PurePath) -> NewerLogError:
@@ -72,7 +72,7 @@ class NewerEvents:
         )
 
     def warning(self, log: PurePath) -> NewerLogWarning:
-        """Return what is said where they are left out."""
+        """Return what is stated where they are left out."""
         return NewerLogWarning(
             f"{log}: left out, since a newer version of semmap-log has written them: "
             f"{self.in_words()}; by its own mark they change nothing else."
@@ -139,7 +139,7 @@ END_BYTES = 2**16
 
 
 class SegmentsAhead:
-    """The way through segments that a manifest tells of, the next ones on their way.
+    """The way through segments that a manifest reports of, the next ones on their way.
 
     As the read-ahead of an operating system it begins with few, and doubles them while the reading
     goes on, so that a question that ends early has not paid for much.
@@ -152,8 +152,8 @@ class SegmentsAhead:
 
         Args:
             segments: In the order in which they are read.
-            is_wanted: Told a place in them: whether anything of it will be read, as far as the
-                manifest knows.
+            is_wanted: Called with a place in them: whether anything of it will be read, as far as
+                the manifest knows.
             takes_all: Whether all of it is read then, rather than some chunks.
         """
         self._segments = segments
@@ -191,7 +191,7 @@ MOST_MAPPED = 2**24
 
 
 class ReadProgress:
-    """The way through segments, one behind the other."""
+    """The way through segments, one after the other."""
 
     def __init__(self, segments: Sequence[Segment], progress: Progress | None) -> None:
         self._progress = progress

@@ -51,7 +51,7 @@ class Unpacked(NamedTuple):
 
     loaded: LoadedChunks
     records: Records | None
-    """Those of all, one behind the other, each CRC checked. None: there are several that are not
+    """Those of all, one after the other, each CRC checked. None: there are several that are not
     compressed, and they lie in what was loaded."""
 
 
@@ -106,7 +106,7 @@ def read_page(
     Args:
         chunks: At least one; where there are several, all of them compressed or none.
         first_event: Event number at which their segment begins.
-        unpacked: What `unpack` said of them; None: not asked yet.
+        unpacked: What `unpack` reported about them; None: not queried yet.
         in_place: Whether several that are not compressed stay between what else was read.
         is_sound: Whether their bytes were checked before: then they are, too.
 
@@ -161,7 +161,7 @@ def _scanned(
     """Return what is in the records of chunks.
 
     Raises:
-        ChunkDamage: They are not messages, one behind the other.
+        ChunkDamage: They are not messages, one after the other.
     """
     rows = loaded.table.rows
     index_bytes = int((rows["behind"] - rows["offset"] - rows["length"]).sum())
@@ -250,7 +250,7 @@ def first_violation(
     Args:
         least_ns: The least log time of each chunk's messages.
         greatest_ns: The greatest.
-        rows: What is said of the chunks: `start_ns`, `end_ns`.
+        rows: What is reported about the chunks: `start_ns`, `end_ns`.
     """
     wrong = (least_ns != rows["start_ns"]) | (greatest_ns != rows["end_ns"])
     places: Sequence[int] = np.flatnonzero(wrong).tolist()

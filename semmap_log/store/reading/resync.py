@@ -1,4 +1,4 @@
-"""Whole chunks behind a place where nothing can be read: found by what chunks look like.
+"""Whole chunks after a place where nothing can be read: found by what chunks look like.
 
 A record's length cannot be trusted there, so every byte is a place where a chunk may begin.
 """

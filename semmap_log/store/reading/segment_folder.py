@@ -174,7 +174,7 @@ class SegmentFolder:
 
 
 def _is_in_another(path: PurePath, segments: Iterable[Segment]) -> bool:
-    """Tell whether a file, which cannot be read, was merged into another: by its name."""
+    """Return whether a file, which cannot be read, was merged into another: by its name."""
     heads = ((one.path.name, one.header) for one in segments)
     return any(
         is_named_as_part(path.name, name, head.number, head.last_number) for name, head in heads
@@ -232,7 +232,7 @@ class LocalSegments:
     """A `SegmentStore`: files of a folder, mapped."""
 
     def __init__(self, folder: LogFolder, *, rest_at: UrlPath | None = None) -> None:
-        """Take the folder; nothing is asked yet.
+        """Take the folder; nothing is queried yet.
 
         Args:
             folder: The log's.
@@ -242,13 +242,13 @@ class LocalSegments:
         self.folder = folder
         self._rest_at = rest_at or rest_of_environment()
         self._removed: tuple[Version | None, RemovedPart | None] = None, None
-        """What shipped.json said, and what tells that it is still the same file."""
+        """What shipped.json said, and what shows that it is still the same file."""
         self._elsewhere: dict[str, RemovedSegment] = {}
         """Those whose files are not there, as listed last."""
         self._listed: Listing = []
         """The files that were there at the last look: while they are, none was removed."""
         self._mark: tuple[list[tuple[str, Version]], ClosedMark | None] = [], None
-        """How far the log reaches, and what tells that its marks are still the same files."""
+        """How far the log reaches, and what shows that its marks are still the same files."""
 
     @property
     def path(self) -> Path:

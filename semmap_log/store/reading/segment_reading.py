@@ -81,7 +81,7 @@ class PageAtHand:
     page: Page
 
     def is_all_of(self, segment: Segment, chunks: NDArray[np.intp]) -> bool:
-        """Tell whether no more is asked for than these records."""
+        """Return whether no more is requested than these records."""
         return segment is self.segment and chunks.tolist() == [self.chunk]
 
 
@@ -156,7 +156,7 @@ def _keep_freed_memory() -> None:
     """Have the C library keep a few MiB that were freed for the next page's arrays.
 
     glibc hands larger arrays back to the kernel at once, until it has seen one freed that is larger
-    still (mallopt(3), M_MMAP_THRESHOLD). Every page of memory that the kernel clears and maps anew
+    still (mallopt(3), M_MMAP_THRESHOLD). Every page of memory that the kernel clears and maps again
     costs as much as reading 20 events.
     """
     np.empty(_KEPT_BYTES, np.uint8)  # never touched, so it takes no memory
@@ -165,7 +165,7 @@ def _keep_freed_memory() -> None:
 _KEPT_BYTES = 2**23
 
 _PAGE_BYTES = 5 * CHUNK_BYTES // 2
-"""So many are read together: each page costs some 0.2 ms beside its bytes. Behind a keyframe come a
+"""So many are read together: each page costs some 0.2 ms next to its bytes. After a keyframe come a
 whole chunk and a fifth of one: twice that is a page."""
 
 MANY_CHUNKS = 32
@@ -217,7 +217,7 @@ def _check_left(
     ends: NDArray[np.int64],
     counts: NDArray[np.int64],
 ) -> None:
-    """Check that of a trimmed segment's chunks as many events are there as its index tells."""
+    """Check that of a trimmed segment's chunks as many events are there as its index shows."""
     places = np.searchsorted(firsts, numbers, "right") - 1
     fits = len(numbers) == counts.sum() and (np.diff(numbers) > 0).all()
     if not fits or (places < 0).any() or (numbers >= ends[places]).any():
@@ -246,7 +246,7 @@ def last_commit(segment: Segment) -> Commit | None:
 
 
 def end_of(segment: Segment) -> int:
-    """Return the number of the first event behind a segment's whole commits.
+    """Return the number of the first event after a segment's whole commits.
 
     Raises:
         CorruptLogError: The summary of a closed segment is damaged.
@@ -313,7 +313,7 @@ class SaidFinder:
         """Begin.
 
         Args:
-            find_commit: Returns the commit that holds an event; asked for those whose Commit is not
+            find_commit: Returns the commit that holds an event; requested those whose Commit is not
                 on the page that was looked at.
             with_notes: False: the notes are not read, and say nothing.
         """
@@ -324,7 +324,7 @@ class SaidFinder:
         """The last that was found elsewhere; an import's may go on over many pages."""
 
     def look_at(self, _: Segment, page: Page) -> None:
-        """Take the commits of a page, in which the events lie that are asked about next.
+        """Take the commits of a page, in which the events lie that are queried next.
 
         Raises:
             CorruptLogError: A note is not what its channel carries.

@@ -50,7 +50,7 @@ class Segment:
     """What lies in a segment's file.
 
     Of a closed one only the head was read, and that there is a footer: the rest is looked at when
-    it is asked for. Of a live one all that counts was read and checked.
+    it is requested. Of a live one all that counts was read and checked.
     """
 
     path: PurePath
@@ -58,7 +58,7 @@ class Segment:
     source: ByteSource
     """The file's bytes as it was when it was opened; to be had still if it is replaced."""
     head_end: int
-    """Where the records behind the head's Metadata begin."""
+    """Where the records after the head's Metadata begin."""
     live: LiveScan | None
     """What a scan of a live segment found; None: it is closed."""
     told: ShippedSegment | None = None
@@ -82,7 +82,7 @@ class Segment:
 
     @property
     def full_header(self) -> SegmentHeader:
-        """Its header with all that whoever writes it anew must keep."""
+        """Its header with all that whoever writes it again must keep."""
         return replace(self.header, newer=self.newer)
 
     @property
@@ -103,7 +103,7 @@ class Segment:
 
     @computed_once
     def summary(self) -> ClosedSummary:
-        """What closing a segment wrote behind its data.
+        """What closing a segment wrote after its data.
 
         Raises:
             CorruptLogError: It does not fit its CRC, or itself.
@@ -209,7 +209,7 @@ class Segment:
 
     @computed_once
     def next_events(self) -> NDArray[np.int64]:
-        """Number of the first event behind each of its chunks.
+        """Number of the first event after each of its chunks.
 
         Raises:
             CorruptLogError: The index of a closed segment is damaged.
@@ -238,7 +238,7 @@ class Segment:
 
     @computed_once
     def is_sound(self) -> bool:
-        """Whether all of its data are what was written, as one CRC tells, or a scan has found."""
+        """Whether all of its data are what was written, as one CRC shows, or a scan has found."""
         if self.live is not None:
             return True
         self.source.will_need(0, self.size)
@@ -253,12 +253,12 @@ class Segment:
 
     @property
     def problem(self) -> str:
-        """Why what lies behind `whole_end` does not count; empty if nothing of worth lies there."""
+        """Why what lies after `whole_end` does not count; empty if nothing of worth lies there."""
         return self.live.problem if self.live is not None else ""
 
     @property
     def torn_bytes(self) -> int:
-        """How many bytes lie behind the last whole commit of a live segment, and do not count."""
+        """How many bytes lie after the last whole commit of a live segment, and do not count."""
         return self.size - self.whole_end if self.problem else 0
 
     def _check_told(self, told: ShippedSegment, found: ClosedSummary) -> None:
@@ -374,7 +374,7 @@ it is none of ours."""
 def read_head(
     path: PurePath, source: ByteSource, start: memoryview | None = None
 ) -> tuple[SegmentHeader, int]:
-    """Return a segment's own header and where the records behind it begin.
+    """Return a segment's own header and where the records after it begin.
 
     Args:
         path: Its file.
@@ -394,7 +394,7 @@ def read_head(
 
 
 def head_in(path: PurePath, file: memoryview) -> tuple[SegmentHeader, int]:
-    """Return a segment's own header and where the records behind it begin.
+    """Return a segment's own header and where the records after it begin.
 
     Args:
         path: Its file, for messages.

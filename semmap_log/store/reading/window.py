@@ -40,11 +40,11 @@ class Window:
         )
 
     def may_reach(self, segment: Segment, next_event: int | None) -> bool:
-        """Tell whether events of a segment may lie in it, by its head and its summary.
+        """Return whether events of a segment may lie in it, by its head and its summary.
 
         Args:
             segment: The segment.
-            next_event: Number of the first event behind it; None: not known.
+            next_event: Number of the first event after it; None: not known.
         """
         return (
             self._meets_numbers(segment.header.first_event, next_event)
@@ -114,7 +114,7 @@ EVERYTHING = Window()
 
 
 def numbers_of(segment: Segment) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return for each chunk the number of its first event, and the number behind its last."""
+    """Return for each chunk the number of its first event, and the number after its last."""
     ends = segment.next_events
     return np.append(segment.header.first_event, ends)[: len(ends)], ends
 

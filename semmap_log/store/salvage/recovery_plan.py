@@ -2,13 +2,13 @@
 
 Where something was taken out of what survives of a damaged log, by its new numbers.
 
-The head of a trimmed segment tells where that ends, so it must be known before one is written.
+The head of a trimmed segment shows where that ends, so it must be known before one is written.
 
 The beginning of a damaged log whose oldest events are no longer kept: it is taken over whole.
 
-Behind its horizon a log rests on the keyframe there, and the events before it have the numbers
+After its horizon a log rests on the keyframe there, and the events before it have the numbers
 that the keyframe knows them by. So the first segment comes into the new log as it is, numbers,
-gaps and tombstones; what survives behind it follows without gaps.
+gaps and tombstones; what survives after it follows without gaps.
 
 A commit split at the keyframe within it: repairs what an earlier version's `retain` broke.
 
@@ -81,7 +81,7 @@ class Loss:
     after_ns: int | None
     """Log time of the last record before them; None: there is none."""
     before_ns: int | None
-    """Log time of the first record behind them; None: there is none."""
+    """Log time of the first record after them; None: there is none."""
     files: tuple[str, ...]
     why: tuple[str, ...]
 
@@ -119,7 +119,7 @@ class RecoveryPlan:
 
     @property
     def has_to_do(self) -> bool:
-        """Tell whether there is damage that the next writer would not heal by itself."""
+        """Return whether there is damage that the next writer would not heal by itself."""
         return bool(self.verification.of(Severity.DAMAGE))
 
     @property
@@ -296,7 +296,7 @@ def _door_id(kind: int, data: bytes) -> int:
 
 
 def _check_is_all_here(log: Path) -> None:
-    """Refuse a log of which a part lies in a store only: what is made anew would begin elsewhere.
+    """Refuse a log of which a part lies in a store only: what is made again would begin elsewhere.
 
     Raises:
         ElsewhereError: It does.
@@ -317,7 +317,7 @@ class TrimmedPart:
 
     first_event: int
     next_event: int
-    """Number of the first event behind it."""
+    """Number of the first event after it."""
     reasons: TrimReason
 
 
@@ -338,7 +338,7 @@ class TrimmedParts:
         Args:
             place: Of its segment.
             first_event: The new number of its first event.
-            next_event: The same of the first event behind it.
+            next_event: The same of the first event after it.
             reasons: Why something of it was taken out; 0: nothing was.
         """
         if place != self._place:
@@ -372,7 +372,7 @@ class KeptBeginning:
 
     @property
     def next_event(self) -> int:
-        """Number of the first event behind it."""
+        """Number of the first event after it."""
         return end_of(self.segment)
 
     @property
@@ -428,7 +428,7 @@ def kept_beginning(
     Args:
         found: Its files.
         verified: What is wrong with it.
-        told: What it last said of what was taken out of it: its first segment may be gone.
+        told: What it last reported about what was taken out of it: its first segment may be gone.
 
     Raises:
         LogError: The beginning itself, or the state at the horizon, is damaged.

@@ -35,11 +35,11 @@ from semmap_log.store.verification.hash_chain import SEQUENCE_RANGE
 
 
 class Rewriter:
-    """Gives commits their new numbers and chains them anew; records keep their bytes otherwise.
+    """Gives commits their new numbers and chains them again; records keep their bytes otherwise.
 
     Where nothing was lost before a commit, it comes out byte for byte as it was, hash included. A
     retraction of events that are all lost is dropped; in a commit with more events the records
-    behind it come a nanosecond earlier, since within a commit no nanosecond is left out.
+    after it come a nanosecond earlier, since within a commit no nanosecond is left out.
     """
 
     def __init__(self) -> None:
@@ -55,10 +55,10 @@ class Rewriter:
         """Whether a commit has got another hash, or was dropped."""
 
     def begin_behind(self, next_event: int, head: bytes, last_ns: int) -> None:
-        """Go on behind commits that are taken over as they are.
+        """Go on after commits that are taken over as they are.
 
         Args:
-            next_event: Number of the first event behind them.
+            next_event: Number of the first event after them.
             head: The hash of the last.
             last_ns: Log time of the last record.
         """
@@ -146,7 +146,7 @@ class Rewriter:
 
 
 def _of_what_is_left(lacks: Tombstone, kept: dict[int, bytes]) -> Tombstone:
-    """Return a Tombstone that tells the digests of the records that are left now."""
+    """Return a Tombstone that shows the digests of the records that are left now."""
     parts = (replace(part, kept_digest=kept.get(part.channel, NO_HASH)) for part in lacks.parts)
     return replace(lacks, parts=tuple(parts))
 

@@ -152,7 +152,7 @@ class KeptRecords(NamedTuple):
 
     records: bytes
     next_event: int
-    """Number of the first event behind them."""
+    """Number of the first event after them."""
 
 
 class RecordsLeft:

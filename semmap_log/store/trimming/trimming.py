@@ -74,7 +74,7 @@ def trim_segments(
         log: The log's folder.
         select: Says what goes.
         check: Called for each copy before it is installed.
-        progress: Told how many bytes of segments are done.
+        progress: Called with how many bytes of segments are done.
 
     Raises:
         LogLockedError: Somebody is writing.
@@ -153,7 +153,7 @@ def count_selected(reader: LogReader, select: Select, progress: Progress | None 
     Args:
         reader: Of the log.
         select: Says what would go.
-        progress: Told how many bytes of segments are done.
+        progress: Called with how many bytes of segments are done.
 
     Raises:
         CorruptLogError: A segment is damaged.
@@ -174,7 +174,7 @@ def count_selected(reader: LogReader, select: Select, progress: Progress | None 
 
 
 def takes_anything(reader: LogReader, select: Select) -> bool:
-    """Tell whether `trim_segments` would take anything out; it is read up to the first record.
+    """Return whether `trim_segments` would take anything out; it is read up to the first record.
 
     Args:
         reader: Of the log.

@@ -33,11 +33,11 @@ class SegmentFile:
     path: PurePath
     size: int
     identity: Hashable
-    """What tells it from another file of its name."""
+    """What shows it from another file of its name."""
     header: SegmentHeader | None
     """None: it cannot be read."""
     header_end: int
-    """Where the records behind the header begin; 0 without a header."""
+    """Where the records after the header begin; 0 without a header."""
     problem: str
     """Why the header cannot be read."""
     is_closed: bool
@@ -62,7 +62,7 @@ class SegmentFile:
 
 
 def name_of(file: SegmentFile, number: int) -> PurePath:
-    """Return the name that the segment of another number must have beside this one."""
+    """Return the name that the segment of another number must have next to this one."""
     return file.path.with_name(segment_name(stem_of(file.path.name), number))
 
 
@@ -112,7 +112,7 @@ def first_bytes() -> bytes:
 
 
 def _is_ours(head: bytes) -> bool:
-    """Tell whether a file is, or was before some bytes of it went wrong, a segment of ours."""
+    """Return whether a file is, or was before some bytes of it went wrong, a segment of ours."""
     return any(mark in head for mark in _MARKS) or (
         bool(head) and first_bytes().startswith(head[: len(first_bytes())])
     )

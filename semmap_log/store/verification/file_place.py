@@ -133,14 +133,14 @@ class OpenedFile(Protocol):
 
     @property
     def identity(self) -> Hashable:
-        """What tells it from another file of its name."""
+        """What shows it from another file of its name."""
 
     @property
     def is_regular(self) -> bool:
         """Whether it is a file, no pipe or folder."""
 
     def read_into(self, target: memoryview, at: int) -> int:
-        """Fill in some bytes from an offset on; return how many: 0 behind the file's end.
+        """Fill in some bytes from an offset on; return how many: 0 after the file's end.
 
         Raises:
             OSError: Those at the offset cannot be had.
@@ -155,7 +155,7 @@ class FilePlace(Protocol):
         """Where they lie, for messages; of a single segment its own."""
 
     def is_folder(self) -> bool:
-        """Tell whether it is a log's folder, and no single file."""
+        """Return whether it is a log's folder, and no single file."""
 
     def files(self) -> Sequence[PurePath]:
         """Return all that lies there, below `path`.
@@ -229,7 +229,7 @@ class DiskPlace:
         self.path = path
 
     def is_folder(self) -> bool:
-        """Tell whether it is a folder now."""
+        """Return whether it is a folder now."""
         return self.path.is_dir()
 
     def files(self) -> list[PurePath]:

@@ -40,7 +40,7 @@ class FolderFiles:
     leftovers: list[SegmentFile] = field(default_factory=list)
     """Segments that were merged into others and not removed yet."""
     missing: dict[int, int] = field(default_factory=dict)
-    """Number of a segment behind a gap -> the first number that is missing before it."""
+    """Number of a segment after a gap -> the first number that is missing before it."""
     findings: list[Finding] = field(default_factory=list)
     removed: RemovedPart | None = None
     """Its beginning, if it lies in a store only."""
@@ -55,11 +55,11 @@ class FolderFiles:
         return self.place.path
 
     def has(self, number: int) -> bool:
-        """Tell whether a segment stands for that number."""
+        """Return whether a segment stands for that number."""
         return any(s.number <= number <= s.last_number for s in self.segments)
 
     def lacks(self, number: int) -> bool:
-        """Tell whether segments that follow show that this one is missing."""
+        """Return whether segments that follow show that this one is missing."""
         return any(first <= number < behind for behind, first in self.missing.items())
 
 
@@ -177,11 +177,11 @@ def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None
 
 
 def mark_findings(found: FolderFiles, next_event: int, head: bytes | None) -> list[Finding]:
-    """Compare how far the log reached, as its last mark tells, with how far it does.
+    """Compare how far the log reached, as its last mark shows, with how far it does.
 
     Args:
         found: The log's files.
-        next_event: The number behind its last event.
+        next_event: The number after its last event.
         head: Hash of its commit that ends where the mark says; None: none ends there.
     """
     mark = found.mark
@@ -257,7 +257,7 @@ def _add_second(found: FolderFiles, file: SegmentFile, last: SegmentFile) -> Non
 
 
 def _has_name_of_part(path: PurePath, whole: SegmentFile) -> bool:
-    """Tell whether a file has the name of a segment that was merged into that one."""
+    """Return whether a file has the name of a segment that was merged into that one."""
     if whole.header is None:
         return False
     return is_named_as_part(path.name, whole.path.name, whole.number, whole.last_number)
@@ -273,7 +273,7 @@ def leftover_finding(path: PurePath, *, is_whole: bool) -> Finding:
 
 
 def _notes(names: list[PurePath]) -> list[Finding]:
-    """Return what lies beside the segments and is harmless."""
+    """Return what lies next to the segments and is harmless."""
     findings = []
     for path in names:
         if TORN_SUFFIX in path.name:
@@ -381,24 +381,24 @@ class Verification:
     head: bytes = NO_HASH
     """Hash of the last commit: kept elsewhere, it proves that nothing was cut off."""
     events_after_head: int | None = None
-    """How many events came after the head that was asked about; None: none was, or not found."""
+    """How many events came after the head that was queried; None: none was, or not found."""
     ends: Mapping[int, CommitEnd] = field(default_factory=dict)
-    """The number behind a commit's last event -> that end; the first, the last, and those asked
+    """The number after a commit's last event -> that end; the first, the last, and those asked
     about."""
     first_event: int = 0
     """With which the reading began."""
     next_event: int = 0
-    """The number behind the last event."""
+    """The number after the last event."""
     closed_before: int = 0
     """Events below this number lie in closed segments."""
     segment_ends: tuple[int, ...] = ()
     """The number after the last event of each closed segment; `ends` has them, too."""
     ends_gone: frozenset[int] = frozenset()
-    """Of the ends that were asked about: those within whole commits that were taken out."""
+    """Of the ends that were queried about: those within whole commits that were taken out."""
     taken_before: int = 0
     """Number of the first event after all that was taken out; 0: nothing was."""
     trimming_before: int = 0
-    """The number after the last event that tells of a trimming; 0: none does."""
+    """The number after the last event that reports of a trimming; 0: none does."""
     events_gone: int = 0
     """That were taken out on purpose."""
     notes_gone: int = 0

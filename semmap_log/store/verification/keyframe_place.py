@@ -98,7 +98,7 @@ class DiskAndStorePlace:
         return [*here, *(self.path / name for name in self._elsewhere)]
 
     def is_folder(self) -> bool:
-        """Tell whether it is a folder now."""
+        """Return whether it is a folder now."""
         return self._disk.is_folder()
 
     def mark(self) -> ClosedMark | None:
@@ -172,7 +172,7 @@ class ObjectFile:
         """So many of its first bytes are in the digest."""
 
     def read_into(self, target: memoryview, at: int) -> int:
-        """Fetch what is asked for; as `OpenedFile.read_into`.
+        """Fetch what is requested; as `OpenedFile.read_into`.
 
         Raises:
             Vanished: The object is gone, or another has its name.
@@ -206,7 +206,7 @@ class ObjectFile:
         return self._hashed == self.size
 
     def sha256(self) -> str:
-        """Return that of all its bytes, those that were not asked for included.
+        """Return that of all its bytes, those that were not requested included.
 
         Raises:
             Vanished: As `read_into`.
@@ -259,7 +259,7 @@ class ObjectPlace:
         return self._store.url
 
     def is_folder(self) -> bool:
-        """Tell whether anything lies below the URL."""
+        """Return whether anything lies below the URL."""
         return bool(self.files())
 
     def files(self) -> list[PurePath]:
@@ -274,7 +274,7 @@ class ObjectPlace:
         return [self.path / name for name in self._listed]
 
     def flaws(self) -> list[tuple[PurePath, str]]:
-        """Return the segments that are gone, or longer or shorter than the manifest tells."""
+        """Return the segments that are gone, or longer or shorter than the manifest shows."""
         found: list[tuple[PurePath, str]] = []
         for one in self._manifest.manifest.segments if self._manifest is not None else ():
             status = self._listed.get(one.name)

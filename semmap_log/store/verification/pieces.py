@@ -1,12 +1,12 @@
-"""One chunk, examined: everything in it that can be told without its neighbours.
+"""One chunk, examined: everything in it that can be given without its neighbours.
 
 Here nothing is believed: the messages must tile the records, the CRC must fit even where it says
-zero, and what stands around them (times, MessageIndex records) is computed from them anew.
+zero, and what stands around them (times, MessageIndex records) is computed from them again.
 
-A segment's records, walked byte for byte: its head, its chunks, what lies between and behind.
+A segment's records, walked byte for byte: its head, its chunks, what lies between and after.
 
-A closed segment's summary is not asked where the chunks are, and no length is believed that leads
-astray: behind a bad place the next whole chunk is found by its bytes.
+A closed segment's summary is not queried where the chunks are, and no length is believed that leads
+astray: after a bad place the next whole chunk is found by its bytes.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Flaw:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Bytes that are no whole chunk, with whole chunks behind them."""
+    """Bytes that are no whole chunk, with whole chunks after them."""
 
     start: int
     end: int
@@ -59,10 +59,10 @@ class Gap:
 
 
 class SegmentWalk:
-    """What lies in a segment behind its header; iterate once, then look at the rest."""
+    """What lies in a segment after its header; iterate once, then look at the rest."""
 
     def __init__(self, file: FileBytes, header_end: int, header: SegmentHeader | None) -> None:
-        """Begin behind the header; at 0, and without one, where it cannot be read."""
+        """Begin after the header; at 0, and without one, where it cannot be read."""
         self.file = file
         self.header = header
         """With what a later version has put at the head, once that is walked."""
@@ -104,7 +104,7 @@ class SegmentWalk:
         self.pieces_end = min(at, size)
 
     def is_durable_behind(self, start: int, event: int) -> bool:
-        """Tell whether a whole chunk behind `start` proves that `event` was on the disk once."""
+        """Return whether a whole chunk after `start` proves that `event` was on the disk once."""
         while (piece := find_piece(self.file, start, len(self.file))) is not None:
             if any(durable > event for durable in _durable_before(piece)):
                 return True
@@ -178,7 +178,7 @@ class SegmentWalk:
             return None, str(damage)
 
     def _around(self, piece: Piece, levels: list[int], *, is_known: bool) -> Iterator[Flaw]:
-        """Compare what stands before, in the head of and behind a chunk with its messages."""
+        """Compare what stands before, in the head of and after a chunk with its messages."""
         stored = piece.stored
         wanted = [level for level in piece.levels if level and level not in self.levels]
         if is_known and wanted != levels:
@@ -227,7 +227,7 @@ _TIMES_END = 2**63  # times are handled as int64
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A chunk whose messages are as they were written, as far as its CRC can tell."""
+    """A chunk whose messages are as they were written, as far as its CRC can see."""
 
     stored: StoredChunk
     records: bytes | memoryview
@@ -254,7 +254,7 @@ class Piece:
         return [c - FLOOR_MAP_CHANNEL for c in self.counts if c >= FLOOR_MAP_CHANNEL]
 
     def is_compressed_as_usual(self, file: FileBytes) -> bool:
-        """Tell whether its stored bytes are those that this zstd makes of its records.
+        """Return whether its stored bytes are those that this zstd makes of its records.
 
         Some bits of a zstd frame mean nothing; only a closed segment's data CRC covers them.
         """

@@ -4,10 +4,10 @@ One segment is live. When it is full it is closed, and another begins; a backgro
 puts the closed one into large compressed chunks. A small closed segment is continued in a copy,
 so that a thousand commands of one line do not make a thousand files.
 
-A segment made writable again: a copy of its whole commits, the torn tail kept beside it.
+A segment made writable again: a copy of its whole commits, the torn tail kept next to it.
 
 Nothing is ever cut in place: a reader may have the old file mapped, and a power cut may come at
-any moment. Chunk times and message indexes are made anew from the messages, never copied.
+any moment. Chunk times and message indexes are made again from the messages, never copied.
 
 Which commands are stored already, so that one that is sent again is stored once.
 
@@ -17,7 +17,7 @@ nothing remembered; a command without an id costs nothing more.
 Who asks first has the index of every closed segment read: 8 bytes a commit stay in memory, 8 MB a
 million. That takes about as long as opening the log: 0.3 to 0.6 s for 1,825 segments of 1,000
 commits; 4 s where these were closed before there was an index, so that their commits are read, once
-for each opening. From then on an unknown command takes 10 us, however long the log is: beside a
+for each opening. From then on an unknown command takes 10 us, however long the log is: next to a
 million commits one in 4,000 has a fingerprint that is known, and a chunk is read to tell that it is
 another. A command that is stored takes one chunk of its segment: a millisecond, some more where it
 is compacted.
@@ -102,9 +102,9 @@ class SegmentChain:
 
         Args:
             folder: The log's.
-            closed: Told of each segment that was live and is closed, before it is compacted.
+            closed: Called with each segment that was live and is closed, before it is compacted.
             compacts: Whether full segments are compacted in the background.
-            keep_up: Called there behind each of them.
+            keep_up: Called there after each of them.
         """
         self.folder = folder
         self.live: SegmentWriter | None = None
@@ -147,7 +147,7 @@ class SegmentChain:
         return self._header.number == 0
 
     def begins_segment(self, next_event: int) -> bool:
-        """Tell whether an event is the first of the last segment, or follows a trimmed one."""
+        """Return whether an event is the first of the last segment, or follows a trimmed one."""
         return self._header.trimmed is not None or self._header.first_event == next_event
 
     def begin_anew(self, keyframe: BuiltChunk) -> None:
@@ -170,7 +170,7 @@ class SegmentChain:
         self.live = segment
 
     def take_up(self, reader: LogReader, end: LogEnd) -> None:
-        """Go on behind a log: a live segment is repaired now, a closed one when it is needed."""
+        """Go on after a log: a live segment is repaired now, a closed one when it is needed."""
         *older, last = reader.segments
         self._merged = MergedFiles.of(reader.segments, reader.leftovers)
         self._older, self._header, self._small = older, last.full_header, last
@@ -201,7 +201,7 @@ class SegmentChain:
             self.roll(end)
 
     def is_full(self, now_ns: int) -> bool:
-        """Tell whether the live segment wants another after it."""
+        """Return whether the live segment wants another after it."""
         live = self.live
         return live is not None and (
             live.size >= ROLL_BYTES
@@ -276,7 +276,7 @@ class SegmentChain:
             self._written[closed] = self.folder.version(closed)
 
     def _list(self, *closed: ClosedSegment) -> None:
-        """Write metadata.yaml anew, with what was closed."""
+        """Write metadata.yaml again, with what was closed."""
         with self._listing:
             older, self._older = self._older, ()
             for segment in older:
@@ -318,7 +318,7 @@ def reopened(folder: LogFolder, segment: Segment) -> SegmentWriter:
 
 
 def keep_torn_tail(folder: LogFolder, segment: Segment) -> None:
-    """Put what lies behind the last whole commit beside the segment, named by where it lay."""
+    """Put what lies after the last whole commit next to the segment, named by where it lay."""
     name = f"{segment.path.name}{TORN_SUFFIX}-{segment.whole_end}"
     kept, more = name, 1
     while folder.has(kept) and not _holds(folder, kept, segment):
@@ -372,7 +372,7 @@ class CommandMemory:
         """The live segment as it was read last."""
 
     def add(self, commit: Commit) -> None:
-        """Remember a commit that was written, if somebody has asked about its segment."""
+        """Remember a commit that was written, if somebody has queried its segment."""
         if self._known_of is not None:
             self._known[commit.command_id] = commit.first_event
             self._taken_in += 1
@@ -434,7 +434,7 @@ _ALL = 2**32
 class StoredCommands:
     """Fingerprint and first event of each commit: what they promise is looked up in the file.
 
-    Files keep their names as long as the log's lock is held: the compaction beside the writer puts
+    Files keep their names as long as the log's lock is held: the compaction next to the writer puts
     a segment's copy in its place, and only `compact` merges segments.
     """
 

@@ -49,7 +49,7 @@ class Environment:
     compacts: bool = True
     """Whether full segments are put into large compressed chunks in the background."""
     keep_up: KeepUp | None = None
-    """Called there behind each of them."""
+    """Called there after each of them."""
 
 
 class Written(NamedTuple):
@@ -196,7 +196,7 @@ class LogWriter:
             events: At least one; read once, in memory of about one chunk. Of batches number and
                 recorded time do not count; their values are not checked here.
             note: Who, with what, why.
-            command_id: 16 bytes; default: drawn at random. `find` tells whether it is known.
+            command_id: 16 bytes; default: drawn at random. `find` says whether it is known.
             content: Digest of what the command asks for.
             clock: What says when it is recorded; default: the log's own. Recorded time only grows.
 
@@ -456,7 +456,7 @@ class KeyframeSource(Protocol):
         """Take in a chunk that was written; of a commit's several one after the other."""
 
     def wants_keyframe(self, *, is_commit_begun: bool) -> bool:
-        """Tell whether a keyframe should stand before what is written next.
+        """Return whether a keyframe should stand before what is written next.
 
         Args:
             is_commit_begun: A part of a commit was written; the log cannot be read up to here.

@@ -63,7 +63,7 @@ class DoorPicture:
 class DoorFold:
     """Follows one door and remembers only its last values.
 
-    A door that is not there is not drawn; what is told of it then is, once it comes.
+    A door that is not there is not drawn; what is reported of it then is, once it comes.
     """
 
     def __init__(self) -> None:
@@ -123,7 +123,7 @@ class DoorFold:
 
 
 def _differs(rows: Changes, before: Changes, names: Iterable[str]) -> NDArray[np.bool_]:
-    """Tell which rows have other values than the rows before them; NaN is like NaN."""
+    """Return which rows have other values than the rows before them; NaN is like NaN."""
     found = np.zeros(len(rows), np.bool_)
     for name in names:
         one, other = before[name], rows[name]

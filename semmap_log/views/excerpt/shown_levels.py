@@ -1,4 +1,4 @@
-"""Where what is said of level 0 is shown in a log that has levels, and 0 is none of them.
+"""Where what is reported about level 0 is shown in a log that has levels, and 0 is none of them.
 
 Such a log says so of poses, and of doors without a place, whose level nobody told.
 """

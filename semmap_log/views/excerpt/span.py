@@ -1,6 +1,6 @@
 """Which part of a log a view shows: a span of happened time, and some of the doors.
 
-On which floor plan a level is drawn, from when on: a building may be mapped anew.
+On which floor plan a level is drawn, from when on: a building may be mapped again.
 
 Doors and robots of a time lie in the frame of the map of that time. Before the first plan there is
 none to draw on but the first.
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 MOST_PLANS = 20
-"""Of a level. A robot that maps while it drives tells a plan a minute: of more, those are drawn
+"""Of a level. A robot that maps while it drives shows a plan a minute: of more, those are drawn
 that stood longest, each until the next."""
 
 PLAN = np.dtype([("number", "i8"), ("folds_ns", "i8"), ("recorded_ns", "i8")])
@@ -48,7 +48,7 @@ class PlanEra:
     plan_event: int
     """The number of the event that carries the plan; -1: there is none."""
     floor: FloorMap | None
-    """None: what was told was taken back, and nothing was there before."""
+    """None: what was given was taken back, and nothing was there before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ def doors_at_ends(eras: Sequence[PlanEra], excerpt: Excerpt) -> Iterator[tuple[P
 
 
 def _told(excerpt: Excerpt) -> dict[int, list[tuple[int, int, int]]]:
-    """Return rows of `PLAN` by level: when plans were told, taken back or not; numbers ascend."""
+    """Return rows of `PLAN` by level: when plans were given, taken back or not; numbers ascend."""
     told: dict[int, list[tuple[int, int, int]]] = {}
     window = Window(happened_before_ns=excerpt.until_ns, kinds=bits_of_kinds([FloorMap]))
     for batch in excerpt.log.batches_in(window):
@@ -112,7 +112,7 @@ def _along_happened(excerpt: Excerpt, stamps: Stamps) -> list[Era]:
 
 
 def _along_recorded(excerpt: Excerpt, stamps: Stamps) -> list[Era]:
-    """Return the plan that was known behind each event that told one, or took one back."""
+    """Return the plan that was known after each event that told one, or took one back."""
     known = excerpt.retractions
     back = [n for n, ends in zip(known.numbers, known.ranges, strict=True)
             if in_ranges(stamps["number"], [ends]).any()]  # fmt: skip
@@ -157,7 +157,7 @@ def _kept(eras: list[Era], time: str) -> list[Era]:
 
 
 def _loaded(excerpt: Excerpt, eras: list[Era]) -> tuple[PlanEra, ...]:
-    """Return the eras with their plans; one that tells the plan before it once more is not new."""
+    """Return the eras with their plans; one that shows the plan before it once more is not new."""
     found: list[PlanEra] = []
     for since, number in eras:
         floor = None if number < 0 else _floor(excerpt, number)
@@ -248,7 +248,7 @@ class Excerpt:
     def has_happened(
         self, numbers: NDArray[np.int64], folds_ns: NDArray[np.int64]
     ) -> NDArray[np.bool_]:
-        """Tell which events stand on the timeline `happened`."""
+        """Return which events stand on the timeline `happened`."""
         happened = ~self.is_retracted(numbers)
         if self.since_ns is not None:
             happened &= folds_ns >= self.since_ns
@@ -257,7 +257,7 @@ class Excerpt:
     def was_recorded(
         self, numbers: NDArray[np.int64], recorded_ns: NDArray[np.int64]
     ) -> NDArray[np.bool_]:
-        """Tell which events stand on the timelines `recorded` and `event`."""
+        """Return which events stand on the timelines `recorded` and `event`."""
         known = self.retractions
         ahead = [(max(first, number), last) for number, (first, last)
                  in zip(known.numbers, known.ranges, strict=True) if last > number]  # fmt: skip
@@ -267,7 +267,7 @@ class Excerpt:
         return recorded
 
     def part_of(self, batch: EventBatch) -> EventBatch:
-        """Return those of a batch's events that belong to it; `until` is not asked for."""
+        """Return those of a batch's events that belong to it; `until` is not requested."""
         recorded = batch
         if self.since_ns is not None:
             recorded = batch.select(batch.recorded_ns >= self.since_ns)

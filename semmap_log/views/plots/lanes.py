@@ -77,14 +77,14 @@ class Lanes:
         *,
         progress: Progress | None = None,
     ) -> Lanes:
-        """Return what a log tells, as it is known today.
+        """Return what a log shows, as it is known today.
 
         Args:
             log: The log.
             doors: Only these; None: all that were in the map.
             since: From then on; default: the first event.
             until: Before then; default: the last.
-            progress: Told how far the reading is.
+            progress: Called with how far the reading is.
 
         Raises:
             MomentError: `since` comes after `until`.
@@ -192,7 +192,7 @@ def _spans(start_ns: Times, end_ns: Times) -> list[tuple[float, float]]:
 
 
 def _as_seen(timeline: Timeline, lanes: Lanes) -> tuple[Times, Times, NDArray[np.uint8]]:
-    """Return start, end and state of what can be told apart in a lane; of a lapse + `LAPSED`."""
+    """Return start, end and state of what can be given apart in a lane; of a lapse + `LAPSED`."""
     if len(timeline) + len(timeline.lapse_start_ns) <= MOST_INTERVALS:
         return _with_lapses(timeline)
     edges = np.linspace(lanes.start_ns, lanes.end_ns, MOST_INTERVALS + 1).astype(np.int64)

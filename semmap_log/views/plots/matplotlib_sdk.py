@@ -2,7 +2,7 @@
 
 The rooms of floor plans as a picture: tinted, named, with the doors between them.
 
-Reliability diagrams: what came where so much was said, and how often that was said.
+Reliability diagrams: what came where so much was stated, and how often that was stated.
 
 A floor plan's cells as a picture can show them: of a large one, blocks of cells.
 """
@@ -96,7 +96,7 @@ def new_figure(width: float, height: float, **how: Any) -> Any:
 
 
 def save_figure(figure: Any, path: Path) -> None:
-    """Write a figure, whole or not at all; the name tells the format.
+    """Write a figure, whole or not at all; the name shows the format.
 
     Raises:
         FormatError: The name ends in neither .png nor .svg.
@@ -127,7 +127,7 @@ def _add_letters(figure: Any) -> None:
 
 
 def letters_of(path: Path) -> HasShape:
-    """Return what tells whether a picture of that name has a shape for a character.
+    """Return what says whether a picture of that name has a shape for a character.
 
     In an .svg a letter stays a letter: who shows it takes a font that has it.
     """
@@ -136,7 +136,7 @@ def letters_of(path: Path) -> HasShape:
 
 @cache
 def has_shape(character: str) -> bool:
-    """Tell whether a font that is here has a shape for a character."""
+    """Return whether a font that is here has a shape for a character."""
     return any(font.get_char_index(ord(character)) for font in _fonts())
 
 
@@ -269,7 +269,7 @@ LEAST_AREA, MOST_AREA = 6.0, 120.0
 def plot_calibration(evaluation: Evaluation, path: Path, *, name: str) -> None:
     """Draw a panel for each estimator into a .png or .svg.
 
-    On the diagonal as much came as was said. The bars below, and the area of the dots, tell how
+    On the diagonal as much came as was stated. The bars below, and the area of the dots, tell how
     many of the forecasts said so.
 
     Args:
@@ -342,7 +342,7 @@ def _draw(panel: Any, found: Reliability) -> None:
 
 
 def _draw_counts(panel: Any, found: Reliability, most: float) -> None:
-    """Draw how many forecasts lie in each bin, on a scale on which few are seen beside many."""
+    """Draw how many forecasts lie in each bin, on a scale on which few are seen next to many."""
     edges = np.arange(BINS) / BINS
     panel.bar(edges, found.count, 1 / BINS, align="edge", color=PLOT_BARS, edgecolor="white",
               linewidth=0.5)  # fmt: skip

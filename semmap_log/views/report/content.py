@@ -2,7 +2,7 @@
 
 The last changes in words: when, which door, what; who and why.
 
-Fills the page: HTML, CSS and JavaScript are files beside this one, the data is JSON.
+Fills the page: HTML, CSS and JavaScript are files next to this one, the data is JSON.
 
 Nothing in the data can become part of the page: it is a block that no browser runs, in it `<`, `>`
 and `&` are spelt out, and the scripts show text as text. The page's own policy forbids it to load
@@ -105,7 +105,7 @@ def report(
         doors: Only these doors; the robot and its rounds stay.
         tz: IANA zone of all times; None: the log's.
         palette: Colours of the states.
-        progress: Told how far the reading is: (bytes done, bytes in all).
+        progress: Called with how far the reading is: (bytes done, bytes in all).
 
     Raises:
         MomentError: A time or the zone cannot be read, or `since` comes after `until`.
@@ -209,7 +209,7 @@ def _lapses(excerpt: Excerpt, span: Span) -> dict[DoorId, dict[str, Any]]:
 
 
 def _annotations(excerpt: Excerpt, now: DoorMap) -> dict[DoorId, dict[str, str]]:
-    """Return what is said of the doors when the page ends; of removed ones only the name."""
+    """Return what is reported about the doors when the page ends; of removed ones only the name."""
     names = excerpt.log.state_in(Scope(at_ns=excerpt.last_ns())).names()
     said = {door_id: {"name": name} for door_id, name in names.items()}
     return said | {door_id: dict(door.annotations) for door_id, door in now.doors.items()}
@@ -286,7 +286,7 @@ UNKNOWN = -1
 
 
 def beliefs_of(excerpt: Excerpt, tz: str, doors: Collection[DoorId]) -> dict[DoorId, Any]:
-    """Return, for the doors in the map when the page ends, what can be said of them.
+    """Return, for the doors in the map when the page ends, what can be reported about them.
 
     `p` is [P(open), low, high] (90 % interval), or null; then `why` says why. `week` has P(open)
     in percent for 168 hours from Monday's first on, or null where too little is known at all.
@@ -323,7 +323,7 @@ def changes_of(
 
     Args:
         log: Where from.
-        told: Rows of `STAMP`, of events that are told whatever they say.
+        told: Rows of `STAMP`, of events that are given whatever they say.
         page_doors: The doors, with their changes of state.
         span: Of the page.
     """

@@ -4,12 +4,12 @@ Of each report of a state 22 bytes are kept, of each pose 20; the rest is rare.
 
 What became of each door, coded so that a page can hold a week of hundreds of them.
 
-States are never thinned: at each whole millisecond the page tells what a replay does. Sightings
+States are never thinned: at each whole millisecond the page shows what a replay does. Sightings
 that only repeat a state move nothing but `last seen`; of very many, some are left out.
 
 Each robot's track, with as few points as it takes: a point every 25 cm is more than eyes see.
 
-Between two points the robot went straight, at one speed; behind the last of a run it stands.
+Between two points the robot went straight, at one speed; after the last of a run it stands.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class DrawnTrack:
     """[level, then for each point tenths of seconds, x and y in decimetres]; each point but the
     first as the difference from the one before."""
     robots: list[int]
-    """Of each run, the place of its robot among those that the log tells of."""
+    """Of each run, the place of its robot among those that the log reports of."""
     within_m: float
     """So far at most a pose lies off it."""
 
@@ -112,7 +112,7 @@ def track_of(
 
 
 def _runs(poses: Rows, plans: Mapping[int, Sequence[int]]) -> list[Rows]:
-    """Cut where the level or its plan changes, or nothing was told for long; robot by robot."""
+    """Cut where the level or its plan changes, or nothing was given for long; robot by robot."""
     poses = poses[np.argsort(poses["robot"], kind="stable")]
     jumps = np.diff(poses["robot"].astype(np.int32)) != 0
     jumps |= np.diff(poses["level"].astype(np.int32)) != 0
@@ -222,7 +222,7 @@ def placed_on(rest: Changes) -> set[int]:
 
 
 def bring_home(rest: Changes, poses: Rows, home: int | None) -> None:
-    """Put what is said of level 0 where that is shown: see `excerpt.levels`."""
+    """Put what is reported about level 0 where that is shown: see `excerpt.levels`."""
     for rows in (rest, poses):
         rows["level"][rows["level"] == 0] = home or 0
 
@@ -290,7 +290,7 @@ def _first_stamp(rows: Changes) -> Stamp:
 
 
 def _opening_state(before: Door | None) -> Rows:
-    """Return the row that tells of the state in which a door was when the page begins."""
+    """Return the row that reports of the state in which a door was when the page begins."""
     if before is None:
         return np.empty(0, STATE_CHANGE)
     seen_ns = before.last_seen_ns or 0
@@ -346,7 +346,7 @@ def _step_ms(times: list[Rows], states: list[Rows]) -> int:
 
 
 def _kept(times: Rows, states: Rows, step_ms: int) -> Rows:
-    """Tell what stays: each change, the last state, and of repeats the first in each step."""
+    """Return what stays: each change, the last state, and of repeats the first in each step."""
     kept = np.ones(len(times), np.bool_)
     if step_ms and len(times):
         steps = times // step_ms
@@ -406,13 +406,13 @@ POSE = np.dtype([("folds_ns", "i8"), ("level", "u2"), ("x", "f4"), ("y", "f4"), 
 STAMP = np.dtype([("folds_ns", "i8"), ("number", "i8")])
 
 MOST_CHANGES = 200
-"""So many of the last changes are told in words."""
+"""So many of the last changes are given in words."""
 TOLD = tuple(
     kind
     for kind in KINDS
     if not (kind.effect.is_sighting or kind in (PatrolStarted, PatrolFinished, RobotPose))
 )
-"""Kinds that are told whatever they say; sightings are where they tell of another state."""
+"""Kinds that are given whatever they say; sightings are where they report of another state."""
 
 Rows = NDArray[Any]
 

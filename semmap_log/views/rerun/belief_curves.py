@@ -2,8 +2,8 @@
 
 At each time of the curve counts what had happened by then, with all that is known today; so it
 stands on the timeline `happened` alone. What the estimator would have said as of each moment of
-recording, late events not there yet and those taken back still there, would have to be learnt anew
-behind each of them. The week is as known at the recording's end.
+recording, late events not there yet and those taken back still there, would have to be learnt again
+after each of them. The week is as known at the recording's end.
 
 Patrol rounds into a rerun recording: a lane a robot, which says what it was driving for.
 
@@ -12,7 +12,7 @@ and `event` as far as the log had learnt of them, what was taken back later incl
 
 What a robot could believe of a door over time, as points of a curve: pure numpy.
 
-A belief jumps at each sighting and drifts in between. So it is asked for just before and at all
+A belief jumps at each sighting and drifts in between. So it is requested just before and at all
 that is known of the door, and every ten minutes; of those points only the ones are kept that a
 line through the others would miss.
 """
@@ -64,9 +64,9 @@ BELIEF = "belief"
 NO_MEANS = rr.components.AggregationPolicy.Off
 """Else the viewer draws points that are less than a pixel apart as their mean: half a jump."""
 MOST_CURVES = 8
-"""Doors with a curve, a tab each; those that were asked for all have one."""
+"""Doors with a curve, a tab each; those that were requested all have one."""
 MOST_CURVE_DAYS = 1_000
-"""For each day of each curve the estimator learns anew, as it would have then: some seconds. In a
+"""For each day of each curve the estimator learns again, as it would have then: some seconds. In a
 recording of more than four months fewer doors have one."""
 MOST_WEEKS = 36
 """On a level with more doors the liveliest have a week: of more, ids would lie on each other."""
@@ -90,7 +90,7 @@ def beliefs_to_show(
     Args:
         excerpt: The part of the log.
         scene: What it shows.
-        chosen: Doors that were asked for: all of them have curves; None: the liveliest have.
+        chosen: Doors that were queried for: all of them have curves; None: the liveliest have.
     """
     now = ask(excerpt.log, at=None, estimator=default_estimator(), tz=None, doors=None)
     doors = [door for door in scene.liveliest() if chosen is None or door.door_id in chosen]

@@ -166,7 +166,7 @@ class _Found:
                 self.removed = stamp
 
     def goes_on(self, changes: Changes) -> bool:
-        """Tell whether all of this door's next rows count behind those taken, in their order."""
+        """Return whether all of this door's next rows count after those taken, in their order."""
         first = int(changes["folds_ns"][0]), int(changes["number"][0])
         return first >= self.latest and bool((np.diff(changes["folds_ns"]) >= 0).all())
 
@@ -237,7 +237,7 @@ class _Pass:
                 found.is_plain &= _values(state.door(door_id)) == _values(found.before)
 
     def take_back(self, what: TakenBack) -> None:
-        """Take what is known of doors behind a retraction."""
+        """Take what is known of doors after a retraction."""
         state = self._excerpt.log.state_in(Scope(event=what.edge.number))
         for door_id in what.doors & self.doors.keys():
             self.doors[door_id].know(KnownDoor.of(state, door_id, what.edge))
@@ -279,7 +279,7 @@ class _Pass:
         folds_ns: NDArray[np.int64],
         recorded_ns: NDArray[np.int64],
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Tell which events stand on `happened`, and which on `recorded` and `event`."""
+        """Return which events stand on `happened`, and which on `recorded` and `event`."""
         return (
             self._excerpt.has_happened(numbers, folds_ns),
             self._excerpt.was_recorded(numbers, recorded_ns),

@@ -1,7 +1,7 @@
 """The costmap's door layer into a rerun recording: a small picture a door, of costs.
 
 A whole grid at each change would be gigabytes; a door's cells are some twenty. The pictures hold
-the costs themselves, so that hovering over a cell tells them, and get their colours from a context.
+the costs themselves, so that hovering over a cell shows them, and get their colours from a context.
 
 A door's pictures in the costmap's layer: which cells it shows at which cost, and from when.
 
@@ -184,8 +184,8 @@ NOTHING_WRITTEN = -2
 class CostmapWriter:
     """Takes what happens to doors, and writes the layers of all levels when told that it is all.
 
-    More may come behind it, if none of it is late. A level whose floor map is turned against its
-    grid has no costmap. One that was mapped anew has a layer on each of its plans.
+    More may come after it, if none of it is late. A level whose floor map is turned against its
+    grid has no costmap. One that was mapped again has a layer on each of its plans.
     """
 
     def __init__(self, writer: RowWriter, scene: Scene, palette: Palette) -> None:
@@ -305,7 +305,7 @@ class _Part:
 
     geometry: GridGeometry
     path: EntityPath
-    """Behind that of the layer."""
+    """After that of the layer."""
     happened: Sequence[TimeSpan] | None
     """None: at all times."""
     recorded: Sequence[TimeSpan] | None
@@ -348,7 +348,7 @@ def _floors(level: SceneLevel) -> dict[int, FloorMap]:
 
 
 def has_costmap(scene: Scene, level: SceneLevel) -> bool:
-    """Tell whether a level has a layer to show: doors, and no floor map that is turned."""
+    """Return whether a level has a layer to show: doors, and no floor map that is turned."""
     floors = [level.floor] if level.plans.is_one else list(_floors(level).values())
     is_upright = any(floor is None or floor.origin_theta == 0 for floor in floors)
     return is_upright and any(level.level in door.lines for door in scene.doors.values())

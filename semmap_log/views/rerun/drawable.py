@@ -255,7 +255,7 @@ def drawable_name(name: str, stand_in: str) -> str:
 
 
 def is_drawable_name(name: str) -> bool:
-    """Tell whether a name can be drawn, so that nothing needs to stand for it."""
+    """Return whether a name can be drawn, so that nothing needs to stand for it."""
     return drawable_name(name, "") != ""
 
 
@@ -274,7 +274,7 @@ def unique_parts(names: Iterable[tuple[int, str]], what: str = "door") -> dict[i
     """Return a path part for each (number, name): readable, and each a different one.
 
     A name that nothing is left of becomes `<what>_<number>`; where two would be the same, in any
-    case of letters, all but the first get their number behind.
+    case of letters, all but the first get their number after.
     """
     parts: dict[int, str] = {}
     taken: set[str] = set()
@@ -285,7 +285,7 @@ def unique_parts(names: Iterable[tuple[int, str]], what: str = "door") -> dict[i
 
 
 def free_part(number: int, name: str, taken: Collection[str], what: str = "door") -> str:
-    """Return the path part for a name, with the number behind if it is taken (case folded)."""
+    """Return the path part for a name, with the number after if it is taken (case folded)."""
     part = path_part(name) or f"{what}_{number}"
     while part.casefold() in taken:
         part = f"{part}_{number}"

@@ -2,7 +2,7 @@
 
 A file for a writer that cannot be trusted with a full disk.
 
-Rerun writes from a thread of its own. When that fails to write, it tells stderr, and the program
+Rerun writes from a thread of its own. When that fails to write, it shows stderr, and the program
 may then wait for it for ever, or go on and leave a file without an end. So rerun gets a pipe, which
 is never full, and the bytes go to the disk here, where an error is an error.
 
@@ -158,7 +158,7 @@ class Converter:
         self._write_rest()
 
     def flush(self) -> None:
-        """Write what waits, though more will come: behind what was finished, in order of time."""
+        """Write what waits, though more will come: after what was finished, in order of time."""
         self._doors.flush()
         self._write_rest()
 

@@ -2,12 +2,12 @@
 
 A commit that fits into what is shown (a sighting, a pose, a belief) becomes some more rows. One
 that changes what had been written already (it is late, takes something back, adds, names, moves or
-removes a door) cannot be taken out of a viewer: the history is written anew, as another recording,
+removes a door) cannot be taken out of a viewer: the history is written again, as another recording,
 which takes the first one's place. So what is shown is always what `save_rrd` would write.
 
 The rerun viewer in a browser of this machine: a page, and the port its recordings come from.
 
-Whether what comes can be shown behind what is shown already.
+Whether what comes can be shown after what is shown already.
 """
 
 from __future__ import annotations
@@ -82,15 +82,15 @@ def follow_in_viewer(
     forget: Callable[[str], None] | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """Send a log to a viewer, then each commit as it comes, until told to stop.
+    """Send a log to a viewer, then each commit as it comes, until stopped stop.
 
     Args:
         log: The log; it is refreshed.
         url: The viewer's address.
         shown: What of it, and how.
         stop: Asked some ten times a second.
-        forget: Told the id of a recording that another one has replaced.
-        progress: Told how far the first reading is.
+        forget: Called with the id of a recording that another one has replaced.
+        progress: Called with how far the first reading is.
 
     Raises:
         CorruptLogError: The log is damaged, or was exchanged for another state of itself.
@@ -177,13 +177,13 @@ class _Tail:
         _deliver(self._recording)
 
     def go_on(self, stop: Callable[[], bool]) -> None:
-        """Send what comes, until told to stop, or something comes that does not fit."""
+        """Send what comes, until stopped stop, or something comes that does not fit."""
         log = self._source.excerpt.log
         for followed in log.follow(poll_s=POLL_S, stop=lambda: stop() or self._is_over()):
             self._waiting.append(followed)
 
     def _is_over(self) -> bool:
-        """Send what came since the last look; tell whether some of it does not fit."""
+        """Send what came since the last look; return whether some of it does not fit."""
         commits, self._waiting = self._waiting, []
         if commits and not self.is_outdated:
             self.is_outdated = not self._send(commits)
@@ -206,7 +206,7 @@ class _Tail:
 
 @dataclass(slots=True)
 class _Commits:
-    """The commits of a log, and behind them those that come."""
+    """The commits of a log, and after them those that come."""
 
     known: Iterator[Commit]
     coming: deque[Commit] = field(default_factory=deque)

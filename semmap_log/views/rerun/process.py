@@ -285,7 +285,7 @@ class RerunProcess:
         return f"rerun+http://{LOCAL}:{self.port}/proxy"
 
     def has_ended(self) -> bool:
-        """Tell whether it runs no more: its window was closed, or it failed."""
+        """Return whether it runs no more: its window was closed, or it failed."""
         return self.process.poll() is not None
 
     def wait_for(self, what: str, done: Callable[[], bool], *, most_s: float) -> None:
@@ -308,7 +308,7 @@ class RerunProcess:
             time.sleep(POLL_S)
 
     def ended_well(self) -> bool:
-        """Tell whether it ends by itself, now or in a moment, as when a person closes its window.
+        """Return whether it ends by itself, now or in a moment, as when a person closes its window.
 
         Raises:
             ViewerError: It ended otherwise.
@@ -322,12 +322,12 @@ class RerunProcess:
         return True
 
     def is_listening(self, port: int | None = None) -> bool:
-        """Tell whether a port of it (else: its own) takes connections by now."""
+        """Return whether a port of it (else: its own) takes connections by now."""
         with socket.socket() as probe:
             return probe.connect_ex((LOCAL, port or self.port)) == 0
 
     def failure(self) -> ViewerError:
-        """Return why it ended, as far as it said."""
+        """Return why it ended, as far as it stated."""
         return explained(self.log.read_text(errors="replace"), self.process.poll())
 
 

@@ -77,7 +77,7 @@ class RrdSummary:
     sightings_left_out: int = 0
     """Visits whose scans are kept, and not shown."""
     problems: tuple[str, ...] = ()
-    """What could not be read of the scans that are kept beside the log."""
+    """What could not be read of the scans that are kept next to the log."""
 
 
 def save_rrd(
@@ -109,9 +109,9 @@ def save_rrd(
         costmap: With the costmap's door layer, cell for cell.
         beliefs: With what the robot could believe of doors of which enough is known: a typical
             week of each, and a curve of those chosen, or of the liveliest.
-        scans: Reads the scans that are kept beside the log (`interop`'s `kept_visits`), which get
+        scans: Reads the scans that are kept next to the log (`interop`'s `kept_visits`), which get
             a view a door; None: without.
-        progress: Told how far the reading is: (bytes done, bytes in all).
+        progress: Called with how far the reading is: (bytes done, bytes in all).
 
     Raises:
         MissingExtraError: rerun is not installed.
@@ -158,7 +158,7 @@ def save_rrd(
 def _front_level(
     log: DoorLog, scene: Scene, *, chosen: Collection[DoorId] | None, at: Time
 ) -> int | None:
-    """Return the level to look at first: that of the first door asked for, else the robot's."""
+    """Return the level to look at first: that of the first door requested, else the robot's."""
     for door_id in chosen or ():
         if door_id in scene.doors:
             levels = [n for n, path in scene.doors[door_id].lines.items()
@@ -231,13 +231,13 @@ def layout(
     Args:
         scene: What the recording shows.
         palette: Its colours.
-        chosen: Doors that were asked for; None: those that change most get the curves.
+        chosen: Doors that were requested; None: those that change most get the curves.
         level: The level whose plan is in front, if it has doors; else the one with most.
-        costmap: Each level's costmap has a tab behind the plans.
+        costmap: Each level's costmap has a tab after the plans.
         beliefs: Their curves, and a view of typical weeks below the plans; None: there are none.
         rounds: Lanes over those of the doors.
-        tz: In which the event log tells times.
-        sightings: Views of doors as a laser saw them, in tabs behind the plans; None: there are
+        tz: In which the event log shows times.
+        sightings: Views of doors as a laser saw them, in tabs after the plans; None: there are
             none.
         goes_on: More will come: lanes and curves move along with the cursor.
     """
@@ -351,7 +351,7 @@ def _bounded_view(
 
 
 def _recent_track() -> Any:
-    """Return the range of segments that make up the track behind the robot."""
+    """Return the range of segments that make up the track after the robot."""
     here = rrb.TimeRangeBoundary.cursor_relative()
     back = {
         HAPPENED: rrb.TimeRangeBoundary.cursor_relative(seconds=-TRACK_NS / 1e9),

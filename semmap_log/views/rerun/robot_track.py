@@ -1,4 +1,4 @@
-"""The robot into a rerun recording: an arrow where it is, and its track behind it.
+"""The robot into a rerun recording: an arrow where it is, and its track after it.
 
 Each robot has a track of its own, if the log is of several.
 

@@ -139,7 +139,7 @@ class RowWriter:
 
         Args:
             path: The entity.
-            rows: When it vanishes; they are written behind all that is shown until then.
+            rows: When it vanishes; they are written after all that is shown until then.
             timelines: On which.
             returns: When it shows something again. At the same time as one of these, but before
                 it, nothing vanishes.
@@ -218,7 +218,7 @@ class LeftOut:
 
 
 def is_long(scene: Scene) -> bool:
-    """Tell whether a recording leaves out what no eye would see."""
+    """Return whether a recording leaves out what no eye would see."""
     return scene.events > FULL_UP_TO
 
 
@@ -260,7 +260,7 @@ class RepeatFinder:
     def _restless(self, changes: Changes) -> Changes:
         """Return those of a door with late events, or ones that were taken back.
 
-        Between two sightings that are alike nothing else may have been told of.
+        Between two sightings that are alike nothing else may have been reported of.
         """
         door_id = int(changes["door_id"][0])
         disturbed_ns = self._disturbed[door_id]
@@ -283,7 +283,7 @@ def telling_poses(
     level: NDArray[np.uint16],
     times_ns: NDArray[np.int64],
 ) -> NDArray[np.bool_]:
-    """Tell which poses are drawn: each (n,), in the order in which they were recorded.
+    """Return which poses are drawn: each (n,), in the order in which they were recorded.
 
     The way is counted along the poses, so that a slow robot is not lost sight of.
     """
@@ -320,7 +320,7 @@ class SceneDoor:
     """As it was when the recording begins; None: not in the map by then."""
     known: Sequence[KnownDoor] = field(compare=False)
     """From where it goes on along `recorded`: at the beginning, if that is in midst of the log, and
-    behind each retraction of one of its events."""
+    after each retraction of one of its events."""
     state_changes: int
     has_probabilities: bool
     shape: ObjectShape
@@ -361,7 +361,7 @@ class Scene:
     robot_level: int | None
     """Where the robot is at the end; None: it never told, or nobody knows on which level."""
     robots: tuple[str, ...]
-    """Those that the log tells of."""
+    """Those that the log reports of."""
     events: int
     """That stand on any of its timelines."""
     commits: NDArray[np.int64]
@@ -428,7 +428,7 @@ def as_recorded(changes: Changes, known: Sequence[KnownDoor]) -> Changes:
 
     Args:
         changes: Its events, numbers ascending, also those that were taken back later.
-        known: From where the door goes on from something else: at the beginning, and behind each
+        known: From where the door goes on from something else: at the beginning, and after each
             retraction of one of its events; numbers ascending.
     """
     cuts = np.searchsorted(changes["number"], [one.row["number"][0] for one in known], "right")

@@ -2,7 +2,7 @@
 
 From when a visit ended, until the next one has, a view of the door shows its beams by what became
 of them, the way of the laser, the door's line, the leaf where it most likely stands, and what was
-said of it. They stand along `happened` alone.
+reported about it. They stand along `happened` alone.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ MOST_VISITS = 400
 MOST_POINTS, MOST_BEAMS = 1000, 60
 """Of a visit."""
 AROUND_M = 2.0
-"""What is shown around a door, beside its width."""
+"""What is shown around a door, next to its width."""
 ASIDE_POINTS, TOLD_POINTS = 1.0, 2.2
 """Radius of where a beam ended, points of the screen."""
 AT_ONCE = 64
@@ -69,7 +69,7 @@ class SightingsShown:
     """Reads them again, with their scans."""
 
     def has(self, visit: Visit) -> bool:
-        """Tell whether a visit is shown."""
+        """Return whether a visit is shown."""
         return (visit.door_id, visit.last_ns) in self.visits
 
     def __str__(self) -> str:
@@ -80,13 +80,13 @@ class SightingsShown:
 def sightings_to_show(
     reader: VisitReader, excerpt: Excerpt, scene: Scene, chosen: Collection[DoorId] | None
 ) -> SightingsShown | None:
-    """Return what there is to be shown of the scans that are kept beside a log; None: nothing.
+    """Return what there is to be shown of the scans that are kept next to a log; None: nothing.
 
     Args:
         reader: Reads the visits that are kept.
         excerpt: The part of the log.
         scene: What is shown of it.
-        chosen: Doors that were asked for; None: those with most visits.
+        chosen: Doors that were requested; None: those with most visits.
     """
     problems: list[str] = []
     by_door: defaultdict[DoorId, list[KeptVisit]] = defaultdict(list)
@@ -151,7 +151,7 @@ def _kept(
 
 
 def _is_here(kept: KeptVisit, door: SceneDoor, scene: Scene) -> bool:
-    """Tell whether the door was then on the level where its view is."""
+    """Return whether the door was then on the level where its view is."""
     level = kept.level or scene.home_of_0 or 0
     return door.lines.get(level) == door.path
 

@@ -34,7 +34,7 @@ LEARNT_FROM_D = 182
 ROUNDS = 3
 """So often what was seen in an hour is explained by the hours before and after it."""
 DRAWS = 16
-"""So often days are drawn anew, to see how far a wait rests on a few of them."""
+"""So often days are drawn again, to see how far a wait rests on a few of them."""
 TOGETHER = 1 / 3
 """So much of what single hours leave open hangs together; found on simulated doors."""
 
@@ -43,7 +43,7 @@ class Passages:
     """How soon doors in the other state pass to this one."""
 
     def __init__(self, told: Reals, days: Days, mode_per_h: Reals) -> None:
-        """Take what was told.
+        """Take what was given.
 
         Args:
             told: (days, 24, modes): log-likelihood of what was seen in each hour.
@@ -133,7 +133,7 @@ class Days(NamedTuple):
         return cls(first, 0.5 ** (np.arange(last - first, -1, -1) / HALF_LIFE_D))
 
     def sums(self, hour: Times, told: Reals) -> Reals:
-        """Return (days, 24, k): what was told of each hour, (n, k), added up."""
+        """Return (days, 24, k): what was reported of each hour, (n, k), added up."""
         place = hour - self.first * 24
         inside = place >= 0
         found = np.zeros((len(self.old) * 24, told.shape[1]))
@@ -167,7 +167,7 @@ def _known(
 
 
 def _with_visits(told: Reals, days: Days, evidence: DoorEvidence, clock: LocalClock) -> Reals:
-    """Return (days, 24, modes): what was told, and what visits tell."""
+    """Return (days, 24, modes): what was given, and what visits tell."""
     none = slice(0)
     alone = replace(
         evidence, start_ns=evidence.start_ns[none], end_ns=evidence.end_ns[none],

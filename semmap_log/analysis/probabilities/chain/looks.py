@@ -64,7 +64,7 @@ class HourLooks:
 
 
 def _through(gap_h: Reals, llr: Reals, begins: NDArray[np.intp]) -> Reals:
-    """Return (2, 2, hours, modes): from the weight of a state before an hour to that behind it."""
+    """Return (2, 2, hours, modes): from the weight of a state before an hour to that after it."""
     lasts = np.diff(np.append(begins, len(llr)))
     found = np.zeros((2, 2, len(begins), len(hour_modes.SHARE)))
     found[0, 0] = found[1, 1] = 1.0
@@ -84,7 +84,7 @@ Times = NDArray[np.int64]
 Places = NDArray[np.intp]
 
 LOOK_NS = HOUR_S * SECOND_NS // 2
-"""Where the state is known all through, a look each half hour tells it: the pace of a patrol."""
+"""Where the state is known all through, a look each half hour shows it: the pace of a patrol."""
 CERTAIN_LLR = float(np.log(MOST_ACCURACY / (1 - MOST_ACCURACY)))
 _ROUNDING = 1e-9
 
@@ -119,7 +119,7 @@ class Looks:
 
 
 def is_certain(llr: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which readings, or stretches, leave no doubt."""
+    """Return which readings, or stretches, leave no doubt."""
     return np.abs(llr) > CERTAIN_LLR - _ROUNDING
 
 
@@ -176,7 +176,7 @@ def seen_between(evidence: DoorEvidence, first: Places, behind: Places) -> NDArr
     Args:
         evidence: Of the door.
         first: (n,), the first sighting of each.
-        behind: (n,), the one behind the last; as much as `first`: 0.
+        behind: (n,), the one after the last; as much as `first`: 0.
     """
     alone = np.clip(evidence.llr, -CERTAIN_LLR, CERTAIN_LLR)
     certain = is_certain(alone)
@@ -209,7 +209,7 @@ def _ends_look(evidence: DoorEvidence) -> NDArray[np.bool_]:
 
 
 def _last_known(evidence: DoorEvidence) -> NDArray[np.bool_]:
-    """Return the stretches behind which the state is not known: their ends are looks, too.
+    """Return the stretches after which the state is not known: their ends are looks, too.
 
     Where the next stretch begins at once the change is none: rates are those at the pace of looks.
     """

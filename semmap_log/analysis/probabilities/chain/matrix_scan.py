@@ -102,7 +102,7 @@ def states(matrices: Matrices, first: NDArray[np.float64]) -> NDArray[np.float64
 
     Returns:
         (2, n, chains): matrix i x ... x matrix 0 x first, each scaled to the sum 1. It is the same
-        whatever matrices come behind i.
+        whatever matrices come after i.
     """
     found = np.empty((2, *matrices.shape[2:]))
     for start, end, length in _parts(matrices.shape[2]):
@@ -170,7 +170,7 @@ def _total(matrices: Matrices) -> NDArray[np.float64]:
 def _chained(
     products: Matrices, first: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (2, blocks, chains): the vector before each block, scaled; and behind the last."""
+    """Return (2, blocks, chains): the vector before each block, scaled; and after the last."""
     found = np.empty((2, *products.shape[2:]))
     here = first
     for block in range(products.shape[2]):

@@ -1,6 +1,6 @@
 """When a door was looked at: the hours of the week that were ever seen, and those that never were.
 
-A patrol by day tells nothing of the night; whoever reads a probability must be told so.
+A patrol by day shows nothing of the night; whoever reads a probability must be given so.
 """
 
 from __future__ import annotations

@@ -68,7 +68,7 @@ def day_tables(evidence: DoorEvidence, clock: LocalClock) -> DayTables:
     A visit outside of the stretches says something about its hour: a reading r of a sensor with
     accuracies a and b stands for P(open) = (r - (1 - b)) / J, with J = a + b - 1 (the correction
     of misclassified rates by Rogan and Gladen, Am. J. Epidemiol. 107, 1978), and counts as J^2 of
-    an hour: what it tells, as a share of what a certain one does. Of a visit's sightings in an hour
+    an hour: what it shows, as a share of what a certain one does. Of a visit's sightings in an hour
     the mean is one reading; several visits in an hour still tell no more than that hour, and fill
     at most what the stretches leave of it.
 
@@ -120,7 +120,7 @@ class _Readings(NamedTuple):
     weight: Table
     """In hours."""
     p_open: Table
-    """Corrected and not clipped; 0 without a visit that tells anything."""
+    """Corrected and not clipped; 0 without a visit that shows anything."""
 
 
 def _readings(evidence: DoorEvidence, place: NDArray[np.int64], places: int) -> _Readings:

@@ -104,7 +104,7 @@ _OF_SIGHTINGS = (
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """How much was said of a door."""
+    """How much was reported about a door."""
 
     words: int
     """Events that tell its state: that it was set, seen, or passed."""
@@ -124,7 +124,7 @@ class Evidence:
         self.latest_ns = latest_ns
         """The latest time of all events, whatever they are about."""
         self._known: dict[DoorId, _Known] = {}
-        """Of the doors that were asked for, what the first `_count` reports mean."""
+        """Of the doors that were requested, what the first `_count` reports mean."""
         self._count = 0
 
     def __len__(self) -> int:
@@ -144,7 +144,7 @@ class Evidence:
 
     @property
     def door_ids(self) -> list[DoorId]:
-        """Doors that something was said of, removed ones, too, ascending."""
+        """Doors that something was reported about, removed ones, too, ascending."""
         return [DoorId(door_id) for door_id in self._reports.door_ids().tolist()]
 
     def door(self, door_id: DoorId, until_ns: int | None = None) -> DoorEvidence:
@@ -160,7 +160,7 @@ class Evidence:
     def as_last_reported(self, door_id: DoorId, until_ns: int) -> DoorEvidence:
         """Return what is known of a door when the last report about it comes, at most at a time.
 
-        It stays the same until more is told of this door, however long that takes.
+        It stays the same until more is reported of this door, however long that takes.
         """
         known = self._about(door_id)
         count = int(np.searchsorted(known.reports["folds_ns"], until_ns, "right"))
@@ -168,11 +168,11 @@ class Evidence:
         return known.evidence.up_to(last_ns)
 
     def up_to(self, until_ns: int | None = None) -> Mapping[DoorId, DoorEvidence]:
-        """Return what is known of each of `door_ids`, made when it is asked for."""
+        """Return what is known of each of `door_ids`, made when it is requested."""
         return _EvidenceOfDoors(self, _or(until_ns, self.latest_ns))
 
     def counts(self, door_id: DoorId, until_ns: int | None = None) -> Counts:
-        """Return how much was said of a door up to then."""
+        """Return how much was reported about a door up to then."""
         until_ns = _or(until_ns, self.latest_ns)
         known = self._about(door_id)
         reports = known.reports[: np.searchsorted(known.reports["folds_ns"], until_ns, "right")]
@@ -215,7 +215,7 @@ class Evidence:
         return cls(Reports.load(data[8:]), int.from_bytes(data[:8], "little"))
 
     def _about(self, door_id: DoorId) -> _Known:
-        """Return all that is known of a door; what a new report touches is made anew."""
+        """Return all that is known of a door; what a new report touches is made again."""
         if self._count < len(self._reports):
             for changed in self._reports.newer(self._count).tolist():
                 self._known.pop(DoorId(changed), None)

@@ -15,7 +15,7 @@ Times = NDArray[np.int64]
 Seconds = NDArray[np.float64]
 
 SAMPLE_S = 60.0
-"""What a visit weighs, beside stretches in which the state is known all through."""
+"""What a visit weighs, next to stretches in which the state is known all through."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -149,7 +149,7 @@ class Sensors(NamedTuple):
 
 
 class Reports:
-    """What was said about all doors, in any order."""
+    """What was stated about all doors, in any order."""
 
     def __init__(self) -> None:
         self._rows = np.empty(0, REPORT)
@@ -218,11 +218,11 @@ class Reports:
         return _that_count(self._rows.take(places[order]))
 
     def newer(self, count: int) -> NDArray[np.uint32]:
-        """Return which doors the reports behind the first `count` are about."""
+        """Return which doors the reports after the first `count` are about."""
         return distinct(self._rows["door_id"][count : self._count])
 
     def latest(self, door_ids: NDArray[np.integer[Any]], until_ns: int, most: int) -> Rows:
-        """Return what was said of some doors up to a time, by door, then time, then number.
+        """Return what was reported about some doors up to a time, by door, then time, then number.
 
         Args:
             door_ids: The doors.
@@ -305,7 +305,7 @@ class Reports:
 
 
 def _that_count(rows: Rows) -> Rows:
-    """Return reports without sightings that a thinning tells of, and that are still there."""
+    """Return reports without sightings that a thinning reports of, and that are still there."""
     is_told = rows["kind"] == SightingsThinned.kind
     if not is_told.any():
         return rows

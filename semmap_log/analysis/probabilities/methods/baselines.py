@@ -36,7 +36,7 @@ class HourTable:
     def learn(
         self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock
     ) -> LearntByDoor[DoorHours]:
-        """Return the tables of all doors; each is made when it is asked for."""
+        """Return the tables of all doors; each is made when it is requested."""
         return LearntByDoor(evidence, lambda door: DoorHours(door, clock, self.period_s))
 
 

@@ -40,9 +40,9 @@ LEADS_H = np.array([0.0, 2.0, 8.0, 24.0])
 TEMPER = 1 / (1 + 3 * LEADS_H)
 """How much of a look's likelihood counts: forecasts that overlap say the same again."""
 SHARE = 0.01
-"""So much of the weight is handed out anew each day."""
+"""So much of the weight is handed out again each day."""
 DOUBT = 0.5
-"""Regimes are told apart by all hours, and by night a door may go another way than by day: until
+"""Regimes are given apart by all hours, and by night a door may go another way than by day: until
 today has said more, which one it is stays so doubtful as before anything was known."""
 _CERTAIN = 1e-12
 """Of a variance: whoever sees a door again and again at once leaves none."""
@@ -123,7 +123,7 @@ class BeliefHistory:
         """Return what was believed by what was looked at so far.
 
         Sightings of which not all are known yet are no look yet. So that what is believed then is
-        the same to the last digit, the last look is always gone through anew.
+        the same to the last digit, the last look is always gone through again.
         """
         seen, evidence = self._looks, self._evidence
         place = np.maximum(np.searchsorted(seen.times_ns, known_ns, "right") - 1, 0)

@@ -1,4 +1,4 @@
-"""What most methods do: learn about one door at a time, when it is first asked for."""
+"""What most methods do: learn about one door at a time, when it is first requested."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.moments import DAY_NS
 
 MOST_DOORS, MOST_DAYS = 8, 1_100
-"""So many doors' tables are kept, of so many days together: those asked for last. A thousand days
+"""So many doors' tables are kept, of so many days together: those requested last. A thousand days
 are some 40 MB."""
 
 
@@ -42,7 +42,7 @@ class LearntByDoor(Generic[D]):
         self.evidence = evidence
         self._learn = learn
         self._doors: dict[DoorId, tuple[D, int]] = {}
-        """What was learnt, and from how many days; asked for last: last."""
+        """What was learnt, and from how many days; requested last: last."""
 
     def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
         """Return how likely the door is open: see `LearntModel`."""

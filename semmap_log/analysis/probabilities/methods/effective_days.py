@@ -1,4 +1,4 @@
-"""How many independent days the days behind a table are worth, by how long deviations last.
+"""How many independent days the days after a table are worth, by how long deviations last.
 
 A door that forgets in minutes shows its habit within hours; one that stays as it is for two days
 shows little in two weeks. The variance of a time average is p (1 - p) times the sum of the
@@ -34,7 +34,7 @@ Reals = NDArray[np.float64]
 NEAR_H, FAR_H = (1, 2), (5, 6, 7, 8)
 """So far apart residuals are held against each other; several lags, for each is noisy."""
 WARM_UP_D = 3.0
-"""Residuals of the first days tell of bad forecasts: day d counts d / (d + that)."""
+"""Residuals of the first days report of bad forecasts: day d counts d / (d + that)."""
 PRIOR_FORGETS_H, PRIOR_WEIGHT = 24.0, 2.4
 """Until residuals tell, deviations are forgotten so slowly; it counts as ten hours of a door
 that is as likely open as closed: a door that never changed has not shown how long it stays."""
@@ -188,7 +188,7 @@ Times = NDArray[np.int64]
 
 
 class ToldDays:
-    """Whole days up to the last that tells something; a row for each midnight between them."""
+    """Whole days up to the last that shows something; a row for each midnight between them."""
 
     def __init__(
         self, evidence: DoorEvidence, clock: LocalClock, *, with_today: bool = False
@@ -203,7 +203,7 @@ class ToldDays:
         self.midnights = self.tables.rows.midnights
         """(rows,): the day that begins then."""
         self._told = np.zeros(len(self.midnights), np.int64)
-        """(rows,): the row of the last day that tells something; through a gap nothing is learnt,
+        """(rows,): the row of the last day that shows something; through a gap nothing is learnt,
         and what is known grows old."""
         self._told[tells] = tells
         np.maximum.accumulate(self._told, out=self._told)

@@ -1,7 +1,7 @@
 """`filter`: what was seen lately, and the schedule, weighed by how fast the door forgets.
 
 What is believed now decays toward how the door is at such hours, by several `regimes` at once:
-paces, and a door that is left closed, or open. How far each is believed at the lead that is asked
+paces, and a door that is left closed, or open. How far each is believed at the lead that is queried
 for, the door's own past says (`belief_history`).
 """
 

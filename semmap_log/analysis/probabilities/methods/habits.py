@@ -1,8 +1,8 @@
 """A door's habits: P(open) by hour and weekday, as each local midnight would have had it.
 
 Each table is shrunk toward a coarser one: the hour of a weekday to that of working days or
-weekends, that to the hour of any day, that to the hours beside it, and all to the mean. Weights are
-in days: an hour that was open through once is one observation, however often it was looked at.
+weekends, that to the hour of any day, that to the hours next to it, and all to the mean. Weights
+are in days: an hour that was open through once is one observation, however often it was looked at.
 Old days count less, by several half-lives at once; which table is right, `averaging` finds out.
 
 Which of a door's habits to believe: Bayesian averaging by how well each foretold the past.
@@ -33,7 +33,7 @@ LEADS_D = np.array([0, 1, 3, 7, 14, 28, 56])
 RATE = 0.25
 """A known hour counts as a quarter of an independent observation: hours of a day hang together."""
 SHARE = 0.02
-"""So much of the weight is handed out anew each day."""
+"""So much of the weight is handed out again each day."""
 
 
 def weights(habits: Habits, tables: DayTables, lead_d: int) -> Weights:
@@ -105,7 +105,7 @@ def shared_anew(before: Weights, gain: Weights, start: Weights, share: Weights |
         before: Their weights before, which add up to 1.
         gain: Log-likelihood of what came, by each.
         start: What weights are like where nothing is known.
-        share: How much is handed out anew, by that.
+        share: How much is handed out again, by that.
     """
     gained = before * np.exp(gain - gain.max(-1, keepdims=True))
     gained /= gained.sum(-1, keepdims=True)
@@ -164,7 +164,7 @@ PRIOR_DAYS = 0.1
 HOUR_DAYS, WEEK_DAYS = 2.0, 4.0
 """How many days the coarser table counts, where a finer one has evidence of its own."""
 NEIGHBOURS_H = 1.5
-"""The hours beside one count e^(-distance / that)."""
+"""The hours next to one count e^(-distance / that)."""
 ROWS_AT_ONCE = 128
 
 
@@ -181,7 +181,7 @@ class KindTables(NamedTuple):
     """Tables of a week of all half-lives and kinds: table i x kinds + k is of half-life i, kind k.
 
     What a kind says of several hours stands there once: (rows, half-lives), then hours of a day,
-    and day types or weekdays before them, where it tells these apart.
+    and day types or weekdays before them, where it shows these apart.
     """
 
     kinds: Sequence[Tables]
@@ -388,7 +388,7 @@ def _shrunk(sums: Tables, prior: Tables) -> tuple[KindTables, KindTables]:
 def _level(
     opened: Tables, known: Tables, coarser: Tables, weight_days: float
 ) -> tuple[Tables, Tables]:
-    """Return a table shrunk to the hours beside each, and these to a coarser table; and its days.
+    """Return a table shrunk to the hours next to each, and these to a coarser table; and its days.
 
     Where an hour was never seen, its neighbours speak for it, and far from all of them the day.
     """
@@ -409,7 +409,7 @@ def _by_day_type(table: Tables) -> Tables:
 
 
 def _day(table: Tables, weekday: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return which of the days that a table tells apart weekdays are: day types, or themselves."""
+    """Return which of the days that a table shows apart weekdays are: day types, or themselves."""
     return weekday if table.shape[2] == DAYS_IN_WEEK else weekday // WORKING_DAYS
 
 
@@ -419,7 +419,7 @@ def _each_weekday(table: Tables) -> Tables:
 
 
 def _neighbours() -> Tables:
-    """Return (24, 24): how much each hour counts for each other; midnight is beside 23:00."""
+    """Return (24, 24): how much each hour counts for each other; midnight is next to 23:00."""
     apart = np.abs(np.arange(24)[:, None] - np.arange(24))
     weights: Tables = np.exp(-np.minimum(apart, 24 - apart) / NEIGHBOURS_H)
     return weights

@@ -3,7 +3,7 @@
 A door that was opened a minute ago will soon be closed; one that stood open all morning will not.
 The chain forgets how it came to its state; this corrects its forecasts by how far the door was off
 its schedule during the last hour, four hours and day. How much each counts, some time ahead, is
-fitted by ridge regression toward what the chain says, anew at each midnight: the sums of the days
+fitted by ridge regression toward what the chain says, again at each midnight: the sums of the days
 before are all that it takes.
 """
 
@@ -35,7 +35,7 @@ STEP_H = 24 / STEPS_A_DAY
 SPANS_H = np.array([1.0, 4.0, 24.0])
 """Over how long deviations are averaged, with weights that fall off."""
 AHEAD_H = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
-"""For these times ahead it is fitted; between them, and to nothing at 0 and behind them, a line."""
+"""For these times ahead it is fitted; between them, and to nothing at 0 and after them, a line."""
 RIDGE_H = 10.0
 """The chain's own word counts as much as so many hours in which the door was fully off."""
 

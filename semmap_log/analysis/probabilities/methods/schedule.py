@@ -1,6 +1,6 @@
 """`schedule`: how the door is at that hour of that weekday, as far as the days so far tell.
 
-Learnt anew at each local midnight, it uses nothing of today. It is what every other estimator
+Learnt again at each local midnight, it uses nothing of today. It is what every other estimator
 tends to as the moment that it foretells moves away.
 
 How much the errors of sensors add to the variance of what was read, as each midnight knew it.
@@ -8,7 +8,7 @@ How much the errors of sensors add to the variance of what was read, as each mid
 Hours of the week that are not like that hour of other days: a door that opens on Wednesdays.
 
 Tables that are shrunk toward the hour of any day (`habits`) need months to believe in such a slot.
-Here each cell of the week may have a rate of its own, by itself or with the hour before or behind
+Here each cell of the week may have a rate of its own, by itself or with the hour before or after
 it, where it foretold that cell better, week after week: spike and slab (Mitchell and Beauchamp,
 J. Am. Stat. Assoc. 83, 1988), the spike being what the schedule says anyway. Weights are a fixed
 share's, as in `averaging`, cell by cell. How far slots are heard, their worth for the whole door
@@ -65,7 +65,7 @@ LEAST_H = 3.0
 """Known hours at that time of day, an hour more or less: with fewer the schedule is UNKNOWN.
 
 One whole day makes them; of a robot's rounds, a few at that time (a visit counts for what its
-sensor can tell, 0.64 h at an accuracy of 0.9)."""
+sensor can see, 0.64 h at an accuracy of 0.9)."""
 
 
 WEEK_LEAD_D = 3
@@ -202,7 +202,7 @@ class DoorSchedule:
 
 
 class _OfLead:
-    """What a schedule says so far ahead; most leads are never asked for."""
+    """What a schedule says so far ahead; most leads are never requested."""
 
     def __init__(
         self, by_table: Habits, tables: DayTables, slot_rates: SlotRates, lead: int
@@ -242,7 +242,7 @@ class _OfLead:
         return found
 
     def days_at(self, cells: WeekCells) -> Table:
-        """Return days of evidence behind it, (n,)."""
+        """Return days of evidence after it, (n,)."""
         found: Table = (self._worth[cells.row] * self._days.at(cells)).sum(1)
         return found
 
@@ -325,16 +325,16 @@ a slot has earned beyond it does."""
 SLAB_P, SLAB_WEEKS = 0.2, 1.0
 """A slot's rate begins at that, or at the schedule's if it is higher, as after so many weeks."""
 SHARE = 0.01
-"""So much of a cell's weights is handed out anew each week."""
+"""So much of a cell's weights is handed out again each week."""
 MOST_GAIN = 3.0
 """No week proves more, nats: a slot is what comes again."""
 HEARD, HEARD_SHARE = 0.8, 0.005
-"""How far slots are heard at first; and so much of it is handed out anew each day."""
+"""How far slots are heard at first; and so much of it is handed out again each day."""
 _MOST_NATS = 20.0
 
 
 class OfSlots(NamedTuple):
-    """What slots say beside a schedule, all (n,)."""
+    """What slots say next to a schedule, all (n,)."""
 
     weight: Tables
     """How far that is heard."""
@@ -388,7 +388,8 @@ class Slots:
         """Find them.
 
         Args:
-            said: (days, 24): what the schedule without them said of each day, so many days before.
+            said: (days, 24): what the schedule without them reported about each day, so many days
+                before.
             tables: The days that it is made of.
             rates: Of the same days.
             lead_d: How many days ahead they foretell.

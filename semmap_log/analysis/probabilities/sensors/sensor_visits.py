@@ -1,4 +1,4 @@
-"""A sensor's readings as visits, and three in a row of one visit: what tells how it errs."""
+"""A sensor's readings as visits, and three in a row of one visit: what shows how it errs."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ FREE = 0.6
 OPENS_AT_M = (0.35, 0.5, 0.65)
 """So far before and behind the line it is looked at whether the space is wider than the gap ..."""
 OPENS_BY_M = 0.22
-"""... so far beside its ends."""
+"""... so far next to its ends."""
 LEAST_SCORE = 0.5
 LEAST_M, USUAL_M, MOST_M = 0.65, 1.4, 2.6
 """From jamb to jamb: a narrower gap is no door, wider ones than usual are rarer."""
@@ -52,13 +52,13 @@ class Proposal:
     score: float
     """0..1: how much speaks for a door; no probability."""
     walls: float
-    """Share of the line beside the gap that is wall, 0.6 m on both sides."""
+    """Share of the line next to the gap that is wall, 0.6 m on both sides."""
     along: float
     """The same, 3 m on both sides."""
     free: float
     """Share of the gap that beams went through."""
     opens: float
-    """Share of the places beside the gap, before and behind it, that are free: of a corridor's
+    """Share of the places next to the gap, before and behind it, that are free: of a corridor's
     mouth few are."""
     scans: int
     """That saw it."""
@@ -229,13 +229,13 @@ def _distance(one: Proposal, other: Proposal) -> float:
 TURNED = radians(24)
 """A leaf that is turned less against the line may be a recess, or slide."""
 LOOKS = 4.0
-"""A visit that is worth fewer tells no leaf."""
+"""A visit that is worth fewer shows no leaf."""
 LEAST_VISITS = 2
 """That saw it."""
 AGREED = 0.75
 """So large a share of the visits that saw a leaf has to see it at the same end."""
 WIDEST_M = 1.4
-"""In a wider opening one leaf is not told from one of two."""
+"""In a wider opening one leaf is not given from one of two."""
 
 
 def hinge_of(line: NDArray[np.float64], visits: Sequence[Visit]) -> str:

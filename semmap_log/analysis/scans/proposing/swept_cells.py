@@ -25,7 +25,7 @@ FARTHEST_M = 10.0
 STEP_M = 0.1
 """Between two places of a beam that are looked at."""
 SHORT_M = 0.15
-"""A beam is said to go through cells up to so far before its end."""
+"""A beam is stated to go through cells up to so far before its end."""
 MOST_CELLS = 60_000_000
 AT_ONCE = 2_000_000
 """Places of beams."""

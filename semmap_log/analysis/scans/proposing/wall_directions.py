@@ -48,7 +48,7 @@ def along_their_walls(gaps: Gaps, points: Floats) -> Gaps:
 
 
 def _wall_shares(offsets: Floats, angles: Floats, width: float) -> Floats:
-    """Return for each angle the share of the line through (0, 0), beside the gap, that is wall."""
+    """Return for each angle the share of the line through (0, 0), next to the gap, that is wall."""
     near = offsets[np.hypot(*offsets.T) < width / 2 + ALONG_M + THICK_M]
     c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
     along = near[:, 0] * c + near[:, 1] * s

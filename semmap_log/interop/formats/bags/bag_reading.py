@@ -60,7 +60,7 @@ def open_bag(path: Path) -> Iterator[BagReader]:
 
 
 def is_bag(path: Path) -> bool:
-    """Tell whether a name, or a folder, is that of a bag."""
+    """Return whether a name, or a folder, is that of a bag."""
     return path.suffix.lower() in _FILES or path.is_dir()
 
 
@@ -208,12 +208,12 @@ def new_bag(path: Path, topics: Sequence[BagTopic]) -> Iterator[NewBag]:
     """Write a bag, whole or not at all.
 
     Args:
-        path: Its suffix tells the form. A file of that name is replaced at once, when the new one
+        path: Its suffix shows the form. A file of that name is replaced at once, when the new one
             is whole; a folder never is.
         topics: All that will be written to.
 
     Raises:
-        FormatError: The name tells no form.
+        FormatError: The name shows no form.
         OutputError: It cannot be written, or a folder of that name is there; what was there stays.
     """
     write_bag, whole = _form_of(path)
@@ -231,7 +231,7 @@ def ros_version_of(path: Path) -> RosVersion:
 
 
 def tells_a_bag(path: Path) -> bool:
-    """Tell whether a name is that of a bag, as `new_bag` reads it."""
+    """Return whether a name is that of a bag, as `new_bag` reads it."""
     return path.suffix.lower() in {".mcap", ".bag", ""}
 
 

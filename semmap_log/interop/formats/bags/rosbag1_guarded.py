@@ -23,7 +23,7 @@ class GuardedPath:
         return str(self._path)
 
     def exists(self) -> bool:
-        """Tell whether something is there."""
+        """Return whether something is there."""
         return self._path.exists()
 
     def open(self, _mode: str) -> _GuardedFile:

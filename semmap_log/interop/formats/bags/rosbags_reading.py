@@ -114,7 +114,7 @@ def _refuse_cut(path: Path) -> None:
 
 
 def _refuse_unwritten(path: Path) -> None:
-    """Return unless SQLite keeps a part of the messages beside the file, where nobody looks.
+    """Return unless SQLite keeps a part of the messages next to the file, where nobody looks.
 
     Raises:
         FormatError: It does: whoever wrote it was killed.

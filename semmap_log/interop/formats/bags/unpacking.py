@@ -46,7 +46,7 @@ class Record:
     at: int
     """Where it begins."""
     body: bytes
-    """Empty if it was not asked for."""
+    """Empty if it was not requested."""
 
 
 def records(
@@ -64,7 +64,7 @@ def records(
         start: Where the first record begins.
         end: Where the last one has to end.
         wanted: Opcodes.
-        hear: Told all bytes that are passed, those of a record before it is yielded.
+        hear: Called with all bytes that are passed, those of a record before it is yielded.
 
     Raises:
         ValueError: They are no records, or one that is wanted is too long.

@@ -21,7 +21,7 @@ from semmap_log.interop.formats.parsing.yaml_values import text_of
 def align_levels(
     levels: Sequence[StoreyReader], reference: StoreyReader, problems: Problems
 ) -> dict[int, str]:
-    """Give each level its frame; return what has to be said of some, by their numbers.
+    """Give each level its frame; return what has to be reported about some, by their numbers.
 
     Args:
         levels: All levels of a building that is drawn in pixels.

@@ -191,7 +191,7 @@ class StoreyReader:
     def fiducials(self) -> dict[str, complex]:
         """The level's fiducials by name, as in the file, y up: points of other levels, too.
 
-        A name that is there twice tells nothing.
+        A name that is there twice shows nothing.
         """
         found = []
         for node in self._list("fiducials"):
@@ -320,7 +320,7 @@ class StoreyReader:
 
 
 def _is_of_a_robot(params: Node | None) -> bool:
-    """Tell whether a vertex says one of `OF_A_ROBOT` of itself: that it is a robot's place."""
+    """Return whether a vertex says one of `OF_A_ROBOT` of itself: that it is a robot's place."""
     said = params.entries if isinstance(params, Mapping) else {}
     values = [said[key] for key in OF_A_ROBOT if key in said]
     last = [value.items[-1] if isinstance(value, Sequence) and value.items else value

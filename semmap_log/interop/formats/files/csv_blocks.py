@@ -143,7 +143,7 @@ class CsvBlocks:
         """Return a block's rows with the texts of the wanted columns.
 
         Rows of another length than the header's are noted in the problems. Where a cell with line
-        breaks goes on behind the block, what is behind it is read, too.
+        breaks goes on after the block, what is after it is read, too.
 
         Raises:
             FormatError: It is not CSV, or not text.
@@ -188,7 +188,7 @@ class CsvBlocks:
         return end < len(self._lines)
 
     def _texts(self) -> Iterator[str]:
-        """Yield the lines that are to be taken, and those behind them if they are asked for."""
+        """Yield the lines that are to be taken, and those after them if they are requested."""
         while True:
             if self._at == len(self._lines):
                 self._lines, self._at = self._next(), 0
@@ -372,7 +372,7 @@ MOST_ROWS = 50_000_000
 
 
 class Row(NamedTuple):
-    """A row: its line in the file and the texts of the columns asked for."""
+    """A row: its line in the file and the texts of the columns requested."""
 
     line: int
     texts: list[str]
@@ -400,7 +400,7 @@ def places_of(
 
 
 def has_length(line: int, cells: list[str], length: int, problems: Problems) -> bool:
-    """Tell whether a row has as many cells as the header, and note it if not."""
+    """Return whether a row has as many cells as the header, and note it if not."""
     if len(cells) == length:
         return True
     problems.add(line, f"expected {length} cells as in the header, got {len(cells)}")

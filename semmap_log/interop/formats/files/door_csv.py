@@ -2,7 +2,7 @@
 
 A row with an accuracy is a sighting, one without an update, unless the caller gives the accuracy
 of all that have none. Times without an offset are a zone's
-wall clock; in the hour that comes twice the order of the rows tells which is meant. A second file
+wall clock; in the hour that comes twice the order of the rows shows which is meant. A second file
 may say in which windows of time a door's state is known at all. How names are written that a
 spreadsheet or a terminal would obey, `csv_text` says.
 """
@@ -209,7 +209,7 @@ class _Reader:
         return codes
 
     def runs_forward(self, door: NDArray[np.int64], ns: NDArray[np.int64]) -> bool:
-        """Tell whether no door's times run backwards, and remember the last ones if so."""
+        """Return whether no door's times run backwards, and remember the last ones if so."""
         if not ((np.diff(ns) >= 0).all() and ns[0] >= self.last_ns.max()):
             order = np.argsort(door, kind="stable")
             doors, times = door[order], ns[order]
@@ -360,7 +360,7 @@ def _is_state(text: bytes) -> bool:
 
 
 def _are_shares(accuracy: NDArray[np.float64] | None, texts: TextColumn | None) -> bool:
-    """Tell whether all accuracies are from 0.5 to 1, or not given."""
+    """Return whether all accuracies are from 0.5 to 1, or not given."""
     if accuracy is None or texts is None:
         return True
     return bool((((accuracy >= 0.5) & (accuracy <= 1)) | (texts.lengths == 0)).all())

@@ -56,7 +56,7 @@ def read_map(path: Path, *, level: int = 0, rules: RulesName = DEFAULT_RULES) ->
     """Return the map as a floor plan of that level.
 
     Args:
-        path: The `.yaml` file; its picture is looked for beside it.
+        path: The `.yaml` file; its picture is looked for next to it.
         level: The number of the level it shows.
         rules: Whose reading: "nav2", "nav2_humble" or "noetic".
 
@@ -76,7 +76,7 @@ def read_map(path: Path, *, level: int = 0, rules: RulesName = DEFAULT_RULES) ->
 
 
 def is_map(path: Path) -> bool:
-    """Tell whether a file is the `.yaml` of a map, by its keys.
+    """Return whether a file is the `.yaml` of a map, by its keys.
 
     What cannot be read is none: who reads it as something else says why.
     """
@@ -185,7 +185,7 @@ NOETIC_FORMATS = ("PPM", "PNG", "JPEG")
 """Of the others SDL makes surfaces that depend on how they were packed."""
 MOST_PIXELS = 100_000_000
 PIXELS_A_STRIP = 2_000_000
-"""So that what is made on the way stays small beside a large picture."""
+"""So that what is made on the way stays small next to a large picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,7 +320,7 @@ def _pbm_bits(strip: Image) -> NDArray[np.uint8]:
 
 
 def _is_deep(picture: Image) -> bool:
-    """Tell whether it has 16 bits of grey."""
+    """Return whether it has 16 bits of grey."""
     return picture.mode.startswith("I;16") or (
         picture.mode == "I" and picture.format in ("PPM", "PNG")
     )
@@ -337,7 +337,7 @@ _TOP_KEY = re.compile(r"""^["']?(\w{1,31})["']?[ \t]{0,20}:(?=\s|$)""", re.MULTI
 
 
 def is_yaml(path: Path) -> bool:
-    """Tell whether a name is that of a YAML file."""
+    """Return whether a name is that of a YAML file."""
     return path.suffix.lower() in {".yaml", ".yml"}
 
 

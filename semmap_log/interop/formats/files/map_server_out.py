@@ -48,7 +48,7 @@ def write_map(
     """Write a map, both files or none; old ones of these names are replaced.
 
     Args:
-        path: `name.pgm` or `name.yaml`; the other stands beside it.
+        path: `name.pgm` or `name.yaml`; the other stands next to it.
         occupancy: int8, (height, width), row 0 at the lowest y; -1 unknown, 0 free .. 100 occupied.
         geometry: Where the cells lie.
         mode: Default: trinary where it can hold the values, else raw.
@@ -164,7 +164,7 @@ def _resolution(value: float) -> str:
 def _both(picture: Path, header: Path) -> Iterator[tuple[Path, Path]]:
     """Hand out temporary names for both; on success they take the real ones, else nothing changes.
 
-    At no instant does a header stand beside a picture that is not its own: the old header goes
+    At no instant does a header stand next to a picture that is not its own: the old header goes
     first, the new one comes last.
     """
     folder = picture.parent

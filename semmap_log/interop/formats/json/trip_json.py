@@ -5,7 +5,7 @@ What `scan-report --json` prints.
 The kinds of JSON lines and their keys, for help and documents: derived, never written by hand.
 
 Kinds and defaults are those of `events.KINDS`, keys those that `event_json_reader` takes, and the
-words beside a key are those of the `.msg` text.
+words next to a key are those of the `.msg` text.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class Key:
 
 
 def kinds_and_keys() -> Iterator[tuple[str, str, list[Key]]]:
-    """Yield each kind, what it means, and its keys, beside those of every kind."""
+    """Yield each kind, what it means, and its keys, next to those of every kind."""
     for kind in KINDS:
         meaning = (kind.__doc__ or "").splitlines()[0]
         yield kind.__name__, meaning, list(_keys(kind))

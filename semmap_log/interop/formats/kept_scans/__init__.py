@@ -1,1 +1,1 @@
-"""The scans behind sightings, kept beside a log: written, read back, in ROS's own messages."""
+"""The scans after sightings, kept next to a log: written, read back, in ROS's own messages."""

@@ -1,4 +1,4 @@
-"""Reads the scans that were kept beside a log, however the recorder ended."""
+"""Reads the scans that were kept next to a log, however the recorder ended."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Tell = Callable[[str], None]
 
 
 def has_kept_scans(log: PurePath) -> bool:
-    """Tell whether scans are kept beside a log: not beside one in a store."""
+    """Return whether scans are kept next to a log: not next to one in a store."""
     folder = folder_beside(log)
     return folder.is_dir() and any(folder.glob("*.mcap"))
 
@@ -61,9 +61,9 @@ def kept_visits(
     with_scans: Callable[[Visit], bool] | None = None,
     tell: Tell | None = None,
 ) -> Iterator[KeptVisit]:
-    """Yield the visits that are kept beside a log, file by file, as they ended.
+    """Yield the visits that are kept next to a log, file by file, as they ended.
 
-    A visit that is kept twice, as by an import that was begun anew, comes once.
+    A visit that is kept twice, as by an import that was begun again, comes once.
 
     Args:
         log: The log's folder.
@@ -72,7 +72,7 @@ def kept_visits(
         until_ns: Before then.
         doors: Of these alone.
         with_scans: Whose scans are read, too; None: those of all.
-        tell: Told of files that end in midst, or are of another log.
+        tell: Called with files that end in midst, or are of another log.
     """
     wanted = _Wanted(since_ns, until_ns, doors, with_scans)
     known: set[tuple[object, ...]] = set()
@@ -85,7 +85,7 @@ def kept_visits(
 
 
 def kept_already(log: PurePath, log_id: str) -> frozenset[tuple[object, ...]]:
-    """Return the keys of all visits that are kept beside a log."""
+    """Return the keys of all visits that are kept next to a log."""
     found = kept_visits(log, log_id, with_scans=lambda _: False)
     return frozenset(visit_key(kept.visit) for kept in found)
 
@@ -117,7 +117,7 @@ class _Wanted:
         )
 
     def scans_of(self, visit: Visit) -> bool:
-        """Tell whether its scans are wanted, too."""
+        """Return whether its scans are wanted, too."""
         return self.with_scans is None or self.with_scans(visit)
 
 
@@ -270,7 +270,7 @@ class FileReader:
 
 
 def visit_in(data: bytes) -> ToldVisit:
-    """Return what a message on the topic of visits tells.
+    """Return what a message on the topic of visits shows.
 
     Raises:
         ValueError: It is not the text of a visit.
@@ -282,7 +282,7 @@ _NOTHING = ScanBytes(b"", b"", b"", None)
 
 
 def _is_of(metadata: Any, log_id: str) -> bool:
-    """Tell whether a record says that the file is of that log.
+    """Return whether a record says that the file is of that log.
 
     Raises:
         AnotherLogError: It says that it is of another.

@@ -1,6 +1,6 @@
-"""Keeps the scans of visits beside a log, a new file for each run.
+"""Keeps the scans of visits next to a log, a new file for each run.
 
-Takes visits and their scans, which tell where the robot was, out of a file beside a log.
+Takes visits and their scans, which tell where the robot was, out of a file next to a log.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ def take_out_visits(found: VisitsInFile, log_id: str, goes: Goes) -> None:
 
 
 def _write_staying(found: VisitsInFile, log_id: str, goes: Goes) -> None:
-    """Write the file anew; each message that stays keeps its bytes."""
+    """Write the file again; each message that stays keeps its bytes."""
     with open_regular(found.path) as file, whole_file(found.path) as temporary:
         made = VisitFile(temporary, temporary.open("wb"), log_id)
         for channel, at_ns, data in FileReader(file).messages(log_id):
@@ -173,7 +173,7 @@ CHUNK_BYTES = 2**20
 
 @contextmanager
 def keeping_scans(log: PurePath, log_id: str) -> Iterator[KeptScansWriter]:
-    """Keep scans beside a log; the file is closed when the block ends, however it ends.
+    """Keep scans next to a log; the file is closed when the block ends, however it ends.
 
     Args:
         log: The log's folder.
@@ -367,7 +367,7 @@ class VisitFile:
         self._writer.add_message(self._channels[key], log_time=at_ns, data=data, publish_time=at_ns)
 
     def _channel(self, topic: str, ros_type: str, of: tuple[str, str]) -> int:
-        """Return a new channel; where two lasers' topics are spelt alike they are told apart."""
+        """Return a new channel; where two lasers' topics are spelt alike they are given apart."""
         types: Any = ros_types(2)
         if ros_type not in self._schemas:
             text, _ = types.generate_msgdef(ros_type, ros_version=2)

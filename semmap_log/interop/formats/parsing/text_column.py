@@ -5,7 +5,7 @@ Texts in CSV files that do nothing to whoever opens them, and come back as they 
 A spreadsheet takes a cell that begins with = + - or @ for a formula, and a terminal obeys control
 characters. So of a text in our CSV files
 
-- one that begins so, behind blanks and apostrophes or none, gets an apostrophe before it: `'=1+1`;
+- one that begins so, after blanks and apostrophes or none, gets an apostrophe before it: `'=1+1`;
 - control characters, and those that turn the direction of writing, are written as `\u001b`, and a
   backslash that stands before such a code as `\u005c`;
 - blanks at its ends are written as `\u0020`: those around a cell do not count.
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 WORD_BYTES = 8
 PADDING = bytes(WORD_BYTES)
-"""What a buffer must have behind its texts, so that whole words can be taken from it."""
+"""What a buffer must have after its texts, so that whole words can be taken from it."""
 
 MOST_PATTERNS = 8
 MOST_WORDS = 8
@@ -181,7 +181,7 @@ class TextCodes:
         self._codes = np.full(_SLOTS, -1, np.int64)
         """By the highest bits of a key: the last text that had them."""
         self._known: NDArray[np.uint64] = np.zeros((MOST_WORDS, 16), np.uint64)
-        """The words of each text; zeros behind its end."""
+        """The words of each text; zeros after its end."""
         self._lengths = np.zeros(16, np.int64)
 
     def __len__(self) -> int:
@@ -274,7 +274,7 @@ def harmless(text: str) -> str:
 
 
 def is_written_otherwise(text: str) -> bool:
-    """Tell whether a text, as it is read, means another one."""
+    """Return whether a text, as it is read, means another one."""
     return text.startswith("'") or "\\u" in text
 
 

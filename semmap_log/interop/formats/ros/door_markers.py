@@ -91,7 +91,7 @@ class DoorLook:
 
 
 def is_drawn(door: Door) -> bool:
-    """Tell whether there is something to draw: all of its place is known, and is a number."""
+    """Return whether there is something to draw: all of its place is known, and is a number."""
     return door.is_placed and math.isfinite(sum(door.end))
 
 
@@ -272,7 +272,7 @@ class GridFrame:
 
     at_ns: int
     costs: NDArray[np.uint8]
-    """(height, width), row 0 at the lowest y; looked at before the next frame is asked for."""
+    """(height, width), row 0 at the lowest y; looked at before the next frame is requested."""
     windows: Sequence[CellWindow]
     """Where cells may have changed since the frame before."""
     geometry: GridGeometry | None = None
@@ -291,7 +291,7 @@ def write_grids(
 
     A whole grid follows a change at once, but not within `every_ns` of the one before: then it
     comes when that time is over, or at the end with the time of the last change. So at any moment
-    the last whole grid is at most that much behind.
+    the last whole grid is at most that much after.
 
     Args:
         bag: Has both topics; that of the updates only if they are wanted.
@@ -455,7 +455,7 @@ class EncodedElement:
     at_0: bytes
     """As it is at a multiple of 8."""
     at_4: bytes
-    """As it is 4 bytes behind one."""
+    """As it is 4 bytes after one."""
 
 
 class ArrayType:

@@ -1,4 +1,4 @@
-"""The doors of a door map as lasers are asked about them."""
+"""The doors of a door map as lasers are queried them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NO = frozenset({"", "no", "false", "0", "none"})
 
 
 def places_of(doors: Iterable[Door]) -> DoorPlaces:
-    """Return the places of those that have one; a laser is not asked about what is no door."""
+    """Return the places of those that have one; a laser is not queried what is no door."""
     placed = [door for door in doors if door.is_placed and door.object_class.is_door]
     lines = [(door.x, door.y, door.theta, door.width) for door in placed]
     return DoorPlaces(
@@ -29,12 +29,12 @@ def places_of(doors: Iterable[Door]) -> DoorPlaces:
 
 
 def is_glass(door: Door) -> bool:
-    """Tell whether its annotation `glass` says that light goes through the leaf."""
+    """Return whether its annotation `glass` says that light goes through the leaf."""
     return door.annotations.get("glass", "").strip().lower() not in _NO
 
 
 def changes_places(event: Event) -> bool:
-    """Tell whether an event can change what `places_of` returns."""
+    """Return whether an event can change what `places_of` returns."""
     if isinstance(event, DoorAnnotated):
         return event.key in {"kind", "glass", CLASS}
     if isinstance(event, ClassDefined):

@@ -1,6 +1,6 @@
-"""The lasers of one robot or several: scans wait until TF tells where the laser was.
+"""The lasers of one robot or several: scans wait until TF shows where the laser was.
 
-Whether TF tells where a frame was at a moment: it may come yet, never come, or jump there.
+Whether TF shows where a frame was at a moment: it may come yet, never come, or jump there.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class Lasers:
         return self.tree(robot if robot in self._trees else "")
 
     def _has_poses(self, robot: str) -> bool:
-        """Tell whether a topic of poses puts a robot on the map, instead of TF."""
+        """Return whether a topic of poses puts a robot on the map, instead of TF."""
         rules = self.mapping.scan_rules()
         return any(rule.pose_topic and rule.robot in {None, robot} for rule in rules)
 
@@ -315,7 +315,7 @@ FASTEST_M_S, FASTEST_RAD_S = 2.5, 2.5
 
 
 class Uncovered(NamedTuple):
-    """A moment at which it is not told where a frame was."""
+    """A moment at which it is not given where a frame was."""
 
     frame: str
     parent: str
@@ -326,7 +326,7 @@ class Uncovered(NamedTuple):
 
     @property
     def may_come(self) -> bool:
-        """Tell whether later transforms can tell it."""
+        """Return whether later transforms can see it."""
         return self.off_ns > 0 and not self.is_gap
 
     def __str__(self) -> str:

@@ -33,7 +33,7 @@ LEVEL_TILT = math.radians(1.5)
 LOWEST_M, HIGHEST_M = 0.05, 2.0
 """Over the floor a door's leaf is; what a tilted beam meets elsewhere is no door."""
 REACH_M = 6.0
-"""A beam that did not come back is asked how high it is so far away."""
+"""A beam that did not come back is queried how high it is so far away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,7 @@ class Spreads:
             self._told = (stamp_ns(message.header.stamp), *deviations(message.pose.covariance))
 
     def at(self, when_ns: int) -> tuple[float, float]:
-        """Return the standard deviations in the plane, m, and around z, rad; NaN: not told."""
+        """Return the standard deviations in the plane, m, and around z, rad; NaN: not given."""
         told_ns, sd_xy, sd_theta = self._told
         return (
             (sd_xy, sd_theta) if abs(when_ns - told_ns) <= SPREAD_HOLDS_NS else (math.nan, math.nan)
@@ -312,7 +312,7 @@ LONGEST_S = 1.0
 ANGLES_OFF = 0.02
 """By how much `angle_max` may differ from where the last beam points, rad; or 2.5 increments."""
 UNLIMITED_M = 100.0
-"""`range_max` of a laser that tells none (infinity)."""
+"""`range_max` of a laser that shows none (infinity)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -123,7 +123,7 @@ def counts_of(lasers: Lasers, sightings: LaserSightings) -> Iterator[str]:
 def oddities_of(
     lasers: Lasers, sightings: LaserSightings, when: Callable[[int], str]
 ) -> Iterator[str]:
-    """Yield what is odd, beside what was complained about message by message, and beside doors.
+    """Yield what is odd, next to what was complained about message by message, and next to doors.
 
     Args:
         lasers: Where scans came from.
@@ -245,7 +245,7 @@ class VisitTally:
             yield warning.about(name_of(warning.door_id))
 
     def nothing_met(self, level: int) -> str:
-        """Return why no door was met, as far as it can be told."""
+        """Return why no door was met, as far as it can be given."""
         metres, door_id = self.nearest
         if not self.levels:
             return "the log had no door with a place at the time of the scans"
@@ -280,7 +280,7 @@ class DoorsOverTime(Protocol):
         """Return those of a moment; the same object as before where nothing changed."""
 
     def state(self, door_id: int, since_ns: int, when_ns: int) -> DoorState | None:
-        """Return how a door is by then, by what was said after `since_ns`; None: nothing was."""
+        """Return how a door is by then, by what was stated after `since_ns`; None: nothing was."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,7 +303,7 @@ def source_of(visit: Visit) -> str:
 
 
 def is_laser(source: str) -> bool:
-    """Tell whether a commit's source is a laser of which visits are told so."""
+    """Return whether a commit's source is a laser of which visits are given so."""
     return source.startswith("scan:") and source.endswith(f" {METHOD}")
 
 
@@ -493,7 +493,7 @@ class ScanKeeper:
         """Keep visits that have ended; one ends before its door changes.
 
         Raises:
-            OutputError: They cannot be written, and nobody wants to be told instead.
+            OutputError: They cannot be written, and nobody wants to be given instead.
         """
         for visit in visits:
             if visit_key(visit) not in self._known:

@@ -96,7 +96,7 @@ def ask_id_of(expression: tuple[Expression, ...]) -> AskId:
 
 
 def question_of(expression: tuple[Expression, ...]) -> AskedQuestion:
-    """Return what is asked.
+    """Return what is queried.
 
     Raises:
         QuestionError: It cannot be understood.
@@ -133,7 +133,7 @@ def refusal(ask_id: AskId, problem: str) -> tuple[Expression, ...]:
 
 
 def command_ids(kernel: str, words: Sequence[Expression], now_ns: int) -> tuple[bytes, bytes]:
-    """Return the command ids of an action that is asked for: of this minute, and of the last.
+    """Return the command ids of an action that is queried for: of this minute, and of the last.
 
     Args:
         kernel: Who asks.
@@ -163,7 +163,7 @@ class KernelQuestions:
 
         Args:
             oracle: Knows the answers.
-            doors: What is asked about.
+            doors: What is queried.
             say: Is told of errors of our own.
             clock_ns: Tells which action comes again soon.
         """
@@ -215,7 +215,7 @@ class KernelQuestions:
             end(ENDS)
 
     def waits(self, question: KernelQuestion) -> bool:
-        """Tell whether a question waits for its door."""
+        """Return whether a question waits for its door."""
         return question in self._waits
 
     def end_wait(self, question: KernelQuestion) -> None:
@@ -258,7 +258,7 @@ class KernelQuestions:
         return answer is not None
 
     def _work(self, key: tuple[int, str]) -> None:
-        """Answer the next question of one kernel; those behind it wait for other kernels' turns."""
+        """Answer the next question of one kernel; those after it wait for other kernels' turns."""
         with self._mutex:
             if not self._queues[key]:
                 del self._queues[key]
@@ -333,5 +333,5 @@ class KernelQuestions:
 
 
 def is_ask(expression: Sequence[Expression]) -> bool:
-    """Tell whether a message is a question."""
+    """Return whether a message is a question."""
     return expression[0] == ASK

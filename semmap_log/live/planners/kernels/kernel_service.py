@@ -71,7 +71,7 @@ class Patience:
 
 
 class KernelSession:
-    """Serves the kernels at a passer until it goes, or until told to stop."""
+    """Serves the kernels at a passer until it goes, or until stopped stop."""
 
     def __init__(
         self,
@@ -88,8 +88,8 @@ class KernelSession:
         Args:
             connection: To the passer; it is closed with the session.
             name: Ours.
-            kernels: Who is told of the doors.
-            questions: Answers what is asked.
+            kernels: Who is reported of the doors.
+            questions: Answers what is queried.
             say: Is told of messages that nobody understands.
             patience: With the passer.
         """
@@ -122,10 +122,10 @@ class KernelSession:
             self._waker.send(b"!")
 
     def run(self, stop: Callable[[], bool], changed: Callable[[], DoorMap | None]) -> None:
-        """Serve until told to stop.
+        """Serve until stopped stop.
 
         Args:
-            stop: Asked at each turn.
+            stop: Called at each turn.
             changed: Returns the doors, where they may be others than the last time.
 
         Raises:
@@ -238,7 +238,7 @@ class KernelSession:
             raise ExpressionError("expected (ASK id (QUESTION ...)) or (FACTS).")
 
     def _may_tell(self, now_s: float) -> bool:
-        """Tell whether kernels may be told of the doors now, or something else goes first."""
+        """Return whether kernels may be reported of the doors now, or something else goes first."""
         is_slow = self._connection.waiting_bytes >= MOST_WAITING_BYTES
         is_later = self._questions.is_acting and now_s < self._told_s + ANSWER_FIRST_S
         self._is_held = is_slow or is_later
@@ -286,7 +286,7 @@ LASTING_S = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Kernels:
-    """Where kernels are found, and who is told of the doors."""
+    """Where kernels are found, and who is reported of the doors."""
 
     passer: TcpAddress
     name: str
@@ -332,7 +332,7 @@ class KernelService:
 
         Args:
             oracle: Knows the answers.
-            doors: What kernels are told of.
+            doors: What kernels are reported of.
             kernels: Who, and where.
             say: Is told when the passer comes and goes, and of what cannot be understood.
             clock_ns: Tells which action comes again soon.
@@ -343,7 +343,7 @@ class KernelService:
         self._questions = KernelQuestions(oracle, doors, say=say, clock_ns=clock_ns)
         self._session: KernelSession | None = None
         self._said = ""
-        """What went wrong last: it is told once."""
+        """What went wrong last: it is given once."""
         self._has_changed = threading.Event()
         self._ending = threading.Event()
         self._failure: Exception | None = None
@@ -352,7 +352,7 @@ class KernelService:
 
     @property
     def failure(self) -> Exception | None:
-        """Why no kernel is told anything any more; None: they are."""
+        """Why no kernel is given anything any more; None: they are."""
         return self._failure
 
     def wake(self) -> None:

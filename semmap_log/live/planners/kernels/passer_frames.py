@@ -13,19 +13,19 @@ It never keeps the passer waiting: the passer has one thread, and stands still f
 while a client does not take what it is given, or sends half of something. So what comes is always
 taken, and what goes out is whole messages, of which the system gets as much as it takes.
 
-Which kernels are there, and what each of them is told; no socket.
+Which kernels are there, and what each of them is given; no socket.
 
-The passer tells nobody who comes or goes. It says `(unknown K1)` to who sends K1 something in
+The passer shows nobody who comes or goes. It says `(unknown K1)` to who sends K1 something in
 vain, and does all in order. So a kernel is sent `(DOOR_MAP SEMMAP)`, and we a message to ourselves:
-once that is back, and nothing was said of the kernel, it is there, and is told all.
+once that is back, and nothing was reported about the kernel, it is there, and is given all.
 
 The doors as facts that kernels know.
 
     (DOOR_STATE DOOR_3 OPEN)           or CLOSED UNKNOWN MOVING OFFLINE, or REMOVED
     (DOOR_PROBABILITY DOOR_3 0.75)     its P(open) in the map; NIL: it has none any more
     (DOOR_NAME DOOR_3 "main door")     NIL: it has none any more
-    (DOOR_MAP SEMMAP)                  all facts follow, if they were not asked for
-    (DOOR_FACTS SEMMAP 5)              all facts of five doors have been told, by SEMMAP
+    (DOOR_MAP SEMMAP)                  all facts follow, if they were not requested
+    (DOOR_FACTS SEMMAP 5)              all facts of five doors have been given, by SEMMAP
 
 A door has a fact of each kind at most: `declare ff` in a kernel lets the new one replace the old.
 """
@@ -137,7 +137,7 @@ class PasserConnection:
         return self._received.messages()
 
     def close(self) -> None:
-        """Leave: the passer is told, and what it still sends is taken until it lets go."""
+        """Leave: the passer is given, and what it still sends is taken until it lets go."""
         end_s = time.monotonic() + CLOSE_S
         with contextlib.suppress(OSError):
             self.put(goodbye())
@@ -185,7 +185,7 @@ ECHO = Atom("SEMMAP_ECHO")
 
 @dataclass(slots=True)
 class _Kernel:
-    """One that is to be told of the doors."""
+    """One that is to be reported of the doors."""
 
     is_present: bool = False
     echo: int | None = None
@@ -202,7 +202,7 @@ class ToldKernels:
 
         Args:
             name: Ours.
-            kernels: Who is to be told.
+            kernels: Who is to be given.
             put: Sends a frame.
         """
         self._name = name
@@ -212,7 +212,7 @@ class ToldKernels:
         self._echoes = 0
 
     def take(self, doors: DoorMap) -> None:
-        """Tell what is new to all that are there."""
+        """Return what is new to all that are there."""
         news = self._facts.take(doors)
         present = [name for name, kernel in self._kernels.items() if kernel.is_present]
         if present:
@@ -295,7 +295,7 @@ _INT = struct.Struct(">i")
 
 
 def is_name(name: str) -> bool:
-    """Tell whether messages can be sent to a name without harm to the passer."""
+    """Return whether messages can be sent to a name without harm to the passer."""
     return 0 < len(name.encode(errors="replace")) <= MOST_NAME_BYTES and name.isprintable()
 
 
@@ -418,7 +418,7 @@ REMOVED = Atom("REMOVED")
 
 
 class DoorFacts:
-    """The facts of all doors, as they were told last."""
+    """The facts of all doors, as they were given last."""
 
     def __init__(self) -> None:
         self._changes = ChangedDoors()
@@ -449,10 +449,10 @@ class DoorFacts:
         ]
 
     def complete(self, name: str) -> Fact:
-        """Return the fact that all were told.
+        """Return the fact that all were given.
 
         Args:
-            name: Of who tells them.
+            name: Of who shows them.
         """
         return Atom("DOOR_FACTS"), Atom(name), len(self._told)
 

@@ -77,7 +77,7 @@ class AskServer:
             listener: Where clients come.
             token: What each has to give first; None: nothing.
             say: Is told of errors of our own.
-            most_clients: More are told to come later.
+            most_clients: More are given to come later.
         """
         self._oracle = oracle
         self._listener = listener
@@ -288,7 +288,7 @@ class AskServer:
             connection.is_leaving = True
 
     def _send_off(self, connection: Connection) -> None:
-        """Let go of a client that has not said in time who it is."""
+        """Let go of a client that has not stated in time who it is."""
         connection.answer(write_error(_NO_TOKEN))
         connection.is_leaving = True
         self._serve(connection, 0)
@@ -402,7 +402,7 @@ class AskServer:
 
 
 def _problem(of: Line | Exception, problem: str) -> bytes:
-    """Return the answer to a line that has none, in the form that it was asked in."""
+    """Return the answer to a line that has none, in the form that it was queried in."""
     if isinstance(of, (Line, LineError)):
         return write_error(problem, is_json=of.is_json, given_id=of.given_id)
     return write_error(problem)

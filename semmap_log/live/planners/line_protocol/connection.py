@@ -1,10 +1,10 @@
 """One client of a server of questions: bytes in, lines out of them, and answers that wait.
 
-When clients are to be told that their time is over.
+When clients are to be given that their time is over.
 
 Work of many clients, done in one thread by turns: who has had least of its time comes first.
 
-Who is let in: so many clients, as long as files can be opened; the others are told why not.
+Who is let in: so many clients, as long as files can be opened; the others are given why not.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Deadlines:
 
 
 Work = Iterator[object]
-"""Does one part each time that it is asked for the next; at its end it is done."""
+"""Does one part each time that it is requested the next; at its end it is done."""
 
 
 class Turns:
@@ -141,7 +141,7 @@ class Turns:
 
 
 def _is_over(work: Work) -> bool:
-    """Do the next part of some work, and tell whether it was the last, or has failed."""
+    """Do the next part of some work, and return whether it was the last, or has failed."""
     try:
         next(work)
     except Exception:  # noqa: BLE001  StopIteration, or what the work did not expect: others go on
@@ -238,7 +238,7 @@ def _allow_files(count: int) -> int:
 
 CHUNK_BYTES = 2**14
 MOST_ANSWERS_BYTES = 2**16
-"""A client that does not take its answers is asked nothing more while so many wait."""
+"""A client that does not take its answers is queried nothing more while so many wait."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -377,7 +377,7 @@ class Connection:
             del self._answers[:sent]
 
     def is_abandoned(self) -> bool:
-        """Tell whether nobody is there any more to take an answer, as far as the system knows."""
+        """Return whether nobody is there any more to take an answer, as far as the system knows."""
         poll = select.poll()
         poll.register(self.socket, 0)
         return any(events & (select.POLLHUP | select.POLLERR) for _, events in poll.poll(0))

@@ -156,5 +156,5 @@ def read_token(path: Path) -> str:
 
 
 def is_token(line: bytes, token: str) -> bool:
-    """Tell whether a line gives the token; it takes as long whatever it gives instead."""
+    """Return whether a line gives the token; it takes as long whatever it gives instead."""
     return hmac.compare_digest(line.strip(), f"{TOKEN} {token}".encode())

@@ -5,7 +5,7 @@ The doors as a server offers them: the thesis's DoorMap, and markers for RViz, a
 The stops of the robot's patrol that are left, as a geometry_msgs/PoseArray in frame `map`.
 
 The round is the log's: `PatrolStarted` begins one, planned from that moment on; `PatrolFinished`
-ends it. A log that has no rounds has one from the server's start on. What the log tells after that
+ends it. A log that has no rounds has one from the server's start on. What the log shows after that
 changes the stops as `FollowedRound` says. When the round is over, the array is empty until the log
 has the start of another.
 """
@@ -104,7 +104,7 @@ class ServedDoors:
         self._has_sent = True
 
     def _take_levels(self, doors: DoorMap) -> tuple[set[int], bool]:
-        """Take in new levels and their heights; return the new ones, and if any is drawn anew."""
+        """Take in new levels and their heights; return the new ones, and if any is drawn again."""
         levels = levels_of(doors) | self._levels.keys() or {0}
         elevations = {n: level.elevation for n, level in doors.levels.items()}
         heights = heights_of(LatestDoors(elevations=elevations), dict.fromkeys(levels))
@@ -155,7 +155,7 @@ class ServedPlan:
         Args:
             topics: Where the messages go.
             log: Gives the log with all that is written.
-            warn: Told why a round cannot be planned.
+            warn: Called with why a round cannot be planned.
             wish: What to visit.
         """
         self._topics = topics
@@ -258,7 +258,7 @@ class ServedTopics:
         self._publishers: dict[BagTopic, Publisher] = {}
 
     def offer(self, topic: BagTopic) -> None:
-        """Let subscribers find a topic before anything is said on it.
+        """Let subscribers find a topic before anything is stated on it.
 
         Raises:
             RosError: Its type is not installed.

@@ -71,7 +71,7 @@ class Doors(Protocol):
 @knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class ServeOptions:
-    """What is offered beside the thesis's topic and actions."""
+    """What is offered next to the thesis's topic and actions."""
 
     costmap: bool = False
     floors: dict[int, FloorMap] = field(default_factory=dict)
@@ -86,7 +86,7 @@ class ServeOptions:
 
 
 class Server:
-    """Offers the doors; its `wake` is to be told of each change."""
+    """Offers the doors; its `wake` is to be reported of each change."""
 
     def __init__(
         self, node: RosNode, doors: Doors, wake: threading.Event, options: ServeOptions
@@ -133,11 +133,11 @@ class Server:
             )
 
     def run(self, stop: Callable[[], bool], ready: Callable[[], None] = lambda: None) -> None:
-        """Serve until told to stop, or until ROS ends.
+        """Serve until stopped stop, or until ROS ends.
 
         Args:
             stop: Asked again and again.
-            ready: Told once the map and all actions are offered.
+            ready: Called with once the map and all actions are offered.
 
         Raises:
             RosError: A type is not installed.
@@ -215,7 +215,7 @@ class ServedCostmaps:
             topics: Where the messages go.
             names: Of the topics of levels.
             floor_of: Gives a level's floor plan, as of a door map.
-            warn: Told, once each, why a level has no grid.
+            warn: Called with, once each, why a level has no grid.
             floors: Floor plans that count instead.
             options: What doors cost; all levels are shown.
         """
@@ -265,7 +265,7 @@ class ServedCostmaps:
             self._warn(f"no new costmap of level {level}: {problem}")
 
     def _plan_event(self, doors: DoorMap, level: int) -> int | None:
-        """Return what tells a level's floor plan from another."""
+        """Return what shows a level's floor plan from another."""
         known = doors.levels.get(level)
         return None if known is None or level in self._floors else known.floor_map_event
 
@@ -315,7 +315,7 @@ class _Level:
         self._of_layer, self._of_master = stream(LAYER_NAME), stream(MASTER_NAME)
 
     def has_room_for(self, doors: Changes) -> bool:
-        """Tell whether these doors lie on the grid; a floor plan's size is fixed."""
+        """Return whether these doors lie on the grid; a floor plan's size is fixed."""
         if self._floor is not None:
             return True
         there = (door for door in doors.values() if door and self._is_here(door))

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 FOLDER = "index"
 """In the log's folder."""
 VERSION = 3
-"""Counts up when the columns change: older tables are made anew."""
+"""Counts up when the columns change: older tables are made again."""
 EVENTS, COMMITS = "events", "commits"
 PARTS = (EVENTS, COMMITS)
 _MOST_TOLD = 2**20
@@ -55,12 +55,12 @@ _MOST_TOLD = 2**20
 
 @cache
 def has_pyarrow() -> bool:
-    """Tell whether tables can be read and made here."""
+    """Return whether tables can be read and made here."""
     return importlib.util.find_spec("pyarrow") is not None
 
 
 def binding(segment: Segment) -> dict[str, Any]:
-    """Return what tells a closed segment's events from all others: equal, whatever was compacted.
+    """Return what shows a closed segment's events from all others: equal, whatever was compacted.
 
     Raises:
         CorruptLogError: Its summary is damaged.
@@ -113,7 +113,7 @@ class SegmentTables:
         """Return those of a closed segment; None: it has none.
 
         Raises:
-            StaleIndexError: They are of something else, or it cannot be told what they are of.
+            StaleIndexError: They are of something else, or it cannot be given what they are of.
         """
         path, wanted = told_path(folder, segment.path.stem), binding(segment)
         try:
@@ -325,9 +325,9 @@ def events_about(
     Args:
         reader: Of the log.
         window: Which events.
-        doors: Those; None: all events, which the log tells sooner.
+        doors: Those; None: all events, which the log shows sooner.
         with_newer: Yield events of unknown kinds, too, which may be about any door.
-        progress: Told how far the reading is.
+        progress: Called with how far the reading is.
         on_page: Called with the records of each batch that comes from the log.
         on_rows: Called with what comes from a table.
 
@@ -402,7 +402,7 @@ def _tables(reader: LogReader, window: Window) -> dict[int, SegmentTables]:
 
 
 def has_tables(reader: LogReader) -> bool:
-    """Tell whether a log may have tables, and there is what reads them."""
+    """Return whether a log may have tables, and there is what reads them."""
     folder = reader.given / FOLDER
     return isinstance(folder, Path) and folder.is_dir() and has_pyarrow()
 

@@ -76,8 +76,8 @@ def index(
     Args:
         log: Its folder.
         anew: Make all of them, also those that are good.
-        thorough: Read those that are there, and make damaged ones anew.
-        progress: Told how far it is, events.
+        thorough: Read those that are there, and make damaged ones again.
+        progress: Called with how far it is, events.
         pause: Called between two pieces of work; what it raises ends it.
 
     Raises:
@@ -212,7 +212,7 @@ def index_problems(log: Path) -> list[tuple[Path, str]]:
 
 
 def _problems(log: Path, told: Sequence[Path]) -> Iterator[tuple[Path, str]]:
-    """Yield what is wrong with the tables that these files tell of."""
+    """Yield what is wrong with the tables that these files report of."""
     if not told:
         return
     segments = _indexable(LogReader(log))
@@ -276,7 +276,7 @@ def _index(
 
 
 def _is_good(folder: Path, segment: Segment, *, thorough: bool) -> bool:
-    """Tell whether a segment has tables; thoroughly: whether each byte is as it was written."""
+    """Return whether a segment has tables; thoroughly: whether each byte is as it was written."""
     try:
         tables = SegmentTables.of(folder, segment)
         if tables is not None:
