@@ -136,6 +136,8 @@ further up."""
 COMMIT_CHANNEL = 90
 NOTE_CHANNEL = 91
 KEYFRAME_CHANNEL = 92
+SEQUENCE_RANGE = 2**32
+"""A message's sequence is the number of its event, or of the last before it, modulo this."""
 TOMBSTONE_CHANNEL = 93
 """In trimmed segments only."""
 FLOOR_MAP_CHANNEL = 100

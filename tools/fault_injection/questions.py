@@ -134,6 +134,8 @@ def ask_verb(
     if arguments[0] == "info" and code == 0:
         said = _of_events(said)
     error = stderr.text()[-2000:]
+    stdout.close()
+    stderr.close()
     if code and re.match(r'\{\s*"error": \{', said):  # with --json errors are documents, on stdout
         said, error = "", error + json.loads(said)["error"]["message"]
     return Answer(code, said + _digests(out), error)

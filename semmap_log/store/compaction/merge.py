@@ -35,7 +35,13 @@ from semmap_log.errors import CorruptLogError
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.store.chunks import BuiltChunk, build_chunk
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import CHUNK_BYTES, KEYFRAME_CHANNEL, KEYFRAME_EVERY_BYTES, ROLL_BYTES
+from semmap_log.store.form import (
+    CHUNK_BYTES,
+    KEYFRAME_CHANNEL,
+    KEYFRAME_EVERY_BYTES,
+    ROLL_BYTES,
+    SEQUENCE_RANGE,
+)
 from semmap_log.store.header import with_all_of
 from semmap_log.store.kind_bits import KEYFRAME_BIT, Page
 from semmap_log.store.reading.chunk_table import ChunkTable
@@ -184,7 +190,8 @@ def pages(sources: Iterable[Segment], pause: Pause = no_pause) -> Iterator[Page]
 
     Whole chunks are joined until they are long enough. So a commit's note never parts from it, and
     what has been joined once joins no further: to compact again changes nothing. Small segments
-    that are merged bring more keyframes than are of use: those too near to the last are left out.
+    that are merged bring more keyframes than are of use: those too near to the last are left out,
+    but never that of a trimmed log's horizon, where its history begins.
 
     Raises:
         CorruptLogError: A chunk is not what was written.
@@ -194,7 +201,8 @@ def pages(sources: Iterable[Segment], pause: Pause = no_pause) -> Iterator[Page]
         at = 0
         while at < len(read.ends):
             is_keyframe = bool(read.is_keyframe[at])
-            if is_keyframe and since_keyframe < KEYFRAME_EVERY_BYTES:
+            is_near = since_keyframe < KEYFRAME_EVERY_BYTES
+            if is_keyframe and is_near and not read.is_at_horizon(at):
                 pause(2 * read.size(at))  # neither written nor compared
                 at += 1
                 continue
@@ -248,6 +256,14 @@ class _Read:
         """Number of each chunk's first record."""
         self.is_keyframe = page.heads["channel_id"][self.firsts] == KEYFRAME_CHANNEL
         """By its first record: then it is its only one."""
+
+    def is_at_horizon(self, at: int) -> bool:
+        """Return whether a keyframe holds the state before the first event that is kept."""
+        trimmed = self.segment.header.trimmed
+        if trimmed is None:
+            return False
+        sequence = int(self.page.heads["sequence"][self.firsts[at]])
+        return sequence == (trimmed.horizon - 1) % SEQUENCE_RANGE
 
     def size(self, at: int) -> int:
         """Return the bytes of a chunk's records."""

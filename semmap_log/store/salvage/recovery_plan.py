@@ -41,6 +41,7 @@ from semmap_log.store.form import (
     KEYFRAME_CHANNEL,
     NO_HASH,
     NOTE_CHANNEL,
+    SEQUENCE_RANGE,
     TOMBSTONE_CHANNEL,
     kind_of_channel,
     segment_name,
@@ -54,7 +55,7 @@ from semmap_log.store.records import MESSAGE
 from semmap_log.store.removed_part import read_removed_part
 from semmap_log.store.salvage.rewriting import Rewriter
 from semmap_log.store.segment import SegmentWriter
-from semmap_log.store.trimming.records_left import SEQUENCE_RANGE, KeptRecords
+from semmap_log.store.trimming.records_left import KeptRecords
 from semmap_log.store.verification import (
     GoneCommits,
     Progress,

@@ -26,6 +26,7 @@ from semmap_log.store.form import (
     KEYFRAME_CHANNEL,
     NO_HASH,
     NOTE_CHANNEL,
+    SEQUENCE_RANGE,
     TOMBSTONE_CHANNEL,
     kind_of_channel,
 )
@@ -375,7 +376,6 @@ class RecordsLeft:
             self._kept, self._size = [], 0
 
 
-SEQUENCE_RANGE = 2**32
 MOST_COMMANDS = 4096
 """Of so many a Tombstone keeps what answers them; then comes another."""
 _EMPTY = hashlib.sha256().digest()

@@ -95,11 +95,13 @@ def test_a_copy_that_is_not_what_was_written_is_not_used(
     assert not [f for f in verify(log).findings if f.severity > 1 and f.kind != "trimmed"]
 
 
+@pytest.mark.parametrize("near", [1000, 2**20])
 def test_a_log_that_was_cut_off_can_be_thinned(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    near: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """
-    The keyframe at the horizon, amid a segment, stays, though it knows of sightings that go.
+    The keyframe at the horizon, amid a segment, stays, though it contains sightings that go, and
+    though it is near the one before it, since what lay between them went.
     """
     monkeypatch.setattr(care, "KEYFRAME_EVERY_BYTES", 2000)
     monkeypatch.setattr(care, "KEYFRAME_RARITY", 0)
@@ -110,6 +112,7 @@ def test_a_log_that_was_cut_off_can_be_thinned(
     horizon = LogReader(log).horizon
     assert LogReader(log).horizon_place().chunk > 0
     before = answers(log, asked)
+    monkeypatch.setattr(merge, "KEYFRAME_EVERY_BYTES", near)
 
     trim_log(log, Thinning(LogReader(log), recorded(log, 180)))
 
