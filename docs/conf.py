@@ -104,7 +104,7 @@ class ParquetColumns(Directive):
 
     def run(self) -> list[nodes.Node]:
         """Return a table."""
-        from semmap_log.core.arrow.table_columns import HISTORY_COLUMNS
+        from semmap_log.core.arrow.table import HISTORY_COLUMNS
 
         lines = ["| column | type | means |", "| --- | --- | --- |"]
         for one in HISTORY_COLUMNS:

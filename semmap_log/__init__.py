@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from semmap_log.errors import SemmapError
     from semmap_log.fleet.jobs.fleet_run import fleet
     from semmap_log.fleet.join.joining_logs import join
-    from semmap_log.log.door_log.appended import Appended
+    from semmap_log.log.door_log.appender import Appended
     from semmap_log.log.door_log.door_log import DoorLog
     from semmap_log.log.door_log.door_log_writer import DoorLogWriter
     from semmap_log.log.door_log.opening import append, create
@@ -70,7 +70,7 @@ _HOMES = {
         "Geometry",
         "ObjectClass",
     ),
-    "log.door_log.appended": ("Appended",),
+    "log.door_log.appender": ("Appended",),
     "log.door_log.door_log": ("DoorLog",),
     "log.door_log.door_log_writer": ("DoorLogWriter",),
     "log.door_log.opening": (

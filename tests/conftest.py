@@ -55,7 +55,7 @@ def clock() -> SteadyClock:
 @pytest.fixture
 def patient_poses(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let poses wait for a commit to join, however slow this machine is: not only a second."""
-    monkeypatch.setattr("semmap_log.log.door_log.appended.POSES_WAIT_S", 100)
+    monkeypatch.setattr("semmap_log.log.door_log.appender.POSES_WAIT_S", 100)
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from semmap_log.core.model.moments import parse_instant
 from semmap_log.errors import DoorExistsError, DoorRemovedError, EarlyEventsWarning
 from semmap_log.interop.importing.importing import ImportOptions, import_file
 from semmap_log.interop.importing.present_log import backdate
-from semmap_log.log.door_log.door_labels import open_any, summarize
+from semmap_log.log.door_log.summary import open_any, summarize
 from semmap_log.log.replay.state import state_at
 from tests.conftest import SteadyClock
 

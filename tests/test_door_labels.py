@@ -11,7 +11,7 @@ from semmap_log.cli import main
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAdded, DoorAnnotated, LevelAdded
 from semmap_log.errors import EarlyEventsWarning
-from semmap_log.log.door_log.door_labels import labels_of
+from semmap_log.log.door_log.summary import labels_of
 
 
 def log_of(path: Path, *doors: tuple[int, str | None]) -> sl.DoorLog:

@@ -38,7 +38,7 @@ from semmap_log.interop.exporting.stream import StreamOptions
 from semmap_log.interop.importing.importing import ImportOptions, import_file
 from semmap_log.live.ros.player import PlayOptions
 from semmap_log.live.ros.serving.server import ServeOptions
-from semmap_log.log.door_log.times import LogTables
+from semmap_log.log.door_log.queries import LogTables
 from tests.conftest import SteadyClock
 
 UNKNOWN = "acuracy_of_nothing"
@@ -120,10 +120,10 @@ def test_events_refuse_what_they_do_not_know(kind: type[Any]) -> None:
 TAKE_ANY = {
     "semmap_log.core.model.keywords.checked": "asks for unknown ones first",
     "semmap_log.core.batches.taken_columns.of": "asks the kind for its fields",
-    "semmap_log.views.plots.matplotlib_sdk.new_figure": "matplotlib's own, which refuses others",
+    "semmap_log.views.plots.figures.new_figure": "matplotlib's own, which refuses others",
     "semmap_log.interop.formats.ros.ros_types.new": "a message's fields, which its class knows",
     "semmap_log.core.arrow.scanned_table.scanner": "DuckDB's own, which says more than is wanted",
-    "semmap_log.log.door_log.times.sql": "names of logs, as whoever asks calls them",
+    "semmap_log.log.door_log.queries.sql": "names of logs, as whoever asks calls them",
     "semmap_log.analysis.sql.sql_query.sql": "names of logs, as whoever asks calls them",
     "semmap_log.fleet.__call__": "hands all on to `fleet_run.fleet`, which is looked at above",
 }

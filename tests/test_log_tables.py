@@ -13,7 +13,7 @@ import pyarrow as pa
 import pytest
 
 import semmap_log as sl
-from semmap_log.core.arrow.table_columns import COLUMNS, HISTORY_COLUMNS
+from semmap_log.core.arrow.table import COLUMNS, HISTORY_COLUMNS
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import (
     DoorAnnotated,

@@ -9,7 +9,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.core.model.events import RobotPose
-from semmap_log.log.door_log.door_labels import open_any, summarize
+from semmap_log.log.door_log.summary import open_any, summarize
 from tests.cli.test_verify import semmap
 from tests.conftest import SteadyClock
 

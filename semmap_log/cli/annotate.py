@@ -12,7 +12,7 @@ import typer
 from semmap_log.cli.common import AsJson, DoorName, WritableLog, print_json, takes_about
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.appended import Appended
+    from semmap_log.log.door_log.appender import Appended
     from semmap_log.log.door_log.door_log_writer import About
 
 

@@ -274,7 +274,7 @@ def _refuse_useless(
 
 def _tell_left_out(left_out: Sequence[tuple[Door, str]], door_map: DoorMap) -> None:
     """Say a line for each reason, with the first of the doors."""
-    from semmap_log.log.door_log.door_labels import labels_of
+    from semmap_log.log.door_log.summary import labels_of
 
     labels = labels_of(door_map)
     reasons = dict.fromkeys(why for _, why in left_out)

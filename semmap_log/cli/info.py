@@ -43,7 +43,7 @@ def run(
     from semmap_log.core.io.url_path import place_of
     from semmap_log.interop.formats.json.door_json import day_to_json
     from semmap_log.log.door_log.day import day_of_doors
-    from semmap_log.log.door_log.door_labels import open_any, summarize
+    from semmap_log.log.door_log.summary import open_any, summarize
 
     with progress("Reading") as told:
         summary = summarize(open_any(log), progress=told)

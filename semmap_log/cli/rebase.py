@@ -142,7 +142,7 @@ def _moment(log: DoorLog, level: str | None, about: About) -> RebaseMoment:
     import semmap_log as sl
     from semmap_log.core.io.clock import SystemClock
     from semmap_log.interop.importing.rebase_files import RebaseMoment
-    from semmap_log.log.door_log.times import happened_ns_of
+    from semmap_log.log.door_log.queries import happened_ns_of
 
     now_ns, before, command_id = SystemClock().wall_ns(), None, about.get("command_id")
     if isinstance(log, sl.DoorLogWriter):

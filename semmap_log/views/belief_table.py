@@ -22,7 +22,7 @@ from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId, DoorMap, DoorState
 from semmap_log.core.model.moments import format_local
 from semmap_log.core.texts import counted
-from semmap_log.log.door_log.appended import Appended
+from semmap_log.log.door_log.appender import Appended
 from semmap_log.log.door_log.door_log import DoorLog, Time
 from semmap_log.log.door_log.explanation import Explanation
 from semmap_log.views import column_table

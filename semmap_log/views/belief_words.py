@@ -17,7 +17,7 @@ from semmap_log.analysis.probabilities.evidence.coverage import WEEK, spans_in_s
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.moments import format_local, format_short
 from semmap_log.core.texts import counted
-from semmap_log.log.door_log.door_labels import told_apart
+from semmap_log.log.door_log.summary import told_apart
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT
 

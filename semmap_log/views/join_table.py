@@ -25,7 +25,7 @@ from semmap_log.core.texts import command_line, counted
 from semmap_log.fleet.join.door_plan import BuildingDoor
 from semmap_log.fleet.join.join_building import DoorConflict, DoorProposal
 from semmap_log.fleet.join.joined_logs import JoinedLogs
-from semmap_log.log.door_log.door_labels import labels_of
+from semmap_log.log.door_log.summary import labels_of
 from semmap_log.views.column_table import CellValue, ColumnTable, TableColumn
 
 

@@ -39,7 +39,7 @@ from semmap_log.views.event_words import printable, words_of
 
 if TYPE_CHECKING:
     from semmap_log.core.folds.history import Diff, FieldChange, HistoryEntry
-    from semmap_log.log.door_log.door_labels import LogSummary, PersonalData
+    from semmap_log.log.door_log.summary import LogSummary, PersonalData
     from semmap_log.log.replay.read_model.indexing import IndexState
     from semmap_log.store.clock_check import SuspectCommit
 

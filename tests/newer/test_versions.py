@@ -16,7 +16,7 @@ from semmap_log.store.form import (
     LAST_EVENT_CHANNEL,
     topics,
 )
-from semmap_log.store.kind_bits import UNKNOWN_BIT
+from semmap_log.store.pages import UNKNOWN_BIT
 
 KINDS_OF = {
     "3.0": {

@@ -18,7 +18,7 @@ from semmap_log.core.folds.levels import DoorsPresent
 from semmap_log.core.model.events import DoorAnnotated, DoorObserved
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.interop.formats.json.door_json import door_map_to_json
-from semmap_log.log.door_log.door_labels import backdated, since_ever_ns
+from semmap_log.log.door_log.summary import backdated, since_ever_ns
 from semmap_log.store.reading.reader import LogReader
 
 

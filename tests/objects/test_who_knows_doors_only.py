@@ -15,7 +15,7 @@ from semmap_log.core.model.events import ClassDefined, FloorMap
 from semmap_log.errors import CommandError
 from semmap_log.interop.exporting.log_files import export
 from semmap_log.interop.exporting.stream_topics import LatestDoors, LevelDoors, ThesisDoors
-from semmap_log.interop.formats.ros.door_markers import DoorMarkers, ThesisMessages
+from semmap_log.interop.formats.ros.door_messages import DoorMarkers, ThesisMessages
 from semmap_log.interop.importing.importing import ImportOptions, import_file
 from semmap_log.interop.topics.lasers.door_places import changes_places, places_of
 from semmap_log.live.planners.door_view import DoorView

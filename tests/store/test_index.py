@@ -125,7 +125,7 @@ def test_a_column_of_one_value_stands_for_no_other(tmp_path: Path) -> None:
 
 def _spans(path: Path) -> list[tuple[int, int, int]]:
     """Return the number and the span of each chunk's events, by our own reading."""
-    from semmap_log.store.kind_bits import Page
+    from semmap_log.store.pages import Page
 
     (segment,) = sl.read(path)._reader.segments
     spans = []

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from semmap_log.views.label_places import drawable, in_metres, round_length
+from semmap_log.views.costmap_picture import drawable, in_metres, round_length
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
 from semmap_log.core.model.doors import DoorState
 from semmap_log.errors import CostmapError
-from semmap_log.views.label_places import MARGIN_PX, DoorMark, costmap_png
+from semmap_log.views.costmap_picture import MARGIN_PX, DoorMark, costmap_png, fitted, font
 from semmap_log.views.palette import COST_DOORS
 
 ROOM = np.zeros((40, 60), np.uint8)
@@ -169,3 +169,21 @@ def test_another_shape_is_refused():
     """
     with pytest.raises(CostmapError, match=r"expected cells \(40, 60\), got \(60, 40\)"):
         costmap_png(ROOM.T, GEOMETRY)
+
+
+def test_a_name_of_any_length_is_cut_before_it_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    Else each letter that goes would have the rest measured again: hours, for a stranger's name.
+    """
+    measured: list[int] = []
+    draw = ImageDraw.Draw(Image.new("L", (1, 1)))
+    length = draw.textlength
+    monkeypatch.setattr(
+        draw, "textlength", lambda text, f: (measured.append(len(text)), length(text, f))[1]
+    )
+
+    said = fitted(draw, "x" * 60_000, 100, 11)
+
+    assert said.endswith("...")
+    assert length(said, font(11)) <= 100
+    assert sum(measured) < 10_000

@@ -6,7 +6,7 @@ from itertools import combinations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.views.label_places import FAR_PX, NEAR_PX, LabelPlaces
+from semmap_log.views.costmap_picture import FAR_PX, NEAR_PX, LabelPlaces
 
 points = st.tuples(st.floats(0, 300), st.floats(0, 200))
 

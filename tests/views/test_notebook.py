@@ -187,7 +187,7 @@ def test_without_matplotlib_a_plot_says_what_to_install(
     log: sl.DoorLogWriter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    for name in ("matplotlib_sdk", "lanes"):
+    for name in ("figures", "lanes"):
         monkeypatch.delitem(sys.modules, f"semmap_log.views.plots.{name}", raising=False)
 
     for plot in (log.plot, log.timeline(1).plot):

@@ -24,7 +24,7 @@ from fault_injection.story import Act, Story
 from semmap_log.core.model.events import PatrolStarted
 from semmap_log.errors import LogError, LogPoisonedError, SemmapError
 from semmap_log.interop.exporting.log_files import export
-from semmap_log.log.door_log.appended import Appended
+from semmap_log.log.door_log.appender import Appended
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.store.compaction import compact
 

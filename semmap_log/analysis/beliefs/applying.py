@@ -17,7 +17,7 @@ from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.meaning import Changed
 from semmap_log.core.model.moments import format_local
 from semmap_log.core.texts import counted
-from semmap_log.log.door_log.appended import Appended
+from semmap_log.log.door_log.appender import Appended
 from semmap_log.log.door_log.door_commands import content_of
 from semmap_log.log.door_log.door_log import Time
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter

@@ -32,7 +32,7 @@ from semmap_log.errors import MomentError, UnknownDoorError
 from semmap_log.log.door_log.clock_warnings import warn_of_clock
 from semmap_log.log.door_log.door_log import DoorLog, Time
 from semmap_log.log.door_log.known_later import known_later, moment_asked_ns
-from semmap_log.log.door_log.times import doors_listed
+from semmap_log.log.door_log.queries import doors_listed
 
 if TYPE_CHECKING:
     from semmap_log.analysis.probabilities.sensors.sensor_doubts import SensorDoubt

@@ -22,7 +22,7 @@ from semmap_log.errors import UnknownDoorError
 from semmap_log.log.door_log.door_log import DoorLog, Time
 from semmap_log.log.door_log.explanation import Explanation, NextChange, StateReason
 from semmap_log.log.door_log.known_later import moment_asked_ns, state_reason
-from semmap_log.log.door_log.times import NEAR_NS
+from semmap_log.log.door_log.queries import NEAR_NS
 
 
 @knows_keywords

@@ -45,7 +45,7 @@ from semmap_log.core.arrow.scanned_table import (
     equal,
     microseconds,
 )
-from semmap_log.core.arrow.table_columns import (
+from semmap_log.core.arrow.table import (
     COLUMNS,
     KIND,
     STATE,
@@ -62,8 +62,8 @@ from semmap_log.core.model.events import KINDS, RobotPose
 from semmap_log.core.model.meaning import FIELDS
 from semmap_log.core.model.moments import SECOND_NS, parse_duration
 from semmap_log.log.door_log.door_log import DoorLog, Time
-from semmap_log.log.door_log.times import LogPart
-from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.log.door_log.queries import LogPart
+from semmap_log.store.pages import bits_of_kinds
 from semmap_log.store.reading.window import Window
 
 

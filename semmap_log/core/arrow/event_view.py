@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.arrow.arrow_sdk import pa
-from semmap_log.core.arrow.table_columns import (
+from semmap_log.core.arrow.table import (
     HISTORY_COLUMNS,
     STATE,
     TIME,

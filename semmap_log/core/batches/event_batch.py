@@ -458,7 +458,7 @@ class EventBatch(MadeOfColumns):
         Raises:
             MissingExtraError: pyarrow is not installed.
         """
-        from semmap_log.core.arrow.table_columns import table_of
+        from semmap_log.core.arrow.table import table_of
 
         return table_of(self)
 

@@ -52,8 +52,8 @@ from semmap_log.fleet.jobs.job import (
     joined_answer,
 )
 from semmap_log.fleet.jobs.ray_engine import RayEngine
-from semmap_log.log.door_log.door_labels import labels_ever
 from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log.door_log.summary import labels_ever
 from semmap_log.log.replay.care import verify
 from semmap_log.log.replay.replay import Scope
 from semmap_log.store.verification import Severity

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.core.arrow.history_table import plain_texts
 from semmap_log.core.arrow.parquet import FOOTER_END, footer_bytes, rows_in, write_parquet
-from semmap_log.core.arrow.table_columns import COLUMNS, RETRACTED, SAID, schema_of
+from semmap_log.core.arrow.table import COLUMNS, RETRACTED, SAID, schema_of
 from semmap_log.core.io.disk import output_errors, whole_file
 from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.io.url_path import UrlPath, place_of

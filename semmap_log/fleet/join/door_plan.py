@@ -18,7 +18,7 @@ from semmap_log.core.model.events import DoorAdded, DoorRemoved, FloorMap
 from semmap_log.errors import FormatError, SemmapError
 from semmap_log.fleet.join.joined_logs import DoorRow, JoinedLog, JoinedLogs, log_called
 from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.pages import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
 

@@ -38,7 +38,7 @@ from semmap_log.log.replay.replay import kept_commits
 from semmap_log.log.replay.state import retractions_behind
 from semmap_log.log.rewriting.new_numbers import LogAnew
 from semmap_log.store.header import LogInfo
-from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.pages import bits_of_kinds
 from semmap_log.store.reading.following import FollowedCommit
 from semmap_log.store.reading.window import Window
 

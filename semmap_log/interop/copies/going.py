@@ -18,7 +18,7 @@ from semmap_log.interop.formats.kept_scans.reading import has_kept_scans
 from semmap_log.log.trimming.redaction import Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning
 from semmap_log.log.trimming.trim_log import Retention, TrimRule
-from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.pages import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
 

@@ -45,9 +45,9 @@ from semmap_log.interop.formats.files.pddl import (
 )
 from semmap_log.interop.formats.files.thesis_yaml import dump_thesis_yaml
 from semmap_log.interop.formats.json.door_json import line_to_json
-from semmap_log.interop.formats.ros.door_markers import is_drawn
-from semmap_log.log.door_log.door_labels import labels_of
+from semmap_log.interop.formats.ros.door_messages import is_drawn
 from semmap_log.log.door_log.door_log import DoorLog, Time
+from semmap_log.log.door_log.summary import labels_of
 from semmap_log.log.replay.replay import Scope, happened_by
 from semmap_log.store.reading.window import Window
 

@@ -47,7 +47,7 @@ from semmap_log.interop.exporting.stream_topics import (
     heights_of,
 )
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
-from semmap_log.interop.formats.ros.door_markers import DoorMarkers, ThesisMessages, grid_message
+from semmap_log.interop.formats.ros.door_messages import DoorMarkers, ThesisMessages, grid_message
 from semmap_log.interop.formats.ros.ros_types import (
     DOOR_MAP,
     GRID,

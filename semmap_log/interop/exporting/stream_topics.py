@@ -23,7 +23,7 @@ from semmap_log.core.model.doors import (
 from semmap_log.core.model.events import ClassDefined, DoorAnnotated, DoorEvent, Event, LevelAdded
 from semmap_log.core.model.meaning import Presence
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
-from semmap_log.interop.formats.ros.door_markers import (
+from semmap_log.interop.formats.ros.door_messages import (
     DoorLook,
     DoorMarkers,
     EncodedElement,

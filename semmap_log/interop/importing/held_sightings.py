@@ -34,7 +34,7 @@ from semmap_log.interop.formats.files.csv_sightings import Rows, Sightings, accu
 from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.importing.import_plan import ImportPlan, Present
 from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.pages import bits_of_kinds
 from semmap_log.store.reading.window import Window
 
 

@@ -26,7 +26,7 @@ from semmap_log.interop.importing.line_commits import NumberMap, PlannedCommit, 
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.store.gone_commands import StoredCommand
-from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.pages import bits_of_kinds
 from semmap_log.store.reading.window import Window
 
 TOLD_EVERY = 1000

@@ -28,15 +28,15 @@ from semmap_log.core.model.events import (
 from semmap_log.errors import CommandError, SemmapError, UnknownLevelError
 from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.formats.ros.ros_types import MessageType, decode_message, short_name
-from semmap_log.interop.topics.lasers.laser_topics import LaserScans, RobotFrames, RobotPlaces
-from semmap_log.interop.topics.lasers.lasers import Lasers, RobotScan
-from semmap_log.interop.topics.robot_poses import (
+from semmap_log.interop.topics.door_maps import (
     ClickedDoors,
     DoorMaps,
     PoseFilter,
     Poses,
     Transforms,
 )
+from semmap_log.interop.topics.lasers.laser_topics import LaserScans, RobotFrames, RobotPlaces
+from semmap_log.interop.topics.lasers.lasers import Lasers, RobotScan
 from semmap_log.interop.topics.topic_reader import (
     Context,
     DoorsByName,

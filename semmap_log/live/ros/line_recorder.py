@@ -35,7 +35,7 @@ from semmap_log.interop.formats.json.event_json_reader import (
 )
 from semmap_log.interop.formats.parsing.foreign_file import FileOrder
 from semmap_log.interop.formats.parsing.strict_json import load_object
-from semmap_log.log.door_log.appended import POSES_WAIT_S, Appended
+from semmap_log.log.door_log.appender import POSES_WAIT_S, Appended
 from semmap_log.log.door_log.door_commands import content_of
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 

@@ -14,7 +14,7 @@ from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from semmap_log.core.arrow.table_columns import HISTORY_COLUMNS, RETRACTED, SAID, THEN, Column
+from semmap_log.core.arrow.table import HISTORY_COLUMNS, RETRACTED, SAID, THEN, Column
 from semmap_log.core.batches.event_batch import EventBatch, Retractions
 from semmap_log.core.folds.door_changes import NamesThen, levels_told
 from semmap_log.core.io.prefetch import ahead
@@ -36,7 +36,7 @@ from semmap_log.log.replay.read_model.events_about import (
     not_used,
     tables_of,
 )
-from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.pages import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import SaidFinder, end_of
 from semmap_log.store.reading.segment_scan import Segment
@@ -131,7 +131,7 @@ def _maker(reader: LogReader, columns: Sequence[Column]) -> Callable[[pa.Table],
     """Return what makes a table of such columns of a segment's rows."""
     from semmap_log.core.arrow.arrow_sdk import pa
     from semmap_log.core.arrow.history_table import stored_column, stored_events
-    from semmap_log.core.arrow.table_columns import column_of, texts_array
+    from semmap_log.core.arrow.table import column_of, texts_array
 
     known = reader.retractions()
     wanted = {column.name for column in columns}

@@ -52,8 +52,8 @@ from semmap_log.log.door_log.door_index import (
     several_removed,
 )
 from semmap_log.log.door_log.known_past import KnownPast
+from semmap_log.log.door_log.queries import Time, happened_ns_of
 from semmap_log.log.door_log.rebasing import are_same
-from semmap_log.log.door_log.times import Time, happened_ns_of
 from semmap_log.log.replay.care import WrittenState
 from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.reading.reader import LogReader

@@ -44,7 +44,7 @@ from semmap_log.core.model.moments import (
 )
 from semmap_log.core.texts import counted
 from semmap_log.errors import ClockTimeWarning, LogError, MomentError
-from semmap_log.log.door_log.times import (
+from semmap_log.log.door_log.queries import (
     NEAR_NS,
     LogQueries,
     LogTables,
@@ -55,7 +55,7 @@ from semmap_log.log.door_log.times import (
 from semmap_log.log.replay.replay import Scope, replay, visible_batches
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
-from semmap_log.store.kind_bits import EVENT_BITS, bits_of_kinds
+from semmap_log.store.pages import EVENT_BITS, bits_of_kinds
 from semmap_log.store.reading.reader import LogReader, OnPage
 from semmap_log.store.reading.window import EVERYTHING, Window
 
@@ -65,8 +65,8 @@ if TYPE_CHECKING:
     from semmap_log.core.folds.early_events import EarlyEvents
     from semmap_log.core.folds.history import Diff, HistoryEntry
     from semmap_log.core.folds.timeline import Timeline
-    from semmap_log.log.door_log.door_labels import LogSummary
     from semmap_log.log.door_log.explanation import Explanation
+    from semmap_log.log.door_log.summary import LogSummary
     from semmap_log.log.replay.live_fold import LiveState
     from semmap_log.store.reading.commit_finder import CommitFinder
     from semmap_log.store.reading.following import FollowedCommit
@@ -505,25 +505,25 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def early_events(self) -> EarlyEvents:
         """Return what the log reports of doors before they were added, which no answer counts."""
-        from semmap_log.log.door_log.door_labels import early_events
+        from semmap_log.log.door_log.summary import early_events
 
         return early_events(self._reader)
 
     def since_ever_ns(self) -> int | None:
         """Return a whole second before the first thing that the log shows; None: it shows none."""
-        from semmap_log.log.door_log.door_labels import since_ever_ns
+        from semmap_log.log.door_log.summary import since_ever_ns
 
         return since_ever_ns(self._reader)
 
     def backdated(self, doors: Collection[DoorId], since_ns: int) -> list[Event]:
         """Return the events of one commit by which doors are in the map from an earlier time on."""
-        from semmap_log.log.door_log.door_labels import backdated
+        from semmap_log.log.door_log.summary import backdated
 
         return backdated(self._reader, doors, since_ns)
 
     def summary(self, *, progress: Progress | None = None) -> LogSummary:
         """Return what the log holds, in a page; reads all of it."""
-        from semmap_log.log.door_log.door_labels import summarize
+        from semmap_log.log.door_log.summary import summarize
 
         return summarize(self._reader, progress=progress)
 
@@ -821,7 +821,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             UnknownDoorError: None, more than one, or one that was removed by then.
         """
-        from semmap_log.log.door_log.times import door_in
+        from semmap_log.log.door_log.queries import door_in
 
         return door_in(door, self._reader, scope, door_map)
 
@@ -852,7 +852,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def door_labels(self) -> dict[DoorId, str]:
         """Return the same for messages: level/name where several doors bear the name."""
-        from semmap_log.log.door_log.door_labels import labels_ever
+        from semmap_log.log.door_log.summary import labels_ever
 
         return labels_ever(replay(self._reader, with_newer=True))
 
@@ -862,12 +862,12 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Raises:
             UnknownDoorError: There is none, and never was.
         """
-        from semmap_log.log.door_log.times import door_ever
+        from semmap_log.log.door_log.queries import door_ever
 
         return door_ever(door, self._reader)
 
     def _ids_ever(self, doors: Iterable[DoorId | str]) -> list[DoorId]:
-        from semmap_log.log.door_log.times import ids_ever
+        from semmap_log.log.door_log.queries import ids_ever
 
         return ids_ever(doors, self._reader)
 

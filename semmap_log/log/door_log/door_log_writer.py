@@ -22,7 +22,7 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.core.model.keywords import knows_its_keywords, share_keywords
 from semmap_log.errors import InvalidEventError
-from semmap_log.log.door_log.appended import Appended, Appender
+from semmap_log.log.door_log.appender import Appended, Appender
 from semmap_log.log.door_log.current_map import (
     CommandContext,
     Events,
@@ -49,7 +49,7 @@ from semmap_log.log.door_log.door_commands import (
 from semmap_log.log.door_log.door_index import DoorIndex
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.known_past import KnownPast
-from semmap_log.log.door_log.times import Time
+from semmap_log.log.door_log.queries import Time
 from semmap_log.log.replay.care import WrittenState
 from semmap_log.log.replay.replay import Scope
 from semmap_log.store.gone_commands import StoredCommand

@@ -10,9 +10,9 @@ from semmap_log.core.folds.history import HistoryEntry
 from semmap_log.core.folds.timeline import timeline
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.moments import Moment, format_local
-from semmap_log.log.door_log.door_labels import remedy as remedy_of_early
 from semmap_log.log.door_log.door_log import DoorLog, Time
 from semmap_log.log.door_log.explanation import StateReason
+from semmap_log.log.door_log.summary import remedy as remedy_of_early
 from semmap_log.log.replay.read_model.events_about import about
 from semmap_log.log.replay.replay import Scope
 from semmap_log.store.reading.window import Window

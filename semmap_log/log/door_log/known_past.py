@@ -66,7 +66,7 @@ from semmap_log.log.door_log.door_index import (
     told_absent,
     with_levels,
 )
-from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.pages import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
 

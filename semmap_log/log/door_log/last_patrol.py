@@ -20,7 +20,7 @@ from semmap_log.core.model.meaning import Presence
 from semmap_log.core.model.moments import Moment
 from semmap_log.log.replay.change_finder import ChangeFinder
 from semmap_log.log.replay.read_model.events_about import SegmentTables, events_about
-from semmap_log.store.kind_bits import Page, bits_of_kinds
+from semmap_log.store.pages import Page, bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import SaidFinder, batches_of
 from semmap_log.store.reading.segment_scan import Segment

@@ -35,7 +35,7 @@ from semmap_log.store.form import (
     KEYFRAME_EVERY_BYTES,
     KEYFRAME_RARITY,
 )
-from semmap_log.store.kind_bits import Page
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.record_scan import ScannedRecords
 from semmap_log.store.records import MESSAGE

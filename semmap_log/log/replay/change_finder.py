@@ -12,7 +12,7 @@ from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.history import Changes, changes_of
 from semmap_log.core.model.events import Retracted
 from semmap_log.log.replay.state import state_at
-from semmap_log.store.kind_bits import Page
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment

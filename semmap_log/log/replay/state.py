@@ -85,7 +85,7 @@ from semmap_log.errors import (
 from semmap_log.log.replay import keyframes
 from semmap_log.log.replay.plain_state import dump_plain, load_plain
 from semmap_log.store.header import TrimReason
-from semmap_log.store.kind_bits import EVENT_BITS, EXPIRING_BITS, KEYFRAME_BIT, bits_of_kinds
+from semmap_log.store.pages import EVENT_BITS, EXPIRING_BITS, KEYFRAME_BIT, bits_of_kinds
 from semmap_log.store.reading.reader import BEGINNING, ChunkPlace, LogReader
 from semmap_log.store.reading.segment_reading import page_at
 from semmap_log.store.reading.segment_scan import Segment

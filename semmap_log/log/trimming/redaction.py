@@ -21,7 +21,7 @@ from semmap_log.log.replay.state import pins, unpacked, with_state
 from semmap_log.store import records as mcap
 from semmap_log.store.form import NOTE_CHANNEL
 from semmap_log.store.header import TrimReason
-from semmap_log.store.kind_bits import KEYFRAME_BIT, NOTE_BIT, Page, bits_of_kinds
+from semmap_log.store.pages import KEYFRAME_BIT, NOTE_BIT, Page, bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window

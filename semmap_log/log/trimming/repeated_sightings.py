@@ -33,7 +33,7 @@ from semmap_log.core.model.events import (
 from semmap_log.core.model.moments import format_second
 from semmap_log.log.replay import keyframes
 from semmap_log.store.header import TrimReason
-from semmap_log.store.kind_bits import Page, bits_of_counts, bits_of_kinds
+from semmap_log.store.pages import Page, bits_of_counts, bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment

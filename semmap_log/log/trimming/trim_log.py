@@ -44,7 +44,7 @@ from semmap_log.log.replay.state import (
 from semmap_log.store.folder import refuse_zip
 from semmap_log.store.form import kinds_of
 from semmap_log.store.header import TrimReason
-from semmap_log.store.kind_bits import EXPIRING, KEYFRAME_BIT, Page, bits_of_kinds
+from semmap_log.store.pages import EXPIRING, KEYFRAME_BIT, Page, bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import commit_of, end_of
 from semmap_log.store.reading.segment_scan import Segment

@@ -43,7 +43,7 @@ from semmap_log.store.form import (
     SEQUENCE_RANGE,
 )
 from semmap_log.store.header import with_all_of
-from semmap_log.store.kind_bits import KEYFRAME_BIT, Page
+from semmap_log.store.pages import KEYFRAME_BIT, Page
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.invariants import ReadPosition, place_behind
 from semmap_log.store.reading.page_reading import read_page

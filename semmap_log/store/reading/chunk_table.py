@@ -20,7 +20,7 @@ from semmap_log.core.io.byte_source import ByteSource
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import MOST_HEAD_BYTES, StoredChunk, read_chunk_head
-from semmap_log.store.kind_bits import bits_of_channels
+from semmap_log.store.pages import bits_of_channels
 from semmap_log.store.record_scan import (
     FREE_CHUNK_BYTES,
     MAX_CHUNK_BYTES,

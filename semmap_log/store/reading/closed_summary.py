@@ -24,8 +24,8 @@ from semmap_log.store import records as mcap
 from semmap_log.store.chunks import NO_SPAN
 from semmap_log.store.form import INDEX_METADATA, kinds_of
 from semmap_log.store.header import next_events_in_index, read_index
-from semmap_log.store.kind_bits import Page
 from semmap_log.store.opening_records import Metadata, MetadataIndex, Statistics
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.chunk_table import LEAST_INDEX_BYTES, ChunkTable, rows_of_indexes
 from semmap_log.store.record_scan import ChunkDamage, frames
 

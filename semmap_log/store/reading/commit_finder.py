@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from semmap_log.core.model.commits import Commit
-from semmap_log.store.kind_bits import Page
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
 

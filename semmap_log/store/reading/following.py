@@ -15,7 +15,7 @@ import numpy as np
 
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.core.model.commits import Commit
-from semmap_log.store.kind_bits import Page
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.newer_events import unknown_kinds, without_newer
 from semmap_log.store.reading.reader import ChunkPlace, LogReader
 from semmap_log.store.reading.segment_reading import chunk_of

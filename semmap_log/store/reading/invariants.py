@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from semmap_log.core.model.commits import Durability
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL, kinds_of
-from semmap_log.store.kind_bits import Page
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.page_reading import (
     TIMES_VIOLATION,
     first_violation,

@@ -31,7 +31,7 @@ from semmap_log.store import records as mcap
 from semmap_log.store.chunks import StoredChunk, read_chunk_head
 from semmap_log.store.form import CHUNK_BYTES, FLOOR_MAP_CHANNEL, INDEX_METADATA, floor_map_topic
 from semmap_log.store.header import SegmentHeader
-from semmap_log.store.kind_bits import Page
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.chunk_table import ROW, ChunkTable
 from semmap_log.store.reading.closed_summary import SPAN, spans_of_chunks
 from semmap_log.store.reading.invariants import Reading, ReadPosition

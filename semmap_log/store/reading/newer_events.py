@@ -22,8 +22,8 @@ from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.events import KINDS
 from semmap_log.errors import NewerLogError, NewerLogWarning
 from semmap_log.store.form import FORMAT_VERSION, kinds_of
-from semmap_log.store.kind_bits import UNKNOWN_BIT, Page
 from semmap_log.store.newer import is_later_kind, name_of
+from semmap_log.store.pages import UNKNOWN_BIT, Page
 from semmap_log.store.reading.page_reading import read_page
 from semmap_log.store.reading.segment_scan import Segment
 

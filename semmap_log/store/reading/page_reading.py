@@ -15,7 +15,7 @@ from semmap_log.core.io.checksum import crc32
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import crc_problem
-from semmap_log.store.kind_bits import Page, compiled_scan
+from semmap_log.store.pages import Page, compiled_scan
 from semmap_log.store.reading.chunk_table import ChunkTable, LoadedChunks
 from semmap_log.store.record_scan import (
     ChunkDamage,

@@ -21,7 +21,7 @@ from semmap_log.core.model.moments import format_utc
 from semmap_log.errors import CorruptLogError, HorizonError, HorizonWarning, LogError
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo, TrimReason
-from semmap_log.store.kind_bits import (
+from semmap_log.store.pages import (
     COMMIT_BIT,
     EVENT_BITS,
     EXPIRING_BITS,

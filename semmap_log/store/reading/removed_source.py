@@ -34,7 +34,6 @@ from semmap_log.store.closed_mark import (
 )
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import mark_names
-from semmap_log.store.kind_bits import bits_of_kinds
 from semmap_log.store.manifest import (
     KeptManifest,
     ShippedSegment,
@@ -42,6 +41,7 @@ from semmap_log.store.manifest import (
     metadata_text,
     read_manifest,
 )
+from semmap_log.store.pages import bits_of_kinds
 from semmap_log.store.reading.command_rows import rows_of
 from semmap_log.store.reading.segment_reading import batches_of
 from semmap_log.store.reading.segment_scan import Segment

@@ -10,7 +10,7 @@ from semmap_log.core.model.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.form import INDEX_METADATA
 from semmap_log.store.header import SegmentHeader, head_in_index
-from semmap_log.store.kind_bits import COMMIT_BIT
+from semmap_log.store.pages import COMMIT_BIT
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.closed_summary import ClosedSummary, index_of
 from semmap_log.store.reading.page_reading import read_page

@@ -26,7 +26,7 @@ from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import StoredChunk
 from semmap_log.store.form import CHUNK_BYTES, NOTE_CHANNEL, count_events
-from semmap_log.store.kind_bits import COMMIT_BIT, UNKNOWN_BIT, Page
+from semmap_log.store.pages import COMMIT_BIT, UNKNOWN_BIT, Page
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.page_reading import read_page
 from semmap_log.store.reading.segment_head import last_commit_in

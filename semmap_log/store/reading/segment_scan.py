@@ -22,9 +22,9 @@ from semmap_log.store import records as mcap
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import LOG_METADATA, MANIFEST_NAME, PROFILE
 from semmap_log.store.header import OtherVersionError, SegmentHeader
-from semmap_log.store.kind_bits import UNKNOWN_BIT, bits_of_counts
 from semmap_log.store.newer import Newer
 from semmap_log.store.opening_records import Header, Metadata, Statistics
+from semmap_log.store.pages import UNKNOWN_BIT, bits_of_counts
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.closed_summary import (
     FOOTER_BYTES,

@@ -16,7 +16,7 @@ from semmap_log.store.gone_commands import (
     commands_in,
     read_tombstone,
 )
-from semmap_log.store.kind_bits import TOMBSTONE_BIT
+from semmap_log.store.pages import TOMBSTONE_BIT
 from semmap_log.store.reading.segment_reading import page_at
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import numbers_of

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.store.kind_bits import EVENT_BITS, bits_of_counts, bits_of_kind_numbers
+from semmap_log.store.pages import EVENT_BITS, bits_of_counts, bits_of_kind_numbers
 from semmap_log.store.reading.segment_scan import Segment
 
 

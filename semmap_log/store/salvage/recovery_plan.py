@@ -48,7 +48,7 @@ from semmap_log.store.form import (
 )
 from semmap_log.store.gone_commands import Tombstone, read_tombstone
 from semmap_log.store.header import LogInfo, SegmentHeader, Trimmed, TrimReason, with_all_of
-from semmap_log.store.kind_bits import KEYFRAME_BIT, Page
+from semmap_log.store.pages import KEYFRAME_BIT, Page
 from semmap_log.store.reading.segment_reading import commit_of, end_of, page_at
 from semmap_log.store.reading.segment_scan import Segment, open_segment
 from semmap_log.store.records import MESSAGE

@@ -41,7 +41,7 @@ from semmap_log.store.gone_commands import (
     read_tombstone,
 )
 from semmap_log.store.header import TrimReason
-from semmap_log.store.kind_bits import Page
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.segment_set import check_adjoins
 

@@ -21,8 +21,8 @@ from semmap_log.store.compaction.merge import MergedFiles, Pause, merged_header,
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.gone_commands import TakenOut
 from semmap_log.store.header import SegmentHeader, Trimmed, TrimReason
-from semmap_log.store.kind_bits import Page
 from semmap_log.store.lock import WriterLock
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.mapped_file import map_file
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of, pages_of, statistics_of

@@ -58,7 +58,7 @@ from semmap_log.store.form import (
 )
 from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.header import SegmentHeader
-from semmap_log.store.kind_bits import Page
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.command_rows import rows_of
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import commit_of, read_chunk, statistics_of

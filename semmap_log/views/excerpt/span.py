@@ -22,7 +22,7 @@ from semmap_log.core.model.events import FloorMap
 from semmap_log.core.model.moments import refuse_reversed
 from semmap_log.log.door_log.clock_warnings import warn_of_clock
 from semmap_log.log.replay.replay import Scope
-from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.pages import bits_of_kinds
 from semmap_log.store.reading.window import Window
 
 if TYPE_CHECKING:

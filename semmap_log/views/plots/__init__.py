@@ -1,1 +1,1 @@
-"""Plots by matplotlib; `matplotlib_sdk` is the only place that imports it."""
+"""Plots by matplotlib; `figures` is the only place that imports it."""

@@ -20,7 +20,7 @@ from semmap_log.core.model.doors import DoorId, DoorState, reduced
 from semmap_log.core.model.moments import DAY_NS, format_short
 from semmap_log.views.event_words import HasShape, drawable_name, printable
 from semmap_log.views.palette import DEFAULT, PLOT_GRID, Palette, Rgb
-from semmap_log.views.plots.matplotlib_sdk import (
+from semmap_log.views.plots.figures import (
     has_shape,
     letters_of,
     new_figure,

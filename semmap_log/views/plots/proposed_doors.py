@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from semmap_log.analysis.scans.proposing.proposals import Proposal
 from semmap_log.core.model.doors import Door
 from semmap_log.views.palette import PLOT_BARS, PLOT_CURVE, PLOT_PROPOSED, PLOT_WALLS
-from semmap_log.views.plots.matplotlib_sdk import new_figure, save_figure
+from semmap_log.views.plots.figures import new_figure, save_figure
 
 Floats = NDArray[np.float64]
 

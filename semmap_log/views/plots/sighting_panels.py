@@ -26,7 +26,7 @@ from semmap_log.views.palette import (
     Palette,
     Rgb,
 )
-from semmap_log.views.plots.matplotlib_sdk import (
+from semmap_log.views.plots.figures import (
     Line2D,
     LineCollection,
     has_shape,

@@ -16,11 +16,11 @@ from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, DAYS,
 from semmap_log.analysis.probabilities.forecast import INTERVAL
 from semmap_log.core.model.moments import format_short
 from semmap_log.core.texts import counted
-from semmap_log.log.door_log.door_labels import told_apart
+from semmap_log.log.door_log.summary import told_apart
 from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.event_words import HasShape, drawable_name, printable
 from semmap_log.views.palette import COLOUR_MAP, PLOT_CURVE, PLOT_HATCH, PLOT_NOTHING
-from semmap_log.views.plots.matplotlib_sdk import has_shape, letters_of, new_figure, save_figure
+from semmap_log.views.plots.figures import has_shape, letters_of, new_figure, save_figure
 
 WIDE_IN = 8.0
 """Of a picture of one door; a column of several is `NARROW_IN` wide."""

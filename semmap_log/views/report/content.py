@@ -35,17 +35,17 @@ from semmap_log.core.folds.levels import levels_of
 from semmap_log.core.io.disk import log_name
 from semmap_log.core.model.doors import DoorId, DoorMap, DoorState, ObjectClass
 from semmap_log.core.model.moments import format_local, zone
-from semmap_log.log.door_log.door_labels import LogSummary
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.robot_names import robots_of
+from semmap_log.log.door_log.summary import LogSummary
 from semmap_log.log.replay.replay import Scope
 from semmap_log.store.reading.window import Window
 from semmap_log.views.belief_words import why_unknown
+from semmap_log.views.costmap_picture import without_level
 from semmap_log.views.event_words import state_told_by, words_of
 from semmap_log.views.excerpt.door_rows import ObjectShape, shapes_of, sorted_by_stamp
 from semmap_log.views.excerpt.shown_levels import home_of_0
 from semmap_log.views.excerpt.span import Excerpt
-from semmap_log.views.label_places import without_level
 from semmap_log.views.palette import DEFAULT, Palette, Rgb, shade
 from semmap_log.views.report.page_events import (
     MOST_CHANGES,

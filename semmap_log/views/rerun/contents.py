@@ -22,6 +22,7 @@ from semmap_log.core.model.meaning import FIELDS, Changed, Presence
 from semmap_log.log.door_log.robot_names import robots_of
 from semmap_log.log.replay.replay import Scope
 from semmap_log.views.bounds import Bounds, bounds_of_floor
+from semmap_log.views.costmap_picture import without_level
 from semmap_log.views.excerpt.door_rows import (
     ALWAYS,
     AS_A_DOOR,
@@ -36,7 +37,6 @@ from semmap_log.views.excerpt.door_rows import (
 )
 from semmap_log.views.excerpt.shown_levels import home_of_0
 from semmap_log.views.excerpt.span import NO_PLANS, Excerpt, level_plans
-from semmap_log.views.label_places import without_level
 from semmap_log.views.rerun.drawable import drawable_name, free_part, unique_parts
 from semmap_log.views.rerun.scene import ROOT, KnownDoor, Scene, SceneDoor, SceneLevel
 from semmap_log.views.rerun.taken_back import TakenBack, taken_back

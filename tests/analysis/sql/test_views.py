@@ -14,7 +14,7 @@ pytest.importorskip("duckdb")
 
 import semmap_log as sl
 from semmap_log.analysis.beliefs import probabilities
-from semmap_log.core.arrow.table_columns import COLUMNS
+from semmap_log.core.arrow.table import COLUMNS
 from semmap_log.interop.exporting.log_files import export
 from semmap_log.log.replay.read_model.indexing import index
 from semmap_log.store.compaction import compact

@@ -11,7 +11,7 @@ from typing import Any
 import pyarrow as pa
 
 import semmap_log as sl
-from semmap_log.core.arrow.table_columns import COLUMNS
+from semmap_log.core.arrow.table import COLUMNS
 from semmap_log.core.batches.event_batch import RecordedEvent
 from semmap_log.core.folds.history import HistoryEntry
 from semmap_log.core.model.doors import DoorId, DoorState

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from semmap_log.core.arrow.table_columns import COLUMNS, HISTORY_COLUMNS
+from semmap_log.core.arrow.table import COLUMNS, HISTORY_COLUMNS
 from semmap_log.core.model.events import KINDS, Event, field_names
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from semmap_log.core.arrow.history_table import history_table
-from semmap_log.core.arrow.table_columns import HISTORY_COLUMNS
+from semmap_log.core.arrow.table import HISTORY_COLUMNS
 from semmap_log.core.model.commits import Commit, Note
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorRemoved

@@ -14,7 +14,7 @@ from semmap_log.errors import MissingExtraError
 from semmap_log.interop.exporting.log_files import export
 from tests.batches import batch_of
 
-NEEDS_IT = ("arrow_sdk", "table_columns", "history_table", "parquet", "event_view")
+NEEDS_IT = ("arrow_sdk", "table", "history_table", "parquet", "event_view")
 INSTALL = r"pip install 'semmap-log\[arrow\]'"
 
 

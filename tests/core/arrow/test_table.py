@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from semmap_log.core.arrow.table_columns import CHANGED_NAMES, KIND_NAMES, STATE_NAMES
+from semmap_log.core.arrow.table import CHANGED_NAMES, KIND_NAMES, STATE_NAMES
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.messages import layout
 from semmap_log.core.model.doors import DoorId, DoorState

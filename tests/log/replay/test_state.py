@@ -35,7 +35,7 @@ from semmap_log.store import commit_records as commits
 from semmap_log.store.chunks import StoredChunk
 from semmap_log.store.compaction import compact, merge
 from semmap_log.store.form import CHUNK_BYTES, KEYFRAME_EVERY_BYTES
-from semmap_log.store.kind_bits import KEYFRAME_BIT
+from semmap_log.store.pages import KEYFRAME_BIT
 from semmap_log.store.reading import segment_reading
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.reader import BEGINNING, ChunkPlace, LogReader

@@ -20,7 +20,7 @@ from semmap_log.log.trimming.repeated_sightings import Thinning
 from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store import commit_records
 from semmap_log.store.compaction import merge
-from semmap_log.store.kind_bits import KEYFRAME_BIT
+from semmap_log.store.pages import KEYFRAME_BIT
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.trimming.records_left import RecordsLeft
 from tests.log.trimming.logs import SECOND_NS, START_NS, MinuteClock, answers

@@ -25,7 +25,7 @@ from semmap_log.store.form import (
     KEYFRAME_CHANNEL,
     KEYFRAME_EVERY_BYTES,
 )
-from semmap_log.store.kind_bits import Page
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.segment_reading import last_commit, page_at
 from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.record_scan import walk

@@ -12,7 +12,7 @@ import semmap_log as sl
 from semmap_log.store import chunks
 from semmap_log.store.chunks import BuiltChunk, build_chunk
 from semmap_log.store.compaction import compact, merge
-from semmap_log.store.kind_bits import Page
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.reader import LogReader
 from tests.store.logs import answers, segment_files
 from tests.test_replay import random_log

@@ -19,7 +19,7 @@ from semmap_log.store.chunks import build_chunk
 from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import KEYFRAME_CHANNEL
-from semmap_log.store.kind_bits import KEYFRAME_BIT
+from semmap_log.store.pages import KEYFRAME_BIT
 from semmap_log.store.reading.segment_reading import read_chunk
 from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.record_scan import frames
@@ -410,7 +410,7 @@ def identity_of(file: Path) -> tuple[int, int]:
 
 def rewritten(file: Path, change: str) -> None:
     """Change a segment as a forger would: every checksum fits again, but not the hashes."""
-    from semmap_log.store.kind_bits import Page
+    from semmap_log.store.pages import Page
     from semmap_log.store.segment import SegmentWriter
 
     old = open_segment(file)

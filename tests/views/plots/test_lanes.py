@@ -18,8 +18,8 @@ from semmap_log.core.model.doors import DoorId, DoorState, reduced
 from semmap_log.core.model.events import PatrolFinished, PatrolStarted
 from semmap_log.core.model.moments import DAY_NS, HOUR_NS
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT, Rgb
+from semmap_log.views.plots.figures import letters_of
 from semmap_log.views.plots.lanes import MOST_INTERVALS, Lanes, draw_lanes, plot_lanes
-from semmap_log.views.plots.matplotlib_sdk import letters_of
 from tests.conftest import SteadyClock
 
 OFFICE = Path(__file__).parents[3] / "recordings" / "office"

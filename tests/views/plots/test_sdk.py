@@ -10,7 +10,7 @@ pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log
 
 from PIL import Image
 
-from semmap_log.views.plots.matplotlib_sdk import DPI, MOST_PIXELS, new_figure, save_figure
+from semmap_log.views.plots.figures import DPI, MOST_PIXELS, new_figure, save_figure
 
 
 def test_a_figure_beyond_what_matplotlib_draws_is_drawn_smaller(tmp_path: Path) -> None:

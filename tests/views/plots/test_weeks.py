@@ -16,7 +16,7 @@ pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log
 from semmap_log.analysis.beliefs.door_beliefs import TypicalWeek, typical_weeks
 from semmap_log.core.model.doors import DoorId
 from semmap_log.errors import FormatError, MissingExtraError, OutputError
-from semmap_log.views.plots.matplotlib_sdk import letters_of
+from semmap_log.views.plots.figures import letters_of
 from semmap_log.views.plots.typical_weeks import MOST_PANELS, UNSURE, draw_weeks, plot_weeks
 from tests.analysis.beliefs.patrolled import patrolled
 
@@ -116,7 +116,7 @@ def test_without_matplotlib_it_says_what_to_install(monkeypatch: pytest.MonkeyPa
     As if it had never been installed.
     """
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    for name in ("matplotlib_sdk", "typical_weeks"):
+    for name in ("figures", "typical_weeks"):
         monkeypatch.delitem(sys.modules, f"semmap_log.views.plots.{name}", raising=False)
 
     with pytest.raises(MissingExtraError, match=r"pip install 'semmap-log\[plots\]'"):

@@ -308,7 +308,7 @@ LINES_OF = (
     "store/writing/",
     "store/segment.py",
     "store/compaction/background",
-    "log/door_log/appended.py",
+    "log/door_log/appender.py",
     "log/door_log/current_map.py",
 )
 """Where threads share what is not theirs alone."""

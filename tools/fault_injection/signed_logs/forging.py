@@ -21,7 +21,7 @@ from semmap_log.core.messages import read_message, type_name, write_message
 from semmap_log.store.chunks import build_chunk
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import SegmentHeader
-from semmap_log.store.kind_bits import Page
+from semmap_log.store.pages import Page
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import pages_of
 from semmap_log.store.segment import SegmentWriter

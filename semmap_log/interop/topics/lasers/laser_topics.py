@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from semmap_log.core.model.events import Event
+from semmap_log.interop.topics.door_maps import is_on_map, take_transforms
 from semmap_log.interop.topics.lasers.lasers import Lasers
-from semmap_log.interop.topics.robot_poses import is_on_map, take_transforms
 from semmap_log.interop.topics.topic_reader import Context, TopicMessage
 from semmap_log.interop.topics.topic_rules import ReadFrames, ReadPlace, ReadScan
 

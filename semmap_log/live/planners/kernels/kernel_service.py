@@ -26,7 +26,7 @@ from semmap_log.live.planners.kernels.kernel_questions import (
     KernelQuestions,
     is_ask,
 )
-from semmap_log.live.planners.kernels.passer_frames import (
+from semmap_log.live.planners.kernels.message_passer import (
     CONNECT_S,
     ECHO,
     MOST_NAME_BYTES,

@@ -34,7 +34,7 @@ from semmap_log.core.model.events import FloorMap
 from semmap_log.core.model.keywords import knows_its_keywords
 from semmap_log.errors import CostmapError
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
-from semmap_log.interop.formats.ros.door_markers import GridFrame, GridStream
+from semmap_log.interop.formats.ros.door_messages import GridFrame, GridStream
 from semmap_log.interop.formats.ros.ros_types import GRID, GRID_UPDATE
 from semmap_log.live.ros.ros_node import Goal, Outcome, RosNode, action_name
 from semmap_log.live.ros.serving.door_server import ACTIONS

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 
-from semmap_log.interop.formats.ros.door_markers import GRIDS, UPDATES
+from semmap_log.interop.formats.ros.door_messages import GRIDS, UPDATES
 
 
 @dataclass

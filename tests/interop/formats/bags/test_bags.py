@@ -20,7 +20,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from semmap_log.errors import FormatError, OutputError
 from semmap_log.interop.formats.bags.bag_reading import new_bag
-from semmap_log.interop.formats.ros.door_markers import GRIDS, UPDATES
+from semmap_log.interop.formats.ros.door_messages import GRIDS, UPDATES
 from semmap_log.interop.formats.ros.ros_types import ros_types
 from tests.interop.formats.bags.played import played
 from tests.interop.formats.ros.test_grid_messages import BAGS, GEOMETRY, START, restless, write

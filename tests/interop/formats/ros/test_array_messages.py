@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from semmap_log.core.model.doors import DoorId
-from semmap_log.interop.formats.ros.door_markers import ArrayType, DoorLook, DoorMarkers
+from semmap_log.interop.formats.ros.door_messages import ArrayType, DoorLook, DoorMarkers
 from semmap_log.interop.formats.ros.ros_types import (
     DOOR_ENTRY,
     DOOR_MAP,

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from semmap_log.core.model.doors import DoorId
-from semmap_log.interop.formats.ros.door_markers import DoorLook, DoorMarkers, marker_id_of
+from semmap_log.interop.formats.ros.door_messages import DoorLook, DoorMarkers, marker_id_of
 from semmap_log.interop.formats.ros.ros_types import MARKERS, ros_types
 
 BLACK = (0, 0, 0)

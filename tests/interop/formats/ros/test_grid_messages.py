@@ -16,7 +16,7 @@ from semmap_log.analysis.costmap_2d.grid import GridGeometry
 from semmap_log.analysis.costmap_2d.layered import InflationLayer, LayeredCostmap
 from semmap_log.errors import OutputError
 from semmap_log.interop.formats.bags.bag_reading import new_bag
-from semmap_log.interop.formats.ros.door_markers import GRIDS, UPDATES, GridFrame, write_grids
+from semmap_log.interop.formats.ros.door_messages import GRIDS, UPDATES, GridFrame, write_grids
 from tests.interop.formats.bags.played import Played, played, seen_by_rviz
 
 SECOND = 10**9

@@ -23,7 +23,7 @@ from semmap_log.live.planners.kernels.kernel_service import (
     KernelSession,
     Patience,
 )
-from semmap_log.live.planners.kernels.passer_frames import PasserConnection
+from semmap_log.live.planners.kernels.message_passer import PasserConnection
 from semmap_log.live.planners.question_lines import Answer, Atom
 from tests.live.planners.kernels.kernel_world import KernelWorld, make_log, serving_kernels
 from tests.live.planners.kernels.stub_passer import StubKernel, StubPasser

@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
-from semmap_log.live.planners.kernels.passer_frames import message
+from semmap_log.live.planners.kernels.message_passer import message
 from semmap_log.live.planners.kernels.s_expressions import sendable, write_expression
 from semmap_log.live.planners.question_lines import Atom
 from tests.live.planners.kernels.kernel_world import make_log, serving_kernels

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from semmap_log.errors import ExpressionError, PasserError
-from semmap_log.live.planners.kernels.passer_frames import (
+from semmap_log.live.planners.kernels.message_passer import (
     MOST_MESSAGE_BYTES,
     MessageReader,
     goodbye,

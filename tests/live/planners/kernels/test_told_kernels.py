@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.live.planners.kernels.passer_frames import (
+from semmap_log.live.planners.kernels.message_passer import (
     FIRST_PAUSE_S,
     LONGEST_PAUSE_S,
     ToldKernels,

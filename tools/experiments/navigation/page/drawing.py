@@ -7,7 +7,7 @@ import io
 import re
 from typing import Any
 
-from semmap_log.views.plots.matplotlib_sdk import SVG_STYLE, mpl, new_figure
+from semmap_log.views.plots.figures import SVG_STYLE, mpl, new_figure
 
 __all__ = ["BAR", "INK", "LINE", "MARK", "RED", "axes", "new_figure", "png_of", "styled", "svg_of"]
 

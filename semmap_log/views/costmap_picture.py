@@ -24,6 +24,7 @@ from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, INSCRIBED, LETHAL, 
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
 from semmap_log.core.model.doors import DoorState, reduced
 from semmap_log.errors import CostmapError
+from semmap_log.views.event_words import MOST_DRAWN
 from semmap_log.views.palette import COST_DOORS, COST_INK, Grid, Rgb, costs_of, shaded
 
 if TYPE_CHECKING:
@@ -224,7 +225,7 @@ def _draw_doors(draw: ImageDraw, view: _View, doors: Sequence[DoorMark]) -> list
 
 def _full_label(door: DoorMark) -> str:
     """Return a door's number and its name; without the name where letters of it are missing."""
-    name = door.name or ""
+    name = (door.name or "")[:MOST_DRAWN]
     return drawable(f"{door.door_id} {'' if lacks_letters(name) else name}".rstrip())
 
 
@@ -337,6 +338,8 @@ def lacks_letters(text: str) -> bool:
 
 def fitted(draw: ImageDraw, text: str, room_px: float, size: int) -> str:
     """Return as much of a drawable text as has room."""
+    if len(text) > room_px:  # no letter is narrower than a pixel
+        text = text[: int(room_px)] + "..."
     while len(text) > 3 and draw.textlength(text, font(size)) > room_px:
         text = text.removesuffix("...")[:-1].rstrip() + "..."
     return text

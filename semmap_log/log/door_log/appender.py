@@ -38,8 +38,8 @@ from semmap_log.errors import (
     LogPoisonedError,
 )
 from semmap_log.log.door_log.current_map import WAITING_POSES, Command, CurrentMap, TakenOver
-from semmap_log.log.door_log.door_labels import labels_ever, remedy
 from semmap_log.log.door_log.known_past import Validator
+from semmap_log.log.door_log.summary import labels_ever, remedy
 from semmap_log.log.replay.care import WrittenState
 from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.writing.writer_opening import OpenedLog

@@ -42,7 +42,7 @@ from semmap_log.log.door_log.door_index import (
     told_removed,
 )
 from semmap_log.log.replay.replay import Scope, replay
-from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.pages import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment

@@ -51,7 +51,7 @@ from semmap_log.log.replay.read_model.indexing import IndexState, index_state
 from semmap_log.log.replay.state import keyframe_at
 from semmap_log.store.clock_check import ClockCheck, SuspectCommit
 from semmap_log.store.header import LogInfo
-from semmap_log.store.kind_bits import bits_of_kinds
+from semmap_log.store.pages import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
