@@ -58,7 +58,7 @@ class ClosedSegment:
 
 
 def tells_of_newer(header: SegmentHeader, counts: Mapping[int, int]) -> bool:
-    """Return whether a segment's head is looked at for topics that a later version has added."""
+    """Return whether a segment's head is searched for topics that a later version has added."""
     return header.minor > FORMAT_MINOR or any(map(is_later_kind, counts))
 
 

@@ -33,7 +33,7 @@ class Block:
 
     records: bytes
     of_channel: Mapping[int, bytes]
-    """Channel id -> its records, one after the other."""
+    """Channel id -> its records, concatenated."""
     places: Mapping[int, tuple[NDArray[np.int64], NDArray[np.int64]]]
     """Channel id -> of each of its records: how many stand before it, and where it begins."""
     sizes: NDArray[np.int64]
@@ -48,7 +48,7 @@ class Block:
 
 
 def is_columns(batch: EventBatch) -> bool:
-    """Return whether all events of a batch have fixed sizes; `block_of` takes no others."""
+    """Return whether all events of a batch have fixed sizes; `block_of` accepts no others."""
     return not batch.objects and not OBJECT_KINDS & batch.columns.keys()
 
 

@@ -91,11 +91,11 @@ class CommitBuilder:
     """
 
     def __init__(self, stamp: Stamp, note: Note, entropy: Entropy) -> None:
-        """Prepare.
+        """Prepare a commit.
 
         Args:
             stamp: What the commit takes from outside.
-            note: What was reported about it.
+            note: Its note: who, with what, why.
             entropy: Gives salts.
 
         Raises:

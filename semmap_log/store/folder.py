@@ -42,7 +42,7 @@ _CANNOT_LINK = {errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP}
 
 
 MOST_BYTES = 2**26
-"""Of a file that is read whole: what lists the segments of a log, or reports of them."""
+"""Limit for a file that is read whole: one that lists, or describes, the segments of a log."""
 Version = tuple[int, int, int, int]
 """Device, inode, size and time of the last change of a file."""
 
@@ -156,7 +156,7 @@ class LogFolder:
         return os.stat(self._at(name), dir_fd=self._fd, follow_symlinks=follows)
 
     def has(self, name: str) -> bool:
-        """Return whether anything has that name."""
+        """Return whether a file of that name exists."""
         try:
             self.status(name)
         except FileNotFoundError:
@@ -181,7 +181,7 @@ class LogFolder:
         return version_of(self.status(name))
 
     def is_there(self, name: str, fd: int) -> bool:
-        """Return whether a name is that of the file which is open there."""
+        """Return whether a name still belongs to the file that is open there."""
         ours = os.fstat(fd)
         try:
             return os.path.samestat(ours, self.status(name))
@@ -323,7 +323,7 @@ class LogFolder:
                 self.remove(name)
 
     def is_empty(self) -> bool:
-        """Return whether nothing is in it but what a writer that was killed left after."""
+        """Return whether the folder contains only what a killed writer left."""
         return all(is_temporary(name) or name == LOCK_NAME for name, _ in self.files())
 
     def _at(self, name: str) -> str:
@@ -357,7 +357,7 @@ _MAGIC = (b"PK\3\4", b"PK\5\6")
 
 
 def is_zip(path: Path) -> bool:
-    """Return whether a path leads to a zip file, by its first bytes."""
+    """Return whether a path leads to a zip file, judged by its first bytes."""
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             return False

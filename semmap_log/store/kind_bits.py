@@ -1,11 +1,10 @@
-"""Which kinds of record a chunk holds, as bits: so that a question reads only what it wants.
+"""Which kinds of record a chunk contains, as bits: so that a question reads only what it needs.
 
-Bit k stands for the kind of event with that number, one for all kinds of later versions; the others
-are of the log itself.
+Bit k stands for the kind of event with that number; one bit stands for all kinds of later versions,
+and the others for records of the log itself.
 
-Records of one or more chunks, taken apart into events, commits and keyframes.
-
-Where the messages of chunks begin, and the events among them, in one compiled pass.
+`Page` splits the records of one or more chunks into events, commits and keyframes. One compiled
+pass finds where the messages of chunks begin, and the events among them.
 """
 
 from __future__ import annotations
@@ -222,7 +221,7 @@ class Page:
         return self._commit(int(places[-1])) if len(places) else None
 
     def commit_holding(self, event: int) -> Commit | None:
-        """Return its first commit that ends with that event or after it; None: none does."""
+        """Return the first commit whose last event is that one or a later one, or None."""
         places, ends = self._commit_ends
         found = int(ends.searchsorted(event, "right"))
         return self._commit(int(places[found])) if found < len(places) else None
@@ -435,7 +434,7 @@ def _bit_of_kind(kind: int) -> int:
 
 
 BIT_OF_CHANNEL = np.full(2**16, _bit_of_channel(FLOOR_MAP_CHANNEL), np.uint32)
-"""Of each channel there can be: those after the first floor map's carry floor maps, too."""
+"""The bit of each possible channel; those after the first floor map's carry floor maps, too."""
 BIT_OF_CHANNEL[:FLOOR_MAP_CHANNEL] = [
     _bit_of_channel(channel) for channel in range(FLOOR_MAP_CHANNEL)
 ]

@@ -227,7 +227,7 @@ def _try_lock(fd: int) -> bool:
 
 
 def _is_public(mode: int) -> bool:
-    """Return whether somebody may read a file who may not write it."""
+    """Return whether a file can be read by a user who may not write it."""
     return bool(mode & _GROUP_AND_OTHERS_READ & ~_private(mode))
 
 
@@ -256,7 +256,7 @@ def _takes_after(fd: int, old: os.stat_result) -> bool:
 
 
 def _holder(folder: LogFolder) -> str:
-    """Return who has the lock, as far as the lock file shows."""
+    """Return who holds the lock, as far as the lock file shows."""
     try:
         holder = folder.read_bytes(LOCK_NAME, _HOLDER_BYTES).decode("ascii", "replace").strip()
     except OSError:

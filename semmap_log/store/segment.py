@@ -335,7 +335,7 @@ class SegmentWriter:
             self._flush()
 
     def _begin_write(self) -> None:
-        """Refuse to write after a gap; whoever ends well takes `_is_broken` back."""
+        """Refuse to write after a gap; a write that succeeds resets `_is_broken`."""
         if self._is_broken:
             raise OSError(errno.EIO, "an earlier write failed, or was interrupted")
         self._is_broken = True

@@ -1,9 +1,9 @@
 """A log in a zip file, unpacked into a temporary folder for as long as somebody reads it.
 
-A mapped file wants a file, and most that is queried wants parts of it in no order: so the log's
-files are unpacked, once, into a folder of their own among the machine's temporary files (TMPDIR).
-It goes with whoever read it last. Only a log's own files are unpacked, under the names that they
-have in one folder: no name in a zip leads anywhere else.
+A mapped file needs a file, and most queries need parts of it in no order: so the log's files are
+unpacked, once, into a folder of their own among the machine's temporary files (TMPDIR). The last
+reader removes it. Only a log's own files are unpacked, under the names that they have in one
+folder: no name in a zip leads anywhere else.
 
 Whoever packed it is a stranger: all files together may hold a hundred times the zip's bytes, or
 128 MiB if that is more; nothing is unpacked further, and no more than a MiB is in memory.

@@ -1,4 +1,4 @@
-"""Compaction next to a writer: a thread that never holds an append up, and never brings it down."""
+"""Compaction in the background: a thread that never delays an append and never stops the writer."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class Copied:
     left_out: tuple[str, ...]
     """What lies in the log's folder and is no part of it: caches, torn tails, others' files."""
     torn_bytes: int
-    """After the log's last whole commit; not copied."""
+    """Bytes after the log's last whole commit; not copied."""
 
 
 def copy_log(
@@ -106,7 +106,7 @@ def copy_log(
         target: A folder that is not there yet, or is empty, or an earlier copy of the same log.
         new_check: Makes what compares keyframes with the events.
         full: Read and verify what is there already, too; what is damaged there is copied again.
-        progress: Called with how many bytes were copied and verified.
+        progress: Called with the number of bytes copied and verified.
 
     Raises:
         LogExistsError: Something else lies at the target.
@@ -189,7 +189,7 @@ class _Copying:
         write_removed_part(self.copy, self.removed)
 
     def _go_back_before(self, last: Segment) -> None:
-        """Remove the copy's last segment, and first the marks that report of it."""
+        """Remove the copy's last segment, after the marks that name it."""
         for name in mark_names(_names(self.copy)):
             found = read_named_mark(self.copy, name)
             if found is not None and found.segment >= last.header.number:

@@ -1,9 +1,8 @@
 """Which files of a folder are the log: all of one, none missing, in the order of their heads.
 
-Where a log's segments lie: a folder on a disk, or another place that can give ranges of bytes.
-
-What the reader asks of it is given here, once for all places. Writing, recovery and compaction need
-a folder: a robot writes to its disk.
+`SegmentStore` is where a log's segments are: a folder on disk, or another place that returns ranges
+of bytes. It states once, for all places, what the reader needs. Writing, recovery and compaction
+need a folder: a robot writes to its disk.
 """
 
 from __future__ import annotations
@@ -100,7 +99,7 @@ def check_adjoins(segment: Segment, before: Segment) -> None:
     """Check that a segment begins where the one before it ends, as their heads and indexes tell.
 
     No chunk is read: for questions that look at a few places of a long log. They rest on all of
-    its segments, since what an index reports of one may be why it is not read.
+    its segments, since one is skipped because of what an index states.
 
     Raises:
         CorruptLogError: Events are missing between them, one is of another copy of the log, or
@@ -167,7 +166,7 @@ def check_listed(names: Sequence[str], path: PurePath, segments: Sequence[Segmen
 
 
 def check_goes_on(segments: Sequence[Segment], earlier: Sequence[Segment]) -> None:
-    """Check that a log is what it was when it was last looked at, and what came after.
+    """Check that a log still has what it had at the last look, and what came after.
 
     Args:
         segments: All of it, in order.
@@ -276,7 +275,7 @@ def _is_part(segment: Segment, whole: Segment) -> bool:
 
 
 def _ends_alike(segment: Segment, whole: Segment) -> bool:
-    """Return whether a segment's last commit is in a larger one, too.
+    """Return whether a segment's last commit is in a larger segment, too.
 
     The log does not need what lies in another file, so it need not be whole.
     """
@@ -291,13 +290,13 @@ def _ends_alike(segment: Segment, whole: Segment) -> bool:
 
 
 Listing = list[tuple[str, Hashable]]
-"""The name of each segment file, by name, and what shows it from another file of that name."""
+"""The name of each segment file, and what distinguishes it from another file of that name."""
 
 
 class SegmentStore(Protocol):
     """The files of one log, as a reader sees them. A closed segment never changes under its name.
 
-    It may be queried again and again while somebody writes there.
+    It may be queried repeatedly while a writer changes the place.
     """
 
     @property
@@ -328,10 +327,10 @@ class SegmentStore(Protocol):
         """Return what a manifest says of a closed segment, so that it need not be opened for it."""
 
     def size_of(self, name: str) -> int:
-        """Return how many bytes a segment has now: a live one grows.
+        """Return the current size of a segment in bytes: a live one grows.
 
         Raises:
-            OSError: It is gone, or cannot be queried.
+            OSError: It is gone, or cannot be accessed.
         """
 
     def mark(self) -> ClosedMark | None:

@@ -5,11 +5,11 @@ file_place       where the files lie: a disk, or another place
 file_bytes       a file's bytes, whatever its place gives
 file_heads       what a file's head says
 folder_files     which files make up the log, which are missing, foreign, there twice
-walk             one segment, byte for byte; after damage it goes on at the next whole chunk
+walk             one segment, byte for byte; after damage it continues at the next whole chunk
 pieces           one chunk, examined by itself
 hash_chain       numbers, times and hashes from chunk to chunk and from segment to segment
 keyframe_place   keyframes: compared with the replay by what is handed in
-closing          index, summary and footer, computed again
+closing          index, summary and footer, recomputed
 verifying        all of it
 """
 

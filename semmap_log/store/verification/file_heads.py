@@ -33,7 +33,7 @@ class SegmentFile:
     path: PurePath
     size: int
     identity: Hashable
-    """What shows it from another file of its name."""
+    """What distinguishes it from another file of its name."""
     header: SegmentHeader | None
     """None: it cannot be read."""
     header_end: int
@@ -112,7 +112,7 @@ def first_bytes() -> bytes:
 
 
 def _is_ours(head: bytes) -> bool:
-    """Return whether a file is, or was before some bytes of it went wrong, a segment of ours."""
+    """Return whether a file is a segment of ours, or was one before some bytes were damaged."""
     return any(mark in head for mark in _MARKS) or (
         bool(head) and first_bytes().startswith(head[: len(first_bytes())])
     )

@@ -1,6 +1,6 @@
 """What a verification found, as values.
 
-Which files of a folder make up a log, in which order, and which do not.
+Also which files of a folder make up a log, in which order, and which do not.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class FolderFiles:
         return self.place.path
 
     def has(self, number: int) -> bool:
-        """Return whether a segment stands for that number."""
+        """Return whether a segment exists for that number."""
         return any(s.number <= number <= s.last_number for s in self.segments)
 
     def lacks(self, number: int) -> bool:
@@ -177,7 +177,7 @@ def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None
 
 
 def mark_findings(found: FolderFiles, next_event: int, head: bytes | None) -> list[Finding]:
-    """Compare how far the log reached, as its last mark shows, with how far it does.
+    """Compare how far the log reached, as its last mark states, with how far it reaches.
 
     Args:
         found: The log's files.
@@ -273,7 +273,7 @@ def leftover_finding(path: PurePath, *, is_whole: bool) -> Finding:
 
 
 def _notes(names: list[PurePath]) -> list[Finding]:
-    """Return what lies next to the segments and is harmless."""
+    """Return the harmless files next to the segments."""
     findings = []
     for path in names:
         if TORN_SUFFIX in path.name:
@@ -381,10 +381,10 @@ class Verification:
     head: bytes = NO_HASH
     """Hash of the last commit: kept elsewhere, it proves that nothing was cut off."""
     events_after_head: int | None = None
-    """How many events came after the head that was queried; None: none was, or not found."""
+    """How many events came after the given head; None: none was given, or it was not found."""
     ends: Mapping[int, CommitEnd] = field(default_factory=dict)
-    """The number after a commit's last event -> that end; the first, the last, and those asked
-    about."""
+    """The number after a commit's last event -> that end; the first, the last, and the
+    requested ones."""
     first_event: int = 0
     """With which the reading began."""
     next_event: int = 0
@@ -394,11 +394,11 @@ class Verification:
     segment_ends: tuple[int, ...] = ()
     """The number after the last event of each closed segment; `ends` has them, too."""
     ends_gone: frozenset[int] = frozenset()
-    """Of the ends that were queried about: those within whole commits that were taken out."""
+    """Of the requested ends: those within whole commits that were taken out."""
     taken_before: int = 0
     """Number of the first event after all that was taken out; 0: nothing was."""
     trimming_before: int = 0
-    """The number after the last event that reports of a trimming; 0: none does."""
+    """The number after the last event that records a trimming; 0: none does."""
     events_gone: int = 0
     """That were taken out on purpose."""
     notes_gone: int = 0

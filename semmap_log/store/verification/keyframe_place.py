@@ -1,8 +1,7 @@
-"""How a verification has keyframes checked: by what knows the state that they hold.
+"""How a verification checks keyframes: with a check that knows the state in them.
 
-A log of which a part was removed from the disk, read whole: that part in the store.
-
-The files of a log in a store, as a verification reads them: every byte, none of it believed.
+Also the files that a verification reads from a store: every byte, none of it believed; and a log of
+which a part was removed from the disk, read whole, with that part in the store.
 """
 
 from __future__ import annotations
@@ -172,11 +171,11 @@ class ObjectFile:
         """So many of its first bytes are in the digest."""
 
     def read_into(self, target: memoryview, at: int) -> int:
-        """Fetch what is requested; as `OpenedFile.read_into`.
+        """Fetch the requested bytes; as `OpenedFile.read_into`.
 
         Raises:
             Vanished: The object is gone, or another has its name.
-            LogError: The store does not give it: that is no bad sector, which would be gone round.
+            LogError: The store does not return them: that is no bad sector, which would be skipped.
         """
         end = min(at + len(target), self.size)
         if at >= end:
@@ -206,7 +205,7 @@ class ObjectFile:
         return self._hashed == self.size
 
     def sha256(self) -> str:
-        """Return that of all its bytes, those that were not requested included.
+        """Return the SHA-256 of all its bytes, including those that were not requested.
 
         Raises:
             Vanished: As `read_into`.
@@ -259,7 +258,7 @@ class ObjectPlace:
         return self._store.url
 
     def is_folder(self) -> bool:
-        """Return whether anything lies below the URL."""
+        """Return whether anything exists below the URL."""
         return bool(self.files())
 
     def files(self) -> list[PurePath]:
@@ -274,7 +273,7 @@ class ObjectPlace:
         return [self.path / name for name in self._listed]
 
     def flaws(self) -> list[tuple[PurePath, str]]:
-        """Return the segments that are gone, or longer or shorter than the manifest shows."""
+        """Return the segments that are gone, or longer or shorter than the manifest states."""
         found: list[tuple[PurePath, str]] = []
         for one in self._manifest.manifest.segments if self._manifest is not None else ():
             status = self._listed.get(one.name)

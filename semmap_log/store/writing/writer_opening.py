@@ -1,4 +1,4 @@
-"""How a writer gets hold of a log: made again, or taken up where it ended."""
+"""How a writer opens a log: creates it, or continues where it ended."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def _check_is_folders_name(path: Path) -> None:
 
 
 def _may_be_half_made(reader: LogReader) -> bool:
-    """Return whether who made the log may have been killed before the folder's name was synced."""
+    """Return whether the log's creator may have been killed before the folder's name was synced."""
     return len(reader.segments) == 1 and not reader.segments[0].closed
 
 
