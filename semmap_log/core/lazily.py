@@ -1,4 +1,4 @@
-"""What is made when it is first asked for: attributes of objects, names of packages, patterns."""
+"""What is made on first use: attributes of objects, names of packages, patterns."""
 
 from __future__ import annotations
 

@@ -1,18 +1,14 @@
-"""Events one by one, with what was taken out of all of them already.
+"""The columns that batches of each kind are made from, and events with columns already extracted.
 
-Whoever checks many events looks at their kinds, doors and times, and so does whoever packs them:
-each look at a hundred events is a fiftieth of the time that a durable commit of them takes.
+Checking many events reads their kinds, doors and times, and so does packing them: each pass over a
+hundred events is a fiftieth of the time of a durable commit of them.
 
-The columns that a batch of each kind is made from, spelt out for editors and type checkers.
+The signatures are written by `python tools/batch_columns.py`, from the table of events, in full for
+editors and type checkers.
 
-The signatures are written by `python tools/batch_columns.py`, from the table of events.
-
-The fields of many events of one kind as a structured array: made, and checked, all at once.
-
-An event checks its values when it is made; rows that never were events are checked here by the
-same rules, and the first that breaks one is named.
-
-Where among many events those of each kind are.
+The fields of many events of one kind are a structured array: made, and checked, all at once. An
+event checks its values when it is made; rows that never were events are checked here by the same
+rules, and the first that breaks one is named.
 """
 
 from __future__ import annotations
@@ -459,7 +455,7 @@ class _Checks(NamedTuple):
         return {name: np.ascontiguousarray(rows[name]) for name in names}
 
     def pass_all(self, columns: Columns) -> bool:
-        """Return whether nothing is wrong with any row."""
+        """Return whether all rows are valid."""
         return all(rule.allows_all(columns[name]) for name, rule in self.alone) and not any(
             misfits.any() for misfits in self.misfits(columns)
         )
@@ -505,7 +501,7 @@ def check_times(happened_ns: NDArray[np.int64]) -> None:
 
 @cache
 def _same_fields(mine: np.dtype[np.void], wanted: np.dtype[np.void]) -> bool:
-    """Return whether rows have the same fields, of the same types, wherever they lie."""
+    """Return whether rows have the same fields, of the same types, whatever their offsets."""
     names = wanted.names or ()
     return mine.names == names and all(mine[name] == wanted[name] for name in names)
 

@@ -1,4 +1,4 @@
-"""Events that happened before their door was added: they are kept, and no question counts them."""
+"""Events that happened before their door was added: they are kept, but no query counts them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _KINDS = np.array([kind.kind for kind in MAY_BE_EARLY], np.uint8)
 
 @dataclass(frozen=True, slots=True)
 class Addings:
-    """When doors were added, to find what is reported about earlier times."""
+    """When doors were added, to find events about earlier times."""
 
     door_ids: NDArray[np.int64]
     """Ascending."""

@@ -1,4 +1,4 @@
-"""The bytes of an object in a store: only what is requested is fetched, near ranges as one."""
+"""The bytes of an object in a store: fetches only what is requested, near ranges as one."""
 
 from __future__ import annotations
 
@@ -81,8 +81,8 @@ def keep_at_most(most: int) -> None:
 class ObjectSource:
     """A `ByteSource`: an object as it was when the log was opened.
 
-    Each request says which object it means, so that one that was exchanged is given, never mixed
-    in. What was fetched is kept for a while; `let_go` gives it up.
+    Each request names the exact object, so an object that was replaced is reported, never mixed in.
+    Fetched bytes are kept for a while; `let_go` releases them.
     """
 
     is_guarded = True
@@ -123,7 +123,7 @@ class ObjectSource:
         return self.read_ranges([(start, end)])
 
     def read_ranges(self, ranges: Sequence[tuple[int, int]]) -> memoryview:
-        """Return ranges one after the other; as `ByteSource.read_ranges`."""
+        """Return ranges, concatenated; as `ByteSource.read_ranges`."""
         clipped = [(max(0, start), min(end, self.size)) for start, end in ranges]
         wanted = [(start, end) for start, end in clipped if start < end]
         self._check_piece(sum(end - start for start, end in wanted))

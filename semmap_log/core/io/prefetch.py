@@ -1,6 +1,6 @@
 """Work that other threads do ahead, while its results are used in order.
 
-Decompression, CRCs and numpy's loops let go of the interpreter, so that a second core is of use.
+Decompression, CRCs and numpy's loops release the interpreter's lock, so a second core helps.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The plain nouns of a commit: events that become visible together, and what was said of them."""
+"""The plain nouns of a commit: events that become visible together, and their note."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ NOTE_TEXTS = ("actor", "source", "reason", "correlation")
 """The texts of a note."""
 
 NoteTexts: TypeAlias = tuple[str, str, str, str]
-"""What they say; empty where nothing is stated."""
+"""The texts of a note; empty where nothing was given."""
 NO_TEXTS: NoteTexts = ("", "", "", "")
 
 MOST_NOTE_CHARACTERS = 4 * 2**20

@@ -206,7 +206,7 @@ def format_second(ns: int) -> str:
 def format_wall(ns: int, tz: str) -> str:
     """Return the instant as the zone's wall clock shows it: `2026-03-01T13:00:00.5+01:00`.
 
-    All of the fraction and the offset are written: `parse_instant` gives the same instant again,
+    All of the fraction and the offset are written: `parse_instant` returns the same instant again,
     whatever zone it is given.
     """
     local = _local(ns, tz)
@@ -227,7 +227,7 @@ def format_short(ns: int, tz: str, *, seconds: bool = True) -> str:
     """Return the instant for people who see elsewhere which zone it is: `2026-03-01 13:00:00`.
 
     In the hour that comes twice two instants would look alike: there, and only there, the offset
-    stands after, as in `2025-10-26 02:30:00+01:00`.
+    follows, as in `2025-10-26 02:30:00+01:00`.
 
     Args:
         ns: The instant.
@@ -382,7 +382,7 @@ def _offset_text(local: datetime) -> str:
 
 
 def _comes_twice(local: datetime) -> bool:
-    """Return whether the clocks that show an instant show another one alike."""
+    """Return whether two instants have the same wall-clock time."""
     return local.replace(fold=0).utcoffset() != local.replace(fold=1).utcoffset()
 
 

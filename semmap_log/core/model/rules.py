@@ -1,8 +1,9 @@
-"""What values a field of an event can have: told once, of one event and of columns of many.
+"""What values a field of an event can have: stated once, for one event and for columns of many.
 
-The rule of a field stands in its annotation in `events`: type, range, unit. A type that says all
-needs none: see `rules_of`. From them come the checks of an event when it is made, those of columns
-(`batches.event_columns`), how a JSON line's values are read, and the types of Arrow's columns.
+The rule of a field is in its annotation in `events`: type, range, unit. A type that says
+everything needs none: see `rules_of`. From the rules come the checks of an event when it is made,
+those of columns (`batches.event_columns`), how a JSON line's values are read, and the types of
+Arrow's columns.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ GREATEST = sys.float_info.max
 
 
 def is_whole_number(value: object) -> bool:
-    """Return whether a value is a whole number; a truth value is none, though Python counts it."""
+    """Return whether a value is a whole number; a bool is not, though Python counts it as one."""
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
 def is_number(value: object) -> bool:
-    """Return whether a value is a number, whole or not; a truth value is none."""
+    """Return whether a value is a number, whole or not; a bool is not."""
     return is_whole_number(value) or isinstance(value, (float, np.floating))
 
 
@@ -42,7 +43,7 @@ class Rule:
     """What the values of a field are. This one: whatever its type says, which nobody checks."""
 
     dtype: str = ""
-    """Numpy type of a column that holds them, where it was not stated otherwise; "": none can."""
+    """Numpy type of a column that holds them, unless stated otherwise; "": none can."""
 
     is_coded: bool = False
     """Whether a column's numbers stand for values that are something else: `told_by`."""
@@ -285,7 +286,7 @@ class Fit:
     """What values of an event must be to each other."""
 
     before: str
-    """The field before whose own rule it is looked at; "": after all."""
+    """The field before whose own rule this one is checked; "": after all."""
     of: tuple[str, ...]
     """The fields that it is about."""
     broken: Callable[..., Any]
