@@ -1,6 +1,6 @@
-"""A log signed: read and checked, byte for byte, and compared with what the key signed last.
+"""Signs a log: it is read and checked, byte for byte, and compared with what the key signed last.
 
-Who signs: a private key of OpenSSH, read or made. It lies outside of every log.
+The signer is a private key of OpenSSH, read or made. It lies outside of every log.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def sign(
             what was taken out without an officer's statement.
         trimmed: Vouch for what was taken out just now.
         next_key: Name the key that goes on in the place of this one, which signs no more of it.
-        progress: Called with how many bytes are read.
+        progress: Called with the number of bytes read.
 
     Raises:
         SigningError: It is damaged, or not what the key has signed before.
@@ -160,7 +160,7 @@ def read_for_signing(
     Args:
         log: Its folder.
         state: Of the key.
-        progress: Called with how many bytes are read.
+        progress: Called with the number of bytes read.
         at: Also before this event.
 
     Raises:

@@ -1,7 +1,7 @@
-"""Signing next to a writer: the log's end, from time to time, as far as that writer wrote it.
+"""Background signing during writing: the log's end, from time to time, as that writer wrote it.
 
-What is signed comes from the writer's memory, not from the disk: what somebody else puts there is
-not signed. What goes wrong is given once, and tried again the next time.
+What is signed comes from the writer's memory, not from the disk: what anybody else puts there is
+not signed. A failure is reported once, and signing is tried again the next time.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class SignBeside:
             key: Who signs.
             adopt: Sign also what is found there, unsigned and not written with this key; each
                 statement about it says so.
-            tell: Called with once when it cannot be signed, and once when it can again.
+            tell: Called once when it cannot be signed, and once when it can again.
             every_s: So long it waits between two signatures.
             end_s: So long the end waits for what is being signed.
         """
