@@ -70,7 +70,7 @@ def write_bag_metadata(folder: LogFolder, segments: Iterable[ClosedSegment]) -> 
     Raises:
         OSError: As the system says.
     """
-    listed = sorted(segments, key=lambda one: (one.start_ns, one.end_ns))  # as they come to be told
+    listed = sorted(segments, key=lambda one: (one.start_ns, one.end_ns))  # in order of time
     if listed:
         text = bag_metadata_text(listed).encode()
         if not _says(folder, text):

@@ -350,7 +350,7 @@ def read_tombstone(record: bytes | memoryview, path: PurePath) -> Tombstone:
 
 @dataclass(slots=True)
 class TakenOut:
-    """What the tombstones of a log tell, all together."""
+    """The sum of what the tombstones of a log state."""
 
     events: int = 0
     notes: int = 0

@@ -174,7 +174,7 @@ class TrimReason(IntFlag):
     """Why records were taken out of a segment; the names are what its head says."""
 
     REDACTED = 1
-    """They told who was where, or what nobody shall read."""
+    """They showed who was where, or what nobody shall read."""
     THINNED = 2
     """They repeated what others say."""
     EXPIRED = 4

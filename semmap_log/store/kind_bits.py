@@ -450,7 +450,7 @@ EXPIRING: tuple[type[Event], ...] = (
     DoorUpdated, DoorObserved, DoorRequested, DoorPassed, RobotPose, SightingsThinned,
 )  # fmt: skip
 """What retention takes out of old segments. All other kinds stay: which doors, levels, floor plans
-and rounds there were, what was taken back, and who said so."""
+and rounds there were, what was retracted, and by whom."""
 
 _BITS_OF_KINDS = np.array([_bit_of_kind(kind) for kind in range(2**8)], np.uint32)
 

@@ -144,7 +144,7 @@ def _records_in_lz4(stored: memoryview, size: int) -> bytes:
 
 
 def _check_messages(pieces: Iterable[bytes]) -> None:
-    """Check that records are messages of a log, as far as their heads tell.
+    """Check that records are messages of a log, as far as their heads show.
 
     Args:
         pieces: The records; the next piece is requested when those before it are good.

@@ -60,7 +60,7 @@ class UnpackedLog:
 
 
 _unpacked: weakref.WeakValueDictionary[Version, UnpackedLog] = weakref.WeakValueDictionary()
-"""What is being read: asked twice, a zip is unpacked once."""
+"""What is being read: two readers of a zip share one unpacked copy."""
 
 
 def unpacked(path: Path) -> UnpackedLog:

@@ -39,7 +39,7 @@ class ScanRequest:
         return name in self._schema.names
 
     def filters_by(self, name: str) -> bool:
-        """Tell whether a column is named in the filter; perhaps it is only the text of a value."""
+        """Return whether the filter names a column; perhaps that is only the text of a value."""
         return re.search(rf"\b{re.escape(name)}\b", self._told) is not None
 
     def possible(self, guarantees: Sequence[Guarantee]) -> list[int]:

@@ -286,7 +286,7 @@ def read_own(path: Path, most: int = MOST_OWN_BYTES) -> bytes:
         if status.st_size > most:
             problem = f"expected at most {most:,} bytes, got {status.st_size:,}"
             raise OSError(errno.EFBIG, problem)
-        return file.read(status.st_size)  # the buffer is as large as what is asked for
+        return file.read(status.st_size)  # the buffer is as large as the argument
 
 
 def refuse_special(path: Path) -> None:

@@ -39,7 +39,7 @@ class ObjectCache:
         """Take a folder, and make it if it is not there.
 
         Args:
-            folder: The folder; nobody else may look into one that is made, since logs tell who was
+            folder: The folder; one that is made is closed to others, since logs show who was
                 where.
             most_bytes: So much is kept, and a sixteenth more until somebody looks.
 

@@ -352,7 +352,7 @@ def _is_no_list(status: int | None) -> bool:
 
 
 def _status(meta: Any, name: str) -> ObjectStatus:
-    modified_ns = int(meta["last_modified"].timestamp()) * 10**9  # stores tell it in seconds
+    modified_ns = int(meta["last_modified"].timestamp()) * 10**9  # stores report seconds
     return ObjectStatus(name, int(meta["size"]), meta["e_tag"] or "", modified_ns)
 
 

@@ -54,7 +54,7 @@ class ReservedBlocks:
         if self._syncs < _MANY_SYNCS or size + _LOW_BYTES <= self._end:
             return
         start = max(size, self._end)
-        self._end = size + STEP_BYTES  # asked for once, whatever becomes of it
+        self._end = size + STEP_BYTES  # requested once, whether it succeeds or not
         with suppress(OSError, ImportError):
             room = os.fstatvfs(self._fd)
             if room.f_bavail * room.f_frsize >= _FREE_STEPS * STEP_BYTES:

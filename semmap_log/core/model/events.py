@@ -512,5 +512,5 @@ def defaults_of(kind: type[Event]) -> dict[str, Any]:
 
 
 def may_lack_level(kind: type[Event]) -> bool:
-    """Tell whether events of a kind are on a level that need not be given: `levels` says which."""
+    """Return whether a kind's events are on a level that may be left out: `levels` resolves it."""
     return not is_given(defaults_of(kind).get("level", 0))

@@ -62,13 +62,13 @@ def sets_part(changed: Any, bit: int) -> Any:
 
 
 def _half_given(x: Any, y: Any, theta: Any) -> Any:
-    """Tell where some of a pose is NaN, and not all of it: an unplaced door has none."""
+    """Return where some of a pose is NaN, but not all of it: an unplaced door has none."""
     lacks_x = x != x  # noqa: PLR0124 - NaN
     return (lacks_x != (y != y)) | (lacks_x != (theta != theta))  # noqa: PLR0124
 
 
 def _lacks_pose(changed: Any, x: Any, y: Any, theta: Any) -> Any:
-    """Tell where a pose is set, and some of it is NaN."""
+    """Return where a pose is set, and some of it is NaN."""
     lacks = (x != x) | (y != y) | (theta != theta)  # noqa: PLR0124
     return lacks & sets_part(changed, _POSE_BIT)
 

@@ -290,8 +290,8 @@ class Fit:
     of: tuple[str, ...]
     """The fields that it is about."""
     broken: Callable[..., Any]
-    """Tells of their values, or of columns of them, where they do not fit: comparisons and `& |`
-    only, which mean the same for both."""
+    """Returns where values, or columns of them, do not fit: comparisons and `& |` only, which
+    mean the same for both."""
     expected: str
     """As in `Rule`."""
     blames: tuple[str, ...]

@@ -144,7 +144,7 @@ def _holds(one: Segment, other: Segment) -> bool:
 
 
 def _stands_for(there: Segment, segment: Segment) -> bool:
-    """Tell whether a file of the copy need not be replaced: it is the same, or was merged there."""
+    """Return whether a file of the copy may stay: it is the same, or was merged there."""
     if not _holds(there, segment):
         return False
     if is_merged_alone(there, segment):
@@ -313,7 +313,7 @@ class StagedFile:
 
 
 def _nobody(_more: int) -> None:
-    """Tell nobody."""
+    """Report nothing."""
 
 
 _AS_IT_WAS = "it was not copied, and the copy is as it was"

@@ -191,7 +191,7 @@ def map_file(path: Path, folder: LogFolder | None = None) -> MappedFile:
 
 
 MOST_AT_ONCE = 2**19
-"""Bytes asked of the disk in one call; a longer request the kernel cuts short."""
+"""Bytes requested of the disk in one call; the kernel cuts a longer request short."""
 
 _MADV_POPULATE_READ = 22
 _REFUSED = (errno.ENOSYS, errno.EPERM, errno.EACCES)

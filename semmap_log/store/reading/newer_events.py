@@ -134,7 +134,7 @@ MOST_BYTES = 2**23
 SMALL_BYTES = 2**20
 """A smaller segment comes whole, since a request costs more than its bytes."""
 END_BYTES = 2**16
-"""Of a large one only both ends come before its turn, which tell what chunks it has."""
+"""Of a large one only both ends are fetched ahead: they show what chunks it has."""
 
 
 class SegmentsAhead:

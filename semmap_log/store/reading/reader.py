@@ -202,8 +202,8 @@ class LogReader:
     ) -> Iterator[EventBatch]:
         """Yield the events of a window, numbers ascending, retracted ones included.
 
-        What cannot hold any is not read. Whether events of kinds unknown here touch the question
-        is not asked: `check_known` does.
+        Chunks that cannot contain any are not read. Whether events of kinds unknown here touch the
+        question is not checked: `check_known` does that.
 
         Args:
             window: Which events.

@@ -180,7 +180,7 @@ class _NotedSource:
 
 
 LISTED_FOR_S = 1.0
-"""Asked again sooner, a listing is the same: each costs a request, and money."""
+"""Within this time a listing is not repeated: each costs a request, and money."""
 
 
 class ObjectSegments:
@@ -200,7 +200,7 @@ class ObjectSegments:
 
         Args:
             store: What lies below the URL.
-            listed_for_s: Asked again sooner, a listing is the same.
+            listed_for_s: How long a listing is used before it is repeated.
             cache: Keeps on a disk what is fetched; default: the one that the environment names.
 
         Raises:

@@ -144,7 +144,7 @@ def _with_places(
 
 
 def _is_sound(segment: Segment, chunks: ChunkTable) -> bool:
-    """Tell whether the bytes of these chunks were checked: where that is worth it, they are now."""
+    """Return whether the bytes of these chunks were checked; checks them if that is worth it."""
     is_worth_it = 2 * len(chunks) > len(segment.chunks) and len(chunks) >= MANY_CHUNKS
     may_trust = is_worth_it and chunks.are_small and segment.source.is_guarded
     return may_trust and segment.is_sound  # to know it, all is read
@@ -178,7 +178,7 @@ FEW_BYTES = 3 * CHUNK_BYTES
 
 
 def _groups(segment: Segment, chunks: ChunkTable) -> Iterator[ChunkTable]:
-    """Yield chunks in groups, each of them asked of the disk one group ahead."""
+    """Yield chunks in groups, each requested from the disk one group ahead."""
     before: ChunkTable | None = None
     for group in chunks.groups(_PAGE_BYTES):
         segment.source.will_need(*group.span())
@@ -480,7 +480,7 @@ def commits_on(page: Page, *, with_notes: bool = True) -> CommitColumns:
 
 
 def _notes_of(page: Page, places: NDArray[np.intp]) -> tuple[NDArray[np.intp], list[NoteTexts]]:
-    """Return what is said of the commits whose Commits are at these places, each text once."""
+    """Return the notes of the commits whose Commits are at these places, each text once."""
     has_note = (places > 0) & (page.heads["channel_id"][places - 1] == NOTE_CHANNEL)
     codes = np.zeros(len(places), np.intp)
     codes[has_note], texts = _told_by(page, places[has_note] - 1)

@@ -96,7 +96,7 @@ def _check_begins(segment: Segment, next_event: int, head: bytes, before: Segmen
 
 
 def check_adjoins(segment: Segment, before: Segment) -> None:
-    """Check that a segment begins where the one before it ends, as their heads and indexes tell.
+    """Check that a segment begins where the one before it ends, by their heads and indexes.
 
     No chunk is read: for questions that look at a few places of a long log. They rest on all of
     its segments, since one is skipped because of what an index states.
@@ -211,7 +211,7 @@ def _missing(folder: PurePath, segment: Segment, expected: int) -> CorruptLogErr
 
 
 def _check_before(segment: Segment, following: Segment) -> None:
-    """Check what the heads of two neighbours tell without a look at the data between them."""
+    """Check the heads of two neighbours without a look at the data between them."""
     if not segment.closed:
         problem = (
             f"not closed, and {following.path.name} follows it: it was cut; "
@@ -260,7 +260,7 @@ def _check_leftover(segment: Segment, before: Sequence[Segment]) -> None:
 
 
 def _is_part(segment: Segment, whole: Segment) -> bool:
-    """Tell whether the commits before and at the end of a segment are the same in a larger one."""
+    """Return whether a larger segment has the same commits before and at the end of this one."""
     header = segment.header
     if header.first_event == whole.header.first_event:
         before = whole.header.hash_so_far
@@ -342,4 +342,4 @@ class SegmentStore(Protocol):
         """
 
     def closed_names(self) -> Sequence[str]:
-        """Return the segments that are known as closed: asked where there is no mark."""
+        """Return the segments that are known as closed: needed where there is no mark."""

@@ -200,7 +200,7 @@ def told_of(
         reader: Of the log, as it is without what was taken out.
         before: It was about events below this number.
         rule: What was taken out, in words.
-        reason: Why, if the tombstones do not tell it yet.
+        reason: Why, if the tombstones do not state it yet.
 
     Raises:
         CorruptLogError: A tombstone cannot be read.
@@ -224,7 +224,7 @@ def of_log(reader: LogReader, digest: str) -> str:
 
 
 def taken_out(reader: LogReader) -> TakenOut:
-    """Return what the tombstones of a log tell.
+    """Return what the tombstones of a log state.
 
     Raises:
         CorruptLogError: One cannot be read.

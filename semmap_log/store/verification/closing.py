@@ -56,7 +56,7 @@ from semmap_log.store.verification.pieces import Flaw, Piece, name_of_record
 
 SECTOR = 512
 MOST_UNKNOWN_CHUNKS = 2**16
-"""Where not all chunks can be read, an index may tell of so many: our segments roll far sooner."""
+"""Where not all chunks can be read, an index may list so many: our segments roll far sooner."""
 DATA_CRC = "the data's CRC"
 
 
@@ -101,7 +101,7 @@ class Contents:
             self.next_events.append(_next_event(piece, before))
 
     def closing_head(self) -> bytes:
-        """Return the hash that the closing must tell: of the last commit, or of the one before."""
+        """Return the hash that the closing must state: of the last commit, or of the one before."""
         return self.head_hash or (b"" if self.header is None else self.header.hash_so_far)
 
     @property

@@ -29,7 +29,7 @@ WINDOW_BYTES = 2**22
 """So much is read at once."""
 
 
-class Vanished(Exception):  # noqa: N818  # a turn of events, not an error: the caller begins anew
+class Vanished(Exception):  # noqa: N818  # a turn of events, not an error: the caller begins again
     """A file was replaced, shortened or removed since it was listed: a compaction is at work."""
 
 

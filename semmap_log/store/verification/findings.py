@@ -108,7 +108,7 @@ def arrange(place: FilePlace) -> FolderFiles:
 
 
 def _take_removed(found: FolderFiles) -> None:
-    """Tell what was removed on purpose from what is missing: the rest must begin where it ends."""
+    """Separate what was removed on purpose from what is missing: the rest must begin at its end."""
     try:
         part = found.place.removed()
     except CorruptLogError as error:
@@ -218,7 +218,7 @@ def _mark(found: FolderFiles) -> ClosedMark | None:
 
 
 def _sort_out(found: FolderFiles, ours: list[SegmentFile]) -> None:
-    """Tell the log's segments from those of other logs, leftovers and copies."""
+    """Separate the log's segments from those of other logs, leftovers and copies."""
     ids = Counter(f.header.info.log_id for f in ours if f.header is not None)
     log_id = max(ids, key=lambda one: ids[one], default="")
     last: SegmentFile | None = None

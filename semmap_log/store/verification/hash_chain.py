@@ -148,7 +148,7 @@ class Chain:
             report: Takes each finding.
             on_commit: Takes each commit that is whole and in its place.
             on_gone: Takes what stands for whole commits that were taken out, in its place.
-            keep_parts: Whether to tell it where the commit's records are.
+            keep_parts: Whether commits keep the places of their records.
         """
         self.next_event = 0
         self.head = NO_HASH
@@ -237,7 +237,7 @@ class Chain:
                 self._add_to_commit(piece, i, records[start:end])
 
     def end(self, *, last_known: int | None = None) -> None:
-        """Report what is still open: nothing follows that would tell what was lost."""
+        """Report what is still open: nothing follows that would show what was lost."""
         first = self.next_event
         last = max(self.last_seen, last_known if last_known is not None else -1)
         lost = (first, last if last >= first else None)

@@ -285,7 +285,7 @@ class ObjectPlace:
         return found
 
     def differences(self, found: Sequence[ShippedSegment]) -> list[tuple[PurePath, str]]:
-        """Return in what the segments differ from what the manifest tells: in every field."""
+        """Return where the segments differ from the manifest: in every field."""
         manifest = None if self._manifest is None else self._manifest.manifest
         told = {} if manifest is None else {one.name: one for one in manifest.segments}
         return [

@@ -97,7 +97,7 @@ class SegmentWalk:
             found = find_piece(self.file, at, size)
             if found is None:
                 break
-            if is_known:  # else it is the head that cannot be read, and that was said
+            if is_known:  # else it is the head that cannot be read, which was reported
                 yield Gap(start, found.stored.offset, self.problem)
             at, is_known = found.stored.offset, False
         self.pieces_end = min(at, size)

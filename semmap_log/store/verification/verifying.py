@@ -329,7 +329,7 @@ class Verifier:
             return
         for channel, sequence, *_, start, end in piece.messages:
             if channel == HistoryTrimmed.kind:
-                with suppress(ValueError):  # which the check of keyframes tells
+                with suppress(ValueError):  # which the check of keyframes reports
                     found = decode(channel, piece.records[start + MESSAGE.size : end], None)
                     assert isinstance(found, HistoryTrimmed)
                     header = self.arrangement.segments[self._at].header
@@ -363,7 +363,7 @@ class Verifier:
         if not is_torn:
             self._damage(flaw.kind, flaw.offset, flaw.text)
             return True
-        if flaw.kind == "message index":  # which is made anew: the chunk before it counts
+        if flaw.kind == "message index":  # which is rewritten: the chunk before it counts
             self._torn(flaw.offset, flaw.offset, flaw.text)
             return True
         self.chain.forget_unfinished()

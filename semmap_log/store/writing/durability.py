@@ -122,4 +122,4 @@ class BatchTimer:
             try:
                 self._sync()
             except LogPoisonedError:
-                return  # whoever appends or waits next is told
+                return  # the next append or wait raises

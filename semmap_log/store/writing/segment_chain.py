@@ -276,7 +276,7 @@ class SegmentChain:
             for segment in older:
                 if segment.told is not None:
                     continue  # removed from the disk: other tools must not look for it
-                with suppress(CorruptLogError):  # who reads it is told
+                with suppress(CorruptLogError):  # its reader gets the error
                     self._closed[segment.path.name] = statistics_of(segment)
             for one in closed:
                 self._closed[one.name] = one
@@ -286,7 +286,7 @@ class SegmentChain:
 def _left_to_compact(closed: Sequence[Segment]) -> list[Segment]:
     """Return the last segments that the writers before did not get to, the last first."""
     found = []
-    with suppress(CorruptLogError):  # who reads it is told
+    with suppress(CorruptLogError):  # its reader gets the error
         for segment in reversed(closed[-MOST_LEFT:]):
             if segment.told is not None or not needs_compaction(segment):
                 break
@@ -402,7 +402,7 @@ class CommandMemory:
         return self._stored.find(command_id)
 
     def _look_at(self, live: SegmentWriter) -> None:
-        """Take in the commits that were written before somebody asked."""
+        """Take in the commits that were written before the first query."""
         for command_id in live.written.command_ids(self._taken_in):
             self._known[command_id] = live.written.first_event(self._taken_in)
             self._taken_in += 1
