@@ -69,7 +69,7 @@ def block_of(batch: EventBatch, start: Start, wall_ns: int) -> Block:
     Args:
         batch: Events of fixed sizes, at least one.
         start: What the first gets.
-        wall_ns: When those happened of which it is not given.
+        wall_ns: When those happened that have no happened time.
     """
     steps = np.arange(len(batch), dtype=np.int64)
     happened = happened_times(batch, wall_ns)

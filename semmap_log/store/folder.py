@@ -1,15 +1,15 @@
 """A log's folder: its files by name, whatever becomes of the folder's own name meanwhile.
 
-Who writes *holds* the folder: files are found by its descriptor, so that a folder that is moved
-away, and another one under its name, cannot lead a writer into somebody else's log. Who reads
-looks at the absolute path that was fixed at opening: a log that `recover` has put in place of a
-damaged one is found there.
+A writer *holds* the folder: files are found by its descriptor, so that a folder that is moved away,
+and another one under its name, cannot lead a writer into another log. A reader uses the absolute
+path that was fixed at opening: a log that `recover` has put in place of a damaged one is found
+there.
 
 Nothing that is written follows a link: a log's folder may come from a stranger, and no file
-outside of it may change. New files are made where nothing is; what is replaced, is replaced by a
+outside of it may change. New files are made only under free names; existing ones are replaced by a
 rename.
 
-What is a zip file: a log in it can be read, not written.
+A log in a zip file can be read, but not written.
 """
 
 from __future__ import annotations
@@ -229,7 +229,7 @@ class LogFolder:
         return file
 
     def new_file(self, name: str) -> tuple[str, int]:
-        """Make a file that nobody knows, to be given that name later; return its own, and it.
+        """Make a file under a temporary name, to be renamed later; return that name and the file.
 
         Raises:
             OSError: As the system says.
@@ -238,13 +238,13 @@ class LogFolder:
         return temporary, self.open(temporary, _NEW | os.O_APPEND)
 
     def put_new(self, temporary: str, name: str) -> None:
-        """Give a file a name that nobody has; it survives a power cut.
+        """Give a file a name that is free; it survives a power cut.
 
         By a hard link, which never replaces anything. On file systems that have none (FAT, some
         network servers) by a look and a rename: there the writer's lock alone keeps others out.
 
         Raises:
-            FileExistsError: Somebody has the name.
+            FileExistsError: The name is taken.
             OSError: As the system says.
         """
         here = {"src_dir_fd": self._fd, "dst_dir_fd": self._fd}

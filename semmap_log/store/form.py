@@ -27,13 +27,13 @@ Versions. `format_version` in `semmap_log` is the major one: a program reads its
 add, and what a program that does not know it does with that:
 
 - Kinds of events, on channels up to 89, with a Schema and a Channel of their own at the head of
-    each segment. They take event numbers, and belong to commits and to the hash chain as all others
-    do. A kind that changes no answer about others says so in its Channel's metadata,
-    `semmap_changes: nothing`: it hides no event, and leaves doors, beliefs, levels, floor plans,
-    poses and rounds as they are, and of a keyframe all but its event number and latest time. Such
-    events are left out, with a warning. An event of any other unknown kind may have changed
-    everything: a question that counts only events before it (`--event`, `--known-at`) is answered,
-    a list of events shows it by its name, and all else is refused. A changed type is a kind of its
+  each segment. They take event numbers, and belong to commits and to the hash chain as all others
+  do. A kind that changes no answer about others says so in its Channel's metadata,
+  `semmap_changes: nothing`: it hides no event, and leaves doors, beliefs, levels, floor plans,
+  poses and rounds as they are, and of a keyframe all but its event number and latest time. Such
+  events are left out, with a warning. An event of any other unknown kind may have changed
+  everything: a question that counts only events before it (`--event`, `--known-at`) is answered,
+  a list of events shows it by its name, and all else is refused. A changed type is a kind of its
     own, under a new name.
 - Entries in `semmap_log`. They hold for the whole log.
 - Entries in `semmap_index`, which are a cache; a state version of keyframes, which are one, too.
@@ -371,7 +371,7 @@ class EventFields(NamedTuple):
 
     @classmethod
     def room_for(cls, count: int) -> EventFields:
-        """Return rows that somebody fills."""
+        """Return rows for the caller to fill."""
         return cls(
             place=np.empty(count, np.int64),
             number=np.empty(count, np.int64),
@@ -416,7 +416,7 @@ def fields_of(heads: HeadColumns, first_event: int) -> EventFields:
 
 
 def numbers_of_sequence(sequence: NDArray[np.uint32], first_event: int) -> NDArray[np.int64]:
-    """Return event numbers, of which a record says the low 32 bits only.
+    """Return event numbers from records that contain only their low 32 bits.
 
     Args:
         sequence: What the records say.

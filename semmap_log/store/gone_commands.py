@@ -189,7 +189,7 @@ def _as_given(kind: int, data: bytes) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class GoneCommand:
-    """A command of which nothing is left but a digest of its id, and its seal."""
+    """A command of which only a digest of its id, and its seal, are left."""
 
     id_digest: bytes
     """SHA-256 of its id."""

@@ -106,7 +106,7 @@ class Page:
     offset: int = 0
     """Where their first chunk lies in it, for messages."""
     scanned: ScannedRecords | None = None
-    """Where each record begins, where somebody has walked them already."""
+    """Where each record begins, if they have been walked already."""
 
     @computed_once
     def offsets(self) -> NDArray[np.int64]:
@@ -147,7 +147,7 @@ class Page:
         """Return its events as columns, those of unknown kinds, too.
 
         Args:
-            sources_of: Looks up their sources, should somebody ask.
+            sources_of: Looks up their sources on request.
             names: What a later version calls its kinds, by their numbers.
             doors: Those of fixed size that are about other doors may be left out; None: none may.
 
@@ -189,7 +189,7 @@ class Page:
 
     @property
     def event_fields(self) -> EventFields:
-        """The fixed fields of its events: once, since who asks may write to them.
+        """The fixed fields of its events: made once, since callers may write to them.
 
         Raises:
             ValueError: One is not of its kind's length.

@@ -162,7 +162,7 @@ _SHA256 = late_pattern(r"[0-9a-f]{64}")
 _UNLIKE_WRITTEN = (
     ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError,
 )  # fmt: skip
-"""What reading a manifest raises that nobody has written."""
+"""What reading a malformed manifest raises."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,8 +212,8 @@ class Manifest:
     superseded: tuple[Superseded, ...] = ()
     """What it does not name any more, and what still lies there, as far as is known."""
     generation: int = 0
-    """How many times superseded objects were removed. Of a later generation an object has another
-    name: so nothing is ever sent under the name of one that somebody is about to remove."""
+    """How many times superseded objects were removed. In a later generation an object has another
+    name: so nothing is ever sent under a name that is about to be removed."""
 
     @property
     def mark(self) -> ClosedMark:

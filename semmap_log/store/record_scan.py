@@ -36,7 +36,7 @@ MAX_CHUNK_BYTES = 2**30
 FREE_SEGMENT_BYTES = 2**30
 """So much all chunks of a segment may hold, however few bytes they are packed in."""
 MOST_SEGMENT_RATIO = 4000
-"""Beyond, only so many times their packed bytes: a map of which nothing is known yet is packed ten
+"""Beyond that, only so many times their packed bytes: an entirely unknown map is packed ten
 thousand times, one of a few rooms a thousand times."""
 
 CLOSE_RATIO = 64

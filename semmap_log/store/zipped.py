@@ -1,4 +1,4 @@
-"""A log in a zip file, unpacked into a temporary folder for as long as somebody reads it.
+"""A log in a zip file, unpacked into a temporary folder for as long as it is read.
 
 A mapped file needs a file, and most queries need parts of it in no order: so the log's files are
 unpacked, once, into a folder of their own among the machine's temporary files (TMPDIR). The last
@@ -40,7 +40,7 @@ Version = tuple[int, int, int, int]
 
 
 class UnpackedLog:
-    """The folder of a zipped log's files; it is removed when nobody holds this any more."""
+    """The folder of a zipped log's files; it is removed with the last reference to this."""
 
     def __init__(self, path: Path) -> None:
         """Unpack a zip file.

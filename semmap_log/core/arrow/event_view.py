@@ -51,7 +51,7 @@ _MADE_OF: Mapping[str, tuple[str, ...]] = {
 
 
 def history_columns(names: Collection[str]) -> list[str]:
-    """Return of which columns of a history these of the view are made."""
+    """Return the columns of a history from which these of the view are made."""
     needed = {made_of for name in names for made_of in _MADE_OF.get(name, (name,))}
     return [column.name for column in HISTORY_COLUMNS if column.name in needed]
 

@@ -35,7 +35,7 @@ def seal_of(path: Path) -> Seal:
     """Return the seal of a Parquet file as it is.
 
     Raises:
-        OSError: It cannot be read, or is none.
+        OSError: It cannot be read, or is no Parquet file.
     """
     crcs, at = [], 0
     with path.open("rb") as file:

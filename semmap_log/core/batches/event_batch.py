@@ -172,7 +172,7 @@ class EventBatch(MadeOfColumns):
     known_door_ids: NDArray[np.uint32] | None = field(default=None, repr=False, compare=False)
     """`door_ids`, where who made the batch had them at hand."""
     sources_of: SourcesOf | None = field(default=None, repr=False, compare=False)
-    """Looks up by event number where events are from, in a log; None: nobody knows."""
+    """Looks up by event number where events are from, in a log; None: not known."""
     _places: dict[int, NDArray[np.intp]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )

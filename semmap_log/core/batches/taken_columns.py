@@ -277,7 +277,7 @@ Places = NDArray[np.intp] | slice
 
 
 class LazyColumns(Mapping[int, Rows]):
-    """Kind -> the fields of its events, made when somebody asks for that kind."""
+    """Kind -> the fields of its events, made on first access to that kind."""
 
     def __init__(self, kinds: Collection[int], make: Callable[[int, Places], Rows]) -> None:
         """Take note of them.
@@ -387,7 +387,7 @@ def as_type(where: str, values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[A
     """Return numbers as another type: never wrapped, cut or rounded to a whole one.
 
     Raises:
-        InvalidEventError: A value is none of that type; the first is named.
+        InvalidEventError: A value does not fit that type; the first is named.
     """
     if values.dtype == dtype:
         return values

@@ -77,7 +77,7 @@ def parts_of(
         batch: Any events.
         dtype: `CHANGE`, or some of its columns.
         setting: Only those that set one of these bits of `sets`; None: also those that set nothing,
-            such as somebody who did not get through.
+            such as a failed passage.
         doors: Only what is about these; None: all.
     """
     for kind in SETTING_KINDS:
@@ -183,7 +183,7 @@ for _kind in SETTING_KINDS:
 
 
 Texts = tuple[NDArray[np.intp], Sequence[str]]
-"""Of each event the place of its text among some; an empty one: there is none."""
+"""For each event, the index of its text in a list; an empty text: it has none."""
 
 NOTHING = ""
 _NEVER = (0, -1)
@@ -211,7 +211,7 @@ class NamesThen:
         self._doors: _Called | None = None
         self._levels: _Called | None = None
         self._moved: LastWritten | None = None
-        """Door -> its level; all three are made when somebody asks, and then nothing comes in."""
+        """Door -> its level; all three are made at the first query; nothing is added after that."""
 
     def apply(self, batch: EventBatch) -> None:
         """Take in events, retracted ones left out."""

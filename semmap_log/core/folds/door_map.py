@@ -113,7 +113,7 @@ class DoorMapState:
         return self.latest[0]
 
     def first_among(self, ranges: Sequence[tuple[int, int]]) -> int | None:
-        """Return the first of these events without which it would be another; None: there is none.
+        """Return the first of these events without which the map would differ, or None.
 
         A register that another event has written since is the same whether they came or not.
 

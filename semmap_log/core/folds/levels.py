@@ -329,7 +329,7 @@ _COLUMNS = ("door_id", "key", "value", "happened_ns", "event")
 
 
 class Annotations:
-    """Registers of texts; what was stored is unpacked when somebody asks."""
+    """Registers of texts; stored ones are unpacked on first access."""
 
     def __init__(self) -> None:
         self._said: _Said = {}

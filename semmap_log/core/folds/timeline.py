@@ -108,7 +108,7 @@ class Timeline(ShownAsTable):
 
     A door keeps its state until another one is reported, but a sighting holds only for a time:
     after that the door was not seen, until the next report. Those times are the lapses. A state
-    that somebody set holds until the next report.
+    that was set holds until the next report.
     """
 
     door_id: DoorId
@@ -164,7 +164,7 @@ class Timeline(ShownAsTable):
 
     @property
     def seen_ns(self) -> Times:
-        """How much of each interval a sighting held, or a state that somebody set, nanoseconds."""
+        """How much of each interval is covered by a sighting or a set state, nanoseconds."""
         seen: Times = self.duration_ns - self.not_seen_ns
         return seen
 

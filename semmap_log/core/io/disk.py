@@ -93,7 +93,7 @@ def _is_another(target: Path, kind: str, differing: str = "") -> OutputError:
 
 
 def _differing(shipped: Path, target: Path, made: Sequence[str]) -> str:
-    """Return a file that another folder has not, or not alike; "": there is none."""
+    """Return a file that another folder lacks, or has with other content; "": no such file."""
     for path in sorted(shipped.rglob("*")):
         name = path.relative_to(shipped)
         other = target / name

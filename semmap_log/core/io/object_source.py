@@ -21,7 +21,7 @@ BLOCK_BYTES = 2**16
 SMALL_BYTES = 2**20
 """A smaller object comes whole: a request costs more than its bytes."""
 GAP_BLOCKS = 4
-"""So many that nobody wants are fetched along, rather than asking twice."""
+"""So many unwanted blocks are fetched along, rather than making two requests."""
 MOST_AT_ONCE = 2**23
 """Bytes of one request."""
 MOST_READ_BYTES = 2**27
@@ -32,7 +32,7 @@ _THREADS = 8
 
 
 class _Kept:
-    """Blocks that were fetched; those that nobody has used for longest go first."""
+    """Blocks that were fetched; the least recently used ones go first."""
 
     def __init__(self, most: int) -> None:
         self._most = most
@@ -74,7 +74,7 @@ _kept = _Kept(KEPT_BYTES)
 
 
 def keep_at_most(most: int) -> None:
-    """Keep so many bytes of all objects together: for a process of which there are many."""
+    """Keep at most so many bytes of all objects together: for one of many processes."""
     _kept.bound(most)
 
 

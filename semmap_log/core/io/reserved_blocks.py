@@ -45,7 +45,7 @@ class ReservedBlocks:
     def synced(self, size: int) -> None:
         """Take in that the file was synced; see to room for what it will grow by.
 
-        Where that cannot be had, the file goes on as it would without.
+        Where no blocks can be reserved, the file grows as it would without.
 
         Args:
             size: Of the file.

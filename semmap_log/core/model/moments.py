@@ -103,7 +103,7 @@ def parse_duration(text: str) -> int:
     """Return a length of time in nanoseconds: `30m`, `2h`, `1.5 d`, `90 s`.
 
     Raises:
-        MomentError: It is none.
+        MomentError: It is no length of time.
     """
     found = _DURATION.fullmatch(text.strip().lower())
     if found is None:

@@ -40,7 +40,7 @@ def is_number(value: object) -> bool:
 
 
 class Rule:
-    """What the values of a field are. This one: whatever its type says, which nobody checks."""
+    """What the values of a field are. This one: whatever its type says, unchecked."""
 
     dtype: str = ""
     """Numpy type of a column that holds them, unless stated otherwise; "": none can."""
@@ -258,7 +258,7 @@ class Text(Rule):
     needed: str = ""
     """What is expected where it is empty; "": it may be."""
     expects: Callable[[str], str] = lambda _: ""
-    """Returns what is expected instead of a text that is none of the field's; "": it is one."""
+    """Returns what is expected instead of a text that is not allowed; "": it is allowed."""
 
     def allows(self, value: Any) -> bool:
         return not self.expected_of(value)

@@ -49,7 +49,7 @@ class Appender:
     """Appends commands, each checked against the map as it stands. May be used by several threads.
 
     One thread at a time makes and writes a command's events; then it waits for the disk while
-    others go on.
+    others continue.
     """
 
     def __init__(self, opened: OpenedLog[WrittenState]) -> None:
@@ -120,7 +120,7 @@ class Appender:
         """Append a commit of another log as it was there; `LogWriter.sync` makes it last.
 
         Args:
-            command: Who calls has seen that it is not stored.
+            command: The caller has checked that it is not stored.
             are_facts: The other log took its events: only what this log could not hold is refused.
             recorded_ns: When the other log recorded it; None: it is recorded now. Later than the
                 log's end, or the log ends there.

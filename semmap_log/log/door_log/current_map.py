@@ -122,7 +122,7 @@ def class_meant(name: str, now: CurrentMap) -> ObjectClass:
 
 
 def state_meant(state: DoorState | str, of: ObjectClass) -> DoorState:
-    """Return the state that somebody means who speaks of an object of a class.
+    """Return the state that a word means for an object of a class.
 
     Args:
         state: A state, or the class's word for it, or its name, in any case of letters.
@@ -246,7 +246,7 @@ class Command(ABC):
 
 @dataclass(frozen=True, slots=True)
 class GivenEvents(Command):
-    """Events that somebody has made; those of a command of theirs are compared, or a digest is."""
+    """Events that the caller has made; a repeated command is recognised by them or by a digest."""
 
     given: Iterable[Event | EventBatch]
     content: bytes = NO_CONTENT
@@ -292,7 +292,7 @@ class GivenEvents(Command):
 
 @dataclass(frozen=True, slots=True)
 class MadeEvents(Command):
-    """Events that somebody makes when the command's turn has come; maybe none are wanted then."""
+    """Events that are made when the command's turn has come, if they are wanted then."""
 
     make: Callable[[], Sequence[Event]]
     content: bytes
@@ -371,7 +371,7 @@ class CurrentMap:
             return self._reader
 
     def refresh(self) -> None:
-        """Look at the log's folder; who reads with the reader of before goes on with that."""
+        """Read the log's folder again; users of the previous reader keep that."""
         with self._lock:
             self._reader = self._reader.refreshed()
             self.is_read = True

@@ -301,7 +301,7 @@ class DoorIndex:
         return self._levels
 
     def level_meant(self, level: int | str | None) -> int:
-        """Return the level that somebody means: see `levels`.
+        """Return the level that a name or number means: see `levels`.
 
         Args:
             level: Its name or number; None, or `LEVEL_NOT_GIVEN`: not given. The `Validator` checks

@@ -92,7 +92,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         A log in a zip file is unpacked among the machine's temporary files for as long as it is
         read.
 
-        A relative path is that of the moment: `os.chdir` leads nobody to another log.
+        A relative path is resolved at once: `os.chdir` changes nothing about it.
 
         Args:
             path: Its folder, a zip file with one log in it, or a URL of a store (`s3://…`, `gs://…`,
@@ -342,8 +342,9 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
     ) -> Iterator[FollowedCommit]:
         """Yield commits as they are written, each with its events: no gap, no repeat.
 
-        It goes on over new segments, recoveries, compactions and other writers, and while nobody
-        writes; commits come when they are whole. What this object answers stays as it was opened.
+        It continues over new segments, recoveries, compactions and other writers, and while nothing
+        is written; commits come when they are whole. What this object answers stays as it was
+        opened.
 
         Args:
             after: Number of the last event that is known already; -1: from the log's beginning;
@@ -978,4 +979,4 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Nothing to let go of: the files are mapped, and unmapped with the object."""
+        """Do nothing: the files are mapped, and unmapped with the object."""

@@ -397,7 +397,7 @@ class DoorLogWriter(DoorLog):
         command_id: bytes | None = None,
         content: bytes = NO_CONTENT,
     ) -> Appended | None:
-        """Append what `make` gives, as one commit; nobody appends between its look and that.
+        """Append what `make` returns, as one commit; no other append comes in between.
 
         Args:
             make: Asks this log what it wants, and gives the events, or none where what it finds

@@ -229,7 +229,7 @@ class ReplayKeyframeCheck:
 
 
 class WrittenState:
-    """A state with records that wait to be folded in: when somebody asks, or when they are many.
+    """A lazily folded state: waiting records are folded in on access, or when they are many.
 
     A `KeyframeSource`.
     """

@@ -362,7 +362,7 @@ class Checkpoint(Generic[S]):
 
 
 def log_id_of(start: bytes) -> str:
-    """Return the id of the log that a file is a checkpoint of, by its first bytes; "": it is none.
+    """Return the id of a checkpoint's log, by the file's first bytes; "": it is no checkpoint.
 
     Args:
         start: The first `START_BYTES` of the file.

@@ -68,17 +68,17 @@ def sign(
 ) -> Signed:
     """Sign what is closed of a log and not signed by this key yet; nothing else of it changes.
 
-    All of the log is read first, as `verify` reads it. It must go on from what the key's state
-    says was signed last. Stopped at any moment it leaves whole signatures or none. Somebody may be
-    writing, compacting or signing meanwhile.
+    All of the log is read first, as `verify` reads it. It must continue from what the key's state
+    says was signed last. If stopped at any moment, it leaves whole signatures or none. Others may
+    write, compact or sign meanwhile.
 
     Args:
         log: The log's folder.
-        key: Who signs.
-        adopt: Sign also what does not go on from there, and say so in the statement; and vouch for
-            what was taken out without an officer's statement.
+        key: The signing key.
+        adopt: Sign also what does not continue from there, and say so in the statement; and vouch
+            for what was taken out without an officer's statement.
         trimmed: Vouch for what was taken out just now.
-        next_key: Name the key that goes on in the place of this one, which signs no more of it.
+        next_key: Name the key that replaces this one, which signs no more of it.
         progress: Called with the number of bytes read.
 
     Raises:
@@ -95,11 +95,11 @@ def sign(
 
 
 def check_before_trimming(log: Path, key: SigningKey, progress: Progress | None = None) -> None:
-    """Return if a key can vouch for what is taken out of a log next, and for all before that.
+    """Check that a key can vouch for what is taken out of a log next, and for all before that.
 
     Raises:
-        SigningError: The log is not what it has signed; or something was taken out already, and
-            nobody vouches for it.
+        SigningError: The log is not what it has signed; or something was taken out already without
+            a statement that vouches for it.
         LogError: It cannot be read, or is no log.
     """
     refuse_made(log)
@@ -244,7 +244,7 @@ class LogSigning:
         return done
 
     def check(self) -> None:
-        """Return if the log goes on from what this key has signed last.
+        """Check that the log continues from what this key has signed last.
 
         Raises:
             SigningError: It does not.

@@ -38,7 +38,7 @@ PAUSE_S = 0.0005
 
 
 class SignBeside:
-    """Signs the end of a log while somebody writes it; one more time when it is closed.
+    """Signs the end of a log while it is written, and once more when it is closed.
 
     with SignBeside("office", key) as signer, sl.append("office", signer=signer) as log:
         log.observe(door, "open")
@@ -75,7 +75,7 @@ class SignBeside:
         self._tell = tell
         self._thread = WorkBeside("semmap_log signing", self._look, pause_s=every_s, end_s=end_s)
         self._sessions: list[_Session] = []
-        """Of each writer that it was given; the last one goes on."""
+        """One for each writer that it was given; the last one is active."""
         self._marks: str | None = None
         """Which mark of a closing was the last when a statement was last kept."""
         self.signed_before = 0

@@ -65,7 +65,7 @@ class Thinning:
         self._goes = np.zeros(self.before // 8 + 1, np.uint8)
         """A bit for each number of an event: whether it is a sighting that repeats others."""
         self._known: set[int] = set()
-        """Events of which segments were looked at, by the number of the first."""
+        """The segments whose events were examined, by the number of their first event."""
 
     @property
     def words(self) -> str:

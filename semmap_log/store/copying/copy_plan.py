@@ -328,7 +328,7 @@ class _OneFile(DiskPlace):
         self._lies_at = lies_at
 
     def is_folder(self) -> bool:
-        """Return that it is none."""
+        """Return that it is no folder."""
         return False
 
     @contextmanager

@@ -1,13 +1,13 @@
-"""A log copied into another folder, or a copy brought up to date.
+"""Copies a log into another folder, or brings a copy up to date.
 
     .office_000003.mcap.copied.tmp   what the copy lacks is written, synced and verified first
     office_000003.mcap               then each gets its name, in the order of their events
-    closed-3-40000.json              then it is written down how far the copy reaches
-    metadata.yaml                    and what it holds, for rosbag2's tools
+    closed-3-40000.json              then how far the copy reaches is recorded
+    metadata.yaml                    and what it contains, for rosbag2's tools
 
-Of the log one state is read: its files are held open from the start, so compaction and merges
-disturb nobody. Killed at any step, the copy is a log, as it was or up to some segment more, and the
-next copying goes on.
+One state of the log is read: its files are held open from the start, so compaction and merges
+do not interfere. If it is killed at any step, the copy is a log, as it was or with some more
+segments, and the next run continues.
 """
 
 from __future__ import annotations

@@ -220,7 +220,7 @@ class LoadedChunks:
 
         Args:
             place: The chunk's.
-            into: Where they are to lie, of their size; None: nobody minds.
+            into: Where to put them, of their size; None: anywhere.
 
         Raises:
             CorruptLogError: Its head does not agree with the table.

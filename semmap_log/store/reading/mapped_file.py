@@ -199,7 +199,7 @@ _FAILED = ctypes.c_void_p(-1).value
 
 
 class MappedMemory:
-    """A file that is mapped without a descriptor being kept; unmapped when nobody holds this.
+    """A file that is mapped without keeping a descriptor; unmapped with the last reference to this.
 
     Python's own mmap keeps a descriptor for each (before 3.13), and a process may have 1,024: a log
     of five years has more segments.

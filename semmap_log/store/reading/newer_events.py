@@ -140,8 +140,8 @@ END_BYTES = 2**16
 class SegmentsAhead:
     """The way through segments that a manifest lists, with the next ones prefetched.
 
-    As the read-ahead of an operating system it begins with few, and doubles them while the reading
-    goes on, so that a question that ends early has not paid for much.
+    Like the read-ahead of an operating system it begins with few, and doubles them while the
+    reading continues, so that a question that ends early has not paid for much.
     """
 
     def __init__(
@@ -198,7 +198,7 @@ class ReadProgress:
         """Bytes of the segments that were passed."""
         self._todo = sum(segment.size for segment in segments) if progress else 0
         self._kept_from = 0
-        """In the segment that is read: what lies before was let go of."""
+        """In the segment that is being read: earlier bytes were released."""
 
     def reached(self, segment: Segment, page: Page) -> None:
         """Take note of a page that was used, and all before it."""

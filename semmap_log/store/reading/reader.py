@@ -207,8 +207,8 @@ class LogReader:
 
         Args:
             window: Which events.
-            start: What comes before is not looked at.
-            doors: Events about others may be left out: who asks about few is spared their columns.
+            start: What comes before is not read.
+            doors: Events about others may be left out, which saves reading their columns.
             progress: Called with the progress of the reading.
             on_page: Called with the records of each batch that follows.
             with_newer: Yield events of unknown kinds, too.

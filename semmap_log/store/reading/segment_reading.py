@@ -320,7 +320,7 @@ class SaidFinder:
         self._with_notes = with_notes
         self._at_hand: CommitColumns | None = None
         self._last: Commit | None = None
-        """The last that was found elsewhere; an import's may go on over many pages."""
+        """The last one that was found elsewhere; an import's may span many pages."""
 
     def look_at(self, _: Segment, page: Page) -> None:
         """Take the commits of a page, which contains the events that are queried next.
@@ -343,7 +343,7 @@ class SaidFinder:
             yield commits.texts[note], ids[16 * at : 16 * at + 16]
 
     def commits_of(self, numbers: NDArray[np.int64]) -> CommitColumns:
-        """Return commits of which each of these events, numbers ascending, has its own."""
+        """Return commits such that each of these events, numbers ascending, finds its own there."""
         commits = self._at_hand
         assert commits is not None, "somebody told where the events lie"
         lacking = numbers[commits.places_of(numbers) < 0]
@@ -384,7 +384,7 @@ class NoteSources:
 
 
 class SaidByCommits:
-    """Who and why of all the commits of some pages that follow each other, as columns."""
+    """Who and why of all the commits of some consecutive pages, as columns."""
 
     def __init__(self) -> None:
         self._parts: list[CommitColumns] = []

@@ -290,7 +290,7 @@ class _Keepers:
         self._segments: deque[weakref.ref[Segment]] = deque()
 
     def add(self, segment: Segment) -> None:
-        """Take in one that begins to keep something; the one that has done so longest lets go."""
+        """Add a segment that begins to keep something; the oldest one releases what it keeps."""
         self._segments.append(weakref.ref(segment))
         if len(self._segments) > self._most:
             oldest = self._segments.popleft()()

@@ -334,7 +334,7 @@ class SegmentStore(Protocol):
         """
 
     def mark(self) -> ClosedMark | None:
-        """Return how far the log reached when its last segment was closed; None: nobody knows.
+        """Return how far the log reached when its last segment was closed; None: not known.
 
         Raises:
             CorruptLogError: What says so is not what was written.

@@ -65,10 +65,10 @@ class KeyframeCheck(Protocol):
         """Events are missing: no state is known until the next keyframe."""
 
     def give_up(self) -> None:
-        """Compare no more: events that nobody here understands may have changed the state."""
+        """Stop comparing: events of unknown kinds may have changed the state."""
 
     def add(self, path: PurePath, piece: Piece, place: KeyframePlace, next_event: int) -> None:
-        """Take the next chunk, of which `next_event` is the first event, or comes before it."""
+        """Take the next chunk; `next_event` is its first event, or the next one after it."""
 
     def finish(self) -> None:
         """Read the events that wait: their payloads must be what their channels carry."""
@@ -219,7 +219,7 @@ class ObjectFile:
 
 
 class ObjectFiles:
-    """The objects below a URL, opened; of those of which all was read the SHA-256 is known."""
+    """The objects below a URL, opened; for those that were read whole the SHA-256 is known."""
 
     def __init__(self, store: ObjectStore) -> None:
         self._store = store

@@ -23,11 +23,11 @@ from semmap_log.store.writing.writer import Environment, K_co, LogWriter, NewKey
 
 @dataclass(frozen=True, slots=True)
 class OpenedLog(Generic[K_co]):
-    """A log that was opened for writing, and what was read for that: nobody reads it again."""
+    """A log that was opened for writing, and what was read for that, so that it is read once."""
 
     writer: LogWriter
     reader: LogReader
-    """The log as the writer goes on with it."""
+    """The log as the writer continues it."""
     keyframes: K_co
     """Where its keyframes come from."""
 
@@ -114,7 +114,7 @@ def _taken_up(
 
 @contextmanager
 def _closed_on_error(writer: LogWriter) -> Iterator[None]:
-    """Close a writer that nobody gets, and so nobody else could close."""
+    """Close a writer if opening fails, since no caller could."""
     try:
         yield
     except BaseException:

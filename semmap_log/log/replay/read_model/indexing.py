@@ -324,7 +324,7 @@ _OURS = late_pattern(
     rf"(?P<is_left>\.\d+{re.escape(TEMPORARY_SUFFIX)})?",
     re.DOTALL,
 )
-"""The name of a file of tables, or of one that somebody killed has left."""
+"""The name of a file of tables, or of one that a killed process has left."""
 
 
 def _stem_of(name: str) -> str:
@@ -334,7 +334,7 @@ def _stem_of(name: str) -> str:
 
 
 def _tidied(folder: Path, stems: set[str]) -> list[str]:
-    """Remove the files of no segment, and what somebody killed has left; return their names."""
+    """Remove the files of no segment, and what a killed process has left; return their names."""
     removed = []
     for file in sorted(folder.iterdir()):
         if _OURS.fullmatch(file.name) and _stem_of(file.name) not in stems:
@@ -347,7 +347,7 @@ def _tidied(folder: Path, stems: set[str]) -> list[str]:
 def _whole(path: Path) -> Iterator[Path]:
     """Hand out a name for a new file that takes its own in the end; what is half is removed.
 
-    Nothing is synced: who reads it checks it, and it can be made again.
+    Nothing is synced: readers check it, and it can be made again.
     """
     temporary = path.with_name(f"{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
     try:
