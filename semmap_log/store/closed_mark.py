@@ -142,7 +142,7 @@ def those_that_count(names: Sequence[str]) -> list[str]:
 
 
 def last_mark(names: Sequence[str], read: Callable[[str], ClosedMark | None]) -> ClosedMark | None:
-    """Return the last of some marks; None: there is none any more.
+    """Return the last of some marks, or None if none exists any more.
 
     Args:
         names: Theirs.
@@ -213,7 +213,7 @@ def unsealed(found: Mapping[str, Any]) -> dict[str, Any]:
 
     Raises:
         ValueError: The digest does not fit them.
-        KeyError: There is none.
+        KeyError: It has no digest.
     """
     entries = dict(found)
     if entries.pop(DIGEST_KEY) != _digest(entries):

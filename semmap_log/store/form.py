@@ -34,7 +34,7 @@ add, and what a program that does not know it does with that:
   events are left out, with a warning. An event of any other unknown kind may have changed
   everything: a question that counts only events before it (`--event`, `--known-at`) is answered,
   a list of events shows it by its name, and all else is refused. A changed type is a kind of its
-    own, under a new name.
+  own, under a new name.
 - Entries in `semmap_log`. They hold for the whole log.
 - Entries in `semmap_index`, which are a cache; a state version of keyframes, which are one, too.
 

@@ -316,7 +316,7 @@ class Tombstone:
         return cls(**said, reasons=reasons, previous_hash=previous_hash, hash=its_hash, parts=parts)
 
     def check(self) -> None:
-        """Return if something is gone, as far as this Tombstone shows.
+        """Check that something is gone, as far as this Tombstone shows.
 
         Raises:
             ValueError: Nothing is, or more than there was: no trimming leaves such a Tombstone.

@@ -121,7 +121,7 @@ class KeptManifest:
 
 
 def read_manifest(store: ObjectStore, before: KeptManifest | None = None) -> KeptManifest | None:
-    """Return a log's manifest as it is now; None: there is none.
+    """Return a log's manifest as it is now, or None.
 
     Args:
         store: Where it lies.

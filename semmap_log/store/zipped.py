@@ -94,7 +94,7 @@ def _members_of_log(path: Path, packed: zipfile.ZipFile) -> list[zipfile.ZipInfo
     """Return the files of the one log in it.
 
     Raises:
-        NotALogError: There is none, or more than one.
+        NotALogError: It contains no log, or more than one.
         LogError: A name leads out of the zip, or comes twice, or is that of no plain file.
     """
     files = [one for one in packed.infolist() if not one.is_dir()]

@@ -309,7 +309,7 @@ def events_in(rows: pa.Table) -> dict[str, Any]:
 
 
 def numbers_in(rows: pa.Table, name: str) -> NDArray[Any]:
-    """Return a column of numbers; 0 where there is none, which no event of the kind reads."""
+    """Return a column of numbers; 0 where a kind lacks it, and none of its events reads it."""
     column = rows[name]
     if column.null_count:
         column = column.fill_null(False if pa.types.is_boolean(column.type) else 0)
@@ -449,7 +449,7 @@ class _FieldsOfKind:
 
 
 def _numbers(rows: pa.Table, name: str) -> NDArray[Any]:
-    """Return a column of numbers; 0 where there is none."""
+    """Return a column of numbers; 0 where it is null."""
     if name not in rows.column_names:
         return np.zeros(rows.num_rows, np.int64)
     return numbers_in(rows, name)

@@ -94,7 +94,7 @@ class Retractions:
         return hidden
 
     def first_hiding(self, event: int) -> int | None:
-        """Return the number of the first retraction of an event; None: there is none."""
+        """Return the number of the first retraction of an event, or None."""
         known = zip(self.ranges, self.numbers, strict=True)
         return min((by for (first, last), by in known if first <= event <= last), default=None)
 
@@ -350,11 +350,11 @@ class EventBatch(MadeOfColumns):
         return np.minimum(self.happened_ns, self.recorded_ns)
 
     def check(self) -> None:
-        """Return if these are events that a log can take; where they come from does not count.
+        """Check that these are events that a log can take; where they come from does not count.
 
         Raises:
-            InvalidEventError: Columns that do not fit each other, or a value that no event can
-                have: the row is named.
+            InvalidEventError: The columns do not match, or no event can have a value: the row is
+                named.
         """
         if self._is_checked:
             return

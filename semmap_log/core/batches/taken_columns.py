@@ -410,10 +410,10 @@ def _may_become(source: np.dtype[Any], target: np.dtype[Any]) -> bool:
 
 
 def check_rows(kind: type[Event], rows: Rows) -> None:
-    """Return if each row holds values that such an event can have.
+    """Check that each row holds values that such an event can have.
 
     Raises:
-        InvalidEventError: As the event itself would say it; the first row that is wrong is named.
+        InvalidEventError: As the event itself would raise it; the first wrong row is named.
     """
     dtype = fixed_layout(kind.kind).dtype
     if rows.dtype != dtype and not _same_fields(rows.dtype, dtype):
@@ -488,7 +488,7 @@ def event_of_row(kind: type[Event], row: Any, happened_ns: int | None) -> Event:
 
 
 def check_times(happened_ns: NDArray[np.int64]) -> None:
-    """Return if happened times are such, or `NO_TIME`.
+    """Check that times are possible happened times, or `NO_TIME`.
 
     Raises:
         InvalidEventError: One is not; it is named.

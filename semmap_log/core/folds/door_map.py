@@ -188,7 +188,7 @@ class DoorMapState:
                 if (added := self.stamp(i, "added")) is not None and stamp > added}  # fmt: skip
 
     def defined(self, name: str) -> Stamp | None:
-        """Return (happened, number) of the definition of a class; None: there is none."""
+        """Return (happened, number) of the definition of a class, or None."""
         return self._annotations.defined(name)
 
     def names(self) -> dict[DoorId, str]:

@@ -42,7 +42,7 @@ class Addings:
 
     @property
     def latest_ns(self) -> int:
-        """When the last of the doors was added; 0: there is none."""
+        """When the last of the doors was added; 0: there are no doors."""
         return int(self.happened_ns.max(initial=0))
 
     def early(self, batch: EventBatch, happened_ns: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -1,7 +1,7 @@
 """Who changed what, when, why: events together with the notes of their commits.
 
 Also the difference between two door maps, door by door and field by field; the robot's patrol
-rounds, with their begin, end, name and actor; and what each event changed in the map: the value
+rounds, with their start, end, name and actor; and what each event changed in the map: the value
 that a field of a door had before, and since.
 
 Changes are seen in the order of event numbers: from what the log knew before an event was recorded
@@ -153,7 +153,7 @@ def _changes(before: DoorMap, after: DoorMap, names: Sequence[str]) -> Iterator[
 
 
 def _check(actual: Any, expected: Any, what: str) -> None:
-    """Return if a map that a diff is applied to is as the diff knows it.
+    """Check that the map that a diff is applied to is as the diff knows it.
 
     Raises:
         CommandError: It is not.

@@ -168,10 +168,10 @@ def of_class(door_map: DoorMap, name: str) -> DoorMap:
 
 
 def check_class(door_map: DoorMap, name: str) -> None:
-    """Return if a class is called so.
+    """Check that a class of that name exists.
 
     Raises:
-        CommandError: None is.
+        CommandError: It does not.
     """
     if name != DOOR.name and name not in door_map.classes:
         known = ", ".join([DOOR.name, *door_map.classes])

@@ -31,7 +31,7 @@ from semmap_log.core.batches.event_batch import EventBatch
 S = TypeVar("S")
 
 SAVE_EVERY_S = 10.0
-"""A checkpoint is written at the end, and so often on the way there."""
+"""A checkpoint is written at the end, and so often before that."""
 
 
 class Projection(Protocol[S]):

@@ -269,10 +269,10 @@ MOST_OWN_BYTES = 2**28
 
 
 def read_own(path: Path, most: int = MOST_OWN_BYTES) -> bytes:
-    """Return what a file of ours holds that lies where strangers may have put another.
+    """Return the content of a file of ours in a place where strangers may have put another.
 
     Raises:
-        FileNotFoundError: There is none.
+        FileNotFoundError: There is no such file.
         NotOursError: It is no regular file; reading it might never end.
         OSError: It cannot be read, or is longer than `most` bytes.
     """
@@ -401,10 +401,10 @@ _NEEDED = ("O_DIRECTORY", "O_NOFOLLOW", "O_CLOEXEC", "fdatasync", "link")
 
 
 def check_can_write(path: Path) -> None:
-    """Return if this system has what keeps a log whole while it is written.
+    """Check that this system has what keeps a log whole while it is written.
 
     Raises:
-        LogAccessError: It has not; names what is missing.
+        LogAccessError: It has not; the message names what is missing.
     """
     from importlib.util import find_spec
 

@@ -44,7 +44,7 @@ class ObjectCache:
             most_bytes: So much is kept, and a sixteenth more until somebody looks.
 
         Raises:
-            LogAccessError: It cannot be made, or is none.
+            LogAccessError: It cannot be made, or is no folder.
         """
         self.folder = folder.absolute()
         self._most_bytes = most_bytes

@@ -150,11 +150,11 @@ class ObjectStore:
             raise
 
     def status(self, name: str) -> ObjectStatus:
-        """Return what the store says of an object.
+        """Return the store's description of an object.
 
         Raises:
-            FileNotFoundError: There is none.
-            LogAccessError: The store does not let us.
+            FileNotFoundError: There is no such object.
+            LogAccessError: The store refuses.
         """
 
         def head() -> Any:
@@ -165,7 +165,7 @@ class ObjectStore:
     def whole(
         self, name: str, unlike: str = "", *, most_bytes: int
     ) -> tuple[bytes, ObjectStatus] | None:
-        """Return an object; None: it is still what it was.
+        """Return an object; None: it is unchanged.
 
         Args:
             name: Its own.
@@ -173,7 +173,7 @@ class ObjectStore:
             most_bytes: A longer one is not what it should be; no more is read of any.
 
         Raises:
-            FileNotFoundError: There is none.
+            FileNotFoundError: There is no such object.
             CorruptLogError: It is longer.
             LogAccessError: The store does not let us.
         """
@@ -347,7 +347,7 @@ def _status_in(text: str) -> int | None:
 
 
 def _is_no_list(status: int | None) -> bool:
-    """Return whether a web server's answer means that it lists nothing; a 403 is retried."""
+    """Return whether a web server's answer means that it lists nothing; a 403 will recur."""
     return status == 501 or (status is not None and 400 <= status < 500 and status != 429)
 
 

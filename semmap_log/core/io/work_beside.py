@@ -14,7 +14,7 @@ class Look(Protocol):
     """Looks whether there is something to do, and does it."""
 
     def __call__(self, *, is_last: bool) -> None:
-        """Do what there is to do; `is_last`: there will be no other time."""
+        """Do what must be done; `is_last`: there will be no further call."""
         ...
 
 

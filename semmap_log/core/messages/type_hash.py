@@ -116,7 +116,7 @@ def write_message(ros_type: str, values: Mapping[str, Any]) -> bytes:
         values: Each field's value; an array of bytes as `bytes` or numpy's.
 
     Raises:
-        ValueError: A value is none of its field.
+        ValueError: A field cannot have its value.
     """
     data = bytearray()
     name = ""
@@ -329,7 +329,7 @@ def definitions(ros_type: str) -> Mapping[str, tuple[MessageField, ...]]:
     """Return the fields of a type, then of each that it holds, by their full names.
 
     Raises:
-        ValueError: A line of its text is none of a `.msg`.
+        ValueError: A line of its text is not valid in a `.msg`.
     """
     own, *rest = _NEXT.split(schema_text(ros_type))
     texts = {ros_type: own} | {

@@ -47,7 +47,7 @@ class DoorState(IntEnum):
         """Return the state of that name, in any case of letters.
 
         Raises:
-            ValueError: The text is none of the five names.
+            ValueError: The text is not one of the five names.
         """
         try:
             return cls[text.strip().upper()]
@@ -399,7 +399,7 @@ def door_called(name: str, doors: Iterable[tuple[Door, Container[str | None]]]) 
     """Return the one door that is called so.
 
     Raises:
-        KeyError: There is none, or several are.
+        KeyError: No such one exists, or several do.
     """
     named = [door for door, called in doors if name in called]
     if len(named) == 1:
@@ -458,7 +458,7 @@ class DoorMap(ShownAsTable):
         """Return the door of an id, a name or level/name.
 
         Raises:
-            KeyError: There is none, or several have the name.
+            KeyError: None has the name, or several have.
         """
         if not isinstance(door, str):
             return self.doors[door]

@@ -282,7 +282,7 @@ class HistoryTrimmed(Event):
     """What was taken out, in words."""
     tombstones: str
     """The log's id, a colon, and the SHA-256 of the data of all its Tombstones in order, in
-    hexadecimal digits; if it is empty, the trimming has begun, and another such event marks its
+    hexadecimal digits; without that, the trimming has begun, and another such event marks its
     end."""
 
 

@@ -181,7 +181,7 @@ def zone(tz: str) -> ZoneInfo:
     """Return the time zone of that IANA name.
 
     Raises:
-        MomentError: There is none.
+        MomentError: There is no such zone.
     """
     try:
         return _zone(tz)
@@ -382,7 +382,7 @@ def _offset_text(local: datetime) -> str:
 
 
 def _comes_twice(local: datetime) -> bool:
-    """Return whether two instants have the same wall-clock time."""
+    """Return whether another instant has the same wall-clock time."""
     return local.replace(fold=0).utcoffset() != local.replace(fold=1).utcoffset()
 
 

@@ -97,7 +97,7 @@ class Appender:
         What it looked at to know that lasts, too, as the log's durability promises.
 
         Raises:
-            LogError: As `append`; if the log cannot be appended to, the command is not called.
+            LogError: As `append`; if the log cannot be appended to, the command is not evaluated.
         """
         with self._lock:
             appended = self._repeated(command)

@@ -110,7 +110,7 @@ def _steps(reader: LogReader, segment: Segment, windows: Sequence[Window]) -> It
 
 
 def _within(window: Window, first: int, end: int) -> Window | None:
-    """Return the part of a window that lies in a range of events; None: there is none."""
+    """Return the part of a window that lies in a range of events, or None."""
     least = max(first, window.first_event or 0)
     before = end if window.before_event is None else min(end, window.before_event)
     if least >= before:

@@ -345,7 +345,7 @@ class CurrentMap:
         self.index: DoorIndex | None = None
         """Which doors and levels there are; None: `door_index` finds out."""
         self.doors: DoorMap | None = None
-        """A map as of some moment since which no name has changed; None: there is none."""
+        """A map as of some moment since which no name has changed, or None."""
         self.past = KnownPast(WeakMethod(self._get_reader))
         """What the log still holds of its past."""
         self.next_event = opened.writer.next_event
@@ -437,10 +437,10 @@ class CurrentMap:
                 raise
 
     def check_last_event(self, expected: int, door: DoorId | None) -> None:
-        """Return if the last event is the one that a caller expects.
+        """Check that the last event is the one that a caller expects.
 
         Args:
-            expected: Its number; -1: there is none.
+            expected: Its number; -1: no event.
             door: The last about this door; None: the last of the log.
 
         Raises:

@@ -431,10 +431,10 @@ def level_of(door_id: DoorId, now: CurrentMap) -> int:
 
 
 def _check_unused(now: CurrentMap, name: str, level: int, *, but: DoorId | None = None) -> None:
-    """Return if no other door of the level bears the name.
+    """Check that the name is unused on this level.
 
     Raises:
-        CommandError: One does; then the name would mean neither.
+        CommandError: Another door has it; then the name would mean neither.
     """
     for door in now.state.door_map().doors.values():
         if (door.name, door.level) == (name, level) and door.door_id != but:

@@ -340,7 +340,7 @@ class DoorIndex:
         return UnknownDoorError(told_absent(door_id))
 
     def brought_back(self, event: Retracted) -> int | None:
-        """Return the door whose removal is the first that is taken back; None: there is none.
+        """Return the door whose removal is the first that is taken back, or None.
 
         Its adding came before and stands. Where a range begins earlier that is not known: the door
         counts as removed until the commit is whole.

@@ -536,7 +536,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """Return the event of that number.
 
         Raises:
-            LogError: There is none.
+            LogError: There is no such event.
         """
         return self._reader.event(number)
 

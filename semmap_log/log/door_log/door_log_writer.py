@@ -591,7 +591,7 @@ def _state(state: DoorState | str) -> DoorState | str:
     `True` and 1.0 mean none, though they equal OPEN.
 
     Raises:
-        InvalidEventError: It is none.
+        InvalidEventError: It is no state.
     """
     try:
         if isinstance(state, str):

@@ -302,7 +302,7 @@ class Validator:
         self._check_level(event.level)
 
     def _check_correction(self, event: DoorAdded, before_ns: int) -> None:
-        """Return if an adding takes the place of the one that the same commit retracts."""
+        """Check that an adding replaces one that the same commit retracts."""
         if event.happened_ns is None or event.happened_ns > before_ns:
             raise DoorRemovedError(
                 f"door {event.door_id}: its adding is retracted, and may be told again in the same "

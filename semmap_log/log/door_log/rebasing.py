@@ -139,7 +139,7 @@ def plan_rebase(
 
 
 def _check_map(states: MapStates, then: DoorMap, floor: FloorMap, level: int) -> None:
-    """Return if the new map can come: rebasing to the same one again would move doors twice."""
+    """Check that the map is new: rebasing to the same one again would move doors twice."""
     name = then.level_name(level)
     if states.there is not None and are_same([replace(floor, level=level)], [states.there]):
         number = then.levels[level].floor_map_event
@@ -316,7 +316,7 @@ def fit_maps(pairs: Sequence[PointPair], *, most_residual_m: float = MOST_RESIDU
 
 
 def check_fit(fit: MapFit, *, most_residual_m: float = MOST_RESIDUAL_M) -> None:
-    """Return if every pair fits.
+    """Check that every pair fits.
 
     Raises:
         CommandError: One does not; the message names it, and says what the others would give.

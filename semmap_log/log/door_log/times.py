@@ -83,7 +83,7 @@ def door_ever(door: str | int, reader: LogReader) -> DoorId:
     """Return the door of that id, name, or level/name; one that was removed, or retracted, too.
 
     Raises:
-        UnknownDoorError: There is none, and never was.
+        UnknownDoorError: There is no such door, and never was.
     """
     state = replay(reader, with_newer=True)
     try:

@@ -85,7 +85,7 @@ def fold_live(
 
 
 def _check_continues(reader: LogReader, running: RunningFold[S]) -> None:
-    """Return if the log still holds what was taken in.
+    """Check that the log still contains what was folded.
 
     Raises:
         CorruptLogError: It does not.

@@ -160,11 +160,11 @@ def _stamp(one: SignedStatement, url: str) -> Stamped:
 
 
 def _answer(url: str, wanted: bytes) -> bytes:
-    """Return what an authority answers.
+    """Return an authority's answer.
 
     Raises:
         OSError: It cannot be reached, refuses, sends too much, or too slowly.
-        ValueError: The URL is none.
+        ValueError: It is not a URL.
         HTTPException: It does not speak HTTP.
     """
     found: list[bytes] = []

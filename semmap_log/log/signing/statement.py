@@ -76,10 +76,10 @@ class StringReader:
         return self.take(length)
 
     def end(self) -> None:
-        """Return if nothing is left.
+        """Check that nothing is left.
 
         Raises:
-            ValueError: There is.
+            ValueError: Something is.
         """
         if self._data:
             raise ValueError(f"{len(self._data)} bytes more than it should have")
@@ -113,7 +113,7 @@ def signature_bytes_in(blob: bytes) -> bytes:
     """Return the 64 bytes of a signature.
 
     Raises:
-        ValueError: It is none of Ed25519.
+        ValueError: It is no signature of Ed25519.
     """
     return _only(blob, SIGNATURE_BYTES)
 
@@ -386,7 +386,7 @@ def key_in_words(text: str) -> bytes:
     """Return the 32 bytes of a key that is written `ssh-ed25519 BASE64`.
 
     Raises:
-        ValueError: It is none.
+        ValueError: It is no such key.
     """
     return _key_of(text.removeprefix(f"{KEY_TYPE} "))
 
@@ -406,7 +406,7 @@ def read_public_keys(paths: Iterable[Path]) -> Mapping[bytes, PublicKey]:
     """Return the keys in some files, by their bytes.
 
     Raises:
-        SigningError: A file cannot be read, holds no key, or something that is none.
+        SigningError: A file cannot be read, holds no key, or something that is no key.
     """
     keys: dict[bytes, PublicKey] = {}
     for path in paths:
@@ -460,7 +460,7 @@ def _key_of(text: str) -> bytes:
     """Return the key in base64.
 
     Raises:
-        ValueError: It is none of Ed25519, or not as it is written.
+        ValueError: It is no key of Ed25519, or not as it is written.
     """
     if not text:
         raise ValueError("there is none in it")

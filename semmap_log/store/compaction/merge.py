@@ -97,7 +97,7 @@ class Step:
 
 
 def plan(closed: Sequence[Segment], *, merge: bool) -> list[Step]:
-    """Return what there is to do about the closed segments of a log, in order.
+    """Return what must be done about the closed segments of a log, in order.
 
     What was done once is not planned again: merged segments hold more than half of what they may,
     or have a neighbour that would not fit.

@@ -42,11 +42,11 @@ class CopyPlan:
 
 
 def plan_copy(source: LogReader, copy: LogReader | None) -> CopyPlan:
-    """Return what there is to do.
+    """Return what must be done.
 
     Args:
         source: The log.
-        copy: Its copy as it is; None: there is none yet.
+        copy: Its copy as it is, or None.
 
     Raises:
         LogError: What is there is no earlier state of the log.

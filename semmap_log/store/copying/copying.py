@@ -99,7 +99,7 @@ def copy_log(
     full: bool = False,
     progress: Progress | None = None,
 ) -> Copied:
-    """Copy a log, or bring a copy of it up to date; it may be written meanwhile.
+    """Copy a log, or bring a copy of it up to date; others may write to it during that.
 
     Args:
         log: Its folder, or a zip file with it. Nothing is written there, and no lock is taken.

@@ -77,7 +77,7 @@ class LogReader:
             only: A file, if only one segment of it is wanted.
 
         Raises:
-            NotALogError: There is none.
+            NotALogError: There is no log.
             CorruptLogError: A segment is damaged, missing, or from elsewhere.
             LogAccessError: A segment cannot be read.
         """
@@ -315,7 +315,7 @@ class LogReader:
         """Return the event of that number.
 
         Raises:
-            LogError: There is none.
+            LogError: There is no such event.
         """
         for batch in self.batches(self.window_of(number), with_newer=True):
             (recorded,) = batch
@@ -459,7 +459,7 @@ class LogReader:
         return self._newer
 
     def check_known(self, limit: int | None = None) -> None:
-        """Return if no event up to a number, of a kind unknown here, can touch an answer.
+        """Check that no event up to a number, of a kind unknown here, can affect an answer.
 
         Raises:
             NewerLogError: One can.

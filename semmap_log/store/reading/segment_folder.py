@@ -181,11 +181,11 @@ def _is_in_another(path: PurePath, segments: Iterable[Segment]) -> bool:
 
 
 def check_is_log(folder: LogFolder) -> None:
-    """Return if a segment of ours lies in a folder: then it is a log's, however damaged.
+    """Check that a folder contains a segment of ours: then it is a log's, however damaged.
 
     Raises:
-        NotALogError: There is none.
-        CorruptLogError: All there are are damaged in their heads.
+        NotALogError: It contains none.
+        CorruptLogError: All of them are damaged in their heads.
         LogAccessError: They cannot be read.
     """
     *others, last = (folder / name for name, _ in list_segments(folder))

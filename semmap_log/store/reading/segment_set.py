@@ -311,7 +311,7 @@ class SegmentStore(Protocol):
         """Return the segments that are there now, at least one.
 
         Raises:
-            NotALogError: There is none.
+            NotALogError: There is no segment.
             LogAccessError: They cannot be listed.
         """
 

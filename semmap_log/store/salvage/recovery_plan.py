@@ -76,9 +76,9 @@ class Loss:
     last_event: int | None
     """None: it is not known how many followed the last that is whole."""
     after_ns: int | None
-    """Log time of the last record before them; None: there is none."""
+    """Log time of the last record before them, or None."""
     before_ns: int | None
-    """Log time of the first record after them; None: there is none."""
+    """Log time of the first record after them, or None."""
     files: tuple[str, ...]
     why: tuple[str, ...]
 

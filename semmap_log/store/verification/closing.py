@@ -81,7 +81,7 @@ class Contents:
     first_events: list[int] = field(default_factory=list)
     """Of each commit."""
     head_hash: bytes = b""
-    """Of the last commit; empty where there is none."""
+    """Of the last commit; empty without one."""
     next_events: list[int] = field(default_factory=list)
     """In a trimmed segment, the number of the first event after each chunk."""
 

@@ -19,7 +19,7 @@ from semmap_log.store.header import OtherVersionError, SegmentHeader
 from semmap_log.store.verification.file_place import FileBytes, FilePlace, OpenedFile, Vanished
 
 HEAD_BYTES = 2**16
-"""The header lies well within; a longer one is none of ours."""
+"""The header lies well within; a longer one is not ours."""
 FOOTER_BYTES = 9 + 20 + len(mcap.MAGIC)
 
 _MARKS = (LOG_METADATA.encode(), b"hash_so_far")
@@ -67,7 +67,7 @@ def name_of(file: SegmentFile, number: int) -> PurePath:
 
 
 def look_at(place: FilePlace, path: PurePath) -> SegmentFile | None:
-    """Return what the head of a place's file says; None if it is none of ours.
+    """Return what the head of a place's file says; None if the file is not ours.
 
     Raises:
         LogAccessError: It cannot be opened.

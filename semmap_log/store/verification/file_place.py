@@ -157,7 +157,7 @@ class FilePlace(Protocol):
         """Return whether it is a log's folder rather than a single file."""
 
     def files(self) -> Sequence[PurePath]:
-        """Return all that lies there, below `path`.
+        """Return all files there, below `path`.
 
         Raises:
             OSError: It cannot be listed.
@@ -182,7 +182,7 @@ class FilePlace(Protocol):
         """
 
     def mark(self) -> ClosedMark | None:
-        """Return what the last mark says; None: there is none.
+        """Return the content of the last mark, or None.
 
         Raises:
             CorruptLogError: It is not what was written.

@@ -69,7 +69,7 @@ def arrange(place: FilePlace) -> FolderFiles:
     Raises:
         LogAccessError: Something cannot be read.
         LogError: It is of another format version.
-        Vanished: A file went away meanwhile.
+        Vanished: A file was removed during that.
     """
     path, found = place.path, FolderFiles(place)
     if path.suffix == ".mcap" and not place.is_folder():
@@ -264,7 +264,7 @@ def _has_name_of_part(path: PurePath, whole: SegmentFile) -> bool:
 
 
 def leftover_finding(path: PurePath, *, is_whole: bool) -> Finding:
-    """Return what there is to say of a segment that was merged into another."""
+    """Return the finding about a segment that was merged into another."""
     text = "was merged into another segment; the next writer removes it"
     if is_whole:
         return Finding("leftover", Severity.NOTE, path, None, None, text)

@@ -474,7 +474,7 @@ def _damage(kind: str, path: PurePath, text: str, offset: int | None = None) -> 
 
 
 def _fields_of(record: bytes | memoryview) -> dict[str, Any] | None:
-    """Return the fields of a Commit record; None: it is none."""
+    """Return the fields of a Commit record; None: it is no such record."""
     commit = layout("Commit")
     if len(record) != MESSAGE.size + commit.dtype.itemsize:
         return None

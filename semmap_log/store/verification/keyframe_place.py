@@ -262,7 +262,7 @@ class ObjectPlace:
         return bool(self.files())
 
     def files(self) -> list[PurePath]:
-        """Return all that lies there now; where a manifest is, what that names of it."""
+        """Return all objects there now; where a manifest is, those that it names."""
         self._manifest = read_manifest(self._store, self._manifest)
         if self._manifest is None:
             listed = log_objects(self._store)

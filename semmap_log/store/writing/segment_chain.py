@@ -473,7 +473,7 @@ class StoredCommands:
         self._take([(name, first_event, rows)])
 
     def find(self, command_id: bytes) -> StoredCommand | None:
-        """Return a command, the last one if there are several of its id; None: there is none.
+        """Return a command, the last one if there are several of its id, or None.
 
         Raises:
             CorruptLogError: The commit that it may be cannot be read.

@@ -380,7 +380,7 @@ class LogWriter:
                 self._syncs.durable_before = self.next_event
 
     def check_usable(self) -> None:
-        """Return if this writer can append.
+        """Check that this writer can append.
 
         Raises:
             LogPoisonedError: A write failed or was interrupted.

@@ -82,8 +82,8 @@ def open_for_append(
         environment: What the writer takes from the machine.
 
     Raises:
-        NotALogError: There is none.
-        LogLockedError: Somebody else is writing.
+        NotALogError: There is no log.
+        LogLockedError: Another writer has it.
         LogAccessError: The file system does not let us.
         CorruptLogError: Commits that were acknowledged are damaged.
     """

@@ -374,7 +374,7 @@ def events_about(
 
 
 def _cut(window: Window, first: int, before: int | None) -> Window | None:
-    """Return the part of a window from an event on, before another; None: there is none."""
+    """Return the part of a window from an event on, before another, or None."""
     least = max(first, window.first_event or 0)
     bounds = [bound for bound in (before, window.before_event) if bound is not None]
     behind = min(bounds, default=None)
