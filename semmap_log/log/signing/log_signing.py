@@ -340,7 +340,7 @@ _OTHERS = stat.S_IRWXG | stat.S_IRWXO
 _MOST_BYTES = 2**16
 
 Passphrase = Callable[[], str | None]
-"""Called when a key needs a passphrase; None: nothing can be called."""
+"""Called when a key needs a passphrase; returns None without one."""
 
 
 def read_key(path: Path, *, log: Path, passphrase: Passphrase = lambda: None) -> SigningKey:
