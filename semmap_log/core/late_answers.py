@@ -1,7 +1,7 @@
-"""Questions of a class that rooms built on it answer: who knows all rooms says which.
+"""Queries of a class that packages built on it answer: the top package registers the answers.
 
-`log.sql(…)` is a question to a log, and what answers it stands on the log. So the class asks by a
-name, and the front door, which knows all rooms, has told where the answer is.
+`log.sql(…)` is a query to a log, and what answers it is built on the log. So the class looks it up
+by name, and the top package, which knows all others, has registered where the answer is.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ _homes: dict[str, str] = {}
 
 
 def register_answers(homes: Mapping[str, str]) -> None:
-    """Say what answers questions.
+    """Register what answers queries.
 
     Args:
-        homes: Question -> `module:function`, which is loaded when somebody asks.
+        homes: Query -> `module:function`, which is loaded on first use.
     """
     _homes.update(homes)
 
 
 def answer_of(question: str) -> Callable[..., Any]:
-    """Return what answers a question (KeyError: nobody said)."""
+    """Return what answers a query (KeyError: nothing is registered)."""
     module, name = _homes[question].split(":")
     answer: Callable[..., Any] = getattr(import_module(module), name)
     return answer

@@ -1,4 +1,4 @@
-"""What is made when it is first asked for: attributes of objects, names of packages, patterns."""
+"""What is made on first use: attributes of objects, names of packages, patterns."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ T = TypeVar("T")
 class computed_once(cached_property[T]):  # noqa: N801  # a decorator, named as the library's
     """`functools.cached_property` without its lock, as it is from Python 3.12 on.
 
-    Before, one lock serves all objects of a class. Who reads one segment would wait for who reads
-    another, and a process that forks while a thread computes would leave its child that lock, held
-    for ever. Two threads that ask at once may both compute: the values are equal.
+    Before that, one lock serves all objects of a class. Reading one segment would wait for the
+    reading of another, and a process that forks while a thread computes would leave its child that
+    lock, held for ever. Two threads may compute a value at the same time: the results are equal.
     """
 
     def __init__(self, compute: Callable[[Any], T]) -> None:

@@ -1,4 +1,4 @@
-"""Texts of messages: counts, command lines to paste, and repeats that are given once."""
+"""Texts of messages: counts, command lines to paste, and repeats that are shown once."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def brief(text: str) -> str:
 MOST_KEPT = 20
 """So many of a kind are kept."""
 MOST_TOLD = 3
-"""So many of a kind are given where there are many."""
+"""So many of a kind are shown where there are many."""
 
 
 @dataclass(slots=True)
@@ -72,7 +72,7 @@ class Kind:
     last_line: int = 0
 
     def rest(self) -> list[str]:
-        """Return in words how many more there are than are given; nothing where there are none."""
+        """Return in words how many more there are than are shown; nothing if there are none."""
         more = self.count - MOST_TOLD
         last = f", the last on line {self.last_line}" if self.last_line else ""
         return [f"… and {more:,} more like that{last}"] * (more > 0)
@@ -80,7 +80,7 @@ class Kind:
 
 @dataclass(slots=True)
 class Repeats:
-    """The kinds of what was said of lines: as many as there are kinds, however many the lines."""
+    """Messages about lines, grouped by kind: memory grows with the kinds, not with the lines."""
 
     _kinds: dict[str, Kind] = field(default_factory=dict)
 
@@ -89,7 +89,7 @@ class Repeats:
 
         Args:
             line: Where, 1-based; 0: on none.
-            text: What is reported about it; what is longer than anybody reads is cut.
+            text: The message about it; what is longer than anybody reads is cut.
         """
         text = brief(text)
         kind = self._kinds.setdefault(_without_values(text), Kind())

@@ -1,1 +1,1 @@
-"""A log of doors: replayed, asked, written, trimmed, rewritten and signed."""
+"""A log of doors: replayed, queried, written, trimmed, rewritten and signed."""

@@ -1,17 +1,18 @@
-"""The log on disk: a folder of MCAP segments. The only room that knows MCAP.
+"""The log on disk: a folder of MCAP segments. The only package that knows MCAP.
 
-It knows bytes, commits and columns of events, and no door map: what stands in keyframes is handed
-in (`writing/keyframe_source`, `verification/keyframe_place`). What is read may lie elsewhere than
-on a disk (`reading/segment_store`, `verification/file_place`); what is written lies in a folder.
+It knows bytes, commits and columns of events, but no door map: callers supply the content of
+keyframes (`writing/writer`, `verification/keyframe_place`). A log can be read from other places
+than a disk (`reading/segment_set`, `verification/file_place`); it is always written to a folder.
 
-Here lies what all of it shares: `form` says what lies where; `records`, `chunks` and `commits` make
-the bytes, `pages` takes them apart; `segment` is a file being written, `folder` where it lies,
-`closed_mark` how far all of it reached. The rooms inside:
+The modules here are shared: `form` states what lies where; `records`, `chunks` and `commit_records`
+make the bytes, `kind_bits` takes them apart; `segment` is a file being written, `folder` its place,
+`closed_mark` how far all of it reached. The packages inside:
 
-    reading/        segments and the log as a whole, read
-    compaction/     closed segments made small
+    reading/        reads segments, and the log as a whole
+    compaction/     makes closed segments small
     writing/        the one writer
-    verification/   all of it examined, believing nothing, not even what `reading` does
-    salvage/        a damaged log made whole again
-    copying/        a log copied while it is written
+    verification/   examines all of it, and trusts nothing, not even what `reading` does
+    salvage/        makes a damaged log whole again
+    copying/        copies a log while it is written
+    trimming/       takes records out of closed segments
 """

@@ -58,7 +58,7 @@ class ClosedSegment:
 
 
 def tells_of_newer(header: SegmentHeader, counts: Mapping[int, int]) -> bool:
-    """Return whether a segment's head is looked at for topics that a later version has added."""
+    """Return whether a segment's head is searched for topics that a later version has added."""
     return header.minor > FORMAT_MINOR or any(map(is_later_kind, counts))
 
 
@@ -70,7 +70,7 @@ def write_bag_metadata(folder: LogFolder, segments: Iterable[ClosedSegment]) -> 
     Raises:
         OSError: As the system says.
     """
-    listed = sorted(segments, key=lambda one: (one.start_ns, one.end_ns))  # as they come to be told
+    listed = sorted(segments, key=lambda one: (one.start_ns, one.end_ns))  # in order of time
     if listed:
         text = bag_metadata_text(listed).encode()
         if not _says(folder, text):

@@ -33,7 +33,7 @@ class Block:
 
     records: bytes
     of_channel: Mapping[int, bytes]
-    """Channel id -> its records, one after the other."""
+    """Channel id -> its records, concatenated."""
     places: Mapping[int, tuple[NDArray[np.int64], NDArray[np.int64]]]
     """Channel id -> of each of its records: how many stand before it, and where it begins."""
     sizes: NDArray[np.int64]
@@ -48,7 +48,7 @@ class Block:
 
 
 def is_columns(batch: EventBatch) -> bool:
-    """Return whether all events of a batch have fixed sizes; `block_of` takes no others."""
+    """Return whether all events of a batch have fixed sizes; `block_of` accepts no others."""
     return not batch.objects and not OBJECT_KINDS & batch.columns.keys()
 
 
@@ -69,7 +69,7 @@ def block_of(batch: EventBatch, start: Start, wall_ns: int) -> Block:
     Args:
         batch: Events of fixed sizes, at least one.
         start: What the first gets.
-        wall_ns: When those happened of which it is not given.
+        wall_ns: When those happened that have no happened time.
     """
     steps = np.arange(len(batch), dtype=np.int64)
     happened = happened_times(batch, wall_ns)

@@ -26,7 +26,7 @@ class ChunkBuilder:
     span: tuple[int, int] = NO_SPAN
     """Least and greatest happened time of its events."""
     _records: list[bytes] = field(default_factory=list)
-    """Those that came one by one after the last block."""
+    """Single records added since the last block."""
     _channels: list[int] = field(default_factory=list)
     _blocks: list[Block] = field(default_factory=list)
 
@@ -70,7 +70,7 @@ class ChunkBuilder:
         return built
 
     def _by_channel(self) -> list[tuple[int, bytes]]:
-        """Return (channel, records in order) of its blocks, and of the records after them."""
+        """Return (channel, records in order) of its blocks and of the records that follow them."""
         found = [pair for block in self._blocks for pair in block.of_channel.items()]
         return found + list(_of_channels(self._records, self._channels).items())
 
@@ -124,7 +124,7 @@ def wider(span: tuple[int, int], time: int) -> tuple[int, int]:
 
 
 def _of_channels(records: list[bytes], channels: list[int]) -> dict[int, bytes]:
-    """Return the records of each channel, one after the other."""
+    """Return the records of each channel, concatenated."""
     if channels and len(channels) == channels.count(channels[0]):
         return {channels[0]: b"".join(records) if len(records) > 1 else records[0]}
     return {

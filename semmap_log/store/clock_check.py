@@ -45,7 +45,7 @@ class ClockCheck:
         return SuspectCommit(commit.first_event, commit.wall_clock_ns, why) if why else None
 
     def forget(self) -> None:
-        """Begin anew: the next commit is not the one that came after the last."""
+        """Start over: the next commit is not the one that came after the last."""
         self._previous = None
 
 

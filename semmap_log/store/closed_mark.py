@@ -1,18 +1,18 @@
 """closed-2-26.json: how far a log reached when a segment was closed; the last one counts.
 
-A closed segment that was cut looks like a live one, and a log whose last file is gone like a
-shorter log: their bytes do not tell. So whoever closes a segment writes down, and syncs before
-`close` returns, which one it was, the number of the event after it, and the hash of its last
-commit. A log that ends before, or that has another commit there, is not what it was. Compaction
-and merges change nothing of this; a log without such a file (copied without it, or older than it)
-is read as it is.
+A closed segment that was cut looks like a live one, and a log without its last file looks like a
+shorter log: their bytes do not show it. So closing a segment also writes down, and syncs before
+`close` returns, which segment it was, the number of the event after it, and the hash of its last
+commit. A log that ends earlier, or that has another commit there, has changed. Compaction
+and merges do not change this. A log without such a file (copied without it, or older than it) is
+read as it is.
 
-Each mark is a file of its own, named after what it shows, and it never changes under that name. So
-`cp -r`, which lists the names first and copies one file after the other, cannot copy a mark that is
-ahead of its segments: a segment that a listed mark reports of was closed before the list was made.
-The marks before stay for a while, so that a copy under way finds one that it has listed.
+Each mark is a file of its own, named after what it states, and never changes under that name. So
+`cp -r`, which lists the names first and then copies file by file, cannot copy a mark that is ahead
+of its segments: the segment that a listed mark names was closed before the list was made. Earlier
+marks stay for a while, so that a copy under way finds one that it has listed.
 
-A JSON object that carries the SHA-256 of its other entries: a changed one is noticed.
+A mark is a JSON object that contains the SHA-256 of its other entries: a changed one is noticed.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class ClosedMark:
 
 
 def write_mark(folder: LogFolder, mark: ClosedMark) -> None:
-    """Add a mark after those before; it survives a power cut. Old ones are removed.
+    """Add a mark after the earlier ones; it survives a power cut. Old ones are removed.
 
     Only for who holds the writer's lock.
 
@@ -142,7 +142,7 @@ def those_that_count(names: Sequence[str]) -> list[str]:
 
 
 def last_mark(names: Sequence[str], read: Callable[[str], ClosedMark | None]) -> ClosedMark | None:
-    """Return the last of some marks; None: there is none any more.
+    """Return the last of some marks, or None if none exists any more.
 
     Args:
         names: Theirs.
@@ -204,7 +204,7 @@ def _damaged(file: PurePath, problem: str) -> CorruptLogError:
 
 
 def sealed(entries: Mapping[str, Any]) -> str:
-    """Return the text of entries, their digest after them."""
+    """Return the text of the entries, followed by their digest."""
     return json.dumps({**entries, DIGEST_KEY: _digest(entries)}) + "\n"
 
 
@@ -213,7 +213,7 @@ def unsealed(found: Mapping[str, Any]) -> dict[str, Any]:
 
     Raises:
         ValueError: The digest does not fit them.
-        KeyError: There is none.
+        KeyError: It has no digest.
     """
     entries = dict(found)
     if entries.pop(DIGEST_KEY) != _digest(entries):

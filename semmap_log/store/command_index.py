@@ -1,4 +1,4 @@
-"""The command index of a segment: by it a writer says whether a command is stored already.
+"""The command index of a segment: shows a writer whether a command is already stored.
 
 Closing a segment writes it after `semmap_index`, as the MCAP Attachment `semmap_commands`: for
 each commit one little-endian uint64, ascending. The upper half is the fingerprint of the commit's
@@ -41,7 +41,7 @@ def command_rows(
     """Return the command index of these commits.
 
     Args:
-        command_ids: All of them, one after the other.
+        command_ids: All command ids, concatenated.
         first_events: Number of the first event of each commit.
         segment_first: Number of the segment's first event.
     """
@@ -73,7 +73,7 @@ def attachment(rows: NDArray[np.uint64], end_ns: int) -> Attachment:
 class WrittenCommits:
     """What a segment's writer keeps of its commits: 37 bytes each, and the last hash.
 
-    It is reported of every append, so it cuts these bytes out of the record and decodes nothing.
+    It sees every append, so it cuts these bytes out of the record and decodes nothing.
     """
 
     def __init__(self, head: bytes) -> None:

@@ -55,7 +55,7 @@ ROWS_AT_A_TIME = 8192
 
 @dataclass(slots=True)
 class Stamp:
-    """All that a commit takes from outside: where the log stands, who asks, what time it is."""
+    """All that a commit takes from outside: the log's position, the caller, and the time."""
 
     first_event: int
     recorded_ns: int
@@ -91,11 +91,11 @@ class CommitBuilder:
     """
 
     def __init__(self, stamp: Stamp, note: Note, entropy: Entropy) -> None:
-        """Prepare.
+        """Prepare a commit.
 
         Args:
             stamp: What the commit takes from outside.
-            note: What was reported about it.
+            note: Its note: who, with what, why.
             entropy: Gives salts.
 
         Raises:

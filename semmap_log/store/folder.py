@@ -1,15 +1,15 @@
 """A log's folder: its files by name, whatever becomes of the folder's own name meanwhile.
 
-Who writes *holds* the folder: files are found by its descriptor, so that a folder that is moved
-away, and another one under its name, cannot lead a writer into somebody else's log. Who reads
-looks at the absolute path that was fixed at opening: a log that `recover` has put in place of a
-damaged one is found there.
+A writer *holds* the folder: files are found by its descriptor, so that a folder that is moved away,
+and another one under its name, cannot lead a writer into another log. A reader uses the absolute
+path that was fixed at opening: a log that `recover` has put in place of a damaged one is found
+there.
 
 Nothing that is written follows a link: a log's folder may come from a stranger, and no file
-outside of it may change. New files are made where nothing is; what is replaced, is replaced by a
+outside of it may change. New files are made only under free names; existing ones are replaced by a
 rename.
 
-What is a zip file: a log in it can be read, not written.
+A log in a zip file can be read, but not written.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _CANNOT_LINK = {errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP}
 
 
 MOST_BYTES = 2**26
-"""Of a file that is read whole: what lists the segments of a log, or reports of them."""
+"""Limit for a file that is read whole: one that lists, or describes, the segments of a log."""
 Version = tuple[int, int, int, int]
 """Device, inode, size and time of the last change of a file."""
 
@@ -156,7 +156,7 @@ class LogFolder:
         return os.stat(self._at(name), dir_fd=self._fd, follow_symlinks=follows)
 
     def has(self, name: str) -> bool:
-        """Return whether anything has that name."""
+        """Return whether a file of that name exists."""
         try:
             self.status(name)
         except FileNotFoundError:
@@ -181,7 +181,7 @@ class LogFolder:
         return version_of(self.status(name))
 
     def is_there(self, name: str, fd: int) -> bool:
-        """Return whether a name is that of the file which is open there."""
+        """Return whether a name still belongs to the file that is open there."""
         ours = os.fstat(fd)
         try:
             return os.path.samestat(ours, self.status(name))
@@ -229,7 +229,7 @@ class LogFolder:
         return file
 
     def new_file(self, name: str) -> tuple[str, int]:
-        """Make a file that nobody knows, to be given that name later; return its own, and it.
+        """Make a file under a temporary name, to be renamed later; return that name and the file.
 
         Raises:
             OSError: As the system says.
@@ -238,13 +238,13 @@ class LogFolder:
         return temporary, self.open(temporary, _NEW | os.O_APPEND)
 
     def put_new(self, temporary: str, name: str) -> None:
-        """Give a file a name that nobody has; it survives a power cut.
+        """Give a file a name that is free; it survives a power cut.
 
         By a hard link, which never replaces anything. On file systems that have none (FAT, some
         network servers) by a look and a rename: there the writer's lock alone keeps others out.
 
         Raises:
-            FileExistsError: Somebody has the name.
+            FileExistsError: The name is taken.
             OSError: As the system says.
         """
         here = {"src_dir_fd": self._fd, "dst_dir_fd": self._fd}
@@ -323,7 +323,7 @@ class LogFolder:
                 self.remove(name)
 
     def is_empty(self) -> bool:
-        """Return whether nothing is in it but what a writer that was killed left after."""
+        """Return whether the folder contains only what a killed writer left."""
         return all(is_temporary(name) or name == LOCK_NAME for name, _ in self.files())
 
     def _at(self, name: str) -> str:
@@ -357,7 +357,7 @@ _MAGIC = (b"PK\3\4", b"PK\5\6")
 
 
 def is_zip(path: Path) -> bool:
-    """Return whether a path leads to a zip file, by its first bytes."""
+    """Return whether a path leads to a zip file, judged by its first bytes."""
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             return False

@@ -27,19 +27,20 @@ Versions. `format_version` in `semmap_log` is the major one: a program reads its
 add, and what a program that does not know it does with that:
 
 - Kinds of events, on channels up to 89, with a Schema and a Channel of their own at the head of
-  each segment. They take event numbers, belong to commits and to the hash chain as all others do. A
-  kind that changes no answer about others says so in its Channel's metadata, `semmap_changes:
-  nothing`: it hides no event, and leaves doors, beliefs, levels, floor plans, poses and rounds, and
-  of a keyframe all but its event number and latest time, as they are. Such events are left out, and
-  that is stated. An event of any other unknown kind may have changed everything: what counts no
-  event after the one before it (`--event`, `--known-at`) is answered, what lists events shows it by
-  its name, all else is refused. A changed type is a kind of its own, under a new name.
+  each segment. They take event numbers, and belong to commits and to the hash chain as all others
+  do. A kind that changes no answer about others says so in its Channel's metadata,
+  `semmap_changes: nothing`: it hides no event, and leaves doors, beliefs, levels, floor plans,
+  poses and rounds as they are, and of a keyframe all but its event number and latest time. Such
+  events are left out, with a warning. An event of any other unknown kind may have changed
+  everything: a question that counts only events before it (`--event`, `--known-at`) is answered,
+  a list of events shows it by its name, and all else is refused. A changed type is a kind of its
+  own, under a new name.
 - Entries in `semmap_log`. They hold for the whole log.
 - Entries in `semmap_index`, which are a cache; a state version of keyframes, which are one, too.
 
-Who writes segments again (compaction, recovery, the next segment of a log) keeps all of it byte for
-byte, but for what is a cache. Everything else comes with a new major version: other records in a
-segment, other channels of the log's own (90 to 99), and other values of the fields that there are.
+Whoever rewrites segments (compaction, recovery, the next segment of a log) keeps all of it byte for
+byte, except caches. Everything else needs a new major version: other records in a segment, other
+channels of the log's own (90 to 99), and other values of existing fields.
 
 Version 4 is that of *trimmed* segments: closed ones from which records were taken out on purpose,
 by retention, thinning or redaction (`store/trimming`). All others stay at version 3. A trimmed
@@ -109,12 +110,12 @@ KEPT_SUFFIX = ".kept"
 """Of the file that keeps what questions about all of a log need of a removed segment."""
 TORN_SUFFIX = ".torn"
 RECOVERING_NAME = ".recovering"
-"""In a log that `recover` has made again, until the damaged one is put away."""
+"""In a log that `recover` has rebuilt, until the damaged one is put away."""
 
 CHUNK_BYTES = 2**20
 """A longer commit is split into chunks of about this size (uncompressed)."""
 KEYFRAME_EVERY_BYTES = 2**19
-"""After so many bytes of records comes a keyframe, so that a moment reads about as many …"""
+"""A keyframe follows so many bytes of records, so that a moment reads about as many …"""
 KEYFRAME_RARITY = 16
 """… but at least so many times its own size: a map of many doors must not fill the log."""
 COMPRESS_FROM_BYTES = 2**16
@@ -163,7 +164,7 @@ class Topic:
 
 
 def has_name_of_file(path: Path) -> bool:
-    """Return whether a path is called like a segment, or like a zip of a log."""
+    """Return whether a path has the name of a segment, or of a zip of a log."""
     return path.suffix.lower() in NAMES_OF_FILES
 
 
@@ -231,26 +232,26 @@ def count_events(counts: Mapping[int, int]) -> int:
 
 
 def is_temporary(name: str) -> bool:
-    """Return whether that is the name of a file that a writer makes, before it gets its own."""
+    """Return whether that is the temporary name of a file that a writer makes."""
     others = (BAG_METADATA_NAME, OLD_MARK_NAME, ".closed-", REMOVED_NAME, KEPT_SUFFIX)
     ours = name == NEW_LOCK_NAME or ".mcap" in name or any(one in name for one in others)
     return name.startswith(".") and name.endswith(TEMPORARY_SUFFIX) and ours
 
 
 def mark_name(segment: int, next_event: int) -> str:
-    """Return the name of the file that shows how far a log reached: `closed_mark`."""
+    """Return the name of the file that states how far a log reached: `closed_mark`."""
     return f"closed-{segment}-{next_event}.json"
 
 
 def is_mark_name(name: str) -> bool:
-    """Return whether a file shows how far a log reached."""
+    """Return whether a file states how far a log reached."""
     return name[:6] == "closed" and (name == OLD_MARK_NAME or bool(_MARK.fullmatch(name)))
 
 
 def mark_names(names: Iterable[str]) -> list[str]:
-    """Return which of some files tell how far a log reached, the farthest last.
+    """Return those names that state how far a log reached, the farthest last.
 
-    What the one of older versions shows is not in its name: it comes first.
+    The mark of older versions does not show it in its name: it comes first.
     """
     marks = [name for name in names if name[:6] == "closed" and is_mark_name(name)]
     return sorted(marks, key=_place_in) if len(marks) > 1 else marks
@@ -320,7 +321,7 @@ def offered_qos(durability: str) -> str:
 
 
 KIND_OF_CHANNEL = np.full(2**16, FloorMap.kind, np.uint8)
-"""Of each channel there can be; those after the first floor map's carry floor maps, too."""
+"""The kind of each possible channel; those after the first floor map's carry floor maps, too."""
 KIND_OF_CHANNEL[:FLOOR_MAP_CHANNEL] = [
     kind_of_channel(channel) or 0 for channel in range(FLOOR_MAP_CHANNEL)
 ]
@@ -372,7 +373,7 @@ class EventFields(NamedTuple):
 
     @classmethod
     def room_for(cls, count: int) -> EventFields:
-        """Return rows that somebody fills."""
+        """Return rows for the caller to fill."""
         return cls(
             place=np.empty(count, np.int64),
             number=np.empty(count, np.int64),
@@ -417,7 +418,7 @@ def fields_of(heads: HeadColumns, first_event: int) -> EventFields:
 
 
 def numbers_of_sequence(sequence: NDArray[np.uint32], first_event: int) -> NDArray[np.int64]:
-    """Return event numbers, of which a record says the low 32 bits only.
+    """Return event numbers from records that contain only their low 32 bits.
 
     Args:
         sequence: What the records say.

@@ -1,11 +1,10 @@
-"""What answers a command that is sent again once its events were taken out of the log.
+"""What answers a repeated command once its events were taken out of the log.
 
-A *seal* keeps of a command: codes of what it requested, when it was recorded, and which events it
-became. It lies in the Tombstone that stands for the events. The codes are HMACs under the command's
-id, of which no more than a digest is kept where the whole commit is gone: only who has the id can
-try contents against them. An id that a writer drew is never sent again: nothing of it is kept.
-
-What stands in a trimmed segment for records that are gone.
+A *seal* keeps, for a command, codes of what it requested, when it was recorded, and which events it
+became. It is in the Tombstone, which stands in a trimmed segment for the records that are gone. The
+codes are HMACs under the command's id, of which only a digest is kept where the whole commit is
+gone: only a client that has the id can test contents against them. An id that a writer drew at
+random is never sent again: nothing of it is kept.
 """
 
 from __future__ import annotations
@@ -79,7 +78,7 @@ class CommandSeal:
         return None if data == NO_HASH else cls(*_SEAL.unpack(data))
 
     def fits(self, command_id: bytes, content: bytes, note: Note, events: Sequence[Event]) -> bool:
-        """Return whether it is that of a command.
+        """Return whether the seal is that of a command.
 
         Args:
             command_id: The command's id.
@@ -107,7 +106,7 @@ class StoredCommand:
     """None: all of its events, and its note, are there to be compared."""
 
     def has_content(self, content: bytes) -> bool:
-        """Return whether it requested what a digest stands for."""
+        """Return whether the command requested the content that a digest stands for."""
         commit = self.commit
         if self.seal is None:
             return commit.content == content
@@ -190,7 +189,7 @@ def _as_given(kind: int, data: bytes) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class GoneCommand:
-    """A command of which nothing is left but a digest of its id, and its seal."""
+    """A command of which only a digest of its id, and its seal, are left."""
 
     id_digest: bytes
     """SHA-256 of its id."""
@@ -317,7 +316,7 @@ class Tombstone:
         return cls(**said, reasons=reasons, previous_hash=previous_hash, hash=its_hash, parts=parts)
 
     def check(self) -> None:
-        """Return if something is gone, as far as this shows.
+        """Check that something is gone, as far as this Tombstone shows.
 
         Raises:
             ValueError: Nothing is, or more than there was: no trimming leaves such a Tombstone.
@@ -351,7 +350,7 @@ def read_tombstone(record: bytes | memoryview, path: PurePath) -> Tombstone:
 
 @dataclass(slots=True)
 class TakenOut:
-    """What the tombstones of a log tell, all together."""
+    """The sum of what the tombstones of a log state."""
 
     events: int = 0
     notes: int = 0

@@ -1,11 +1,10 @@
 """What a segment says of itself: the Metadata records `semmap_log` and `semmap_index`.
 
-What answers of a log rest on, and no hash of its commits binds.
-
-A Tombstone vouches for what is left of its commits, but nothing in the log vouches for the
-Tombstone. A keyframe in a trimmed segment, or at the head of the next, cannot be computed from the
-events that are left. Nor is what the heads of segments say in any commit. A statement signs the
-digest of all of this: `taken`.
+`Unbound` collects what answers about a log rest on, but no hash of its commits binds. A Tombstone
+vouches for what is left of its commits, but nothing in the log vouches for the Tombstone. A
+keyframe in a trimmed segment, or at the head of the next, cannot be computed from the events that
+are left. Nor is the content of segment heads in any commit. A statement signs the digest of all of
+this: `taken`.
 """
 
 from __future__ import annotations
@@ -175,7 +174,7 @@ class TrimReason(IntFlag):
     """Why records were taken out of a segment; the names are what its head says."""
 
     REDACTED = 1
-    """They told who was where, or what nobody shall read."""
+    """They showed who was where, or what nobody shall read."""
     THINNED = 2
     """They repeated what others say."""
     EXPIRED = 4
@@ -188,10 +187,10 @@ class Trimmed:
 
     reasons: TrimReason
     next_event: int
-    """Number of the first event after the segment: what is left does not count them all."""
+    """Number of the first event after the segment: the remaining records do not count them all."""
     horizon: int = 0
-    """Events below this number are gone for their age; the Keyframe that shows the state there
-    stands in the segment, or at the head of the next."""
+    """Events below this number are gone because of their age; the Keyframe of the state there
+    is in the segment, or at the head of the next."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,8 +209,8 @@ class SegmentHeader:
     others: tuple[tuple[str, str], ...] = ()
     """Entries that a later version has added."""
     newer: Newer = NOTHING_NEWER
-    """What else it has put at the head; of a segment that is read it is there once it is queried
-    for: `Segment.full_header`."""
+    """What else it has put at the head. A segment that is being read has it once it is
+    requested: `Segment.full_header`."""
     trimmed: Trimmed | None = None
     """None: all that was written is there."""
 
@@ -336,7 +335,7 @@ def index_metadata(
         least_ns: Their least happened time.
         greatest_ns: Their greatest.
         head: Hash of the segment's last commit; of the one before, if it has none.
-        next_events: In a trimmed segment the number of the first event after each chunk.
+        next_events: In a trimmed segment, the number of the first event after each chunk.
     """
     return _signed(
         INDEX_METADATA,
@@ -369,7 +368,7 @@ def read_index(
 
 
 def next_events_in_index(metadata: Metadata, *, most: int) -> NDArray[np.int64] | None:
-    """Return the number of the first event after each chunk; None: no segment was trimmed.
+    """Return the number of the first event after each chunk; None: the segment is not trimmed.
 
     Args:
         metadata: The `semmap_index` record.

@@ -1,15 +1,15 @@
-"""One writer a log: a lock that only who may write can take, before anything is opened for writing.
+"""One writer a log: a lock that only a writer can take, before anything is opened for writing.
 
 The lock is flock on `.lock`, which every file system has. Whoever may read a file may lock it, so
-nobody may read this one who may not write it: it is made with mode 0600. One that an older version
-has made for everybody to read is replaced by one that is not.
+only users who may write this one may read it: it is made with mode 0600. One that an older version
+has made readable for everybody is replaced by one that is not.
 
-The folder is locked as well, where it can be: so an older version is refused at once, and nobody
-makes room for a second writer by deleting the lock file. Everybody may read and so lock a folder.
-A stranger who does so keeps no writer out.
+The folder is locked as well, where possible: so an older version is refused at once, and deleting
+the lock file does not admit a second writer. Everybody may read, and so lock, a folder. A stranger
+who does so keeps no writer out.
 
 The lock file is emptied and written to, so it must be a file of this folder alone: neither a link
-to another one nor another's second name.
+to another file nor a second name of one.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class WriterLock:
 
         Raises:
             LogLockedError: Another process, or another writer of this one, has it.
-            LogAccessError: The folder cannot be written to, or its lock file is none.
+            LogAccessError: The folder cannot be written to, or its lock file is not one.
         """
         self._pid = os.getpid()
         self._fds: list[int] = []
@@ -73,7 +73,7 @@ class WriterLock:
         self._tell(f"{self._pid}\n")
 
     def release(self) -> None:
-        """Let the next writer in; in a forked child only let go of the files."""
+        """Let the next writer in; in a forked child only close the files."""
         if not self._fds:
             return
         if os.getpid() == self._pid:
@@ -126,10 +126,10 @@ class WriterLock:
     def _make_private(self, folder: LogFolder, old: int, status: os.stat_result) -> bool:
         """Put a lock file that strangers cannot read in the place of one that they can.
 
-        Who does so holds both. Return whether the old one's owner and the file system allow it.
+        On success both are held. Return whether the old one's owner and the file system allow it.
 
         Raises:
-            BlockingIOError: Somebody else is about to do so.
+            BlockingIOError: Another process is about to do so.
         """
         new = _opened_there(folder, NEW_LOCK_NAME)
         self._fds.append(new)
@@ -218,7 +218,7 @@ def _no_lock_file(folder: LogFolder, name: str) -> LogAccessError:
 
 
 def _try_lock(fd: int) -> bool:
-    """Lock a file or folder, unless somebody else has; return whether it is ours now."""
+    """Lock a file or folder, unless another process has; return whether it is ours now."""
     try:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -227,18 +227,18 @@ def _try_lock(fd: int) -> bool:
 
 
 def _is_public(mode: int) -> bool:
-    """Return whether somebody may read a file who may not write it."""
+    """Return whether a file can be read by a user who may not write it."""
     return bool(mode & _GROUP_AND_OTHERS_READ & ~_private(mode))
 
 
 def _private(mode: int) -> int:
-    """Return a mode with which the same may write, and nobody else read."""
+    """Return a mode that lets the same users write, and no others read."""
     writers = mode & _GROUP_AND_OTHERS_WRITE
     return _PRIVATE | writers | writers << 1
 
 
 def _takes_after(fd: int, old: os.stat_result) -> bool:
-    """Let the same write a new lock file as the old one, and nobody else read it, if that can be.
+    """Give a new lock file the old one's writers, and no other readers, if that is possible.
 
     Args:
         fd: The new one.
@@ -256,7 +256,7 @@ def _takes_after(fd: int, old: os.stat_result) -> bool:
 
 
 def _holder(folder: LogFolder) -> str:
-    """Return who has the lock, as far as the lock file shows."""
+    """Return who holds the lock, as far as the lock file shows."""
     try:
         holder = folder.read_bytes(LOCK_NAME, _HOLDER_BYTES).decode("ascii", "replace").strip()
     except OSError:

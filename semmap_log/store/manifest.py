@@ -1,13 +1,12 @@
-"""manifest.json: which segments of a log lie in a store, and what must be known to ask them.
+"""manifest.json: which segments of a log are in a store, and what is needed to query them.
 
-Segments are put there first, each under a name that shows what is in it, and never written again;
-then one manifest takes the place of the one before, if nobody else's has. A reader believes only
-what the manifest names. What it says of a segment is believed until that is read, and
-compared then.
+Segments are uploaded first, each under a name that shows what it contains, and never overwritten;
+then a new manifest replaces the previous one, unless someone else has replaced it. A reader uses
+only what the manifest names. What it states about a segment is believed until the segment is read,
+and compared then.
 
-In what a segment differs from what a manifest reports of it.
-
-Which objects below a URL are a log's.
+This module also finds where a segment differs from its entry in a manifest, and which objects below
+a URL belong to a log.
 """
 
 from __future__ import annotations
@@ -78,8 +77,8 @@ def _shown(value: object) -> object:
 def log_objects(store: ObjectStore) -> list[ObjectStatus]:
     """Return what lies right below a URL, by name.
 
-    A web server that lists nothing is requested what the log's metadata.yaml names: the closed
-    segments, which tell how far it reached. What a mark is called, only a list shows; but for those
+    A web server that lists nothing is queried for what the log's metadata.yaml names: the closed
+    segments, which show how far it reached. Only a list shows the names of marks, except those
     of older versions.
 
     Raises:
@@ -113,7 +112,7 @@ def _asked_for(store: ObjectStore, names: Sequence[str]) -> list[ObjectStatus]:
 
 @dataclass(frozen=True, slots=True)
 class KeptManifest:
-    """A manifest, and what shows it from the next one."""
+    """A manifest, and what distinguishes it from the next one."""
 
     manifest: Manifest
     e_tag: str
@@ -122,7 +121,7 @@ class KeptManifest:
 
 
 def read_manifest(store: ObjectStore, before: KeptManifest | None = None) -> KeptManifest | None:
-    """Return a log's manifest as it is now; None: there is none.
+    """Return a log's manifest as it is now, or None.
 
     Args:
         store: Where it lies.
@@ -163,7 +162,7 @@ _SHA256 = late_pattern(r"[0-9a-f]{64}")
 _UNLIKE_WRITTEN = (
     ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError,
 )  # fmt: skip
-"""What reading a manifest raises that nobody has written."""
+"""What reading a malformed manifest raises."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,8 +196,8 @@ class Superseded:
     name: str
     size: int
     since_ns: int | None
-    """When a manifest came that did not name it, by the store's clock, nanoseconds UTC; None: it is
-    the first such one, and the store shows when it came."""
+    """When a manifest came that did not name it, by the store's clock, nanoseconds UTC; None: this
+    is the first such manifest, and the store shows when it came."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,8 +212,8 @@ class Manifest:
     superseded: tuple[Superseded, ...] = ()
     """What it does not name any more, and what still lies there, as far as is known."""
     generation: int = 0
-    """How many times superseded objects were removed. Of a later generation an object has another
-    name: so nothing is ever sent under the name of one that somebody is about to remove."""
+    """How many times superseded objects were removed. In a later generation an object has another
+    name: so nothing is ever sent under a name that is about to be removed."""
 
     @property
     def mark(self) -> ClosedMark:
@@ -382,10 +381,10 @@ def _is_counted(told: ShippedSegment) -> bool:
 
 
 def _check_possible(told: ShippedSegment) -> None:
-    """Check that what is reported of a segment can be.
+    """Check that the entry of a segment is possible.
 
     Raises:
-        ValueError: It cannot.
+        ValueError: It is not.
     """
     header = told.header
     is_possible = {

@@ -1,7 +1,7 @@
 """What a later minor version has put at the head of a segment: kinds of events unknown here.
 
-They are kept as bytes, so that who writes the segment again writes them again. What such a version
-may add, and what it promises, is given in `form`.
+They are kept as bytes, so that whoever rewrites the segment keeps them. What such a version may
+add, and what it guarantees, is stated in `form`.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ NOTHING_NEWER = Newer()
 
 
 def is_later_kind(number: int) -> bool:
-    """Return whether that is the number of a kind, its channel or its schema, unknown here."""
+    """Return whether that is the number of a kind, channel or schema that is unknown here."""
     return len(KINDS) < number <= LAST_EVENT_CHANNEL
 
 

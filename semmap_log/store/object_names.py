@@ -9,19 +9,19 @@ _HASH_DIGITS = 16
 
 
 def object_name(number: int, sha256: str, generation: int = 0) -> str:
-    """Return what a segment is called in a store.
+    """Return the name of a segment in a store.
 
     Args:
-        number: Its own.
+        number: Its number.
         sha256: Of its bytes, in hexadecimal digits.
-        generation: That of the manifest by which it is sent; nothing is reported about 0.
+        generation: That of the manifest by which it is sent; 0 is left out of the name.
     """
     later = f"-{generation}" if generation else ""
     return f"{number:06d}-{sha256[:_HASH_DIGITS]}{later}.mcap"
 
 
 def is_object_name(name: str) -> bool:
-    """Return whether that is what a shipping calls a segment."""
+    """Return whether that is the name of a shipped segment."""
     return _NAME.fullmatch(name) is not None
 
 

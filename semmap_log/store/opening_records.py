@@ -1,8 +1,8 @@
 """The MCAP records that are read of each closed segment when a log is opened.
 
 Their classes are named as in `mcap.records` and have the same attributes. That module knows all
-kinds of record, reads the rest and writes all; to load it takes longer than a small log takes to be
-replayed, so who only reads does without.
+kinds of record, reads the rest and writes all; importing it takes longer than replaying a small
+log, so reading does without it.
 """
 
 from __future__ import annotations

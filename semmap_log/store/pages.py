@@ -1,11 +1,10 @@
-"""Which kinds of record a chunk holds, as bits: so that a question reads only what it wants.
+"""Which kinds of record a chunk contains, as bits: so that a question reads only what it needs.
 
-Bit k stands for the kind of event with that number, one for all kinds of later versions; the others
-are of the log itself.
+Bit k stands for the kind of event with that number; one bit stands for all kinds of later versions,
+and the others for records of the log itself.
 
-Records of one or more chunks, taken apart into events, commits and keyframes.
-
-Where the messages of chunks begin, and the events among them, in one compiled pass.
+`Page` splits the records of one or more chunks into events, commits and keyframes. One compiled
+pass finds where the messages of chunks begin, and the events among them.
 """
 
 from __future__ import annotations
@@ -107,7 +106,7 @@ class Page:
     offset: int = 0
     """Where their first chunk lies in it, for messages."""
     scanned: ScannedRecords | None = None
-    """Where each record begins, where somebody has walked them already."""
+    """Where each record begins, if they have been walked already."""
 
     @computed_once
     def offsets(self) -> NDArray[np.int64]:
@@ -148,7 +147,7 @@ class Page:
         """Return its events as columns, those of unknown kinds, too.
 
         Args:
-            sources_of: Looks up their sources, should somebody ask.
+            sources_of: Looks up their sources on request.
             names: What a later version calls its kinds, by their numbers.
             doors: Those of fixed size that are about other doors may be left out; None: none may.
 
@@ -190,7 +189,7 @@ class Page:
 
     @property
     def event_fields(self) -> EventFields:
-        """The fixed fields of its events: once, since who asks may write to them.
+        """The fixed fields of its events: made once, since callers may write to them.
 
         Raises:
             ValueError: One is not of its kind's length.
@@ -222,7 +221,7 @@ class Page:
         return self._commit(int(places[-1])) if len(places) else None
 
     def commit_holding(self, event: int) -> Commit | None:
-        """Return its first commit that ends with that event or after it; None: none does."""
+        """Return the first commit whose last event is that one or a later one, or None."""
         places, ends = self._commit_ends
         found = int(ends.searchsorted(event, "right"))
         return self._commit(int(places[found])) if found < len(places) else None
@@ -435,7 +434,7 @@ def _bit_of_kind(kind: int) -> int:
 
 
 BIT_OF_CHANNEL = np.full(2**16, _bit_of_channel(FLOOR_MAP_CHANNEL), np.uint32)
-"""Of each channel there can be: those after the first floor map's carry floor maps, too."""
+"""The bit of each possible channel; those after the first floor map's carry floor maps, too."""
 BIT_OF_CHANNEL[:FLOOR_MAP_CHANNEL] = [
     _bit_of_channel(channel) for channel in range(FLOOR_MAP_CHANNEL)
 ]
@@ -451,7 +450,7 @@ EXPIRING: tuple[type[Event], ...] = (
     DoorUpdated, DoorObserved, DoorRequested, DoorPassed, RobotPose, SightingsThinned,
 )  # fmt: skip
 """What retention takes out of old segments. All other kinds stay: which doors, levels, floor plans
-and rounds there were, what was taken back, and who said so."""
+and rounds there were, what was retracted, and by whom."""
 
 _BITS_OF_KINDS = np.array([_bit_of_kind(kind) for kind in range(2**8)], np.uint32)
 

@@ -1,12 +1,11 @@
 """Where the message records of chunks begin: walked, or proved from what an index claims.
 
-The records of chunks that anybody may have packed, unpacked in bounded memory.
-
-A few kilobytes of zstd can hold gigabytes. What honest chunks hold is known: messages that fill it,
-each later than the one before. So records that are packed more than `CLOSE_RATIO` times, as floor
-maps and keyframes are, are looked at while they are unpacked, a MiB at a time, and unpacking ends
-where they are no such messages. How much a chunk may hold is limited, too, and how much all chunks
-of a segment may.
+Also unpacks, in bounded memory, the records of chunks that anybody may have packed. A few kilobytes
+of zstd can hold gigabytes. What honest chunks hold is known: messages that fill the chunk, each
+later than the one before. So records that are packed more than `CLOSE_RATIO` times, as floor maps
+and keyframes are, are checked while they are unpacked, a MiB at a time, and unpacking ends where
+they are no such messages. The size of a chunk is limited, too, and so is the size of all chunks of
+a segment.
 """
 
 from __future__ import annotations
@@ -26,8 +25,8 @@ from semmap_log.store import records as mcap
 from semmap_log.store.form import EventFields
 
 FREE_CHUNK_BYTES = 128 * 2**20
-"""So much a chunk may hold however few bytes it is packed in: the longest event and note, after
-which a chunk ends, and what stands before them (below 2 MiB)."""
+"""So much a chunk may hold, however few bytes it is packed in: the longest event and note, which
+end a chunk, and what stands before them (below 2 MiB)."""
 MOST_RATIO = 100
 """Beyond, only so many times its packed bytes: keyframes of a million doors are, packed sixteenfold
 where these are all alike."""
@@ -37,7 +36,7 @@ MAX_CHUNK_BYTES = 2**30
 FREE_SEGMENT_BYTES = 2**30
 """So much all chunks of a segment may hold, however few bytes they are packed in."""
 MOST_SEGMENT_RATIO = 4000
-"""Beyond, only so many times their packed bytes: a map of which nothing is known yet is packed ten
+"""Beyond that, only so many times their packed bytes: an entirely unknown map is packed ten
 thousand times, one of a few rooms a thousand times."""
 
 CLOSE_RATIO = 64
@@ -145,10 +144,10 @@ def _records_in_lz4(stored: memoryview, size: int) -> bytes:
 
 
 def _check_messages(pieces: Iterable[bytes]) -> None:
-    """Check that records are messages of a log, as far as their heads tell.
+    """Check that records are messages of a log, as far as their heads show.
 
     Args:
-        pieces: The records; the next one is requested when those before it are good.
+        pieces: The records; the next piece is requested when those before it are good.
 
     Raises:
         ChunkDamage: One is no message, or many have the same time.
@@ -240,7 +239,7 @@ def scan_one(file: memoryview | bytes, behind: int, records: bytes | memoryview)
 def _columns_of_few(
     file: memoryview | bytes, behind: NDArray[np.int64], starts: NDArray[np.int64]
 ) -> list[NDArray[np.int64]]:
-    """Return the offsets that each MessageIndex after these chunks says, whatever it is worth."""
+    """Return the offsets that each MessageIndex after these chunks states; they are not checked."""
     found = [np.empty(0, np.int64)]
     head, step = mcap.MESSAGE_INDEX_HEAD_BYTES, mcap.MESSAGE_INDEX_ENTRY_BYTES
     for at, start in zip(behind.tolist(), starts.tolist(), strict=True):

@@ -1,9 +1,9 @@
-"""shipped.json: which segments of a log lie in a store only, since they were removed from the disk.
+"""shipped.json: which segments of a log are only in a store, since they were removed from the disk.
 
-It is written, and synced, before the first of them goes. A segment whose file is there is read
-from it, whatever this list says: so a removal may be cut short anywhere, and a segment that was
-copied back counts. What a question about all of a log needs of a removed segment (its index, the
-commands in it, what was taken back) is kept in a small file next to it.
+It is written, and synced, before the first of them is removed. A segment whose file exists is read
+from it, whatever this list says: so a removal may be interrupted anywhere, and a segment that was
+copied back counts. What a question about all of a log needs of a removed segment (its index, its
+commands, its retractions) is kept in a small file next to it.
 """
 
 from __future__ import annotations

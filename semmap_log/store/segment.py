@@ -248,11 +248,11 @@ class SegmentWriter:
         """Give the file its name; it survives a power cut.
 
         Args:
-            replacing: Device and inode of the file that it takes the place of, a copy of which it
-                is; None: nobody has the name.
+            replacing: Device and inode of the file that it replaces, of which it is a copy; None:
+                the name is free.
 
         Raises:
-            OSError: As the system says; somebody has the name, or another file than that has it.
+            OSError: As the system reports it; the name is taken, or by another file than that.
         """
         assert self.temporary is not None
         if self._fd >= 0:
@@ -335,7 +335,7 @@ class SegmentWriter:
             self._flush()
 
     def _begin_write(self) -> None:
-        """Refuse to write after a gap; whoever ends well takes `_is_broken` back."""
+        """Refuse to write after a gap; a write that succeeds resets `_is_broken`."""
         if self._is_broken:
             raise OSError(errno.EIO, "an earlier write failed, or was interrupted")
         self._is_broken = True

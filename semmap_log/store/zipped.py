@@ -1,9 +1,9 @@
-"""A log in a zip file, unpacked into a temporary folder for as long as somebody reads it.
+"""A log in a zip file, unpacked into a temporary folder for as long as it is read.
 
-A mapped file wants a file, and most that is queried wants parts of it in no order: so the log's
-files are unpacked, once, into a folder of their own among the machine's temporary files (TMPDIR).
-It goes with whoever read it last. Only a log's own files are unpacked, under the names that they
-have in one folder: no name in a zip leads anywhere else.
+A mapped file needs a file, and most queries need parts of it in no order: so the log's files are
+unpacked, once, into a folder of their own among the machine's temporary files (TMPDIR). The last
+reader removes it. Only a log's own files are unpacked, under the names that they have in one
+folder: no name in a zip leads anywhere else.
 
 Whoever packed it is a stranger: all files together may hold a hundred times the zip's bytes, or
 128 MiB if that is more; nothing is unpacked further, and no more than a MiB is in memory.
@@ -40,7 +40,7 @@ Version = tuple[int, int, int, int]
 
 
 class UnpackedLog:
-    """The folder of a zipped log's files; it is removed when nobody holds this any more."""
+    """The folder of a zipped log's files; it is removed with the last reference to this."""
 
     def __init__(self, path: Path) -> None:
         """Unpack a zip file.
@@ -60,7 +60,7 @@ class UnpackedLog:
 
 
 _unpacked: weakref.WeakValueDictionary[Version, UnpackedLog] = weakref.WeakValueDictionary()
-"""What is being read: asked twice, a zip is unpacked once."""
+"""What is being read: two readers of a zip share one unpacked copy."""
 
 
 def unpacked(path: Path) -> UnpackedLog:
@@ -94,7 +94,7 @@ def _members_of_log(path: Path, packed: zipfile.ZipFile) -> list[zipfile.ZipInfo
     """Return the files of the one log in it.
 
     Raises:
-        NotALogError: There is none, or more than one.
+        NotALogError: It contains no log, or more than one.
         LogError: A name leads out of the zip, or comes twice, or is that of no plain file.
     """
     files = [one for one in packed.infolist() if not one.is_dir()]

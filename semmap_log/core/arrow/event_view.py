@@ -1,9 +1,9 @@
 """The columns of the view `events`: those of a history, with times as queries want them.
 
-SQL's instants have microseconds, and by them a query filters. `happened` is when an event counts,
-as in all other questions: never after it was recorded, whatever a wrong clock said.
+SQL's instants have microseconds, and queries filter by them. `happened` is when an event counts,
+as in all other queries: never after it was recorded, however wrong a clock was.
 
-The intervals of a timeline as an Arrow table.
+Also the intervals of a timeline as an Arrow table.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _MADE_OF: Mapping[str, tuple[str, ...]] = {
 
 
 def history_columns(names: Collection[str]) -> list[str]:
-    """Return of which columns of a history these of the view are made."""
+    """Return the columns of a history from which these of the view are made."""
     needed = {made_of for name in names for made_of in _MADE_OF.get(name, (name,))}
     return [column.name for column in HISTORY_COLUMNS if column.name in needed]
 

@@ -1,15 +1,13 @@
-"""The one wide table: events with who did it and why, and what doors were called then.
+"""The one wide table: events with who did it and why, and what doors were called at the time.
 
-Events of one door side by side: the rows of the read model, and the events in them again.
+It also holds the rows of the read model, by door, and turns them into events again. Values are as
+the messages have them: numbers for kinds, states and bits, NaN for what was not given. So rows
+become the same events again, which `table`, made for people, does not guarantee. A field is null
+where its kind has none; a column that no event fills is left out. The time of an event is stored as
+the delay until it was recorded: a small number, where a time is a big one.
 
-Values are as the messages have them: numbers for kinds, states and bits, NaN for what was not
-given. So rows become the same events again, which `table`, made for people, does not promise. A
-field is null where its kind has none; a column that no event fills is left out. When an event
-happened is given by how late it was recorded: a small number, where a time is a big one.
-
-Rows of the read model as they lie there, by door: columns of a history's table made of them.
-
-A row need not become an event for it, and columns that nobody asks for are not read.
+The columns of a history's table are made from these rows directly: no row need become an event, and
+columns that are not requested are not read.
 """
 
 from __future__ import annotations
@@ -134,10 +132,10 @@ class RowsByDoor:
         """Number of an event with texts -> its bytes."""
 
     def add(self, events: Events, door_ids: NDArray[np.uint32]) -> None:
-        """Take events, all of whose numbers lie after those before.
+        """Add events whose numbers all follow the earlier ones.
 
         Args:
-            events: They.
+            events: The events.
             door_ids: Which door each is about; 0: perhaps none.
         """
         late_ns = events.recorded_ns - events.happened_ns
@@ -159,11 +157,11 @@ class RowsByDoor:
     def sorted(self, notes: NDArray[np.int32], texts: Sequence[tuple[str, ...]]) -> SortedRows:
         """Return the rows, by door and event number; those about no door come first.
 
-        The parts are let go of.
+        Releases the parts.
 
         Args:
-            notes: (events,), in the order of their numbers: the place of what is reported about
-                each.
+            notes: (events,), in the order of their numbers: the place of each event's note in
+                `texts`.
             texts: `NOTE_TEXTS` of each note; an empty one is null.
         """
         heads = {name: _joined(parts) for name, parts in self._heads.items()}
@@ -311,7 +309,7 @@ def events_in(rows: pa.Table) -> dict[str, Any]:
 
 
 def numbers_in(rows: pa.Table, name: str) -> NDArray[Any]:
-    """Return a column of numbers; 0 where there is none, which no event of the kind reads."""
+    """Return a column of numbers; 0 where a kind lacks it, and none of its events reads it."""
     column = rows[name]
     if column.null_count:
         column = column.fill_null(False if pa.types.is_boolean(column.type) else 0)
@@ -441,7 +439,7 @@ def _happened_ns(rows: pa.Table) -> NDArray[np.int64]:
 
 
 class _FieldsOfKind:
-    """The fields of the events of one kind, each taken from its column when it is requested."""
+    """The fields of the events of one kind, each taken from its column on request."""
 
     def __init__(self, rows: pa.Table, places: NDArray[np.intp]) -> None:
         self._rows, self._places = rows, places
@@ -451,7 +449,7 @@ class _FieldsOfKind:
 
 
 def _numbers(rows: pa.Table, name: str) -> NDArray[Any]:
-    """Return a column of numbers; 0 where there is none."""
+    """Return a column of numbers; 0 where it is null."""
     if name not in rows.column_names:
         return np.zeros(rows.num_rows, np.int64)
     return numbers_in(rows, name)

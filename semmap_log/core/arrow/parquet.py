@@ -1,10 +1,9 @@
 """Tables -> one Parquet file, group by group: in flat memory, and the same bytes for equal rows.
 
-Parquet files read only where each byte is what was written: a checksum for each group of rows.
-
-Parquet's own checksums leave out the heads of pages. The file that was opened is the one that is
-checked and read, whatever comes to its place meanwhile; it is not mapped, so who cuts it ends
-nothing by a signal; and what is no regular file is not read at all.
+Parquet files are read only where each byte is what was written: each group of rows has a checksum,
+since Parquet's own checksums leave out the heads of pages. The file that was opened is the one that
+is checked and read, whatever replaces it meanwhile. It is not mapped, so truncating it raises no
+signal; and only regular files are read.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ def seal_of(path: Path) -> Seal:
     """Return the seal of a Parquet file as it is.
 
     Raises:
-        OSError: It cannot be read, or is none.
+        OSError: It cannot be read, or is no Parquet file.
     """
     crcs, at = [], 0
     with path.open("rb") as file:
@@ -244,7 +243,7 @@ _ENCODINGS = {pa.int64(): "DELTA_BINARY_PACKED", pa.float64(): "BYTE_STREAM_SPLI
 
 
 def _repeats(column: pa.ChunkedArray) -> bool:
-    """Return whether a column is smaller as numbers into the list of its values."""
+    """Return whether a column is smaller as indices into the list of its values."""
     if pa.types.is_dictionary(column.type):
         return True
     there: int = len(column) - column.null_count

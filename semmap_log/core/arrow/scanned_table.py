@@ -1,8 +1,8 @@
-"""Tables that are made when a query scans them, of no more than what it asks for.
+"""Tables that are made when a query scans them, with no more than it needs.
 
-DuckDB hands a pyarrow dataset the columns and the filter that it wants, and leaves the filtering to
-it. Which parts of a log a filter can match is not found out by reading the filter: pyarrow itself
-is asked, by datasets whose files are never opened, each with a guarantee of what its rows are like.
+DuckDB gives a pyarrow dataset the columns and the filter that it wants, and leaves the filtering to
+it. The filter is not parsed to find which parts of a log can match: pyarrow decides that, from
+datasets whose files are never opened, each with a guarantee of what its rows are like.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
-from semmap_log.core.arrow.arrow_sdk import pa  # isort: skip - a missing pyarrow is told by it
+from semmap_log.core.arrow.arrow_sdk import pa  # isort: skip - it reports a missing pyarrow
 import pyarrow.dataset as pads  # another 60 ms, which nothing but queries needs
 import pyarrow.fs as pafs
 
@@ -39,7 +39,7 @@ class ScanRequest:
         return name in self._schema.names
 
     def filters_by(self, name: str) -> bool:
-        """Tell whether a column is named in the filter; perhaps it is only the text of a value."""
+        """Return whether the filter names a column; perhaps that is only the text of a value."""
         return re.search(rf"\b{re.escape(name)}\b", self._told) is not None
 
     def possible(self, guarantees: Sequence[Guarantee]) -> list[int]:
@@ -61,7 +61,7 @@ class ScanRequest:
 
 
 Read = Callable[[ScanRequest], Iterable[pa.Table]]
-"""Yields tables with at least the columns that are requested, and all rows that may match."""
+"""Yields tables with at least the requested columns, and all rows that may match."""
 
 
 class ScannedTable(pads.Dataset):  # type: ignore[misc]

@@ -1,15 +1,14 @@
-"""The schema: what each column of a table of events means. Data only; nothing is imported for it.
+"""The schema: what each column of a table of events means.
 
-One row an event, in the order of event numbers; every kind's fields side by side, under the names
-that they have in the events; null where a kind has no such field, or a value was not given. What a
-DoorUpdated does not set is null, too. Dictionaries are the same in every table.
+One row an event, in the order of event numbers; every kind's fields are in the same row, under the
+names that they have in the events. A value is null where a kind has no such field or it was not
+given, and where a DoorUpdated does not set it. Dictionaries are the same in every table.
 
 An event counts from `happened`, but from `recorded` where that is earlier (its clock was wrong):
 events sorted by (least(happened, recorded), event) are the order of the fold.
 
-The schema in Arrow's own types, with what pandas must know to read whole numbers with gaps.
-
-Events as numpy columns -> one Arrow table. No loop over events but for kinds with texts.
+Events as numpy columns become one Arrow table, without a loop over events except for kinds with
+texts. The schema in Arrow's own types includes what pandas needs to read whole numbers with gaps.
 """
 
 from __future__ import annotations
@@ -117,8 +116,8 @@ MEANINGS: Mapping[str, str] = {
     "file_name": "LogExported: of the file",
     "at_ns": "LogExported: the moment whose state was saved",
 }
-"""Fields of events, in the order of their columns, and what they mean; those that came later have
-the words of the `.msg` text after these."""
+"""Fields of events, in the order of their columns, and what they mean; later fields, described
+by their `.msg` text, follow these."""
 
 OF_CELLS = (
     Column("cells_width", "uint32", "FloorMap: cells in a row", field="cells"),
@@ -426,7 +425,7 @@ def texts_array(places: NDArray[np.integer[Any]], texts: Sequence[str]) -> pa.Ar
 
 
 class CodedTexts(NamedTuple):
-    """Texts that many rows share, ready to be given."""
+    """Texts that many rows share, as codes."""
 
     codes: NDArray[np.int32]
     """Of each text its place among the different ones; -1: it is empty."""

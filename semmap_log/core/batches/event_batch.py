@@ -1,8 +1,7 @@
 """Events as a log holds them: one by one with their numbers, and many as numpy columns.
 
-The different numbers of a column, and those of ranges.
-
-Which events are hidden: Retracted events, folded into ranges of event numbers.
+Also the distinct numbers of a column and those of ranges, and which events are hidden: retracted
+ones, folded into ranges of event numbers.
 """
 
 from __future__ import annotations
@@ -49,13 +48,13 @@ if TYPE_CHECKING:
 
 
 _ABOUT_THE_LOG = (HistoryTrimmed.kind, MomentPinned.kind)
-"""Kinds that report of the log, and not of the building."""
+"""Kinds that describe the log rather than the building."""
 
 
 class Retractions:
     """Ranges of event numbers that were taken back; a retraction itself is never hidden.
 
-    Nor is an event that reports of the log by a range around it: only by its own number.
+    Nor does a range hide an event that describes the log: only its own number does.
     """
 
     def __init__(self) -> None:
@@ -78,7 +77,7 @@ class Retractions:
         return self._those([number <= event for number in self.numbers])
 
     def after(self, event: int) -> Retractions:
-        """Return those that events after that number made."""
+        """Return the retractions that events after that number made."""
         return self._those([number > event for number in self.numbers])
 
     def __bool__(self) -> bool:
@@ -95,7 +94,7 @@ class Retractions:
         return hidden
 
     def first_hiding(self, event: int) -> int | None:
-        """Return the number of the first retraction of an event; None: there is none."""
+        """Return the number of the first retraction of an event, or None."""
         known = zip(self.ranges, self.numbers, strict=True)
         return min((by for (first, last), by in known if first <= event <= last), default=None)
 
@@ -173,7 +172,7 @@ class EventBatch(MadeOfColumns):
     known_door_ids: NDArray[np.uint32] | None = field(default=None, repr=False, compare=False)
     """`door_ids`, where who made the batch had them at hand."""
     sources_of: SourcesOf | None = field(default=None, repr=False, compare=False)
-    """Looks up by event number where events are from, in a log; None: nobody knows."""
+    """Looks up by event number where events are from, in a log; None: not known."""
     _places: dict[int, NDArray[np.intp]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -295,14 +294,14 @@ class EventBatch(MadeOfColumns):
         return places
 
     def with_places(self, places: Mapping[int, NDArray[np.intp]]) -> Self:
-        """Return it, told where the events of some kinds are, by who had to know it to make it."""
+        """Return it with the places of some kinds' events, which the caller knows already."""
         self._places.update(places)
         return self
 
     def door_ids(self) -> NDArray[np.uint32]:
         """Return the door each event is about; 0 where it is about none.
 
-        A door may have the number 0, too: `about_doors` shows them apart.
+        A door may have the number 0, too: `about_doors` distinguishes them.
         """
         if self.known_door_ids is not None:
             return self.known_door_ids
@@ -335,7 +334,7 @@ class EventBatch(MadeOfColumns):
         return np.flatnonzero((ids == 0) & self.about_doors())
 
     def sources(self, kind: type[Event]) -> tuple[NDArray[np.intp], Sequence[str]]:
-        """Return which sensor, robot or file told of each event of that kind: `Note.source`.
+        """Return which sensor, robot or file reported each event of that kind: `Note.source`.
 
         Of each the place among the names that come with it; the empty name says nothing. Batches
         of `follow` do not know it: their commit does.
@@ -351,11 +350,11 @@ class EventBatch(MadeOfColumns):
         return np.minimum(self.happened_ns, self.recorded_ns)
 
     def check(self) -> None:
-        """Return if these are events that a log can take; where they come from does not count.
+        """Check that these are events that a log can take; where they come from does not count.
 
         Raises:
-            InvalidEventError: Columns that do not fit each other, or a value that no event can
-                have: the row is named.
+            InvalidEventError: The columns do not match, or no event can have a value: the row is
+                named.
         """
         if self._is_checked:
             return

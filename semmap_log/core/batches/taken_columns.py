@@ -1,18 +1,14 @@
-"""Events one by one, with what was taken out of all of them already.
+"""The columns that batches of each kind are made from, and events with columns already extracted.
 
-Whoever checks many events looks at their kinds, doors and times, and so does whoever packs them:
-each look at a hundred events is a fiftieth of the time that a durable commit of them takes.
+Checking many events reads their kinds, doors and times, and so does packing them: each pass over a
+hundred events is a fiftieth of the time of a durable commit of them.
 
-The columns that a batch of each kind is made from, spelt out for editors and type checkers.
+The signatures are written by `python tools/batch_columns.py`, from the table of events, in full for
+editors and type checkers.
 
-The signatures are written by `python tools/batch_columns.py`, from the table of events.
-
-The fields of many events of one kind as a structured array: made, and checked, all at once.
-
-An event checks its values when it is made; rows that never were events are checked here by the
-same rules, and the first that breaks one is named.
-
-Where among many events those of each kind are.
+The fields of many events of one kind are a structured array: made, and checked, all at once. An
+event checks its values when it is made; rows that never were events are checked here by the same
+rules, and the first that breaks one is named.
 """
 
 from __future__ import annotations
@@ -281,7 +277,7 @@ Places = NDArray[np.intp] | slice
 
 
 class LazyColumns(Mapping[int, Rows]):
-    """Kind -> the fields of its events, made when somebody asks for that kind."""
+    """Kind -> the fields of its events, made on first access to that kind."""
 
     def __init__(self, kinds: Collection[int], make: Callable[[int, Places], Rows]) -> None:
         """Take note of them.
@@ -391,7 +387,7 @@ def as_type(where: str, values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[A
     """Return numbers as another type: never wrapped, cut or rounded to a whole one.
 
     Raises:
-        InvalidEventError: A value is none of that type; the first is named.
+        InvalidEventError: A value does not fit that type; the first is named.
     """
     if values.dtype == dtype:
         return values
@@ -414,10 +410,10 @@ def _may_become(source: np.dtype[Any], target: np.dtype[Any]) -> bool:
 
 
 def check_rows(kind: type[Event], rows: Rows) -> None:
-    """Return if each row holds values that such an event can have.
+    """Check that each row holds values that such an event can have.
 
     Raises:
-        InvalidEventError: As the event itself would say it; the first row that is wrong is named.
+        InvalidEventError: As the event itself would raise it; the first wrong row is named.
     """
     dtype = fixed_layout(kind.kind).dtype
     if rows.dtype != dtype and not _same_fields(rows.dtype, dtype):
@@ -459,7 +455,7 @@ class _Checks(NamedTuple):
         return {name: np.ascontiguousarray(rows[name]) for name in names}
 
     def pass_all(self, columns: Columns) -> bool:
-        """Return whether nothing is wrong with any row."""
+        """Return whether all rows are valid."""
         return all(rule.allows_all(columns[name]) for name, rule in self.alone) and not any(
             misfits.any() for misfits in self.misfits(columns)
         )
@@ -492,7 +488,7 @@ def event_of_row(kind: type[Event], row: Any, happened_ns: int | None) -> Event:
 
 
 def check_times(happened_ns: NDArray[np.int64]) -> None:
-    """Return if happened times are such, or `NO_TIME`.
+    """Check that times are possible happened times, or `NO_TIME`.
 
     Raises:
         InvalidEventError: One is not; it is named.
@@ -505,7 +501,7 @@ def check_times(happened_ns: NDArray[np.int64]) -> None:
 
 @cache
 def _same_fields(mine: np.dtype[np.void], wanted: np.dtype[np.void]) -> bool:
-    """Return whether rows have the same fields, of the same types, wherever they lie."""
+    """Return whether rows have the same fields, of the same types, whatever their offsets."""
     names = wanted.names or ()
     return mine.names == names and all(mine[name] == wanted[name] for name in names)
 

@@ -1,10 +1,8 @@
-"""What events do to doors, side by side as rows: the one form in which all follow doors over time.
+"""What events do to doors, as rows: the one form in which all follow doors over time.
 
-Pure numpy. Who needs less than all of `CHANGE` asks for some of its columns: see `columns`.
-
-What doors and levels were called at the time of an event, by all that is known now.
-
-Registers over time: what each of many keys held at a stamp, asked of many at once.
+Pure numpy. A caller that needs less than all of `CHANGE` requests some of its columns: `columns`.
+Also what doors and levels were called at the time of an event, by all that is known now; and
+registers over time: what each of many keys held at a stamp, for many keys at once.
 """
 
 from __future__ import annotations
@@ -79,7 +77,7 @@ def parts_of(
         batch: Any events.
         dtype: `CHANGE`, or some of its columns.
         setting: Only those that set one of these bits of `sets`; None: also those that set nothing,
-            such as somebody who did not get through.
+            such as a failed passage.
         doors: Only what is about these; None: all.
     """
     for kind in SETTING_KINDS:
@@ -185,7 +183,7 @@ for _kind in SETTING_KINDS:
 
 
 Texts = tuple[NDArray[np.intp], Sequence[str]]
-"""Of each event the place of its text among some; an empty one: there is none."""
+"""For each event, the index of its text in a list; an empty text: it has none."""
 
 NOTHING = ""
 _NEVER = (0, -1)
@@ -198,11 +196,11 @@ _ON_A_LEVEL = [kind.kind for kind in KINDS
 
 
 class NamesThen:
-    """Takes in events that say names and levels, in any order; then tells those of other events.
+    """Takes events that set names and levels, in any order; then gives those of other events.
 
-    A door's name is what was said last when the event happened, since the door was added, by events
-    of the same moment, too: as a replay of that moment tells it. A door that was removed keeps its
-    last. A level without a name is called by its number.
+    A door's name is the last one set, since the door was added, by the time the event happened,
+    including by events of the same moment: as in a replay of that moment. A removed door keeps its
+    last name. A level without a name is called by its number.
     """
 
     def __init__(self) -> None:
@@ -213,7 +211,7 @@ class NamesThen:
         self._doors: _Called | None = None
         self._levels: _Called | None = None
         self._moved: LastWritten | None = None
-        """Door -> its level; all three are made when somebody asks, and then nothing comes in."""
+        """Door -> its level; all three are made at the first query; nothing is added after that."""
 
     def apply(self, batch: EventBatch) -> None:
         """Take in events, retracted ones left out."""
@@ -291,7 +289,7 @@ class NamesThen:
 
 
 def _of_that_moment(batch: EventBatch) -> NDArray[np.int64]:
-    """Return numbers after which, at the time of each event, nothing more was stated."""
+    """Return the greatest number for each event: all events of its moment count."""
     return np.full(len(batch), np.iinfo(np.int64).max)
 
 
@@ -391,7 +389,7 @@ class LastWritten:
     ) -> NDArray[np.intp]:
         """Return the place after the last change up to each stamp; 0: its key has none so early.
 
-        All are halved at once, as often as the key with the most changes needs.
+        All are bisected at once, as often as the key with the most changes needs.
         """
         low, high = self._starts[rows], self._ends[rows]
         first = low.copy()
@@ -406,7 +404,7 @@ class LastWritten:
         return np.where(low > first, low, 0)
 
     def _rows(self, keys: Integers) -> NDArray[np.intp]:
-        """Return the place of each key among those that have changes; after them: it has none."""
+        """Return the place of each key among those that have changes; past the end: it has none."""
         if self._table is not None:
             return self._table.take(keys, mode="clip")
         rows = np.searchsorted(self._keys, keys)

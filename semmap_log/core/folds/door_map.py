@@ -113,7 +113,7 @@ class DoorMapState:
         return self.latest[0]
 
     def first_among(self, ranges: Sequence[tuple[int, int]]) -> int | None:
-        """Return the first of these events without which it would be another; None: there is none.
+        """Return the first of these events without which the map would differ, or None.
 
         A register that another event has written since is the same whether they came or not.
 
@@ -144,7 +144,7 @@ class DoorMapState:
     def _is_here(self, rows: slice) -> NDArray[np.bool_]:
         """Return which doors are in the map: added, and not removed since.
 
-        A removal that comes before the adding was of no door: it leaves the map alone.
+        A removal that comes before the adding concerned no door: it leaves the map unchanged.
         """
         names = ("added_happened_ns", "added_event", "removed_happened_ns", "removed_event")
         added_ns, added, removed_ns, removed = (self._columns[name][rows] for name in names)
@@ -182,13 +182,13 @@ class DoorMapState:
         return {i: classes[name] for i, name in said.items() if name in classes}
 
     def since_added(self, key: str) -> dict[DoorId, str]:
-        """Return what is reported about each door under a key since it was added; ids ascending."""
+        """Return each door's text under a key, set since it was added; ids ascending."""
         said = self._annotations.said_under(key)
         return {i: text for i, (stamp, text) in said.items()
                 if (added := self.stamp(i, "added")) is not None and stamp > added}  # fmt: skip
 
     def defined(self, name: str) -> Stamp | None:
-        """Return (happened, number) of the definition of a class; None: there is none."""
+        """Return (happened, number) of the definition of a class, or None."""
         return self._annotations.defined(name)
 
     def names(self) -> dict[DoorId, str]:
@@ -223,7 +223,7 @@ class DoorMapState:
         return self._annotations.get(door_id, key)
 
     def forget_text(self, door_id: int, key: str, before: int) -> None:
-        """Leave out what events below a number said of a door under a key: it is redacted."""
+        """Drop texts that events below a number set for a door under a key: they are redacted."""
         self._annotations.forget(door_id, key, before)
 
     def door_map(self, *, at_ns: int | None = None, known_at_ns: int | None = None) -> DoorMap:
@@ -286,10 +286,10 @@ class DoorMapState:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Any]) -> DoorMapState:
-        """Return the state that `to_arrays` gave.
+        """Return the state that `to_arrays` saved.
 
         Raises:
-            ValueError: Some arrays have other lengths than those next to them.
+            ValueError: Some arrays have different lengths.
         """
         state = cls()
         state.event = int(arrays["event"])

@@ -1,4 +1,4 @@
-"""Events that happened before their door was added: they are kept, and no question counts them."""
+"""Events that happened before their door was added: they are kept, but no query counts them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _KINDS = np.array([kind.kind for kind in MAY_BE_EARLY], np.uint8)
 
 @dataclass(frozen=True, slots=True)
 class Addings:
-    """When doors were added, to find what is reported about earlier times."""
+    """When doors were added, to find events about earlier times."""
 
     door_ids: NDArray[np.int64]
     """Ascending."""
@@ -42,7 +42,7 @@ class Addings:
 
     @property
     def latest_ns(self) -> int:
-        """When the last of the doors was added; 0: there is none."""
+        """When the last of the doors was added; 0: there are no doors."""
         return int(self.happened_ns.max(initial=0))
 
     def early(self, batch: EventBatch, happened_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -104,7 +104,7 @@ class EarlyEvents:
         return EarlyEvents({door_id: self.counts[door_id]}, {door_id: self.first_ns[door_id]})
 
     def in_words(self, names: Mapping[DoorId, str], since: str) -> str:
-        """Return how many there are of which doors.
+        """Return how many there are, and of which doors.
 
         Args:
             names: Of doors that have one.

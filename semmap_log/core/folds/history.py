@@ -1,13 +1,11 @@
-"""Who changed what, when, why: events side by side with the notes of their commits.
+"""Who changed what, when, why: events together with the notes of their commits.
 
-What is different between two door maps, door by door and field by field: enough to go over.
+Also the difference between two door maps, door by door and field by field; the robot's patrol
+rounds, with their start, end, name and actor; and what each event changed in the map: the value
+that a field of a door had before, and since.
 
-The robot's patrol rounds: when each began and ended, whose and what it was.
-
-What each event changed in the map: the value that a field of a door had before, and since.
-
-Seen in the order of event numbers: what the log knew when the event was recorded, and what it knew
-then. A late event that something newer outranks changes nothing.
+Changes are seen in the order of event numbers: from what the log knew before an event was recorded
+to what it knew then. A late event that a newer one outranks changes nothing.
 """
 
 from __future__ import annotations
@@ -42,7 +40,7 @@ FIELDS = (*meaning.FIELDS, "annotations", "object_class")
 """The fields that make a door what it is: if one differs, the door was changed."""
 
 STAMPS = ("last_seen_ns", "last_event")
-"""What shows that something was heard of a door, though it may be the same as before."""
+"""Fields that show that a door was mentioned, even if nothing about it changed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +77,7 @@ class Diff(ShownAsTable):
     """Of the same, by `STAMPS`."""
     levels: Sequence[LevelChange]
     events: Sequence[HistoryEntry]
-    """Those with happened time after the first moment, up to and with the second."""
+    """Those with happened time after the first moment, up to and including the second."""
 
     def __repr__(self) -> str:
         changed = len({change.door.door_id for change in self.changed})
@@ -87,7 +85,7 @@ class Diff(ShownAsTable):
         return f"<Diff of doors: {doors}; {counted(len(self.events), 'event')}>"
 
     def __bool__(self) -> bool:
-        """Return whether a door is another than before; that it was seen again does not count."""
+        """Return whether a door differs from before; a repeated sighting does not count."""
         return bool(self.added or self.removed or self.changed)
 
     def applied_to(self, before: DoorMap) -> DoorMap:
@@ -155,7 +153,7 @@ def _changes(before: DoorMap, after: DoorMap, names: Sequence[str]) -> Iterator[
 
 
 def _check(actual: Any, expected: Any, what: str) -> None:
-    """Return if a map that a diff is applied to is as the diff knows it.
+    """Check that the map that a diff is applied to is as the diff knows it.
 
     Raises:
         CommandError: It is not.
@@ -192,9 +190,9 @@ class Round:
     patrol: int
     """Its number."""
     start_ns: int | None
-    """None: nobody told of its start."""
+    """None: its start was not reported."""
     end_ns: int | None
-    """None: it goes on, or nobody told of its end."""
+    """None: it continues, or its end was not reported."""
     actor: str
     """Who drove, by the note of its start, else of its end."""
     name: str
@@ -206,7 +204,7 @@ class Round:
         return self.name or f"round {self.patrol}"
 
     def overlaps(self, since_ns: int, until_ns: int) -> bool:
-        """Return whether some of it lies between two times, as far as anybody knows."""
+        """Return whether some of it lies between two times, as far as is known."""
         begun = self.start_ns is None or self.start_ns < until_ns
         return begun and (self.end_ns is None or self.end_ns >= since_ns)
 
@@ -252,7 +250,7 @@ class HistoryEntry(ShownAsTable):
     retracted_by: int | None = None
     """The number of the first event that took it back; None: it stands."""
     changes: tuple[ValueChange, ...] = ()
-    """What it changed in the map when it was recorded, where that was requested."""
+    """What it changed in the map when it was recorded, if that was requested."""
 
     @property
     def folds_ns(self) -> int:
@@ -289,9 +287,9 @@ def history(
 
     Args:
         batches: Events, numbers ascending; gaps allowed.
-        said_of: Tells what the commits say; asked once a batch.
+        said_of: Returns the notes of the commits; called once a batch.
         retractions: What is hidden; it is shown here, and marked.
-        changes_in: Returns what the events of a batch changed; None: that is not given.
+        changes_in: Returns what the events of a batch changed; None: changes are left out.
     """
     for batch in batches:
         changes = changes_in(batch) if changes_in is not None else {}

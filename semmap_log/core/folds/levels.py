@@ -1,4 +1,4 @@
-"""Which level is meant where something is put on one, or asked of one: the one rule for it.
+"""Which level is meant where something is put on one, or a query names one: the one rule for it.
 
 The levels of a log are those that have a name, a floor map, or a door with a place. Where a level
 is given, by its name or its number, that one is meant. A text of digits is a name first, with a
@@ -8,14 +8,12 @@ warning where another level has that number; `number:2` is the number. Where non
 - it is an error that names them, if the log has several;
 - level 0 is meant, if the log has none: that of a log without levels.
 
-A robot's poses and doors without a place make no level. Events take what the log holds when they
-are appended, the events before them in the same commit included.
+A robot's poses and doors without a place make no level. Events use the levels that the log has when
+they are appended, including those of earlier events in the same commit.
 
-Of the objects in a map those of one class; doors, for those who know nothing else.
-
-The doors of a map as values, each made when it is queried for: of hundreds, one is wanted.
-
-What is reported about doors in words: for each door and key the text with the greatest stamp.
+This module also holds the doors of a map as values, each made on request: of hundreds, one is
+wanted; the objects of one class in a map, doors by default; and the annotations of doors: for each
+door and key the text with the greatest stamp.
 """
 
 from __future__ import annotations
@@ -48,7 +46,7 @@ from semmap_log.errors import CommandError, LevelNameWarning, LogError, UnknownL
 NUMBER_PREFIX = "number:"
 
 OPTION = '--level L on the command line, level=L in Python, "level": L in a JSON line'
-"""How a level is given."""
+"""How a user gives a level."""
 
 
 def levels_of(door_map: DoorMap) -> dict[int, Level]:
@@ -142,7 +140,7 @@ def _numbered(text: str, names: Mapping[int, str | None]) -> int:
 
 
 def level_shown(door_map: DoorMap) -> int:
-    """Return the level that a picture shows where none is told: of several the one with doors.
+    """Return the level that a picture shows by default: of several, the one with doors.
 
     Raises:
         UnknownLevelError: Several have doors with a place, or none of several.
@@ -170,10 +168,10 @@ def of_class(door_map: DoorMap, name: str) -> DoorMap:
 
 
 def check_class(door_map: DoorMap, name: str) -> None:
-    """Return if a class is called so.
+    """Check that a class of that name exists.
 
     Raises:
-        CommandError: None is.
+        CommandError: It does not.
     """
     if name != DOOR.name and name not in door_map.classes:
         known = ", ".join([DOOR.name, *door_map.classes])
@@ -193,7 +191,7 @@ class DoorsPresent(Mapping[DoorId, Door]):
 
         Args:
             columns: The fields of the doors and their stamps, one row a door, ids ascending.
-            annotations: What is reported about them; must not change any more.
+            annotations: Their annotations; must not change any more.
         """
         self._columns = columns
         self._annotations = annotations
@@ -202,9 +200,9 @@ class DoorsPresent(Mapping[DoorId, Door]):
         self._ids: list[int] = columns["door_id"].tolist()
         self._places = dict(zip(self._ids, range(len(self._ids)), strict=True))
         self._made: dict[DoorId, Door] = {}
-        """Those that were requested, in the order in which they were."""
+        """Those that were requested, in that order."""
         self._everything: dict[DoorId, Door] | None = None
-        """All of them, ids ascending, once somebody requested all."""
+        """All of them, ids ascending, once all were requested."""
 
     def __getitem__(self, door_id: DoorId | str) -> Door:
         if isinstance(door_id, str):
@@ -278,7 +276,7 @@ class DoorsPresent(Mapping[DoorId, Door]):
         )
 
     def _said(self) -> Mapping[DoorId, object]:
-        """Return what is said of each in words: its name and, where there are classes, what it is.
+        """Return a text for each: its name and, where there are classes, its class.
 
         Where there are none, no door is made for it.
         """
@@ -315,12 +313,12 @@ class DoorsPresent(Mapping[DoorId, Door]):
 
 
 NAME = "name"
-"""The key under which a door's name is stated."""
+"""The key of a door's name."""
 
 _NO_DOOR = 0
 _DEFINES = "\x01class:"
-"""What is said of a class stands beside what is said of door 0, under keys that begin so, as nobody
-types them: in keyframes, too, which have no other place for it."""
+"""Classes are stored next to the annotations of door 0, under keys with this prefix, which nobody
+types: also in keyframes, which have no other place for them."""
 
 Stamp = tuple[int, int]
 """(happened time, event number)."""
@@ -331,7 +329,7 @@ _COLUMNS = ("door_id", "key", "value", "happened_ns", "event")
 
 
 class Annotations:
-    """Registers of texts; what was stored is unpacked when somebody asks."""
+    """Registers of texts; stored ones are unpacked on first access."""
 
     def __init__(self) -> None:
         self._said: _Said = {}
@@ -340,7 +338,7 @@ class Annotations:
         """Whether a snapshot holds the same dictionaries: they must not change any more."""
 
     def write(self, door_id: int, key: str, value: str, stamp: Stamp) -> None:
-        """Note what was stated at a stamp, unless something later is known."""
+        """Set a text at a stamp, unless a later one is known."""
         if self._is_shared:
             self._said = {door: dict(texts) for door, texts in self._unpacked().items()}
             self._is_shared = False
@@ -372,12 +370,12 @@ class Annotations:
         return None if told is None else told[0]
 
     def said_under(self, key: str) -> dict[DoorId, tuple[Stamp, str]]:
-        """Return what is reported about each door under a key, and its stamp; ids ascending."""
+        """Return each door's text under a key, and its stamp; ids ascending."""
         said = sorted(self._unpacked().items())
         return {DoorId(door_id): texts[key] for door_id, texts in said if key in texts}
 
     def forget(self, door_id: int, key: str, before: int) -> None:
-        """Leave out what events below a number reported about a door under a key."""
+        """Drop the text that events below a number set for a door under a key."""
         said = self._unpacked().get(door_id, {})
         if key in said and said[key][0][1] < before:
             del said[key]
@@ -387,7 +385,7 @@ class Annotations:
         return self._unpacked().get(door_id, {}).get(key)
 
     def of(self, door_id: int, added: Stamp) -> Mapping[str, str]:
-        """Return what is reported about a door since it was added, keys ascending."""
+        """Return the texts set for a door since it was added, keys ascending."""
         said = self._unpacked().get(door_id, {})
         since = {key: value for key, (stamp, value) in sorted(said.items()) if stamp > added}
         if door_id == _NO_DOOR:

@@ -18,8 +18,8 @@
                     state["last"][door] = now
             return state
 
-`log.fold(Openings(), checkpoint="openings")` goes on where it stopped the last time, and
-`for now in log.fold_live(Openings()): …` gives `now.state` while another process writes.
+`log.fold(Openings(), checkpoint="openings")` continues where it stopped the last time, and
+`for now in log.fold_live(Openings()): …` yields `now.state` while another process writes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from semmap_log.core.batches.event_batch import EventBatch
 S = TypeVar("S")
 
 SAVE_EVERY_S = 10.0
-"""A checkpoint is written at the end, and so often on the way there."""
+"""A checkpoint is written at the end, and so often before that."""
 
 
 class Projection(Protocol[S]):
@@ -67,7 +67,7 @@ class Mergeable(Protocol[S]):
 
         Args:
             earlier: What events up to some number make of `initial()`.
-            later: What those after it make of another `initial()`.
+            later: What the events after them make of another `initial()`.
         """
 
 

@@ -5,7 +5,7 @@ recorded counts from its recorded time. Of all writes to a register that with th
 stays, in whatever order they come.
 (Shapiro et al., "Conflict-free Replicated Data Types", 2011: LWW-Register.)
 
-Who set the states of doors when: the writes of many events, as rows that can be sorted.
+Also who set the states of doors and when: the writes of many events, as rows that can be sorted.
 """
 
 from __future__ import annotations

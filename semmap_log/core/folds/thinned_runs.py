@@ -1,4 +1,4 @@
-"""Sightings that a thinning took out: between which moments a door's history has gaps."""
+"""Sightings that a thinning took out: the periods in which a door's history has gaps."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from semmap_log.core.model.events import SightingsThinned
 HOUR_NS = 3600 * 10**9
 """A run of sightings that repeat each other lies within one hour of UTC."""
 MOST_OF_A_RUN = 4096
-"""More than one sighting a second shows no more of a door."""
+"""More than one sighting a second shows no more about a door."""
 
 _COLUMNS = ("door_id", "state", "first_ns", "last_ns")
 
@@ -40,7 +40,7 @@ def sightings_of_runs(
         told: Rows of `SightingsThinned`.
 
     Returns:
-        Of each sighting the row that reports of it, and when it happened.
+        For each sighting, the row that it comes from, and when it happened.
     """
     counts = np.minimum(told["count"], MOST_OF_A_RUN).astype(np.intp)
     of_row = np.repeat(np.arange(len(told)), counts)

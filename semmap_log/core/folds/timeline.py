@@ -1,8 +1,7 @@
-"""When doors were in which state: intervals as numpy columns.
+"""When doors were in which state: intervals as numpy columns. Pure numpy.
 
-How much of each slot of time a door was open, and how much of it that was known: pure numpy.
-
-When a door was looked at, and how long a sighting of it holds: pure numpy.
+Also how much of each time slot a door was open, and how much of it that was known; and when a door
+was looked at, and how long a sighting of it holds.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ Shares = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class TimeShares:
-    """What is reported about a door in slots of time that follow each other."""
+    """What is known about a door in consecutive time slots."""
 
     opened: Shares
     """(slots,): share of the time known to be open or closed in which it was open; NaN: none."""
@@ -109,20 +108,20 @@ class Timeline(ShownAsTable):
 
     A door keeps its state until another one is reported, but a sighting holds only for a time:
     after that the door was not seen, until the next report. Those times are the lapses. A state
-    that somebody set holds until the next report.
+    that was set holds until the next report.
     """
 
     door_id: DoorId
     start_ns: Times
     """When the state began: nanoseconds since the Unix epoch, UTC."""
     end_ns: Times
-    """When it ended; of the last: when the door was removed, else the moment requested."""
+    """When it ended; for the last: when the door was removed, else the requested moment."""
     state: NDArray[np.uint8]
     """`DoorState` of each."""
     event: NDArray[np.int64]
     """Number of the event that began it."""
     sightings: NDArray[np.int64]
-    """How many events said so, the first one included: sightings, passages, updates."""
+    """How many events reported it, the first one included: sightings, passages, updates."""
     removed: bool = False
     """The last interval ends because the door was removed."""
     lapse_start_ns: Times = field(default_factory=NO_TIMES.copy)
@@ -165,7 +164,7 @@ class Timeline(ShownAsTable):
 
     @property
     def seen_ns(self) -> Times:
-        """How much of each interval a sighting held, or a state that somebody set, nanoseconds."""
+        """How much of each interval is covered by a sighting or a set state, nanoseconds."""
         seen: Times = self.duration_ns - self.not_seen_ns
         return seen
 
@@ -305,7 +304,7 @@ def timelines(
 ) -> dict[DoorId, Timeline]:
     """Return the states of doors, ids ascending; only of those whose adding is among the events.
 
-    Some 22 bytes an event that shows a state are kept until the end.
+    Some 22 bytes for each event that shows a state are kept until the end.
 
     Args:
         batches: Events in any order, retracted ones left out, none later than `end_ns`.
@@ -347,7 +346,7 @@ class _Reports:
         self._parts.append(rows)
 
     def doors(self) -> Iterator[_Life]:
-        """Yield what was reported about each door that was added, ids ascending."""
+        """Yield the changes of each door that was added, ids ascending."""
         changes = np.concatenate([np.empty(0, STATE_CHANGE), *self._parts])
         changes["state"] = known_states(changes["state"])
         order = np.lexsort((changes["number"], changes["folds_ns"], changes["door_id"]))
@@ -360,7 +359,7 @@ class _Reports:
 
 
 class _Life:
-    """What was stated about one door, in the order of the fold."""
+    """The changes of one door, in the order of the fold."""
 
     def __init__(self, door_id: DoorId, changes: Changes) -> None:
         self.door_id = door_id

@@ -88,13 +88,13 @@ def _let_requests_end() -> None:
         time.sleep(_DROP_S)
     while time.monotonic() < end_s:
         ours = {thread.ident for thread in threading.enumerate()}
-        if sys._current_frames().keys() <= ours:  # noqa: SLF001  nothing else tells of them
+        if sys._current_frames().keys() <= ours:  # noqa: SLF001  nothing else lists them
             return
         time.sleep(0.001)
 
 
 def _peak_bytes() -> int:
-    """Return the most memory that this process has held so far; 0 where none is given."""
+    """Return the peak memory of this process so far; 0 where the system does not report it."""
     try:
         import resource
     except ImportError:  # Windows
@@ -104,14 +104,14 @@ def _peak_bytes() -> int:
 
 
 _asked_in: list[int] = []
-"""The process that has asked a store first."""
+"""The process that first queried a store."""
 
 
 def check_not_forked(url: UrlPath) -> None:
-    """Check that this process may ask a store: threads that ask do not come along by a fork.
+    """Check that this process may query a store: the threads for it do not survive a fork.
 
     Raises:
-        LogAccessError: The process that it was forked from has asked one before.
+        LogAccessError: The process that it was forked from has queried one before.
     """
     if not _asked_in:
         _asked_in.append(os.getpid())

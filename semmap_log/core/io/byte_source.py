@@ -1,4 +1,4 @@
-"""Where the bytes of a segment come from: a seam of ranges, after which a file or a store lies."""
+"""Where the bytes of a segment come from: ranges of a file or of an object in a store."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ BLOCK_BYTES = 2**20
 
 
 class ByteSource(Protocol):
-    """A file's bytes as it was when it was opened, handed out as private copies of ranges.
+    """A file's bytes as they were when it was opened, returned as private copies of ranges.
 
-    Offsets are those of the file. What lies after its end is left out, as by a slice. Nothing is
-    looked at that was not requested by `read` or `read_ranges`: so a source may have its bytes
-    elsewhere, and fetch what is requested.
+    Offsets are those of the file. Bytes after its end are left out, as by a slice. Only what
+    `read` or `read_ranges` requests is read: so a source may have its bytes elsewhere, and fetch
+    what is requested.
     """
 
     @property
@@ -40,7 +40,7 @@ class ByteSource(Protocol):
         """
 
     def read_ranges(self, ranges: Sequence[tuple[int, int]]) -> memoryview:
-        """Return ranges one after the other, as `read`."""
+        """Return ranges, concatenated; as `read`."""
 
     def will_need(self, start: int, end: int) -> None:
         """Begin to fetch a range that is read soon, and return; nothing else is fetched ahead.

@@ -1,4 +1,4 @@
-"""The CRC-32 of bytes, where they are many by the fastest library that is there."""
+"""The CRC-32 of bytes: of many, by the fastest library that is installed."""
 
 from __future__ import annotations
 

@@ -13,14 +13,14 @@ _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 MAX_TIME_NS = 2**63 - 1
 """Times are stored as MCAP's uint64 and handled as int64: good until the year 2262."""
 _LATEST_NS = MAX_TIME_NS - 2**53
-"""In 2261. Recorded times only grow: a clock that once said the end of time must leave room."""
+"""In 2261. Recorded times only grow: a clock that once showed the last time must leave room."""
 
 
 class Clock(Protocol):
     """Where a log gets its times from."""
 
     boot_id: bytes
-    """16 bytes that tell this boot of the machine from others; zeros: not known."""
+    """16 bytes that distinguish this boot of the machine from others; zeros: not known."""
 
     def wall_ns(self) -> int:
         """Return the wall clock, nanoseconds since 1970, UTC."""
@@ -53,7 +53,7 @@ class KeptClock:
 
     recorded_ns: int
     boot_id: bytes = bytes(16)
-    """Not known: what its monotonic clock said is nobody's any more."""
+    """Not known: the readings of its monotonic clock have no meaning any more."""
 
     def wall_ns(self) -> int:
         """Return that moment."""

@@ -1,16 +1,14 @@
 """Bytes to disk, so that they stay: whole writes, syncs, and files that appear whole or not at all.
 
-A power cut leaves an unsynced file empty, and a rename that was not followed by a sync of its
-folder undone; so does everything here.
+A power cut leaves an unsynced file empty, and undoes a rename that was not followed by a sync of
+its folder; so everything here syncs both.
 
-Files that come with this package, copied to where somebody uses them.
+Also copies files that come with this package to where they are used; existing ones stay, since
+plans and launch files are there to be changed.
 
-What is there already stays: plans and launch files are there to be changed.
-
-What reading asks of the system, as far as each one has it.
-
-Windows knows neither folders that are opened nor links that are not followed, macOS no `preadv`:
-what is missing is left out. Who writes needs all of it: `check_can_write`.
+Reading uses what each system offers: Windows has neither folders that can be opened nor a way not
+to follow links, macOS no `preadv`, and what is missing is left out. Writing needs all of it:
+`check_can_write`.
 """
 
 from __future__ import annotations
@@ -95,7 +93,7 @@ def _is_another(target: Path, kind: str, differing: str = "") -> OutputError:
 
 
 def _differing(shipped: Path, target: Path, made: Sequence[str]) -> str:
-    """Return a file that another folder has not, or not alike; "": there is none."""
+    """Return a file that another folder lacks, or has with other content; "": no such file."""
     for path in sorted(shipped.rglob("*")):
         name = path.relative_to(shipped)
         other = target / name
@@ -193,7 +191,7 @@ def output_errors(path: Path) -> Iterator[None]:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Hand out a new, empty file next to `path`; on success it takes the name, synced, at once.
+    """Yield a new, empty file next to `path`; on success it takes the name, synced, at once.
 
     Its name is nobody else's, and no link that somebody put there is followed. Where `path` is a
     link, the link is replaced, and what it points to stays. On any error the file is removed and
@@ -216,9 +214,9 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Hand out a path for a new folder of the same name; on success it takes its place, synced.
+    """Yield a path for a new folder of the same name; on success it takes its place, synced.
 
-    It lies in a temporary folder next to `path`. On any error that is removed, with all in it.
+    It is in a temporary folder next to `path`. On any error that is removed, with all in it.
 
     Raises:
         OutputError: There is something at `path` already: a folder is never replaced.
@@ -244,7 +242,7 @@ def replace_file(path: Path, data: bytes) -> None:
 
 
 def left_by_killed(path: Path) -> Iterator[Path]:
-    """Yield the temporary files next to `path` of processes that are no more."""
+    """Yield the temporary files next to `path` whose processes have ended."""
     leftover = re.compile(
         re.escape(_stem(path)) + r"\.(\d+)(?:\.[0-9a-f]+)?" + re.escape(TEMPORARY_SUFFIX)
     )
@@ -271,10 +269,10 @@ MOST_OWN_BYTES = 2**28
 
 
 def read_own(path: Path, most: int = MOST_OWN_BYTES) -> bytes:
-    """Return what a file of ours holds that lies where strangers may have put another.
+    """Return the content of a file of ours in a place where strangers may have put another.
 
     Raises:
-        FileNotFoundError: There is none.
+        FileNotFoundError: There is no such file.
         NotOursError: It is no regular file; reading it might never end.
         OSError: It cannot be read, or is longer than `most` bytes.
     """
@@ -288,7 +286,7 @@ def read_own(path: Path, most: int = MOST_OWN_BYTES) -> bytes:
         if status.st_size > most:
             problem = f"expected at most {most:,} bytes, got {status.st_size:,}"
             raise OSError(errno.EFBIG, problem)
-        return file.read(status.st_size)  # the buffer is as large as what is asked for
+        return file.read(status.st_size)  # the buffer is as large as the argument
 
 
 def refuse_special(path: Path) -> None:
@@ -309,18 +307,18 @@ def refuse_special(path: Path) -> None:
 
 
 def new_beside(path: Path) -> Path:
-    """Make an empty file next to `path`, under a name that nobody else has, and return that.
+    """Make an empty file next to `path`, under a unique name, and return that name.
 
     Raises:
-        OSError: The folder takes none.
+        OSError: The folder does not accept one.
     """
     return _made_beside(path, _make_file)
 
 
 def name_beside(path: Path, suffix: str = TEMPORARY_SUFFIX) -> Path:
-    """Return a name next to `path` that nobody else draws.
+    """Return a unique name next to `path`.
 
-    The process in it says whether who drew it still runs; the token keeps threads apart.
+    The process id in it shows whether its process still runs; the token keeps threads apart.
     """
     token = os.urandom(TOKEN_BYTES).hex()
     return path.with_name(f"{_stem(path)}.{os.getpid()}.{token}{suffix}")
@@ -403,10 +401,10 @@ _NEEDED = ("O_DIRECTORY", "O_NOFOLLOW", "O_CLOEXEC", "fdatasync", "link")
 
 
 def check_can_write(path: Path) -> None:
-    """Return if this system has what keeps a log whole while it is written.
+    """Check that this system has what keeps a log whole while it is written.
 
     Raises:
-        LogAccessError: It has not; names what is missing.
+        LogAccessError: It has not; the message names what is missing.
     """
     from importlib.util import find_spec
 
@@ -425,7 +423,7 @@ def read_into(fd: int, target: memoryview, at: int) -> int:
     """Read bytes of an open file from an offset on; return how many: 0 after its end.
 
     Raises:
-        OSError: As the kernel says.
+        OSError: As the kernel reports it.
     """
     if hasattr(os, "preadv"):  # not on macOS
         return os.preadv(fd, [target], at)

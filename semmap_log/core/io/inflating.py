@@ -1,4 +1,4 @@
-"""What zlib packed, unpacked no further than somebody says that it may be."""
+"""Unpacks zlib data, but no further than the caller allows."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ def inflated(data: bytes, most: int) -> bytes:
 
     Args:
         data: As zlib packs it.
-        most: So many bytes there may be.
+        most: The most bytes that it may unpack to.
 
     Raises:
         ValueError: There are more, or it is damaged.

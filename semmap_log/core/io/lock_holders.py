@@ -1,7 +1,7 @@
-"""Who holds a lock, as Linux lists it: somebody who may write there, or a stranger.
+"""Who holds a lock, as Linux lists it: a process that may write there, or a stranger.
 
-Whoever may read a file or a folder may lock it (flock, and read locks of fcntl). So a lock on what
-everybody can read shows that somebody is at work only if its holder may write there, too.
+Whoever may read a file or a folder may lock it (flock, and read locks of fcntl). So a lock on a
+file that everybody can read shows a writer only if its holder may write there, too.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _holders(file: os.stat_result) -> list[int]:
 
 
 def _may_write(pid: int, folder: os.stat_result) -> bool | None:
-    """Return whether a process may write in a folder; None: it cannot be seen.
+    """Return whether a process may write in a folder; None: that cannot be found out.
 
     Its real ids count: a setuid program that a stranger has started holds what they locked.
     """

@@ -1,6 +1,6 @@
 """Logs that are made of others when they are opened: a file's suffix, and who makes them.
 
-What makes them knows the log; what opens them does not. So the upper room registers here.
+The maker knows the log; the opener does not. So the upper package registers its maker here.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def register_maker(suffix: str, make: Callable[[Path], MadeLog]) -> None:
 
 
 def is_called_as_made(path: PurePath) -> bool:
-    """Return whether a path is called as the definition of a log that is made."""
+    """Return whether a path has the name of a definition of such a log."""
     return path.name.lower().endswith(tuple(_makers)) if _makers else False
 
 

@@ -1,8 +1,8 @@
-"""Blocks of objects, kept on a disk, so that who asks again need not fetch them again.
+"""Blocks of objects, cached on a disk, so that repeated reads need not fetch them again.
 
-A folder may be used by several processes at once. Each block is a file of its own, named by what
-is in it, that appears whole or not at all, with a digest: one that is damaged is removed, and
-fetched again. Nothing is synced: it can all be fetched again.
+A folder may be used by several processes at once. Each block is a file of its own, named by its
+content, that appears whole or not at all, with a digest: a damaged one is removed and fetched
+again. Nothing is synced: it can all be fetched again.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ class ObjectCache:
         """Take a folder, and make it if it is not there.
 
         Args:
-            folder: The folder; nobody else may look into one that is made, since logs tell who was
+            folder: The folder; one that is made is closed to others, since logs show who was
                 where.
             most_bytes: So much is kept, and a sixteenth more until somebody looks.
 
         Raises:
-            LogAccessError: It cannot be made, or is none.
+            LogAccessError: It cannot be made, or is no folder.
         """
         self.folder = folder.absolute()
         self._most_bytes = most_bytes
@@ -63,10 +63,10 @@ class ObjectCache:
         return _cache_at, (self.folder, self._most_bytes)
 
     def get(self, content: str, block: int) -> bytes | None:
-        """Return a block; None: it is not there.
+        """Return a block, or None if it is not cached.
 
         Args:
-            content: What shows the object from all others, also of its own name.
+            content: What distinguishes the object from all others, also of its own name.
             block: Its place in it.
         """
         path = self._place_of(content, block)
@@ -110,7 +110,7 @@ class ObjectCache:
             total -= size
 
     def _has_written(self, count: int) -> bool:
-        """Count what was written, and return whether it is time to look through all."""
+        """Count what was written, and return whether it is time to sweep the cache."""
         with self._lock:
             self._written += count
             if self._written < self._most_bytes // _SWEEPS:

@@ -1,4 +1,4 @@
-"""The bytes of an object in a store: only what is requested is fetched, near ranges as one."""
+"""The bytes of an object in a store: fetches only what is requested, near ranges as one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BLOCK_BYTES = 2**16
 SMALL_BYTES = 2**20
 """A smaller object comes whole: a request costs more than its bytes."""
 GAP_BLOCKS = 4
-"""So many that nobody wants are fetched along, rather than asking twice."""
+"""So many unwanted blocks are fetched along, rather than making two requests."""
 MOST_AT_ONCE = 2**23
 """Bytes of one request."""
 MOST_READ_BYTES = 2**27
@@ -32,7 +32,7 @@ _THREADS = 8
 
 
 class _Kept:
-    """Blocks that were fetched; those that nobody has used for longest go first."""
+    """Blocks that were fetched; the least recently used ones go first."""
 
     def __init__(self, most: int) -> None:
         self._most = most
@@ -74,15 +74,15 @@ _kept = _Kept(KEPT_BYTES)
 
 
 def keep_at_most(most: int) -> None:
-    """Keep so many bytes of all objects together: for a process of which there are many."""
+    """Keep at most so many bytes of all objects together: for one of many processes."""
     _kept.bound(most)
 
 
 class ObjectSource:
     """A `ByteSource`: an object as it was when the log was opened.
 
-    Each request says which object it means, so that one that was exchanged is given, never mixed
-    in. What was fetched is kept for a while; `let_go` gives it up.
+    Each request names the exact object, so an object that was replaced is reported, never mixed in.
+    Fetched bytes are kept for a while; `let_go` releases them.
     """
 
     is_guarded = True
@@ -123,7 +123,7 @@ class ObjectSource:
         return self.read_ranges([(start, end)])
 
     def read_ranges(self, ranges: Sequence[tuple[int, int]]) -> memoryview:
-        """Return ranges one after the other; as `ByteSource.read_ranges`."""
+        """Return ranges, concatenated; as `ByteSource.read_ranges`."""
         clipped = [(max(0, start), min(end, self.size)) for start, end in ranges]
         wanted = [(start, end) for start, end in clipped if start < end]
         self._check_piece(sum(end - start for start, end in wanted))

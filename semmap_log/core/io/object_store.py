@@ -1,8 +1,8 @@
 """Objects in a store: S3 and its like, Google's, Azure's, or a plain web server to read from.
 
-The one place that imports obstore. Who may read comes from the store's own environment and files
+The one place that imports obstore. Credentials come from the store's own environment and files
 (AWS_ACCESS_KEY_ID, AWS_ENDPOINT_URL, GOOGLE_APPLICATION_CREDENTIALS, AZURE_STORAGE_ACCOUNT_NAME …);
-nothing of it is ever in a URL, a message, or a log.
+none of them is ever in a URL, a message, or a log.
 """
 
 from __future__ import annotations
@@ -53,14 +53,14 @@ class ObjectStatus:
     e_tag: str
     """Another for other bytes."""
     modified_ns: int = field(default=0, compare=False)
-    """When it was put, by the store's clock, nanoseconds UTC; 0: it was not queried."""
+    """When it was put, by the store's clock, nanoseconds UTC; 0: it was not requested."""
 
 
 class ObjectStore:
     """The objects right below a URL."""
 
     def __init__(self, url: UrlPath, *, patience_s: float = PATIENCE_S) -> None:
-        """Name a place in a store; nothing is queried yet.
+        """Name a place in a store; nothing is requested yet.
 
         Args:
             url: Of the folder.
@@ -72,7 +72,7 @@ class ObjectStore:
         """
         self.url = url
         self.place = f"{url} {_endpoint(url)}"
-        """What shows it from another store of the same URL."""
+        """What distinguishes it from another store of the same URL."""
         try:
             import obstore
             from obstore.store import from_url
@@ -150,11 +150,11 @@ class ObjectStore:
             raise
 
     def status(self, name: str) -> ObjectStatus:
-        """Return what the store says of an object.
+        """Return the store's description of an object.
 
         Raises:
-            FileNotFoundError: There is none.
-            LogAccessError: The store does not let us.
+            FileNotFoundError: There is no such object.
+            LogAccessError: The store refuses.
         """
 
         def head() -> Any:
@@ -165,7 +165,7 @@ class ObjectStore:
     def whole(
         self, name: str, unlike: str = "", *, most_bytes: int
     ) -> tuple[bytes, ObjectStatus] | None:
-        """Return an object; None: it is still what it was.
+        """Return an object; None: it is unchanged.
 
         Args:
             name: Its own.
@@ -173,7 +173,7 @@ class ObjectStore:
             most_bytes: A longer one is not what it should be; no more is read of any.
 
         Raises:
-            FileNotFoundError: There is none.
+            FileNotFoundError: There is no such object.
             CorruptLogError: It is longer.
             LogAccessError: The store does not let us.
         """
@@ -201,7 +201,7 @@ class ObjectStore:
         Raises:
             FileNotFoundError: It is gone.
             ObjectChangedError: Another has its name.
-            LogAccessError: The store does not let us, or its answer is not what was requested.
+            LogAccessError: The store refuses, or its answer is not what was requested.
         """
         options: dict[str, object] = {}
         if (start, end) != (0, status.size):  # some servers know no ranges
@@ -228,15 +228,15 @@ class ObjectStore:
         )
 
     def create(self, name: str, data: Buffer | os.PathLike[str]) -> bool:
-        """Put an object where none is, and return whether that was done; False: there is one.
+        """Put an object where none is, and return whether that was done; False: one exists.
 
         Raises:
-            LogAccessError: The store does not let us.
+            LogAccessError: The store refuses.
         """
         return self._put(name, data, "create")
 
     def replace(self, name: str, data: bytes, e_tag: str) -> bool:
-        """Put an object in the place of one, and return whether that was done.
+        """Replace an object, and return whether that was done.
 
         Args:
             name: Its own.
@@ -338,7 +338,7 @@ class ObjectStore:
 
 
 _list_nothing: set[str] = set()
-"""Web servers that have said that they list nothing: asked once."""
+"""Web servers that are known to list nothing: queried once."""
 
 
 def _status_in(text: str) -> int | None:
@@ -347,12 +347,12 @@ def _status_in(text: str) -> int | None:
 
 
 def _is_no_list(status: int | None) -> bool:
-    """Return whether a web server's answer means that it lists nothing; a 403 comes again later."""
+    """Return whether a web server's answer means that it lists nothing; a 403 will recur."""
     return status == 501 or (status is not None and 400 <= status < 500 and status != 429)
 
 
 def _status(meta: Any, name: str) -> ObjectStatus:
-    modified_ns = int(meta["last_modified"].timestamp()) * 10**9  # stores tell it in seconds
+    modified_ns = int(meta["last_modified"].timestamp()) * 10**9  # stores report seconds
     return ObjectStatus(name, int(meta["size"]), meta["e_tag"] or "", modified_ns)
 
 
@@ -379,7 +379,7 @@ def _may_be_plain(url: UrlPath) -> bool:
 
 
 def _said(error: BaseException) -> str:
-    """Return the first line of what a store said, without keys and what a signed URL carries."""
+    """Return the first line of a store's error, without keys and what a signed URL carries."""
     first = str(error).strip().split("\n", 1)[0]
     first = first.split(": <?xml", 1)[0]
     words = [word.split("?", 1)[0] if "://" in word else word for word in first.split()]

@@ -1,6 +1,6 @@
 """Work that other threads do ahead, while its results are used in order.
 
-Decompression, CRCs and numpy's loops let go of the interpreter, so that a second core is of use.
+Decompression, CRCs and numpy's loops release the interpreter's lock, so a second core helps.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ MOST_THREADS = 4
 
 
 def ahead(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:
-    """Yield what the tasks return, in their order; a few are worked at while one is used.
+    """Yield what the tasks return, in their order; a few run while one result is used.
 
-    Who would wait for the next one works at one that nobody has begun instead: so each core has one
-    thread, and what a thread has in its core's cache stays there.
+    A thread that would wait for the next result runs a task that has not begun instead: so each
+    core has one thread, and what a thread has in its core's cache stays there.
 
-    On a machine with one core, or on one core of it, each is done when its result is wanted.
+    With only one core, each task runs when its result is wanted.
 
     Args:
         tasks: Called from other threads, too; what one raises is raised here, in its place.
@@ -76,7 +76,7 @@ class _Begun(Generic[T]):
         return future is not None and future.done()
 
     def take(self) -> bool:
-        """Do the task here and now if nobody has begun it; return whether that was so."""
+        """Run the task here if it has not begun; return whether that was so."""
         from concurrent.futures import Future
 
         future = self._own_future()
@@ -90,7 +90,7 @@ class _Begun(Generic[T]):
         return True
 
     def result(self) -> T:
-        """Return what the task returns; one that nobody here works at is done now."""
+        """Return what the task returns; runs it now if no thread of this process does."""
         future = self._own_future()
         return self._task() if future is None else future.result()
 
@@ -101,7 +101,7 @@ class _Begun(Generic[T]):
             future.cancel()
 
     def _own_future(self) -> Future[T] | None:
-        """Return the future; None in a forked child, where nobody would ever bring it about."""
+        """Return the future; None in a forked child, where no thread would ever complete it."""
         return self._future if os.getpid() == self._pid else None
 
 

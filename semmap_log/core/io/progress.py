@@ -1,4 +1,4 @@
-"""How far a piece of work is, told to who waits."""
+"""The progress of a piece of work, reported to its caller."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Disk blocks reserved after the end of a file that grows, so that its syncs need not find any.
+"""Disk blocks reserved past the end of a growing file, so that its syncs need not allocate any.
 
-A sync after an append waits while the file system chooses blocks for what was written and writes
-that down, too; where they were chosen before, 100 events are on an ext4 disk in four fifths of the
-time. The file's size stays what was written: nobody who reads sees the blocks. They are given back
-when the file is done with; those of a writer that was killed, when its file is replaced by a copy.
+A sync after an append waits while the file system chooses blocks for what was written and records
+that, too; where they were chosen before, 100 events reach an ext4 disk in four fifths of the time.
+The file's size stays that of what was written: no reader sees the blocks. They are given back when
+the file is finished; those of a writer that was killed, when its file is replaced by a copy.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _RESERVE = 0x40305828
 
 
 class ReservedBlocks:
-    """The blocks after the end of one open file; used by one thread at a time."""
+    """The blocks past the end of one open file; used by one thread at a time."""
 
     def __init__(self, fd: int) -> None:
         """Reserve nothing yet.
@@ -45,7 +45,7 @@ class ReservedBlocks:
     def synced(self, size: int) -> None:
         """Take in that the file was synced; see to room for what it will grow by.
 
-        Where that cannot be had, the file goes on as it would without.
+        Where no blocks can be reserved, the file grows as it would without.
 
         Args:
             size: Of the file.
@@ -54,14 +54,14 @@ class ReservedBlocks:
         if self._syncs < _MANY_SYNCS or size + _LOW_BYTES <= self._end:
             return
         start = max(size, self._end)
-        self._end = size + STEP_BYTES  # asked for once, whatever becomes of it
+        self._end = size + STEP_BYTES  # requested once, whether it succeeds or not
         with suppress(OSError, ImportError):
             room = os.fstatvfs(self._fd)
             if room.f_bavail * room.f_frsize >= _FREE_STEPS * STEP_BYTES:
                 reserve(self._fd, start, self._end - start)
 
     def release(self, size: int) -> None:
-        """Give back what is reserved after the file's end.
+        """Give back what is reserved past the file's end.
 
         Args:
             size: Of the file: it stays as it is.

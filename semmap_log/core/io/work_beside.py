@@ -1,6 +1,6 @@
-"""Work next to a writer: a thread that an append never waits for, and never hears of.
+"""Background work of a writer: a thread that an append never waits for.
 
-It looks again and again, and once more at the end. It shares no lock with the writer.
+It looks for work again and again, and once more at the end. It shares no lock with the writer.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ class Look(Protocol):
     """Looks whether there is something to do, and does it."""
 
     def __call__(self, *, is_last: bool) -> None:
-        """Do what there is to do; `is_last`: there will be no other time."""
+        """Do what must be done; `is_last`: there will be no further call."""
         ...
 
 
@@ -58,7 +58,7 @@ class WorkBeside:
         """Look for the last time, and end; in a child of the process that started it, do nothing.
 
         Args:
-            end_s: So long it waits, instead of what was stated at first; then it gives up.
+            end_s: Seconds to wait, instead of those given at first; then it gives up.
         """
         if self._thread is None or os.getpid() != self._pid:
             return

@@ -1,8 +1,8 @@
-"""Compiled loops, where there are any: each is next to numpy code that does the same.
+"""Compiled loops, if there are any: each has numpy code that does the same.
 
-They are built when semmap-log is installed, by `tools/build_loops.py`, where there is a C
-compiler. Without them everything works, and reading a whole log takes longer. The environment
-variable `SEMMAP_LOG_PLAIN` turns them off: no answer may depend on them.
+`tools/build_loops.py` builds them when semmap-log is installed, if there is a C compiler. Without
+them everything works, but reading a whole log takes longer. The environment variable
+`SEMMAP_LOG_PLAIN` turns them off: no answer may depend on them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from semmap_log.core.loops.compiled_loops import CompiledLoops
 
 INTERFACE = 1
-"""What is compiled must have been made for this; an older one that was left after is not used."""
+"""The compiled loops must have been made for this version; older leftovers are not used."""
 
 WITHOUT = "SEMMAP_LOG_PLAIN"
 """The environment variable: anything but "" and "0" turns the loops off."""

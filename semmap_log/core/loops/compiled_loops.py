@@ -1,4 +1,4 @@
-"""What the compiled loops take and give; what each does is stated in `native.pyx`."""
+"""The signatures of the compiled loops; `native.pyx` states what each does."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class CompiledLoops(Protocol):
         size: int,
         into: NDArray[np.uint8],
     ) -> bool:
-        """Copy structs that lie anywhere, one after the other."""
+        """Copy structs at any offsets into one array."""
         ...
 
     def sort_places(self, kinds: NDArray[np.uint8], places: Integers, ends: Integers) -> None:

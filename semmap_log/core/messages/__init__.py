@@ -1,6 +1,6 @@
 """Message texts (package semmap_msgs) and the codec, event <-> CDR bytes.
 
-The only room that knows CDR. The `.msg` texts are the definition; layouts are derived from them.
+The only package that knows CDR. The `.msg` texts are the definition; layouts are derived from them.
 """
 
 from semmap_log.core.messages.layout import (

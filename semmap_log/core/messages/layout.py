@@ -1,10 +1,10 @@
 """Where each field of a fixed-size message lies in its CDR bytes, read off the `.msg` text.
 
 CDR (XCDR1, little endian, as ROS 2 writes it): four bytes of encapsulation, then the fields in
-order, each aligned to its own size, counted from after those four bytes. A message without
-strings and unbounded arrays therefore has one size for ever, and n of them are one numpy array.
+order, each aligned to its own size, counted from the end of those four bytes. A message without
+strings and unbounded arrays therefore always has one size, and n of them are one numpy array.
 
-Event <-> CDR bytes, one at a time.
+Also converts single events to CDR bytes and back.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: 
         kind: `Event.kind`.
         data: The CDR bytes.
         happened_ns: When it happened.
-        level: The level of a FloorMap, which its channel shows.
+        level: The level of a FloorMap, which its channel states.
 
     Raises:
         ValueError: The bytes are not such an event.
@@ -141,9 +141,9 @@ def _floor_map(values: dict[str, Any], happened_ns: int | None, level: int) -> F
 
 
 def _angle_of(z: float, w: float) -> float:
-    """Return the angle about z of a quaternion: where there is one, that which packs to it again.
+    """Return the angle about z of a quaternion: if possible, one that packs to it again.
 
-    The arc tangent may be a bit next to it; a map that is copied from log to log must not turn.
+    The arc tangent may be off by a bit; a map that is copied from log to log must not turn.
     """
     angle = below = above = 2 * math.atan2(z, w)
     for _ in range(BITS_BESIDE):
@@ -178,7 +178,7 @@ class Layout:
 
         Args:
             prefix: What comes first, little endian, such as a record's head.
-            count: How many such pairs it packs, one after the other.
+            count: How many such pairs it packs in a row.
         """
         one = prefix.format.removeprefix("<") + self.packer.format.removeprefix("<")
         return struct.Struct("<" + count * one)

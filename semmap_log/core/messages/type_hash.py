@@ -1,14 +1,13 @@
-"""RIHS01, the hash by which ROS 2 says whether two types of one name are the same (REP 2016).
+"""RIHS01, the hash by which ROS 2 decides whether two types of one name are the same (REP 2016).
 
-Messages with texts and arrays <-> CDR bytes, field by field as their `.msg` texts tell.
+Also our messages as their `.msg` texts define them: texts, fields, and the types that these name;
+and messages with texts and arrays <-> CDR bytes, field by field.
 
-XCDR1, little endian, as ROS 2 writes it: numbers are aligned to their own size, counted from after
-the encapsulation; a text is its length with the zero that ends it, and its bytes; an array of any
-size begins with its length. The same bytes as rosbags reads and writes, which is the oracle in the
-tests; here arrays are views, nothing is generated, and nothing heavy is imported: a moment of the
-past wants one Keyframe, with hundreds of doors in columns, in less than a millisecond.
-
-Our messages as their `.msg` texts define them: texts, fields, and the types that these name.
+XCDR1, little endian, as ROS 2 writes it: numbers are aligned to their own size, counted from the
+end of the encapsulation; a text is its length, including the final zero, and its bytes; an array of
+any size begins with its length. The bytes are those that rosbags reads and writes, which is the
+oracle in the tests. Here arrays are views, nothing is generated, and nothing heavy is imported: a
+moment of the past needs one Keyframe, with hundreds of doors in columns, in under a millisecond.
 """
 
 from __future__ import annotations
@@ -72,7 +71,7 @@ CDR_HEADER = b"\x00\x01\x00\x00"
 """Representation identifier CDR_LE and no options."""
 
 MOST_PADDING = 3
-"""Bytes after the last field, with which some writers fill up to four."""
+"""Padding after the last field: some writers fill up to four bytes."""
 
 _LENGTH = struct.Struct("<I")
 
@@ -117,7 +116,7 @@ def write_message(ros_type: str, values: Mapping[str, Any]) -> bytes:
         values: Each field's value; an array of bytes as `bytes` or numpy's.
 
     Raises:
-        ValueError: A value is none of its field.
+        ValueError: A field cannot have its value.
     """
     data = bytearray()
     name = ""
@@ -130,9 +129,9 @@ def write_message(ros_type: str, values: Mapping[str, Any]) -> bytes:
 
 
 class Texts(Sequence[str]):
-    """An array of texts; walked when one is requested, or what lies after it.
+    """An array of texts; parsed when one of them, or what follows it, is requested.
 
-    The first use raises ValueError if these bytes are none.
+    The first use raises ValueError if these bytes are not such an array.
     """
 
     def __init__(self, body: memoryview, start: int | Texts) -> None:
@@ -140,7 +139,7 @@ class Texts(Sequence[str]):
 
         Args:
             body: The message without its encapsulation.
-            start: Where they begin; or what they lie after.
+            start: Where they begin; or the texts that they follow.
         """
         self._body = body
         self._start = start
@@ -330,7 +329,7 @@ def definitions(ros_type: str) -> Mapping[str, tuple[MessageField, ...]]:
     """Return the fields of a type, then of each that it holds, by their full names.
 
     Raises:
-        ValueError: A line of its text is none of a `.msg`.
+        ValueError: A line of its text is not valid in a `.msg`.
     """
     own, *rest = _NEXT.split(schema_text(ros_type))
     texts = {ros_type: own} | {

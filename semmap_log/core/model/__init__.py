@@ -1,1 +1,1 @@
-"""Plain nouns: doors, what happens to them, when, and who said so. Values only, no I/O."""
+"""Plain nouns: doors, what happens to them, when, and by whom. Values only, no I/O."""

@@ -1,4 +1,4 @@
-"""The plain nouns of a commit: events that become visible together, and what was said of them."""
+"""The plain nouns of a commit: events that become visible together, and their note."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Durability(IntEnum):
         """Return the level of that name.
 
         Raises:
-            InvalidEventError: There is none.
+            InvalidEventError: There is no such level.
         """
         if isinstance(text, cls):
             return text
@@ -48,7 +48,7 @@ NOTE_TEXTS = ("actor", "source", "reason", "correlation")
 """The texts of a note."""
 
 NoteTexts: TypeAlias = tuple[str, str, str, str]
-"""What they say; empty where nothing is stated."""
+"""The texts of a note; empty where nothing was given."""
 NO_TEXTS: NoteTexts = ("", "", "", "")
 
 MOST_NOTE_CHARACTERS = 4 * 2**20
@@ -77,7 +77,7 @@ class Note:
         return bool(self.actor or self.source or self.reason or self.correlation)
 
     def check_length(self) -> None:
-        """Return if a log takes a note of this length; what a log holds already is not checked.
+        """Check that a log takes a note of this length; notes already in a log are not checked.
 
         Raises:
             InvalidEventError: It is too long.
@@ -89,7 +89,7 @@ class Note:
 
 
 def check_text(where: str, text: str) -> None:
-    """Return if a text can be stored.
+    """Check that a text can be stored.
 
     Raises:
         InvalidEventError: It is no text, or one that UTF-8 or a ROS string cannot hold.

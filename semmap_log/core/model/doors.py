@@ -1,21 +1,19 @@
 """The plain nouns: doors, other objects, and the map of them. Values only, no I/O.
 
 Lengths are metres, angles radians, both in the frame `map`; times are integer nanoseconds since
-the Unix epoch, UTC. A probability is in [0, 1]; NaN means that it was not given.
+the Unix epoch, UTC. A probability is in [0, 1]; NaN means that it was not given. Values can show
+themselves in a notebook; an upper package draws them.
 
-Values that show themselves in a notebook; a room above draws them.
-
-What else than doors a log can be about: docks, lifts, gates, fire shutters, spill zones.
-
-A class says what its objects look like on the floor, what their states are called, and which of
-these block a robot's way; the log shows it by a ClassDefined. (The thesis, chapter 5: "an Object
+A log can also be about objects other than doors: docks, lifts, gates, fire shutters, spill zones. A
+class states what its objects look like on the floor, what their states are called, and which of
+these block a robot's way; a ClassDefined records it. (The thesis, chapter 5: "an Object
 super-class, offering important methods like the Costmap draw function".)
 
 An object has the life of a door: it is added, seen, set, moved, removed, and believed to be in a
-state. Its annotation `class` says of which class it is, and for a polygon `outline` where its
-corners lie. What has no such annotation, or one that no class is called by, is a door.
+state. Its annotation `class` names its class and, for a polygon, `outline` its corners. An object
+without such an annotation, or with one that names no class, is a door.
 
-The states of a door, and what the thesis's formats know of them.
+Also the states of a door, and their names in the thesis's formats.
 """
 
 from __future__ import annotations
@@ -49,7 +47,7 @@ class DoorState(IntEnum):
         """Return the state of that name, in any case of letters.
 
         Raises:
-            ValueError: The text is none of the five names.
+            ValueError: The text is not one of the five names.
         """
         try:
             return cls[text.strip().upper()]
@@ -125,7 +123,7 @@ class ObjectClass:
 
     @classmethod
     def told(cls, name: str, geometry: str, states: str, blocks: str) -> ObjectClass:
-        """Return the class that a ClassDefined with these values shows."""
+        """Return the class that a ClassDefined with these values defines."""
         words = split_words(states)
         blocking = {word.upper() for word in split_words(blocks)}
         state_of = zip(words, WORDED, strict=False)
@@ -232,10 +230,10 @@ def outline_text(corners: Sequence[tuple[float, float]]) -> str:
 
 
 def outline_told(text: str) -> Corners:
-    """Return the corners that such an annotation shows.
+    """Return the corners that such an annotation states.
 
     Raises:
-        ValueError: It shows none.
+        ValueError: It states none.
     """
     try:
         corners = tuple(tuple(map(float, pair.split(","))) for pair in text.split())
@@ -287,14 +285,14 @@ LEVEL_NOT_GIVEN: Final[int] = _LevelNotGiven(0)
 
 
 def is_given(level: int) -> bool:
-    """Return whether a level was given, be it 0."""
+    """Return whether a level was given, even 0."""
     return not isinstance(level, _LevelNotGiven)
 
 
 def next_door_id(used: Container[int], greatest: int) -> DoorId:
-    """Return the id for a new door: the one after the greatest, while there is one.
+    """Return the id for a new door: one more than the greatest, while that is possible.
 
-    After the last there is none: then the lowest from 1 on that was never given.
+    After the greatest possible id it is the lowest, from 1 on, that was never given.
 
     Args:
         used: Every id that was ever given, or is to stay free.
@@ -401,7 +399,7 @@ def door_called(name: str, doors: Iterable[tuple[Door, Container[str | None]]]) 
     """Return the one door that is called so.
 
     Raises:
-        KeyError: There is none, or several are.
+        KeyError: No such one exists, or several do.
     """
     named = [door for door, called in doors if name in called]
     if len(named) == 1:
@@ -460,7 +458,7 @@ class DoorMap(ShownAsTable):
         """Return the door of an id, a name or level/name.
 
         Raises:
-            KeyError: There is none, or several have the name.
+            KeyError: None has the name, or several have.
         """
         if not isinstance(door, str):
             return self.doors[door]
@@ -474,7 +472,7 @@ class DoorMap(ShownAsTable):
 
     @property
     def moment_ns(self) -> int:
-        """The moment that it is of: as requested, else the latest in it."""
+        """The moment of the map: the requested one, else the latest in it."""
         asked = self.at_ns if self.at_ns is not None else self.known_at_ns
         return self.latest_ns if asked is None else asked
 
@@ -485,7 +483,7 @@ class DoorMap(ShownAsTable):
 
 
 WIDEST_DOOR_M = 25.0
-"""Gates of hangars are wider, and are queried; nothing is refused."""
+"""Wider doors, such as gates of hangars, cause a warning; nothing is refused."""
 WIDEST_CELL_M = 1.0
 
 

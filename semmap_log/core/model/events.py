@@ -143,7 +143,7 @@ class DoorObserved(DoorEvent):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoorRequested(DoorEvent):
-    """Somebody requested a state (who: the commit's note); never changes the state."""
+    """A state was requested (by whom: the commit's note); never changes the state."""
 
     state: DoorState
 
@@ -192,7 +192,7 @@ class RobotPose(Event):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Retracted(Event):
-    """Hides whole events by number, for every question asked with knowledge after it."""
+    """Hides whole events by number, for every query whose knowledge includes it."""
 
     first_event: EventNumber
     last_event: Annotated[int, Whole(0, MAX_EVENT, not_below="first_event")]
@@ -282,7 +282,8 @@ class HistoryTrimmed(Event):
     """What was taken out, in words."""
     tombstones: str
     """The log's id, a colon, and the SHA-256 of the data of all its Tombstones in order, in
-    hexadecimal digits; without that it has begun, and another such event shows once it is done."""
+    hexadecimal digits; without that, the trimming has begun, and another such event marks its
+    end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -426,7 +427,7 @@ KIND_BY_NAME: Mapping[str, type[Event]] = {kind.__name__: kind for kind in KINDS
 
 
 def kinds_meant(kinds: Iterable[type[Event] | str] | type[Event]) -> list[type[Event]]:
-    """Return kinds of events that are given as classes, or by their names; one alone, too.
+    """Return kinds of events that are given as classes or names; also a single one.
 
     Raises:
         CommandError: There is no such kind.
@@ -500,7 +501,7 @@ def field_names(kind: type[Event]) -> tuple[str, ...]:
 
 
 def told_fields(kind: type[Event]) -> tuple[str, ...]:
-    """Return the names of those of them that are given to others: all but salts."""
+    """Return the names of those fields that are shown to others: all but salts."""
     return tuple(f.name for f in fields(kind) if f.repr and f.name != "happened_ns")
 
 
@@ -511,5 +512,5 @@ def defaults_of(kind: type[Event]) -> dict[str, Any]:
 
 
 def may_lack_level(kind: type[Event]) -> bool:
-    """Tell whether events of a kind are on a level that need not be given: `levels` says which."""
+    """Return whether a kind's events are on a level that may be left out: `levels` resolves it."""
     return not is_given(defaults_of(kind).get("level", 0))

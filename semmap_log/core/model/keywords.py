@@ -1,7 +1,7 @@
-"""Keywords of the Python API: told once where many calls take them, and refused where unknown.
+"""Keywords of the Python API: stated once where many calls take them, and refused where unknown.
 
 Keywords that many calls share are a `TypedDict`, which each takes as `**keywords: Unpack[Shared]`.
-What such a call says of itself (`help`, `inspect.signature`) has each of them by its name.
+The help and `inspect.signature` of such a call list each of them by its name.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ def share_keywords(keywords: type, defaults: Mapping[str, Any]) -> None:
 
     Args:
         keywords: The class; all of its keys may be left out.
-        defaults: What each is then, in the order in which they are given.
+        defaults: The default of each, in the order in which they are listed.
     """
     assert list(defaults) == list(keywords.__annotations__), "each keyword has a default"
     _SHARED[keywords.__name__] = defaults
 
 
 def knows_keywords(call: Callable[P, R]) -> Callable[P, R]:
-    """Return a function that refuses keywords which the given one does not know, and does the same.
+    """Return the function, wrapped so that it refuses unknown keywords with a helpful error.
 
-    Python refuses them, too, but shows neither the known ones nor what was meant. What takes none
-    at all is left to Python.
+    Python refuses them, too, but shows neither the known ones nor what was meant. A function
+    without keywords is left to Python.
     """
     code: CodeType = call.__code__
     known = _keywords_of(code)
@@ -62,7 +62,7 @@ def knows_keywords(call: Callable[P, R]) -> Callable[P, R]:
 
 def knows_its_keywords(cls: C) -> C:
     """Have a class, and its public methods, refuse keywords that they do not know."""
-    getattr(cls, "__init__", None)  # of a dataclass: made when it is asked for
+    getattr(cls, "__init__", None)  # of a dataclass: made on first access
     for name, member in list(vars(cls).items()):
         if name.startswith("_") and name != "__init__":
             continue
@@ -79,7 +79,7 @@ def unknown_keyword(call: str, got: str, known: Iterable[str]) -> UnknownKeyword
     Args:
         call: Its name.
         got: The keyword.
-        known: Those that it knows, in the order in which they are given.
+        known: Those that it knows, in the order in which they are listed.
     """
     from difflib import get_close_matches
 

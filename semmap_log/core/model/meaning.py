@@ -1,14 +1,12 @@
-"""What events do to doors, told once: the fields of a door, and which kind of event sets which.
+"""What events do to doors, stated once: the fields of a door, and which kind of event sets which.
 
-A kind of event says in its `effect` what it does to its door (`events`). From these tables come the
-fold (`folds.registers`), all columns of changes (`folds.door_changes`), evidence, JSON
-lines, Arrow tables and imports: who adds a kind that sets a state, or a field of a door, shows it
-here and in `events`, and nowhere else.
+A kind of event declares in its `effect` what it does to its door (`events`). From these tables come
+the fold (`folds.registers`), all columns of changes (`folds.door_changes`), evidence, JSON lines,
+Arrow tables and imports: a new kind that sets a state, or a new field of a door, is declared here
+and in `events`, and nowhere else.
 
-What every event is: a frozen fact in the past tense, which says when it happened.
-
-What a kind's fields can hold stands in their annotations, what it does to its door in `effect`:
-see `events`, where the kinds are.
+Every event is a frozen fact in the past tense, with the time at which it happened. The annotations
+of a kind define what its fields can hold.
 """
 
 from __future__ import annotations
@@ -59,18 +57,18 @@ class Changed(IntFlag):
 
 
 def sets_part(changed: Any, bit: int) -> Any:
-    """Return whether bits of `Changed` have one of them; or a column of bits, where."""
+    """Return whether bits of `Changed` have one of them; for a column of bits, where."""
     return ((changed + 0) & bit) != 0  # + 0: a plain number, whose `&` takes a tenth of the time
 
 
 def _half_given(x: Any, y: Any, theta: Any) -> Any:
-    """Tell where some of a pose is NaN, and not all of it: an unplaced door has none."""
+    """Return where some of a pose is NaN, but not all of it: an unplaced door has none."""
     lacks_x = x != x  # noqa: PLR0124 - NaN
     return (lacks_x != (y != y)) | (lacks_x != (theta != theta))  # noqa: PLR0124
 
 
 def _lacks_pose(changed: Any, x: Any, y: Any, theta: Any) -> Any:
-    """Tell where a pose is set, and some of it is NaN."""
+    """Return where a pose is set, and some of it is NaN."""
     lacks = (x != x) | (y != y) | (theta != theta)  # noqa: PLR0124
     return lacks & sets_part(changed, _POSE_BIT)
 
@@ -206,9 +204,9 @@ class KindRules:
         return cls(MappingProxyType(told), tuple(fits))
 
     def breaches(self, event: Event) -> Iterator[InvalidEventError]:
-        """Yield what an event breaks; types come first, then what the fields say, in their order.
+        """Yield the rules that an event breaks: types first, then those of fields, in their order.
 
-        What comes after the first may rest on it.
+        A later rule may rest on the earlier ones.
         """
         values = {name: getattr(event, name) for name in self.fields}
         for name, rule in self.fields.items():
@@ -262,8 +260,8 @@ class Event:
     """What its values must be to each other."""
 
     changes_nothing: ClassVar[bool] = False
-    """Of a kind that was added to the format later: programs that do not know it may leave it out,
-    since no answer about other events depends on it. `store.form` shows what that promises."""
+    """Whether programs that do not know a kind, added to the format later, may leave it out, since
+    no answer about other events depends on it. `store.form` states what that guarantees."""
 
     rules: ClassVar[KindRules] = KindRules(MappingProxyType({}), ())
     """What its values can be; `fits` are among them."""
@@ -274,7 +272,7 @@ class Event:
 
     @classmethod
     def take_number(cls, number: int) -> None:
-        """Become a kind: with a number, and with the rules that the annotations tell."""
+        """Become a kind: with a number, and with the rules that the annotations define."""
         cls.kind = number
         cls.rules = KindRules.of(cls)
         checked = (pair for pair in cls.rules.fields.items() if type(pair[1]) is not Rule)
@@ -293,7 +291,7 @@ class Event:
                 raise next(self.rules.breaches(self))
 
     def refused(self, name: str, expected: str, *got: object) -> InvalidEventError:
-        """Return what is said of a field's value; `got` stands for it where it is not shown."""
+        """Return the error about a field's value; `got` replaces the value in its text."""
         shown = got[0] if got else getattr(self, name)
         return InvalidEventError(f"{type(self).__name__}.{name}", expected, shown)
 

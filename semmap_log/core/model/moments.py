@@ -103,7 +103,7 @@ def parse_duration(text: str) -> int:
     """Return a length of time in nanoseconds: `30m`, `2h`, `1.5 d`, `90 s`.
 
     Raises:
-        MomentError: It is none.
+        MomentError: It is no length of time.
     """
     found = _DURATION.fullmatch(text.strip().lower())
     if found is None:
@@ -181,7 +181,7 @@ def zone(tz: str) -> ZoneInfo:
     """Return the time zone of that IANA name.
 
     Raises:
-        MomentError: There is none.
+        MomentError: There is no such zone.
     """
     try:
         return _zone(tz)
@@ -206,7 +206,7 @@ def format_second(ns: int) -> str:
 def format_wall(ns: int, tz: str) -> str:
     """Return the instant as the zone's wall clock shows it: `2026-03-01T13:00:00.5+01:00`.
 
-    All of the fraction and the offset are written: `parse_instant` gives the same instant again,
+    All of the fraction and the offset are written: `parse_instant` returns the same instant again,
     whatever zone it is given.
     """
     local = _local(ns, tz)
@@ -227,7 +227,7 @@ def format_short(ns: int, tz: str, *, seconds: bool = True) -> str:
     """Return the instant for people who see elsewhere which zone it is: `2026-03-01 13:00:00`.
 
     In the hour that comes twice two instants would look alike: there, and only there, the offset
-    stands after, as in `2025-10-26 02:30:00+01:00`.
+    follows, as in `2025-10-26 02:30:00+01:00`.
 
     Args:
         ns: The instant.
@@ -382,7 +382,7 @@ def _offset_text(local: datetime) -> str:
 
 
 def _comes_twice(local: datetime) -> bool:
-    """Return whether the clocks that show an instant show another one alike."""
+    """Return whether another instant has the same wall-clock time."""
     return local.replace(fold=0).utcoffset() != local.replace(fold=1).utcoffset()
 
 

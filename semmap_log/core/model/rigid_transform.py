@@ -36,7 +36,7 @@ class RigidTransform:
         """Return the transform of `dx,dy,theta`.
 
         Raises:
-            LogError: It is none.
+            LogError: It is not such a text.
         """
         try:
             dx, dy, theta = map(float, text.split(","))

@@ -1,8 +1,9 @@
-"""What values a field of an event can have: told once, of one event and of columns of many.
+"""What values a field of an event can have: stated once, for one event and for columns of many.
 
-The rule of a field stands in its annotation in `events`: type, range, unit. A type that says all
-needs none: see `rules_of`. From them come the checks of an event when it is made, those of columns
-(`batches.event_columns`), how a JSON line's values are read, and the types of Arrow's columns.
+The rule of a field is in its annotation in `events`: type, range, unit. A type that says
+everything needs none: see `rules_of`. From the rules come the checks of an event when it is made,
+those of columns (`batches.event_columns`), how a JSON line's values are read, and the types of
+Arrow's columns.
 """
 
 from __future__ import annotations
@@ -29,20 +30,20 @@ GREATEST = sys.float_info.max
 
 
 def is_whole_number(value: object) -> bool:
-    """Return whether a value is a whole number; a truth value is none, though Python counts it."""
+    """Return whether a value is a whole number; a bool is not, though Python counts it as one."""
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
 def is_number(value: object) -> bool:
-    """Return whether a value is a number, whole or not; a truth value is none."""
+    """Return whether a value is a number, whole or not; a bool is not."""
     return is_whole_number(value) or isinstance(value, (float, np.floating))
 
 
 class Rule:
-    """What the values of a field are. This one: whatever its type says, which nobody checks."""
+    """What the values of a field are. This one: whatever its type says, unchecked."""
 
     dtype: str = ""
-    """Numpy type of a column that holds them, where it was not stated otherwise; "": none can."""
+    """Numpy type of a column that holds them, unless stated otherwise; "": none can."""
 
     is_coded: bool = False
     """Whether a column's numbers stand for values that are something else: `told_by`."""
@@ -257,7 +258,7 @@ class Text(Rule):
     needed: str = ""
     """What is expected where it is empty; "": it may be."""
     expects: Callable[[str], str] = lambda _: ""
-    """Returns what is expected instead of a text that is none of the field's; "": it is one."""
+    """Returns what is expected instead of a text that is not allowed; "": it is allowed."""
 
     def allows(self, value: Any) -> bool:
         return not self.expected_of(value)
@@ -285,12 +286,12 @@ class Fit:
     """What values of an event must be to each other."""
 
     before: str
-    """The field before whose own rule it is looked at; "": after all."""
+    """The field before whose own rule this one is checked; "": after all."""
     of: tuple[str, ...]
     """The fields that it is about."""
     broken: Callable[..., Any]
-    """Tells of their values, or of columns of them, where they do not fit: comparisons and `& |`
-    only, which mean the same for both."""
+    """Returns where values, or columns of them, do not fit: comparisons and `& |` only, which
+    mean the same for both."""
     expected: str
     """As in `Rule`."""
     blames: tuple[str, ...]

@@ -1,1 +1,1 @@
-"""What a program uses: a log that is queried, and one that is written."""
+"""What a program uses: a log to query, and one to write."""

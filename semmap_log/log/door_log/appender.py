@@ -1,10 +1,7 @@
-"""What became of an append.
+"""The one way into a log: a command comes in, and is a commit when it returns.
 
-The one way into a log: a command comes in, and is a commit when it returns.
-
-Tells who appends that no answer counts something: it happened before its door was added.
-
-Tells who appends that events are stated to happen in time to come: no answer counts them so.
+`Appended` is the result. Warns of events that no answer counts, since they happened before their
+door was added, and of events that are dated in the future: no answer counts them so.
 """
 
 from __future__ import annotations
@@ -52,7 +49,7 @@ class Appender:
     """Appends commands, each checked against the map as it stands. May be used by several threads.
 
     One thread at a time makes and writes a command's events; then it waits for the disk while
-    others go on.
+    others continue.
     """
 
     def __init__(self, opened: OpenedLog[WrittenState]) -> None:
@@ -74,7 +71,7 @@ class Appender:
         One that is stored already is not stored again.
 
         Args:
-            command: What is requested; it has at least one event.
+            command: The command; it has at least one event.
             sync: Whether to return only when it survives a power cut; default: as the log's
                 durability says.
 
@@ -100,7 +97,7 @@ class Appender:
         What it looked at to know that lasts, too, as the log's durability promises.
 
         Raises:
-            LogError: As `append`; if the log cannot be appended to, the command is queried nothing.
+            LogError: As `append`; if the log cannot be appended to, the command is not evaluated.
         """
         with self._lock:
             appended = self._repeated(command)
@@ -123,7 +120,7 @@ class Appender:
         """Append a commit of another log as it was there; `LogWriter.sync` makes it last.
 
         Args:
-            command: Who calls has seen that it is not stored.
+            command: The caller has checked that it is not stored.
             are_facts: The other log took its events: only what this log could not hold is refused.
             recorded_ns: When the other log recorded it; None: it is recorded now. Later than the
                 log's end, or the log ends there.
@@ -165,7 +162,7 @@ class Appender:
         """Keep a pose for the next commit; if none comes within a second, it gets its own.
 
         Raises:
-            UnknownLevelError: It shows no level, and the log has several.
+            UnknownLevelError: It states no level, and the log has several.
         """
         with self._lock:
             self._writer.check_usable()
@@ -207,7 +204,7 @@ class Appender:
         self._future.warn(is_last=True)
 
     def _warn(self) -> None:
-        """Tell of times that cannot be meant."""
+        """Warn of times that cannot be meant."""
         if self._early.found.counts:
             self._early.warn()
         self._future.warn()
@@ -251,7 +248,7 @@ class Appender:
         *,
         are_facts: bool = False,
     ) -> Appended:
-        """Write a command's events after the poses that wait, and take in what they change."""
+        """Write a command's events after the waiting poses, and apply their changes."""
         now, context = self.now, command.context
         if not isinstance(command, TakenOver):  # which has the content of its own log
             if context.command_id is None:
@@ -305,7 +302,7 @@ class Appender:
         now.next_event = self._writer.next_event  # last: an interrupt may come in between
 
     def _keep(self, commit: Commit, *, sync: bool | None) -> None:
-        """Return once a commit lasts: as was queried, or as the log's durability promises."""
+        """Return once a commit is durable: as requested, or as the log's policy promises."""
         before = commit.last_event + 1
         try:
             if sync is None:
@@ -318,7 +315,7 @@ class Appender:
 
     def _write_poses_late(self) -> None:
         """Write poses for which no commit came; called by the timer's thread."""
-        with suppress(LogPoisonedError):  # whoever appends next is told
+        with suppress(LogPoisonedError):  # the next append raises it
             self.write_poses()
 
 
@@ -367,11 +364,11 @@ class Appended(ShownAsTable):
 
 
 TOLD_AGAIN = 10
-"""What no answer counts is given at once, and again when it has become so many times as much."""
+"""Uncounted events cause a warning at once, and again each time they are so many times as many."""
 
 
 class EarlyWarnings:
-    """What was appended and had happened before its door was added, and how much of it was told."""
+    """Appended events from before their door was added, and how many of them were reported."""
 
     def __init__(self, now: CurrentMap, timezone: str) -> None:
         """Begin with nothing.
@@ -389,7 +386,7 @@ class EarlyWarnings:
         self.found, self._told = EarlyEvents.none(), 0
 
     def warn(self, *, is_last: bool = False) -> None:
-        """Tell of it: at once, when it is ten times as much, and at the end."""
+        """Warn at once, each time there are ten times as many, and at the end."""
         count = len(self.found)
         enough = self._told + 1 if is_last else TOLD_AGAIN * self._told
         if not count or count < enough:
@@ -404,11 +401,11 @@ class EarlyWarnings:
 SLACK_NS = 60 * SECOND_NS
 """Two clocks may differ by this much."""
 WARN_AGAIN = 10
-"""What is to come is given at once, and again when it has become so many times as much."""
+"""Future events cause a warning at once, and again each time they are so many times as many."""
 
 
 class FutureWarnings:
-    """What was appended and is stated to happen later than it was recorded."""
+    """Appended events that are dated later than they were recorded."""
 
     def __init__(self, timezone: str) -> None:
         """Begin with nothing.
@@ -448,7 +445,7 @@ class FutureWarnings:
                 self._latest_ns = max(self._latest_ns, int(ahead.max()))
 
     def warn(self, *, is_last: bool = False) -> None:
-        """Tell of it: at once, when it is ten times as much, and at the end."""
+        """Warn at once, each time there are ten times as many, and at the end."""
         enough = self._warned + 1 if is_last else max(1, WARN_AGAIN * self._warned)
         if self._count < enough:
             return

@@ -1,9 +1,8 @@
-"""Events of a log as Arrow tables, one after the other: only the columns that are requested.
+"""Events of a log as Arrow tables, one batch after another: only the columns that are requested.
 
-Events as tables in whatever order they are had soonest: from the read model, else from the log.
-
-A segment's table is read whole, of few columns, before any of its rows is given away: one that
-turns out to be damaged is not used, and the log itself shows the same.
+The tables come in whatever order is fastest: from the read model, else from the log. A segment's
+table is read whole, with few columns, before any of its rows is returned: one that turns out to be
+damaged is not used, and the log itself is read instead.
 """
 
 from __future__ import annotations
@@ -111,7 +110,7 @@ def _steps(reader: LogReader, segment: Segment, windows: Sequence[Window]) -> It
 
 
 def _within(window: Window, first: int, end: int) -> Window | None:
-    """Return the part of a window that lies in a range of events; None: there is none."""
+    """Return the part of a window that lies in a range of events, or None."""
     least = max(first, window.first_event or 0)
     before = end if window.before_event is None else min(end, window.before_event)
     if least >= before:
@@ -193,7 +192,7 @@ def event_tables(
         doors: Only events about these; None: all.
         retracted: Retracted events, too.
         limit: What was called how, and taken back, by the events up to this number; None: by all.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of the reading.
 
     Raises:
         MissingExtraError: pyarrow is not installed.
@@ -235,9 +234,9 @@ def _texts_then(batch: EventBatch, names: NamesThen | None, wanted: Collection[s
 def names_then(
     reader: LogReader, known: Retractions, wanted: Collection[str], limit: int | None
 ) -> NamesThen:
-    """Return what shows the names of doors and levels at the time of events.
+    """Return what gives the names of doors and levels at the time of events.
 
-    What says them is rare but for updates, which most logs with one level need not read for it.
+    Events that set them are rare except updates, which most logs with one level need not read.
 
     Args:
         reader: Of the log.
@@ -256,7 +255,7 @@ def names_then(
     with_levels = _LEVEL_NAME in wanted
     kinds = [*ADDING_KINDS, DoorAnnotated, *([LevelAdded, FloorMap] if with_levels else [])]
     take(reader.batches(Window(kinds=bits_of_kinds(kinds), before_event=before)))
-    if with_levels and len(levels) > 1:  # a door is put on levels only that are told of
+    if with_levels and len(levels) > 1:  # doors are only on known levels
         take(_moves(reader, before))
     return names
 

@@ -1,4 +1,4 @@
-"""Tells who asks about a span of time that it reaches back to when the clock was not set."""
+"""Warns about a queried span of time that reaches back to when the clock was not set."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from semmap_log.store.reading.window import Window
 
 
 class ClockedLog(Protocol):
-    """What is queried of a log: a `DoorLog`."""
+    """What is needed of a log: a `DoorLog`."""
 
     has_told_of_clock: bool
     """Whether the warning was given."""
@@ -41,8 +41,8 @@ class ClockedLog(Protocol):
 def warn_of_clock(log: ClockedLog, since_ns: int | None = None) -> None:
     """Warn, once for a log, of events at times at which the robot's clock cannot have been right.
 
-    They lie before 2000, or after 2099, and others do not. Where all are from such a time, they fit
-    together, and nothing is stated.
+    They are dated before 2000, or after 2099, and others are not. If all are from such a time, they
+    are consistent, and there is no warning.
 
     Args:
         log: The log.

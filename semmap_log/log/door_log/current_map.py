@@ -1,11 +1,9 @@
 """The map as it stands, while a log is written: what commands are made of and checked against.
 
-What commands say of objects that are no doors: their class, their place, their states.
-
-Commands: what a log is queried to append, as values.
-
-A command shows who asks and why, and makes its events of the map as it stands when its turn has
-come: one that is sent again may speak of a door that it has removed itself.
+Commands are requests to append to a log, as values. A command states who requests it and why, and
+makes its events from the map as it stands when its turn comes: a repeated one may name a door that
+it has removed itself. Commands can also be about objects that are no doors: their class, place and
+states.
 """
 
 from __future__ import annotations
@@ -124,7 +122,7 @@ def class_meant(name: str, now: CurrentMap) -> ObjectClass:
 
 
 def state_meant(state: DoorState | str, of: ObjectClass) -> DoorState:
-    """Return the state that somebody means who speaks of an object of a class.
+    """Return the state that a word means for an object of a class.
 
     Args:
         state: A state, or the class's word for it, or its name, in any case of letters.
@@ -151,17 +149,17 @@ def class_of(door_id: DoorId, now: CurrentMap) -> ObjectClass:
 def defined_by_then(
     kind: ObjectClass, happened_ns: int | None, now: CurrentMap
 ) -> Iterator[ClassDefined]:
-    """Yield the definition of a class once more where an object is of it before that was given."""
+    """Yield a class's definition again if an object has the class before its definition."""
     defined = None if kind.is_door else now.state.defined(kind.name)
     if happened_ns is not None and defined is not None and happened_ns < defined[0]:
         yield ClassDefined.of(kind, happened_ns)
 
 
 def check_annotation(key: str, value: str, now: CurrentMap) -> None:
-    """Return if something that makes an object what it is may be stated so.
+    """Check an annotation that makes an object what it is: its class or its outline.
 
     Raises:
-        CommandError: No class is called so, though there are others; or it is no outline.
+        CommandError: No class has that name, though there are others; or it is no outline.
     """
     if key == CLASS and value and now.door_index.classes:
         class_meant(value, now)
@@ -170,10 +168,10 @@ def check_annotation(key: str, value: str, now: CurrentMap) -> None:
 
 
 def check_outline(text: str) -> None:
-    """Return if an annotation shows an outline.
+    """Check that an annotation states an outline.
 
     Raises:
-        CommandError: It shows none.
+        CommandError: It states none.
     """
     try:
         outline_told(text)
@@ -186,7 +184,7 @@ Events: TypeAlias = "Iterable[Event | EventBatch] | EventBatch"
 
 
 class CommandContext(NamedTuple):
-    """When, who and why: what a command shows besides what it asks for."""
+    """When, who and why: the parts of a command that are the same for every kind."""
 
     at: Time = None
     """When it happened; None: when it is recorded."""
@@ -218,7 +216,7 @@ class Command(ABC):
         """
 
     def is_stored_as(self, commit: Commit, events: Sequence[Event]) -> bool:
-        """Return whether a commit of its id is what it became.
+        """Return whether a commit with its id is the one that it became.
 
         Args:
             commit: The commit.
@@ -228,7 +226,7 @@ class Command(ABC):
         return commit.content == self.content
 
     def is_sealed_as(self, stored: StoredCommand) -> bool:
-        """Return whether a command of its id, of which something was taken out, is this one."""
+        """Return whether a command with its id, of which something was taken out, is this one."""
         return stored.has_content(self.content)
 
     @property
@@ -237,7 +235,7 @@ class Command(ABC):
         return None
 
     def door_expected(self, events: Iterable[Event | EventBatch]) -> DoorId | None:
-        """Return of which door `expected_event` shows the last event; None: of the log.
+        """Return the door whose last event `expected_event` is; None: it is the log's last event.
 
         Args:
             events: Its own, as the map stands.
@@ -248,7 +246,7 @@ class Command(ABC):
 
 @dataclass(frozen=True, slots=True)
 class GivenEvents(Command):
-    """Events that somebody has made; those of a command of theirs are compared, or a digest is."""
+    """Events that the caller has made; a repeated command is recognised by them or by a digest."""
 
     given: Iterable[Event | EventBatch]
     content: bytes = NO_CONTENT
@@ -276,14 +274,14 @@ class GivenEvents(Command):
         return sum(len(one) if isinstance(one, EventBatch) else 1 for one in self.given)
 
     def is_stored_as(self, commit: Commit, events: Sequence[Event]) -> bool:
-        """Return whether the digest is that of the commit; without one, the events and the note."""
+        """Return whether the digest is the commit's; without one, compares events and note."""
         if self.content != NO_CONTENT:
             return commit.content == self.content
         wanted = list(one_by_one(self.given))
         return self.context.note == commit.note and are_same(wanted, events[-len(wanted) :])
 
     def is_sealed_as(self, stored: StoredCommand) -> bool:
-        """Tell the same, by the digest, or by the events and the note."""
+        """Return the same, by the digest, or by the events and the note."""
         if self.content != NO_CONTENT or stored.seal is None:
             return stored.has_content(self.content)
         command_id = stored.commit.command_id
@@ -294,7 +292,7 @@ class GivenEvents(Command):
 
 @dataclass(frozen=True, slots=True)
 class MadeEvents(Command):
-    """Events that somebody makes when the command's turn has come; maybe none are wanted then."""
+    """Events that are made when the command's turn has come, if they are wanted then."""
 
     make: Callable[[], Sequence[Event]]
     content: bytes
@@ -310,7 +308,7 @@ class TakenOver(Command):
     """A commit of another log."""
 
     make: Callable[[int], Iterable[Event | EventBatch]]
-    """Gives its events; is given the number that the first of them gets."""
+    """Returns its events; called with the number that the first of them gets."""
     content: bytes
 
     def events(self, now: CurrentMap) -> Iterable[Event | EventBatch]:
@@ -325,8 +323,8 @@ WAITING_POSES = GivenEvents(CommandContext(), ())
 class CurrentMap:
     """The door map after the last commit, and what waits for the next.
 
-    The appender tells it what a commit has left as it was (`index`, `doors`); the rest is asked of
-    the log again when it is needed. May be asked by several threads.
+    The appender reports what a commit has left unchanged (`index`, `doors`); the rest is read from
+    the log again when it is needed. Several threads may use it.
     """
 
     def __init__(self, opened: OpenedLog[WrittenState], lock: RLock) -> None:
@@ -347,14 +345,14 @@ class CurrentMap:
         self.index: DoorIndex | None = None
         """Which doors and levels there are; None: `door_index` finds out."""
         self.doors: DoorMap | None = None
-        """A map as of some moment since which no name has changed; None: there is none."""
+        """A map as of some moment since which no name has changed, or None."""
         self.past = KnownPast(WeakMethod(self._get_reader))
         """What the log still holds of its past."""
         self.next_event = opened.writer.next_event
         """Events below this number are taken into account in all of these."""
 
     def take_in(self) -> None:
-        """Forget what does not fit any more: an interrupt came right after a commit."""
+        """Forget what is out of date: an interrupt came right after a commit."""
         if self.next_event != self._writer.next_event:
             self.waiting, self.index, self.doors, self.is_read = [], None, None, False
             self.next_event = self._writer.next_event
@@ -373,7 +371,7 @@ class CurrentMap:
             return self._reader
 
     def refresh(self) -> None:
-        """Look at the log's folder; who reads with the reader of before goes on with that."""
+        """Read the log's folder again; users of the previous reader keep that."""
         with self._lock:
             self._reader = self._reader.refreshed()
             self.is_read = True
@@ -439,10 +437,10 @@ class CurrentMap:
                 raise
 
     def check_last_event(self, expected: int, door: DoorId | None) -> None:
-        """Return if the last event is the one that a caller expects.
+        """Check that the last event is the one that a caller expects.
 
         Args:
-            expected: Its number; -1: there is none.
+            expected: Its number; -1: no event.
             door: The last about this door; None: the last of the log.
 
         Raises:

@@ -58,8 +58,7 @@ def day_of_doors(log: DoorLog, day: Time = None) -> Day:
 
     Args:
         log: The log.
-        day: A moment of that day; None: the last on which anything was reported about a door's
-            state.
+        day: A moment of that day; None: the last one with a report of a door's state.
 
     Raises:
         MomentError: The time cannot be read.

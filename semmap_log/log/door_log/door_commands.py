@@ -1,9 +1,9 @@
 """The commands that a door map knows: one for each verb of `DoorLogWriter`.
 
-Each is known by a digest of its words when it is sent again, since what they mean may have changed
-meanwhile: a name, the next free id. The words, and their order, stay as they are for ever.
+A repeated command is recognised by a digest of its words, since their meaning (a name, the next
+free id) may have changed meanwhile. The words, and their order, never change.
 
-The command by which a level has a new map, and the same asked without writing.
+Also the command that gives a level a new map, and the same as a dry run.
 """
 
 from __future__ import annotations
@@ -269,7 +269,7 @@ class ObserveDoor(DoorCommand):
 
 @dataclass(frozen=True, slots=True)
 class AnnotateDoor(DoorCommand):
-    """Something is reported about a door in words."""
+    """Sets a text of a door under a key."""
 
     key: str
     value: str
@@ -300,7 +300,7 @@ class AnnotateDoor(DoorCommand):
 
 @dataclass(frozen=True, slots=True)
 class RequestDoor(DoorCommand):
-    """Somebody requested a state."""
+    """Records that a state was requested."""
 
     state: DoorState | str
 
@@ -414,10 +414,10 @@ class FinishPatrol(WordedCommand):
 
 
 def door_meant(door: str | int, now: CurrentMap) -> DoorId:
-    """Return the door that a command is about; whether one of that id is there is not queried.
+    """Return the door that a command is about; does not check that a door of that id exists.
 
     Raises:
-        UnknownDoorError: None is called so, or more than one.
+        UnknownDoorError: No door has that name, or more than one.
     """
     if not isinstance(door, str) and is_whole_number(door):
         return DoorId(int(door))  # whether it is there, the validator says
@@ -431,10 +431,10 @@ def level_of(door_id: DoorId, now: CurrentMap) -> int:
 
 
 def _check_unused(now: CurrentMap, name: str, level: int, *, but: DoorId | None = None) -> None:
-    """Return if no other door of the level bears the name.
+    """Check that the name is unused on this level.
 
     Raises:
-        CommandError: One does; then the name would mean neither.
+        CommandError: Another door has it; then the name would mean neither.
     """
     for door in now.state.door_map().doors.values():
         if (door.name, door.level) == (name, level) and door.door_id != but:

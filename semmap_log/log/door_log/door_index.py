@@ -1,10 +1,7 @@
 """Which doors and levels a log has, as far as commands must know it.
 
-Which door a person means by what it is called.
-
-Which events of a batch can be wrong, and so must be looked at one by one.
-
-Doors that were removed, by what people call them.
+Finds the door that a person means by a name, removed doors included, and the events of a batch that
+can be wrong, and so must be checked one by one.
 """
 
 from __future__ import annotations
@@ -125,7 +122,7 @@ SIGHTINGS = tuple(
     for kind in _ROWS
     if kind.effect.presence is Presence.STAYS and not kind.effect.can_set & ~Changed.STATE
 )
-"""Kinds that can be reported about every door in the map, and change neither doors nor names."""
+"""Kinds that can be about every door in the map, and change neither doors nor names."""
 
 HARMLESS: tuple[type[Event], ...] = (*SIGHTINGS, PatrolStarted, PatrolFinished, RobotPose)
 """Those, and the kinds that are about no door: nothing of a batch of them can be wrong."""
@@ -143,7 +140,7 @@ def rows_to_check(batch: EventBatch, index: DoorIndex) -> NDArray[np.bool_] | No
     are not in the map or that the batch takes out of it.
 
     Args:
-        batch: Events that tell their levels.
+        batch: Events that state their levels.
         index: The doors and levels before it.
     """
     kinds = kinds_of(batch)
@@ -168,7 +165,7 @@ def rows_to_check(batch: EventBatch, index: DoorIndex) -> NDArray[np.bool_] | No
 
 
 def with_levels(batch: EventBatch, level: int) -> EventBatch:
-    """Return poses, and what else makes no level, with the one that the poses did not tell."""
+    """Return poses, and what else makes no level, with this level where they state none."""
     poses = batch[RobotPose].copy()
     poses["level"][poses["level"] == NO_LEVEL] = level
     return replace(batch, columns={**batch.columns, RobotPose.kind: poses})
@@ -180,7 +177,7 @@ def kinds_of(batch: EventBatch) -> list[type[Event]]:
 
 
 def lacks_levels(batch: EventBatch) -> bool:
-    """Return whether some of the events leave it to the log which level they mean."""
+    """Return whether some of the events leave their level to the log."""
     columns = (batch.columns[kind.kind] for kind in ON_A_LEVEL if kind.kind in batch.columns)
     if any((rows["level"] == NO_LEVEL).any() for rows in columns):
         return True
@@ -287,7 +284,7 @@ class DoorIndex:
 
     @property
     def latest_added_ns(self) -> int:
-        """When the last door was added; asked of an index that does not change any more."""
+        """When the last door was added; for an index that does not change any more."""
         if self._latest_added_ns is None:
             self._latest_added_ns = max(self.added_ns.values(), default=0)
         return self._latest_added_ns
@@ -304,11 +301,11 @@ class DoorIndex:
         return self._levels
 
     def level_meant(self, level: int | str | None) -> int:
-        """Return the level that somebody means: see `levels`.
+        """Return the level that a name or number means: see `levels`.
 
         Args:
-            level: Its name or number; None, or `LEVEL_NOT_GIVEN`: not given. Whether there is one
-                of a number, the `Validator` says.
+            level: Its name or number; None, or `LEVEL_NOT_GIVEN`: not given. The `Validator` checks
+                whether a level of that number exists.
 
         Raises:
             UnknownLevelError: There is none of that name, or there are several and none is given.
@@ -343,7 +340,7 @@ class DoorIndex:
         return UnknownDoorError(told_absent(door_id))
 
     def brought_back(self, event: Retracted) -> int | None:
-        """Return the door whose removal is the first that is taken back; None: there is none.
+        """Return the door whose removal is the first that is taken back, or None.
 
         Its adding came before and stands. Where a range begins earlier that is not known: the door
         counts as removed until the commit is whole.

@@ -1,4 +1,4 @@
-"""A door map's log, as a program uses it: ask it about any moment, add to it, one commit at a time.
+"""A door map's log, as a program uses it: query any moment, and append one commit at a time.
 
 with sl.create("office", tz="Europe/Vienna") as log:
     door = log.add_door(x=2.0, y=1.5, theta=0.0, width=0.9, state="closed", actor="survey")
@@ -76,7 +76,7 @@ __all__ = ["DoorLog", "Time"]
 
 S = TypeVar("S")
 PIN = "pin:"
-"""Before the name of a pinned moment, where a time is given."""
+"""Prefix of the name of a pinned moment, where a time is given."""
 
 
 @knows_its_keywords
@@ -84,7 +84,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
     """A log that is read: as it was when it was opened, or last refreshed."""
 
     has_told_of_clock = False
-    """Whether a warning has said that its clock was not set at some time: see `clock_warnings`."""
+    """Whether a warning was given that its clock was not set at some time: see `clock_warnings`."""
 
     def __init__(self, path: str | PurePath | LogFolder | LogReader) -> None:
         """Open a log for reading; needs no lock, no write access and no free space.
@@ -92,7 +92,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         A log in a zip file is unpacked among the machine's temporary files for as long as it is
         read.
 
-        A relative path is that of the moment: `os.chdir` leads nobody to another log.
+        A relative path is resolved at once: `os.chdir` changes nothing about it.
 
         Args:
             path: Its folder, a zip file with one log in it, or a URL of a store (`s3://…`, `gs://…`,
@@ -150,7 +150,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             at: What was true then, with all that is known today.
             known_at: Only what had been recorded by then, whole commits.
             event: Only what has a number up to that.
-            progress: Called with how far the reading is.
+            progress: Called with the progress of the reading.
 
         Raises:
             MomentError: A time cannot be read.
@@ -180,7 +180,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             event: Only what has a number up to that.
             checkpoint: A file to resume from, and to save to: see `log.replay.state`.
             save_every_s: How often it is saved at most, before the end.
-            progress: Called with how far the reading is.
+            progress: Called with the progress of the reading.
 
         Raises:
             CheckpointError: The file is of something else, or the state cannot be stored in one.
@@ -227,15 +227,15 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
     ) -> Iterator[LiveState[S]]:
         """Yield a projection's state now, then after each commit, or those that came together.
 
-        It goes on where `follow` does; a retraction of what was taken in folds the log again. What
-        this object answers stays as it was opened.
+        It continues as `follow` does; a retraction of folded events folds the log again. What this
+        object answers stays as it was opened.
 
         Args:
             projection: As for `fold`.
             checkpoint: A file to go on from, and to save to.
             save_every_s: How often it is saved at most, before the end.
             poll_s: How long to wait before looking again.
-            stop: Called before each look; once it says yes, what is there then is the end.
+            stop: Called before each look; once it returns True, what is there then is the end.
 
         Raises:
             CheckpointError: The file is of something else, or the state cannot be stored in one.
@@ -274,7 +274,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             doors: Only events about these doors: ids, names, or level/names.
             kinds: Only these kinds: classes, or their names.
             retracted: Retracted events, too.
-            progress: Called with how far the reading is.
+            progress: Called with the progress of the reading.
 
         Raises:
             UnknownDoorError: No door has such a name, or ever had.
@@ -342,14 +342,15 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
     ) -> Iterator[FollowedCommit]:
         """Yield commits as they are written, each with its events: no gap, no repeat.
 
-        It goes on over new segments, recoveries, compactions and other writers, and while nobody
-        writes; commits come when they are whole. What this object answers stays as it was opened.
+        It continues over new segments, recoveries, compactions and other writers, and while nothing
+        is written; commits come when they are whole. What this object answers stays as it was
+        opened.
 
         Args:
             after: Number of the last event that is known already; -1: from the log's beginning;
                 None: from its end, as it was opened.
             poll_s: How long to wait before looking again.
-            stop: Called before each look; once it says yes, what is there then is the end.
+            stop: Called before each look; once it returns True, what is there then is the end.
             with_newer: Yield events of kinds that a later version has added, too.
 
         Raises:
@@ -369,7 +370,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
         Args:
             scope: Which events count: see `scope`.
-            progress: Called with how far the reading is.
+            progress: Called with the progress of the reading.
 
         Raises:
             NewerLogError: An event of an unknown kind may have changed it.
@@ -388,7 +389,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Args:
             scope: Which events count: see `scope`.
             doors: Only those about these doors; None: all.
-            progress: Called with how far the reading is.
+            progress: Called with the progress of the reading.
         """
         return visible_batches(self._reader, scope, progress=progress, doors=doors)
 
@@ -403,13 +404,13 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
         Args:
             window: Which events: see `window`; default: all.
-            progress: Called with how far the reading is.
+            progress: Called with the progress of the reading.
             on_page: Called with the records of each batch that follows: see `said_finder`.
         """
         return self._reader.batches(window, progress=progress, on_page=on_page)
 
     def said_finder(self) -> SaidFinder:
-        """Return what shows who and why of events; quick if its `look_at` is given each page."""
+        """Return what finds who and why of events; quick if its `look_at` is given each page."""
         from semmap_log.store.reading.segment_reading import SaidFinder
 
         return SaidFinder(self._reader.commit_at)
@@ -437,18 +438,18 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         return self._reader.horizon
 
     def horizon_ns(self) -> int:
-        """Return the moment from which on it can be queried; -1: any."""
+        """Return the earliest moment that can be queried; -1: any."""
         return self._reader.horizon_ns
 
     def shown_from_ns(self, since_ns: int | None, until_ns: int | None) -> int | None:
         """Return from when on events of a span are shown: by default from the log's horizon on.
 
-        It is None in a log without a horizon if nothing is queried for: before the first event.
+        It is None in a log without a horizon if no start is requested: before the first event.
 
-        The state there opens what is shown. That what was before is gone is then warned of.
+        The state at the horizon opens what is shown. A warning states that earlier events are gone.
 
         Args:
-            since_ns: From then on; None: that is not requested.
+            since_ns: From then on; None: not requested.
             until_ns: Before then; None: to the log's end.
 
         Raises:
@@ -504,13 +505,13 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         return last_patrol(self._reader, kind)
 
     def early_events(self) -> EarlyEvents:
-        """Return what the log reports of doors before they were added, which no answer counts."""
+        """Return the events from before their door was added, which no answer counts."""
         from semmap_log.log.door_log.summary import early_events
 
         return early_events(self._reader)
 
     def since_ever_ns(self) -> int | None:
-        """Return a whole second before the first thing that the log shows; None: it shows none."""
+        """Return a whole second before the earliest event; None: the log has none."""
         from semmap_log.log.door_log.summary import since_ever_ns
 
         return since_ever_ns(self._reader)
@@ -535,7 +536,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """Return the event of that number.
 
         Raises:
-            LogError: There is none.
+            LogError: There is no such event.
         """
         return self._reader.event(number)
 
@@ -552,7 +553,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """Yield events with who did it and why, retracted ones marked; since <= happened < until.
 
         Those of kinds that a later version has added are of the class `UnknownEvent`. What they
-        may have changed of others (a door's state, or that an event counts) is not given.
+        may have changed of others (a door's state, or that an event counts) is not shown.
 
         Args:
             door: Only events about it (its id, name, or level/name), and those unknown here;
@@ -630,7 +631,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
     ) -> Explanation:
         """Return why a door was in a state: what was true, what was believed, since when, by whom.
 
-        Next to these: the event that made the difference, those that tell another state, P(open) as
+        Also the event that made the difference, the events that report another state, P(open) as
         far as it could be known then, and what came next.
 
         Args:
@@ -638,9 +639,9 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             at: The moment; of an event, when it counts; default: the log's end.
             known_at: What had been recorded by then was known; default: by the moment itself.
                 Without `at` it is the moment, too.
-            near_ns: Events that tell another state count from so long before the moment to so long
-                after it; before it, at the least since the state began.
-            progress: Called with how far the reading is.
+            near_ns: Events that report another state count from so long before the moment to so
+                long after it; before it, at the least since the state began.
+            progress: Called with the progress of the reading.
 
         Raises:
             UnknownDoorError: There is no such door, and never was.
@@ -664,7 +665,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """Return when a door was in which state, as numpy columns; empty while it was not there.
 
         At each time t of an interval, `replay(at=t, known_at=known_at)` shows its state. The last
-        interval ends at the moment requested, else at the log's end. A sighting holds for
+        interval ends at the requested moment, else at the log's end. A sighting holds for
         `info.holds` median gaps between looks at the door: what comes after, up to the next
         report, is a lapse, and counts in no total.
 
@@ -674,7 +675,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             known_at: Only what had been recorded by then, whole commits.
             since: Only from then on: an interval is cut there.
             until: Only before then.
-            progress: Called with how far the reading is.
+            progress: Called with the progress of the reading.
 
         Raises:
             UnknownDoorError: There is no such door, and never was.
@@ -707,11 +708,11 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             known_at: Only what had been recorded by then, whole commits.
             since: Only from then on: an interval is cut there.
             until: Only before then.
-            progress: Called with how far the reading is.
+            progress: Called with the progress of the reading.
 
         Raises:
             MomentError: `since` comes after `until`.
-            HorizonError: What is requested begins, or ends, before the log's horizon.
+            HorizonError: The requested span begins, or ends, before the log's horizon.
         """
         from semmap_log.core.folds.timeline import timelines
         from semmap_log.log.door_log.clock_warnings import warn_of_clock
@@ -724,7 +725,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
         ids = None if doors is None else self._ids_ever(doors)
         if asked_ns is None and scope.event is None:
-            asked_ns = self.end_ns()  # which the events of some doors alone do not tell
+            asked_ns = self.end_ns()  # which the events of some doors alone do not show
         alone = None if asked_ns is None else ids
         batches = visible_batches(self._reader, scope, progress=progress, doors=alone)
         found = timelines(batches, ids, end_ns=asked_ns, holds=self.info.holds)
@@ -746,7 +747,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             since: From then on; default: the first event.
             until: Before then; default: the last.
             doors: Only these: ids, names, or level/names; None: all that were ever added.
-            progress: Called with how far the reading is.
+            progress: Called with the progress of the reading.
 
         Raises:
             MissingExtraError: matplotlib is not installed.
@@ -797,7 +798,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         return self._end_ns
 
     def states_end_ns(self) -> int:
-        """Return when anything was last said of a door's state; the log's end if nothing was."""
+        """Return when a door's state was last reported; the log's end if none was."""
         from semmap_log.log.door_log.last_patrol import latest_happened_ns
 
         return latest_happened_ns(self._reader, of_states=True) or self.end_ns()
@@ -877,8 +878,8 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Args:
             time: A moment in any of its forms.
             now_ns: What `now` is, and `2h ago` counts from; default: the log's end. `14:02` and
-                `Tue 10:00` are the last ones before it; by default, the last ones before anything
-                was last reported about the doors' states, whatever was noted since.
+                `Tue 10:00` are the last ones before it; by default, the last ones before the latest
+                report of a door's state, whatever was noted since.
 
         Raises:
             MomentError: It cannot be read.
@@ -957,11 +958,11 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         return Scope(happened.ns, known.ns, min(numbers, default=None))
 
     def _check_is_there(self, event: int | None, *, behind_the_last: int = 0) -> None:
-        """Return if the log has the event of that number: after the end nothing is known.
+        """Check that the log has the event of that number: after the end nothing is known.
 
         Args:
-            event: Its number; None: nothing is queried.
-            behind_the_last: So many numbers after the last event's are taken, too.
+            event: Its number; None: not given, nothing is checked.
+            behind_the_last: So many numbers after the last event's are accepted, too.
 
         Raises:
             LogError: It has none; the message names the last.
@@ -978,4 +979,4 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Nothing to let go of: the files are mapped, and unmapped with the object."""
+        """Do nothing: the files are mapped, and unmapped with the object."""

@@ -1,4 +1,4 @@
-"""A log that is written: asked like any other, and given what happened, a commit at a time."""
+"""A log that is written: queried like any other, and appended to, one commit at a time."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ class DoorLogWriter(DoorLog):
         blocks: str | None = None,
         **about: Unpack[About],
     ) -> Appended:
-        """Say what objects of a class are like; what was said of that class before counts no more.
+        """Define what objects of a class are like; an earlier definition of it counts no more.
 
         Args:
             name: What the class is called, such as dock.
@@ -245,7 +245,7 @@ class DoorLogWriter(DoorLog):
         state: DoorState | str,
         **about: Unpack[About],
     ) -> Appended:
-        """Record that somebody requested a state; the door's state stays as it is."""
+        """Record that a state was requested; the door's state stays as it is."""
         return self._appender.append(RequestDoor(_context(about), door, _state(state)))
 
     def passed(
@@ -265,7 +265,7 @@ class DoorLogWriter(DoorLog):
         last: int | None = None,
         **about: Unpack[About],
     ) -> Appended:
-        """Take events back: every question asked with knowledge after this leaves them out.
+        """Take events back: every query whose knowledge includes this leaves them out.
 
         They stay in the log: `known_at` before this still shows them, `history` marks them. A door
         whose DoorAdded is taken back is gone; its id is not used again.
@@ -309,8 +309,8 @@ class DoorLogWriter(DoorLog):
     ) -> Appended:
         """Give a level a new map, and its doors their places in it, as one commit.
 
-        What happened before stays on the old map. What is reported later times is taken to be in
-        the new one already, so that `at` may be the time when the robot began to use it. Doors
+        What happened before stays on the old map. Reports from later times are taken to be in the
+        new one already, so that `at` may be the time when the robot began to use it. Doors
         without a place, and those of other levels, stay as they are.
 
         Args:
@@ -397,7 +397,7 @@ class DoorLogWriter(DoorLog):
         command_id: bytes | None = None,
         content: bytes = NO_CONTENT,
     ) -> Appended | None:
-        """Append what `make` gives, as one commit; nobody appends between its look and that.
+        """Append what `make` returns, as one commit; no other append comes in between.
 
         Args:
             make: Asks this log what it wants, and gives the events, or none where what it finds
@@ -434,7 +434,7 @@ class DoorLogWriter(DoorLog):
         """Append a commit of another log as it was there; `sync` makes it last.
 
         Args:
-            make: Gives the events; is given the number that the first of them gets.
+            make: Returns the events; called with the number that the first of them gets.
             note: Who, with what, why.
             command_id: 16 bytes; who calls has seen that it is not stored.
             content: Digest of what the command requested.
@@ -487,7 +487,7 @@ class DoorLogWriter(DoorLog):
         """Keep a pose for the next commit; if none comes within a second, it gets its own.
 
         Raises:
-            UnknownLevelError: It shows no level, and the log has several.
+            UnknownLevelError: It states no level, and the log has several.
         """
         self._appender.add_pose(pose)
 
@@ -497,7 +497,7 @@ class DoorLogWriter(DoorLog):
         return self._appender.now.reader
 
     def refresh(self) -> None:
-        """Look at the log's folder again; what this object writes it sees anyway."""
+        """Read the log's folder again; what this object writes is seen without it."""
         self._appender.now.refresh()
 
     @property
@@ -591,7 +591,7 @@ def _state(state: DoorState | str) -> DoorState | str:
     `True` and 1.0 mean none, though they equal OPEN.
 
     Raises:
-        InvalidEventError: It is none.
+        InvalidEventError: It is no state.
     """
     try:
         if isinstance(state, str):

@@ -50,7 +50,7 @@ class StateReason:
     added_by: HistoryEntry | None = None
     """The event that put the door into the map; None: it is not yet in it."""
     times_told: int = 0
-    """How many events told this state from its beginning on, the first included."""
+    """How many events reported this state from its beginning on, the first included."""
 
     @property
     def state(self) -> DoorState | None:
@@ -76,7 +76,7 @@ class NextChange:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Explanation(ShownAsTable):
-    """What a log reports of a door at a moment, and of what was believed of it."""
+    """Why a door was in a state at a moment, and what was believed about it."""
 
     door_id: DoorId
     label: str
@@ -88,7 +88,7 @@ class Explanation(ShownAsTable):
     known_event: int | None
     """The last event that was known; None: all were, -1: none."""
     end_ns: int
-    """The log's end: of the time after it nothing is given."""
+    """The log's end: nothing is known of the time after it."""
     true: StateReason
     """By all that is known today."""
     believed: StateReason
@@ -98,16 +98,16 @@ class Explanation(ShownAsTable):
     taken_back: HistoryEntry | None
     """What was believed rested on this event, which was retracted later."""
     otherwise: tuple[HistoryEntry, ...]
-    """Events that tell another state than the true one, as they happened: readings that were taken
-    back, requests, robots that gave up, and what was given shortly before and after."""
+    """Events that report another state than the true one, as they happened: readings that were
+    retracted, requests, robots that gave up, and reports from shortly before and after."""
     otherwise_ns: tuple[int, int]
-    """From when to when these are given, both included."""
+    """The span of time of these events, both ends included."""
     retractions: dict[int, HistoryEntry]
     """By their numbers, those that took back what is named here."""
     belief: OpenChance | None
     """P(open) then, by what was known then; None: the door was not known."""
     next: NextChange | None
-    """None: no other was given."""
+    """None: no other was reported."""
 
     def __repr__(self) -> str:
         told = f"true {_in_words(self.true)}, believed {_in_words(self.believed)}"

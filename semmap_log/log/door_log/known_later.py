@@ -1,6 +1,6 @@
-"""Why a log knows so little of a moment that is queried about: it was given later.
+"""Why a log knows so little of a queried moment: the reports of it were recorded later.
 
-What made a door's state what it was at a moment, by what was known at some time.
+Also what made a door's state what it was at a moment, by what was known at some time.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from semmap_log.log.replay.replay import Scope
 from semmap_log.store.reading.window import Window
 
 AT_ALONE = 'with all that is known today, ask --at "{then}" alone'
-"""What to do about it, where a map is requested; `{then}` is the moment."""
+"""What to do about it when a map is requested; `{then}` is the moment."""
 
 
 def known_later(
@@ -29,16 +29,16 @@ def known_later(
     door: DoorId | None = None,
     remedy: str = AT_ALONE,
 ) -> str:
-    """Return why the log knows so little of the time that is queried, and what to do.
+    """Return why the log knows so little of the queried time, and what to do.
 
-    What it reports of that time was recorded later, or is of doors that were added later; "" where
-    it is neither.
+    Its reports of that time were recorded later, or are about doors that were added later; ""
+    if neither is the case.
 
     Args:
         log: Whose doors.
-        at: As it was queried.
-        known_at: As it was queried; None: then all is known.
-        door: Only what is reported of it; None: of anything.
+        at: The queried moment.
+        known_at: The queried state of knowledge; None: all is known.
+        door: Only reports about it; None: about any door.
         remedy: What to do where it was recorded later; `{then}` in it is the moment.
 
     Raises:

@@ -1,12 +1,10 @@
-"""What a trimmed log no longer knows of its past, and so can neither take back nor correct.
+"""Intent against state: may this event be appended to the map as it stands?
 
-What can be taken back of a log, and what a retraction did.
+Checking an intent is separate from applying a fact: what is in the log is never judged again.
 
-Intent against state: may this event be appended to the map as it stands?
-
-Checking an intent is apart from applying a fact: what is in the log is never judged again.
-
-What a commit reports of doors before they were added.
+Also what a trimmed log no longer knows of its past, and so can neither retract nor correct; what
+can be retracted, and what a retraction did; and the events of a commit from before their door was
+added.
 """
 
 from __future__ import annotations
@@ -88,14 +86,14 @@ class Validator:
         past: KnownPast | None = None,
         first_new: int | None = None,
     ) -> None:
-        """Take up a commit.
+        """Begin a commit.
 
         Args:
             index: The doors and levels before it.
             next_event: The number of its first event.
             now_ns: The log's clock, by which events without a time happen; None: not known.
-            are_facts: Another log took the events; what is stated there of a door after its removal
-                stays in its history.
+            are_facts: Another log took the events; those about a door after its removal stay in
+                its history.
             past: What the log still holds of its past; None: all of it.
             first_new: Number of the first event that the log does not hold yet; None: the first of
                 this commit.
@@ -107,7 +105,7 @@ class Validator:
         """The index after the events that passed; the one that was given stays as it was."""
         self.is_index_sure = True
         """An index cannot follow a retraction, nor what may have happened before something that
-        it knows: then it must be made again."""
+        it knows: then it must be rebuilt."""
         self.has_retraction = False
         self.keeps_names = True
         """Which name means which door is as it was before."""
@@ -148,10 +146,10 @@ class Validator:
                 yield self.check(event)
 
     def check_batch(self, batch: EventBatch) -> Iterator[EventBatch]:
-        """Let many events pass, all at once but for those that `check` has more to ask about.
+        """Let many events pass, all at once except those that need `check`.
 
         Yields:
-            Batches of them, in their order, with the levels that they did not tell.
+            Batches of them, in their order, with the levels that they did not state.
 
         Raises:
             InvalidEventError: A value that no event can have.
@@ -223,7 +221,7 @@ class Validator:
             self._own_index()
             self.index.apply(event, self._next_event)
             if isinstance(event, DoorAdded) and event.happened_ns is not None and self._now_ns:
-                # One that is said to come later counts from when it is recorded.
+                # One that is dated in the future counts from when it is recorded.
                 self.index.added_ns[event.door_id] = min(event.happened_ns, self._now_ns())
             if event.happened_ns is None and isinstance(event, (DoorAdded, DoorRemoved)):
                 self._timeless.append(event)
@@ -233,7 +231,7 @@ class Validator:
         return event
 
     def with_level(self, event: Event) -> Event:
-        """Return the event with the level that it did not tell: see `levels`.
+        """Return the event with the level that it did not state: see `levels`.
 
         Raises:
             UnknownLevelError: There are several.
@@ -304,7 +302,7 @@ class Validator:
         self._check_level(event.level)
 
     def _check_correction(self, event: DoorAdded, before_ns: int) -> None:
-        """Return if an adding takes the place of the one that the same commit retracts."""
+        """Check that an adding replaces one that the same commit retracts."""
         if event.happened_ns is None or event.happened_ns > before_ns:
             raise DoorRemovedError(
                 f"door {event.door_id}: its adding is retracted, and may be told again in the same "
@@ -380,7 +378,7 @@ ROWS_AT_A_TIME = 8192
 _SIGHTINGS = frozenset(SIGHTINGS)
 
 MAY_BE_OUTDONE = (DoorUpdated, LevelAdded, ClassDefined)
-"""Kinds of which another may have happened later, and been given before."""
+"""Kinds for which a later-happened event may have been appended earlier."""
 
 NAMING = (DoorAdded, DoorUpdated, DoorRemoved, DoorAnnotated, LevelAdded, Retracted)
 """Kinds that may change which name means which door (an update: by its level)."""
@@ -397,7 +395,7 @@ class EarlyCounter:
         """
         self._now_ns = now_ns
         self._began_ns: int | None = None
-        """What the clock said when it was first asked."""
+        """The time of the first reading of the clock."""
         self.found = EarlyEvents.none()
 
     def note(self, event: Event, added_ns: Mapping[int, int]) -> None:
@@ -442,8 +440,8 @@ class EarlyCounter:
 class KnownPast:
     """Checks what new events say of the past against what the log still holds of it.
 
-    Thinned sightings are those that it holds when it is queried first: only the writer's lock lets
-    anybody thin a log.
+    Thinned sightings are those that it holds at the first query: only the writer's lock allows
+    thinning a log.
     """
 
     def __init__(self, get_reader: WeakMethod[Callable[[], LogReader]]) -> None:
@@ -591,7 +589,7 @@ def check_can_retract(
         known.hidden(b).any()
         for b in reader.batches(Window(first_event=first, before_event=first + 1))
     ):
-        return  # it tells of the log: no range has hidden it
+        return  # it is about the log itself: no range has hidden it
     by = known.first_hiding(first)
     raise CommandError(f"cannot retract {what}: taken back already, by event {by}.")
 

@@ -1,8 +1,7 @@
 """Which round of a patrol was the last.
 
-When a log ends: the latest happened time of what it shows, without a replay.
-
-Which events of a log are queried, and what is reported of each.
+Also when a log ends: the latest happened time in it, found without a replay; and which events of a
+log are queried, with the notes of each.
 """
 
 from __future__ import annotations

@@ -1,12 +1,8 @@
-"""What a time means that somebody asks a log about, or shows it.
+"""What a log offers as tables, for pandas, polars, DuckDB and whatever else reads Arrow.
 
-Which door of a log is queried about: one that is there, or one that ever was.
-
-What a log shows as tables, for pandas, polars, DuckDB and whatever else reads Arrow.
-
-What queries in other languages ask of a log; and `sql`, which a room above answers.
-
-The parts of a log, with what their events have in common: so that a query reads few of them.
+Also what a time means that a caller gives, and which door a query is about: one that exists, or
+one that ever did; the queries in other languages, of which an upper package answers `sql`; and the
+parts of a log, with what their events have in common: so that a query reads few of them.
 """
 
 from __future__ import annotations
@@ -87,7 +83,7 @@ def door_ever(door: str | int, reader: LogReader) -> DoorId:
     """Return the door of that id, name, or level/name; one that was removed, or retracted, too.
 
     Raises:
-        UnknownDoorError: There is none, and never was.
+        UnknownDoorError: There is no such door, and never was.
     """
     state = replay(reader, with_newer=True)
     try:
@@ -140,7 +136,7 @@ def _ever_said(reader: LogReader) -> DoorMapState:
 
 
 def names_ever(reader: LogReader) -> dict[DoorId, set[str]]:
-    """Return all names that each door ever had, whoever said so and took it back.
+    """Return all names that each door ever had, including names that were retracted.
 
     A door that was neither added nor named, as in what was recovered of a log, is not among them.
     """
@@ -277,9 +273,9 @@ class LogTables(ABC):
             recorded: The range is of recorded time.
             doors: Only events about these doors: ids, names, or level/names.
             kinds: Only these kinds: classes, or their names.
-            retracted: Retracted events, too; the column `retracted` shows them.
+            retracted: Retracted events, too; the column `retracted` marks them.
             columns: Only these, in this order; the others are not made. None: all.
-            progress: Called with how far the reading is.
+            progress: Called with the progress of the reading.
 
         Raises:
             MissingExtraError: pyarrow is not installed.
@@ -313,7 +309,7 @@ class LogTables(ABC):
             columns: Only these, in this order; None: all.
             limit: What was called how, and taken back, by the events up to this number; None: by
                 all.
-            progress: Called with how far the reading is.
+            progress: Called with the progress of the reading.
         """
         from semmap_log.log.door_log.asked_tables import columns_called, event_tables
 
@@ -518,7 +514,7 @@ def refuse_other_units(time: int, first_ns: Callable[[], int | None]) -> None:
 
 
 def happened_ns_of(time: Time, *, tz: str, now_ns: int) -> int | None:
-    """Return when something happened by what is reported about it; None: that is not stated.
+    """Return the happened time that a caller gives; None: none is given.
 
     Args:
         time: A moment in any of its forms, but for the number of an event.

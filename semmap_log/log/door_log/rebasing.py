@@ -1,13 +1,12 @@
-"""A building was mapped anew: where each door of a level lies in the new map.
+"""Rebases a level onto a new map of the building: where each of its doors lies there.
 
-Everything in a log is in the frame `map`. A new map has another origin, and is turned against the
+Everything in a log is in the frame `map`. A new map has another origin, and is rotated against the
 old one. From the moment of the change on, the level has the new floor plan, and its doors lie where
-the transform puts them, or where they were measured again. What is reported earlier times stays as
-it is, and belongs to the old plan. What is reported later times is in the new frame already.
+the transform puts them, or where they were measured again. Reports from before stay as they are,
+and belong to the old plan. Reports from later times are in the new frame already.
 
-Whether events that are given again are those that are stored.
-
-How two maps of one place lie to each other, of points that were measured in both.
+Also whether repeated events are those that are stored, and how two maps of one place lie to each
+other, from points that were measured in both.
 
 The rigid transform with the least sum of squared residuals: Arun, Huang and Blostein,
 "Least-Squares Fitting of Two 3-D Point Sets", PAMI 1987; Umeyama, PAMI 1991, without his scale. In
@@ -93,7 +92,7 @@ class RebasePlan:
 
 @dataclass(frozen=True, slots=True)
 class MapStates:
-    """The door map at the moment of the change, and with all that is reported later times."""
+    """The door map at the moment of the change, and with all reports from later times."""
 
     then: DoorMapState
     now: DoorMapState
@@ -140,7 +139,7 @@ def plan_rebase(
 
 
 def _check_map(states: MapStates, then: DoorMap, floor: FloorMap, level: int) -> None:
-    """Return if the new map can come: rebasing to the same one again would move doors twice."""
+    """Check that the map is new: rebasing to the same one again would move doors twice."""
     name = then.level_name(level)
     if states.there is not None and are_same([replace(floor, level=level)], [states.there]):
         number = then.levels[level].floor_map_event
@@ -179,7 +178,7 @@ def _check_measured(
 
 
 def _is_placed_later(states: MapStates, door_id: DoorId) -> bool:
-    """Return whether what put a door in its place happened after the moment of the change."""
+    """Return whether a door got its place after the moment of the change."""
     placed = states.now.stamp(door_id, "pose")
     return placed is not None and placed != states.then.stamp(door_id, "pose")
 
@@ -199,7 +198,7 @@ def _moved(
 
 
 def _is_on(floor: FloorMap, x: float, y: float) -> bool:
-    """Tell whether a point lies on a floor map's cells, which may be turned about their corner."""
+    """Return whether a point is on a floor map's cells, which may be turned about their corner."""
     cos, sin = math.cos(floor.origin_theta), math.sin(floor.origin_theta)
     right, up = x - floor.origin_x, y - floor.origin_y
     rows, columns = floor.cells.shape
@@ -213,10 +212,9 @@ SAME_ANGLE = 1e-6
 
 
 def are_same(given: Sequence[Event], stored: Sequence[Event]) -> bool:
-    """Return whether events that are given are those that are stored.
+    """Return whether the given events are those that are stored.
 
-    Salts do not count, nor when it happened, or on which level, where that was not given: the log
-    said it.
+    Salts do not count, nor does a happened time or a level that was not given: the log set it.
     """
     return len(given) == len(stored) and all(map(_is_same, given, stored))
 
@@ -226,7 +224,7 @@ def _is_same(given: Event, stored: Event) -> bool:
         return False
     if given.happened_ns not in (None, stored.happened_ns):
         return False
-    if not is_given(getattr(given, "level", 0)):  # the log said it
+    if not is_given(getattr(given, "level", 0)):  # the log set it
         given = replace(given, level=stored.level)  # type: ignore[call-arg,attr-defined]
     if isinstance(given, FloorMap) and isinstance(stored, FloorMap):
         return _is_same_map(given, stored)
@@ -249,8 +247,8 @@ def _unsalted(event: Event) -> Event:
 
 
 MOST_RESIDUAL_M = 0.3
-"""A pair that is farther off is refused, unless told otherwise: about what a person who clicks into
-two maps, and the maps themselves, are off by."""
+"""By default, a pair that is farther off is refused: about the error of a person who clicks into
+two maps, and of the maps themselves."""
 MOST_PAIRS = 1000
 LEAST_SPOILING_M = 0.05
 """One cell of most maps: less than that, no pair is worth a word."""
@@ -318,7 +316,7 @@ def fit_maps(pairs: Sequence[PointPair], *, most_residual_m: float = MOST_RESIDU
 
 
 def check_fit(fit: MapFit, *, most_residual_m: float = MOST_RESIDUAL_M) -> None:
-    """Return if every pair fits.
+    """Check that every pair fits.
 
     Raises:
         CommandError: One does not; the message names it, and says what the others would give.
@@ -395,9 +393,9 @@ def _worst(old: Points, new: Points) -> float:
 def _misfits(old: Points, new: Points, residuals: np.ndarray, most_m: float) -> list[int]:
     """Return the pairs that do not fit the others; none where most of them do not.
 
-    Of all transforms that two pairs give, the one that most pairs fit within `most_m` shows (RANSAC
-    with every sample drawn: Fischler and Bolles 1981). Where all fit, the one pair counts without
-    which the others fit much better.
+    Of all transforms that two pairs define, the one that most pairs fit within `most_m` decides
+    (RANSAC with every sample drawn: Fischler and Bolles 1981). If all fit, only a pair counts
+    without which the others fit much better.
     """
     if len(old) < 3 or residuals.max() <= LEAST_SPOILING_M:
         return []

@@ -1,4 +1,4 @@
-"""Which robots a log shows of: one, or those whose logs were joined in it."""
+"""The robots that a log names: one, or those whose logs were joined in it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def robots_of(info: LogInfo) -> tuple[str, ...]:
 
 
 def robots_of_poses(batch: EventBatch, robots: Sequence[str]) -> NDArray[np.intp]:
-    """Return, for each pose of a batch, the place of its robot among some; 0 where none is told."""
+    """Return, for each pose of a batch, the place of its robot among some; 0 if it names none."""
     if len(robots) < 2 or RobotPose not in batch:
         return np.zeros(len(batch.where(RobotPose)), np.intp)
     places, sources = batch.sources(RobotPose)

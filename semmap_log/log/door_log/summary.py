@@ -1,13 +1,11 @@
 """What doors are called in a message, so that nobody needs to guess which one is meant.
 
-What a log holds, in a page: for `info`, and for whoever must judge its health.
+Also a log's content in a page, for `info` and for whoever must judge its health; what it holds, or
+may hold, about persons, for `info` and for whoever decides what is redacted; and doors with events
+from before they were added, and how to correct that.
 
-What of a log reports of persons, or may: for `info`, and for who decides what is redacted.
-
-Doors that were there before they were added: what was reported of them then, and how to say so.
-
-An adding is moved to an earlier time by a correction: one commit retracts the DoorAdded and adds
-the door again, under its id, at the earlier time. Questions as known before still see the first.
+A correction moves an adding to an earlier time: one commit retracts the DoorAdded and adds the door
+again, under its id, at the earlier time. Queries as known before still see the first.
 """
 
 from __future__ import annotations
@@ -80,7 +78,7 @@ class LogSummary:
     warnings: list[str]
     """What else looks wrong."""
     personal: PersonalData
-    """What reports of persons, or may."""
+    """What is, or may be, about persons."""
     index: IndexState | None = None
     """How far the tables by door are; None: the log has none."""
     is_understood: bool = True
@@ -248,15 +246,15 @@ class PersonalData:
     """Counts of what names somebody, says where a robot was, or is free text."""
 
     notes: int = 0
-    """Commits that tell who did it, with what, or why."""
+    """Commits whose notes state who did it, with what, or why."""
     actors: Counter[str] = field(default_factory=Counter)
     """Who did it -> notes."""
     sources: Counter[str] = field(default_factory=Counter)
     """With what -> notes."""
     reasons: int = 0
-    """Notes that tell why, in words."""
+    """Notes that give a reason, in words."""
     annotations: Counter[str] = field(default_factory=Counter)
-    """Key -> how often something was reported about a door under it; names of doors, too."""
+    """Key -> how often a door was annotated under it; names of doors, too."""
     poses: int = 0
     """Where the robot was, and when."""
     patrols: int = 0
@@ -267,7 +265,7 @@ class PersonalData:
         return bool(self.notes or self.annotations or self.poses or self.patrols)
 
     def take(self, batch: EventBatch) -> None:
-        """Count what events tell, those that were taken back, too: they still can be read."""
+        """Count events, retracted ones included: they can still be read."""
         for event in batch.objects.get(DoorAnnotated.kind, ()):
             assert isinstance(event, DoorAnnotated), "that is its kind"
             if event.value:
@@ -276,7 +274,7 @@ class PersonalData:
         self.patrols += len(batch.where(PatrolStarted))
 
     def take_note(self, note: Note) -> None:
-        """Count what the note of a commit shows."""
+        """Count what a commit's note contains."""
         self.notes += bool(note)
         self.actors.update([note.actor] * bool(note.actor))
         self.sources.update([note.source] * bool(note.source))
@@ -284,7 +282,7 @@ class PersonalData:
 
 
 def early_events(reader: LogReader) -> EarlyEvents:
-    """Return what the log reports of doors before they were added; retracted events left out."""
+    """Return the events from before their door was added; retracted ones are left out."""
     hidden = reader.retractions()
     stamps: dict[int, tuple[int, int]] = {}
     for batch in reader.batches(Window(kinds=bits_of_kinds([DoorAdded]))):
@@ -306,13 +304,13 @@ def early_events(reader: LogReader) -> EarlyEvents:
 
 
 def remedy(log: PurePath) -> str:
-    """Return what to do about events that are reported of doors before they were added."""
+    """Return what to do about events from before their door was added."""
     line = command_line("import", log, "--since-ever")
     return f"if they were there already, say so: {line}"
 
 
 def since_ever_ns(reader: LogReader) -> int | None:
-    """Return a whole second before the first thing that the log shows; None: it shows nothing."""
+    """Return a whole second before the earliest event; None: the log has none."""
     spans = [segment.span for segment in reader.segments if len(segment.chunks)]
     least_ns = min((least for least, _ in spans if least >= 0), default=None)
     return None if least_ns is None else max(least_ns - 1, 0) // SECOND_NS * SECOND_NS
@@ -348,7 +346,7 @@ def backdated(reader: LogReader, doors: Collection[DoorId], since_ns: int) -> li
     for each in addings:
         assert isinstance(each.event, DoorAdded)
         door_id = each.event.door_id
-        # Of two events of one time the later number counts: what is told of then comes after it.
+        # Of two events of one time the later number counts: the door's event then comes after it.
         from_ns = max(since_ns - (door_id in told_of), 0)
         made += added_since(replace(each.event, happened_ns=_folds_ns(each)), from_ns)
         made += [
@@ -399,7 +397,7 @@ def _said_with(reader: LogReader, addings: Iterable[RecordedEvent]) -> list[Reco
 
 
 def _told_of(reader: LogReader, at_ns: int) -> set[int]:
-    """Return the doors of which something is given that happened at that very time."""
+    """Return the doors with events that happened at that very time."""
     window = Window(happened_from_ns=at_ns, happened_before_ns=at_ns + 1)
     return {door_id for batch in reader.batches(window) for door_id in batch.door_ids().tolist()}
 

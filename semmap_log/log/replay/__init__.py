@@ -1,7 +1,7 @@
-"""Log + fold + a moment -> a state: the door map from keyframes, and projections of one's own.
+"""Log + fold + a moment -> a state: the door map from keyframes, and a user's projections.
 
-`replay` gives the door map, `fold` a projection's state, `live_fold` one after each look at the
-log; `running` is what both advance, and `checkpoint` keeps it in a file. `keyframes` makes bytes of
-the door map and back: the log stores them and does not know what they hold. It is handed
-`written_state` to write them, and `keyframe_check` to examine them (`care`).
+`replay` returns the door map or a projection's state, `live_fold` a state after each look at the
+log; `running` is what both advance, and `state` keeps it in a checkpoint. `keyframes` converts the
+door map to bytes and back: the log stores them and does not know their content. `care` supplies the
+state from which they are written, and the check that examines them.
 """

@@ -1,8 +1,7 @@
-"""A log verified, copied and recovered, its keyframes compared with what the replay says.
+"""Verifies, copies and recovers a log, with its keyframes compared with the replay.
 
-Keyframes against the replay: what a segment says the state was, and what the events say.
-
-The door map after the last commit, kept current without reading: a writer's keyframes.
+A keyframe is what a segment says the state was; the replay is what the events say. Also keeps the
+door map after the last commit current without reading: a writer's keyframes.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ class ReplayKeyframeCheck:
 
     A `KeyframeCheck`.
 
-    A retraction of events that are folded already makes the state be folded again, from the last
+    A retraction of events that are already folded has the state folded again, from the last
     keyframe that it does not touch.
     """
 
@@ -230,7 +229,7 @@ class ReplayKeyframeCheck:
 
 
 class WrittenState:
-    """A state with records that wait to be folded in: when somebody asks, or when they are many.
+    """A lazily folded state: waiting records are folded in on access, or when they are many.
 
     A `KeyframeSource`.
     """
@@ -255,7 +254,7 @@ class WrittenState:
         """A number below those that wait, and less than 2^32 away from them."""
         self._needs_reading = False
         self._since_keyframe = 0
-        """Bytes of records after the last keyframe."""
+        """Bytes of records since the last keyframe."""
         self._keyframe_size = 0
         """Of the last keyframe's record."""
 
@@ -345,7 +344,7 @@ def verify(
     Args:
         path: The log's folder, one .mcap file, a zip file or a URL of it; or another place.
         head: Hash of a commit that the log must hold, kept elsewhere.
-        progress: Called with how many bytes are read.
+        progress: Called with the number of bytes read.
         ends: Event numbers: whether a commit ends before each of them, and with which hash.
 
     Raises:
@@ -365,7 +364,7 @@ def copy(
         log: Its folder, or a zip file with it; it may be written meanwhile.
         target: A folder that is not there yet, or is empty, or an earlier copy of the same log.
         full: Read and verify what is there already, too; what is damaged there is copied again.
-        progress: Called with how many bytes were copied and verified.
+        progress: Called with the number of bytes copied and verified.
 
     Raises:
         LogExistsError: Something else lies at the target.
@@ -383,7 +382,7 @@ def _index_findings(path: PurePath | FilePlace) -> list[Finding]:
         return []
     try:
         problems = index_problems(path)
-    except LogError:  # which verify has told of
+    except LogError:  # which `verify` has reported
         return []
     do = f"`{command_line('index', path)}` makes it anew."
     return [

@@ -1,4 +1,4 @@
-"""What events changed, found where the events were read: the map is folded next to the reading."""
+"""What events changed, found where the events are read: the map is folded during the reading."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class ChangeFinder:
 
         Args:
             reader: Of the log.
-            doors: Only what changed of these is requested; None: of all.
+            doors: Only changes of these are returned; None: of all.
         """
         self._reader = reader
         self._doors = None if doors is None else list(doors)

@@ -1,4 +1,4 @@
-"""A projection's state next to a writer: after each commit, or those that came together."""
+"""A projection's state during writing: after each commit, or those that came together."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def fold_live(
         checkpoint: File to go on from, and to save to.
         save_every_s: How often it is saved at most.
         poll_s: How long to wait before looking again, when nothing was new.
-        stop: Called before each look; once it says yes, what is there then is the end.
+        stop: Called before each look; once it returns True, what is there then is the end.
 
     Raises:
         CheckpointError: The file is of something else, or the state cannot be stored in one.
@@ -85,7 +85,7 @@ def fold_live(
 
 
 def _check_continues(reader: LogReader, running: RunningFold[S]) -> None:
-    """Return if the log still holds what was taken in.
+    """Check that the log still contains what was folded.
 
     Raises:
         CorruptLogError: It does not.

@@ -1,7 +1,7 @@
 """States of plain values and numpy arrays as bytes, and back: safe on a file from anywhere.
 
-A line of JSON holds the values, and .npy bodies (never pickled) after it the arrays. What comes
-back has the very types that went in; a state of anything else is an error.
+A line of JSON holds the values, and .npy bodies (never pickled) after it the arrays. Reading
+returns the exact types that were written; a state of anything else is an error.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _SEQUENCES: dict[str, type[Any]] = {
 }
 _MAPPINGS: dict[str, type[Any]] = {"dict": dict, "Counter": Counter}
 MOST_DTYPE_CHARACTERS = 100_000
-"""Of a structured array's fields in words: numpy reads no more unless told so."""
+"""Limit for a structured array's fields in words: numpy's own default is lower."""
 
 
 def dump_plain(state: Any) -> bytes:

@@ -1,8 +1,7 @@
 """Log + a moment -> the events that count, and the door map.
 
-The commits of a log, and what stands for those that it no longer keeps.
-
-Log + projection + a moment -> a state, from the log's start or on from a checkpoint.
+Log + projection + a moment -> a state, from the log's start or on from a checkpoint. Also the
+commits of a log, and what stands for those that it no longer keeps.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ def replay(
     Args:
         reader: Of the log.
         scope: Which events count.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of the reading.
         with_newer: Even where an event of an unknown kind may have changed it.
 
     Raises:
@@ -89,7 +88,7 @@ def visible_batches(
     Args:
         reader: Of the log.
         scope: Which events count.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of the reading.
         on_page: Called with the records of each batch that comes from the log itself.
         doors: Only events about these; None: all.
     """
@@ -119,10 +118,10 @@ def kept_commits(
 ) -> Iterator[FollowedCommit]:
     """Yield all commits that a log keeps, by the time of their recording.
 
-    Where it has a horizon, the state there is given as well, by an update for each event that is
-    gone and was the last to write something. It comes in the place of that event, with its commit
-    if that is left, else in one of its own. When the event was recorded is not known: the update
-    comes as late as it can, so that it counts from when the event happened.
+    Where it has a horizon, the state there is yielded as well, as an update for each event that
+    is gone and was the last to write something. The update takes the place of that event, in its
+    commit if that is left, else in one of its own. When the event was recorded is not known: the
+    update comes as late as it can, so that it counts from when the event happened.
 
     Args:
         reader: Of the log.
@@ -130,7 +129,7 @@ def kept_commits(
         limit: Only events up to that number; None: all.
 
     Raises:
-        HorizonError: What is requested ends before the horizon.
+        HorizonError: The requested range ends before the horizon.
         NewerLogError: A commit has an event of an unknown kind that may change others.
         CorruptLogError: A chunk is not what was written.
     """
@@ -243,7 +242,7 @@ def fold(
             states at the ends of commits, of all that had happened: another scope's answer may
             begin with it, and does not change it.
         save_every_s: How often it is saved at most, before the end.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of the reading.
 
     Raises:
         CheckpointError: The file is of something else, or the state cannot be stored in one.
@@ -295,7 +294,7 @@ def _from_the_start(
 
 
 def _is_earlier(position: Position, scope: Scope, limit: int | None) -> bool:
-    """Return whether all that was taken in up to there counts in the scope."""
+    """Return whether everything folded up to a position counts in the scope."""
     return (limit is None or position.event <= limit) and (
         scope.at_ns is None or position.latest_ns <= scope.at_ns
     )

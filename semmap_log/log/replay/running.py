@@ -63,16 +63,16 @@ class RunningFold(Generic[S]):
         at_ns: int | None = None,
         progress: Progress | None = None,
     ) -> bool:
-        """Take in the events up to a number, or to the log's end; return whether it began again.
+        """Fold the events up to a number, or to the log's end; return whether it began again.
 
-        It begins again if a retraction hides what was taken in, something was redacted since, or
-        what comes next is gone.
+        It begins again if a retraction hides what was folded, something was redacted since, or the
+        next events are gone.
 
         Args:
             reader: Of the log; it is known to hold the position.
             limit: The last event; None: the log's. In the middle of a commit: nothing is saved.
             at_ns: Only what had happened by then; then, too, nothing is saved.
-            progress: Called with how far the reading is.
+            progress: Called with the progress of the reading.
         """
         later = retractions_behind(reader, self.position.event, limit)
         so_far = self.position

@@ -1,37 +1,30 @@
 """The door map at a moment: the nearest keyframe, and what came after it.
 
 A keyframe is a cache. One serves a moment if all its events had happened by then, and if it holds
-nothing that a later retraction hides; after it only those chunks are read in which events lie that
+nothing that a later retraction hides. After it only those chunks are read that contain events which
 had happened by then, too. Without any keyframe the answer is the same, from the log's beginning.
 
-Pinned moments: their state is kept when what was before the horizon is not.
+Pinned moments: their state is kept when what was before the horizon is not. While the log holds all
+that the answer needs, a pin is a name for a moment. Before its events are removed, retention writes
+the state of that moment into the log; later reports of it are folded onto it.
 
-While the log holds all that the answer needs, a pin is a name for a moment. Before its events go,
-retention writes the state of that moment into the log; what is reported of it later is folded onto
-it.
+The keyframe at the horizon stands for the oldest events, which were taken out. It holds, for each
+field of each door, which event wrote it last: it is put back as an event of that number and time.
+So a fold that begins with these events has the state of the horizon when it reaches it. What was
+before is not known: from its adding on a door is UNKNOWN, until what its state was at the horizon
+had happened.
 
-The events of a log of which the oldest were taken out: what stands for those that are gone.
-
-The keyframe at the horizon holds, for each field of each door, who wrote it last: as an event of
-that number and time it is put back. So a fold that begins with these events is in the state of the
-horizon when it comes there. What was before nobody knows: from its adding on a door is UNKNOWN,
-until what its state was at the horizon had happened.
-
-A fold's state and position in a file, to go on from later.
-
-The file: a line `semmap-log checkpoint`, a line of JSON that says which log, which commit (by event
-number and hash), which projection and version, then the state, then the sha256 of all of it. It
-takes its name at once and synced, so that at any moment the last one that was saved is there.
-
-It is a cache, and never used unless it fits:
+A checkpoint is a fold's state and position in a file, from which it continues later. The file: a
+line `semmap-log checkpoint`, a line of JSON with the log, the commit (by event number and hash),
+the projection and its version, then the state, then the sha256 of all of it. It is synced before it
+takes its name in one step, so that the last checkpoint that was saved always exists. It is a cache,
+and never used unless it fits:
 
 - not a checkpoint, of another log, of another projection: an error, and the file is left alone;
-- damaged, of another version, or of events that the log does not hold (a backup was put back, and
-  went on differently): a `CheckpointWarning`, and the fold begins at the log's start;
-- a retraction since then hides what it has taken in, or something was redacted since then, which
-  the state may still tell: the same, without a warning.
-
-How far a fold has come in a log, and whether that is still a place in it.
+- damaged, of another version, or of events that the log does not hold (a backup was restored, and
+  continued differently): a `CheckpointWarning`, and the fold begins at the log's start;
+- a retraction since then hides what was folded, or something was redacted since then that the state
+  may still contain: the same, without a warning.
 """
 
 from __future__ import annotations
@@ -154,7 +147,7 @@ def unpacked(text: str) -> DoorMapState | None:
 def events_at_horizon(
     reader: LogReader, window: Window, doors: Collection[int] | None
 ) -> Iterator[EventBatch]:
-    """Yield what a log still reports of the time before its horizon, as one batch.
+    """Yield what a log still holds of the time before its horizon, as one batch.
 
     Args:
         reader: Of a log that has a horizon.
@@ -179,10 +172,10 @@ def events_at_horizon(
 
 
 def last_writes(reader: LogReader) -> list[RecordedEvent]:
-    """Return the state at a log's horizon, as far as no event that is left shows it.
+    """Return the state at a log's horizon, as far as no remaining event shows it.
 
-    Each is an update with the number of an event that is gone, and says what that wrote of a door
-    and no other wrote since; numbers ascend. When it was recorded is not known.
+    Each is an update with the number of an event that is gone, and sets what that event wrote to a
+    door and no other wrote since; numbers ascend. When it was recorded is not known.
 
     Raises:
         HorizonError: The state at the horizon cannot be read.
@@ -369,7 +362,7 @@ class Checkpoint(Generic[S]):
 
 
 def log_id_of(start: bytes) -> str:
-    """Return the id of the log that a file is a checkpoint of, by its first bytes; "": it is none.
+    """Return the id of a checkpoint's log, by the file's first bytes; "": it is no checkpoint.
 
     Args:
         start: The first `START_BYTES` of the file.
@@ -417,7 +410,7 @@ def state_at(
         at_ns: Only what had happened by then.
         limit: Only events up to that number, and what they retract.
         uses_keyframes: Whether to start at one; else from the beginning, for the same answer.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of the reading.
         with_newer: Even where an event of an unknown kind may have changed it.
 
     Raises:
@@ -485,7 +478,7 @@ class _Search:
         return DoorMapState(), BEGINNING
 
     def _knows_of_later(self, state: DoorMapState) -> bool:
-        """Return whether a state counts events from after the moment, which were taken out since.
+        """Return whether a state counts events from after the moment which were since taken out.
 
         What is left of a chunk then happened before the moment.
         """
@@ -500,7 +493,7 @@ class _Search:
             segment = self.reader.segments[place]
             chunks = np.flatnonzero(segment.chunks.rows["kinds"] == KEYFRAME_BIT)
             firsts, _ = numbers_of(segment)
-            events = firsts[chunks] - 1  # behind the last event before it
+            events = firsts[chunks] - 1  # after the last event before it
             serves = np.ones(len(chunks), np.bool_)
             if self.limit is not None:
                 serves &= events <= self.limit
@@ -514,7 +507,7 @@ class _Search:
         """Return the last segment before which all events count."""
         last = len(self.reader.segments) - 1
         if self.limit is not None:
-            last = self.reader.segment_of(self.limit + 1) or 0  # its head may be right behind
+            last = self.reader.segment_of(self.limit + 1) or 0  # its head may follow directly
         if self.at_ns is not None:
             last = min(last, self.reader.segments_by(self.at_ns))
         return last
@@ -534,7 +527,7 @@ def keyframe_at(
     Args:
         segment: The segment.
         chunk: The chunk's place in it.
-        unused: Is told which one it is, and why.
+        unused: The reason is appended to it if the keyframe is not used.
 
     Raises:
         CorruptLogError: The chunk is not what was written.
@@ -574,7 +567,7 @@ class Position:
     """Those recorded so far, so that what they hide was left out."""
 
     def is_in(self, reader: LogReader) -> bool:
-        """Return whether the log, as it is now, has come by here."""
+        """Return whether the log, as it is now, contains the commit at this position."""
         if self.event == NO_EVENT:
             return True
         commit = reader.find_commit(self.event)
@@ -584,7 +577,7 @@ class Position:
         )
 
     def is_before_redaction(self, reader: LogReader) -> bool:
-        """Return whether something was redacted since: what was taken in may tell it."""
+        """Return whether something was redacted since: what was folded may contain it."""
         if self.event == NO_EVENT:
             return False
         own = f"{reader.info.log_id}:"
@@ -601,7 +594,7 @@ class Position:
         )
 
     def is_touched_by(self, later: Iterable[Retraction]) -> bool:
-        """Return whether one of these retractions hides an event that was taken in."""
+        """Return whether one of these retractions hides an event that was folded."""
         return any(
             one.first_event <= self.event and not self._leaves_out(one)
             for one in later
@@ -609,11 +602,11 @@ class Position:
         )
 
     def is_before_horizon(self, reader: LogReader) -> bool:
-        """Return whether events that come next are gone for their age."""
+        """Return whether the next events are gone because of their age."""
         return NO_EVENT < self.event < reader.horizon - 1
 
     def _leaves_out(self, later: Retraction) -> bool:
-        """Return whether an earlier retraction hides all of it that was taken in."""
+        """Return whether an earlier retraction hides all of it that was folded."""
         last = min(later.last_event, self.event)
         return any(
             one.first_event <= later.first_event and last <= one.last_event
@@ -663,7 +656,7 @@ def events_behind(
         event: The number; -1: from the beginning on.
         limit: The last event; None: the log's.
         at_ns: Those that happened later are not needed; None: all are.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of the reading.
 
     Raises:
         CorruptLogError: A chunk is not what was written, or events are missing.

@@ -1,5 +1,5 @@
-"""What logs hold, told again as another log: of several robots together, or under other names.
+"""Rewrites logs as another log: of several robots together, or under other names.
 
-`log_anew` is the new log, `new_numbers` what events are called in it. What becomes of an event is
-for whoever retells to say: `fleet.join`, `pseudonyms`.
+`new_numbers` writes the new log, and holds the numbers that events have in it. The caller decides
+what becomes of an event: `fleet.join`, `pseudonyms`.
 """

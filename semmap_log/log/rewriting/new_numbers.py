@@ -1,6 +1,7 @@
-"""What the events of a log are called in another that retells it.
+"""The numbers that the events of a log have in another log that is rewritten from it.
 
-A new log with the commits of others: by the ordinary writer, at the times of their recording.
+Also the new log with the commits of others: made by the ordinary writer, at the times of their
+recording.
 """
 
 from __future__ import annotations
@@ -91,11 +92,11 @@ class LogAnew:
         *,
         horizon_ns: int = -1,
     ) -> None:
-        """Make it.
+        """Create the log.
 
         Args:
-            folder: Where; nothing is there.
-            info: What is fixed of it.
+            folder: Its folder; nothing exists there yet.
+            info: Its fixed properties.
             entropy: Where ids and salts come from.
             horizon_ns: What was recorded by this moment is not all known: history begins after
                 it; -1: it has no horizon.
@@ -123,12 +124,12 @@ class LogAnew:
         return NextPlace(self._writer.next_event, self._writer.last_ns >= recorded_ns)
 
     def append(self, events: list[Any], commit: Commit, *, note: Note, command_id: bytes) -> None:
-        """Append what became of a commit; `place` was queried before.
+        """Append a rewritten commit; `place` was queried before.
 
         Args:
             events: At least one, or a batch of them.
             commit: As it was.
-            note: What is reported about it now.
+            note: Its note now.
             command_id: Its id now.
         """
         self._writer.append(

@@ -8,19 +8,11 @@ The signatures are those of OpenSSH (PROTOCOL.sshsig): `ssh-keygen` makes the ke
 signatures without this program.
 
 ed25519_sdk       the one file that imports `cryptography`
-ssh_format        OpenSSH's strings and armour
-ssh_signature     a signature: made, read, checked
-public_keys       whom to believe: `.pub` files and allowed_signers
-private_keys      who signs: a key read, or made
-statement         what is signed
-revocation        what revokes a key
-signature_folder  where both lie: LOG/signatures
+statement         what is signed; OpenSSH's formats: signatures and public keys
+signature_folder  where both lie, LOG/signatures; time stamps and revocations
 timestamp_token   a time stamp of RFC 3161: its query, and what it says
-timestamps        time stamps of statements, from an authority
-signer_state      what a key has signed last: KEY.state
-signer            statement after statement, each after the last
-log_signing       a log at rest, signed
-sign_beside       a log signed while somebody writes it
-trust             whom to believe: with successors and revocations
-signed_log        a log verified against its signatures
+signer_state      what a key has signed last, KEY.state; signs statement after statement
+log_signing       signs a log at rest; private keys, read or made
+sign_beside       signs a log while it is written
+signed_log        verifies a log against its signatures; whom to believe
 """

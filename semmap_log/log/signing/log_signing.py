@@ -1,6 +1,6 @@
-"""A log signed: read and checked, byte for byte, and compared with what the key signed last.
+"""Signs a log: it is read and checked, byte for byte, and compared with what the key signed last.
 
-Who signs: a private key of OpenSSH, read or made. It lies outside of every log.
+The signer is a private key of OpenSSH, read or made. It lies outside of every log.
 """
 
 from __future__ import annotations
@@ -68,18 +68,18 @@ def sign(
 ) -> Signed:
     """Sign what is closed of a log and not signed by this key yet; nothing else of it changes.
 
-    All of the log is read first, as `verify` reads it. It must go on from what the key's state
-    says was signed last. Stopped at any moment it leaves whole signatures or none. Somebody may be
-    writing, compacting or signing meanwhile.
+    All of the log is read first, as `verify` reads it. It must continue from what the key's state
+    says was signed last. If stopped at any moment, it leaves whole signatures or none. Others may
+    write, compact or sign meanwhile.
 
     Args:
         log: The log's folder.
-        key: Who signs.
-        adopt: Sign also what does not go on from there, and say so in the statement; and vouch for
-            what was taken out without an officer's statement.
+        key: The signing key.
+        adopt: Sign also what does not continue from there, and say so in the statement; and vouch
+            for what was taken out without an officer's statement.
         trimmed: Vouch for what was taken out just now.
-        next_key: Name the key that goes on in the place of this one, which signs no more of it.
-        progress: Called with how many bytes are read.
+        next_key: Name the key that replaces this one, which signs no more of it.
+        progress: Called with the number of bytes read.
 
     Raises:
         SigningError: It is damaged, or not what the key has signed before.
@@ -95,11 +95,11 @@ def sign(
 
 
 def check_before_trimming(log: Path, key: SigningKey, progress: Progress | None = None) -> None:
-    """Return if a key can vouch for what is taken out of a log next, and for all before that.
+    """Check that a key can vouch for what is taken out of a log next, and for all before that.
 
     Raises:
-        SigningError: The log is not what it has signed; or something was taken out already, and
-            nobody vouches for it.
+        SigningError: The log is not what it has signed; or something was taken out already without
+            a statement that vouches for it.
         LogError: It cannot be read, or is no log.
     """
     refuse_made(log)
@@ -160,7 +160,7 @@ def read_for_signing(
     Args:
         log: Its folder.
         state: Of the key.
-        progress: Called with how many bytes are read.
+        progress: Called with the number of bytes read.
         at: Also before this event.
 
     Raises:
@@ -244,7 +244,7 @@ class LogSigning:
         return done
 
     def check(self) -> None:
-        """Return if the log goes on from what this key has signed last.
+        """Check that the log continues from what this key has signed last.
 
         Raises:
             SigningError: It does not.
@@ -340,7 +340,7 @@ _OTHERS = stat.S_IRWXG | stat.S_IRWXO
 _MOST_BYTES = 2**16
 
 Passphrase = Callable[[], str | None]
-"""Called when a key needs a passphrase; None: there is none."""
+"""Called when a key needs a passphrase; returns None without one."""
 
 
 def read_key(path: Path, *, log: Path, passphrase: Passphrase = lambda: None) -> SigningKey:

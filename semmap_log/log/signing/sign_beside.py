@@ -1,7 +1,7 @@
-"""Signing next to a writer: the log's end, from time to time, as far as that writer wrote it.
+"""Background signing during writing: the log's end, from time to time, as that writer wrote it.
 
-What is signed comes from the writer's memory, not from the disk: what somebody else puts there is
-not signed. What goes wrong is given once, and tried again the next time.
+What is signed comes from the writer's memory, not from the disk: what anybody else puts there is
+not signed. A failure is reported once, and signing is tried again the next time.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ PAUSE_S = 0.0005
 
 
 class SignBeside:
-    """Signs the end of a log while somebody writes it; one more time when it is closed.
+    """Signs the end of a log while it is written, and once more when it is closed.
 
     with SignBeside("office", key) as signer, sl.append("office", signer=signer) as log:
         log.observe(door, "open")
@@ -65,7 +65,7 @@ class SignBeside:
             key: Who signs.
             adopt: Sign also what is found there, unsigned and not written with this key; each
                 statement about it says so.
-            tell: Called with once when it cannot be signed, and once when it can again.
+            tell: Called once when it cannot be signed, and once when it can again.
             every_s: So long it waits between two signatures.
             end_s: So long the end waits for what is being signed.
         """
@@ -75,7 +75,7 @@ class SignBeside:
         self._tell = tell
         self._thread = WorkBeside("semmap_log signing", self._look, pause_s=every_s, end_s=end_s)
         self._sessions: list[_Session] = []
-        """Of each writer that it was given; the last one goes on."""
+        """One for each writer that it was given; the last one is active."""
         self._marks: str | None = None
         """Which mark of a closing was the last when a statement was last kept."""
         self.signed_before = 0

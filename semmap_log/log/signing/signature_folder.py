@@ -6,15 +6,14 @@
     signatures/000000000218_1f02c0aa91b37e5d_0.trim      one that vouches for what was taken out
     signatures/9f86d081884c7d65_4.revoke                 that key is revoked from its statement 4 on
 
-The signature is written first: a statement that is there has one. Names only keep files apart;
-what counts is in them.
+The signature is written first: a statement that exists has one. Names only keep files apart; their
+content counts.
 
-Time stamps of statements: got from an authority by HTTP, and kept with the statement.
-
-A statement names the one before it, so that one time stamp stands for all that its key signed
+Time stamps of statements come from an authority by HTTP, and are kept with the statement. A
+statement names the one before it, so that one time stamp stands for all that its key signed
 before: they are *not later than* that time.
 
-A key revoked: from which of its statements on it is no longer believed about a log.
+A key can be revoked: from one of its statements on it is no longer believed about a log.
 
     semmap-log revocation 1
     log: 0f3c…
@@ -161,11 +160,11 @@ def _stamp(one: SignedStatement, url: str) -> Stamped:
 
 
 def _answer(url: str, wanted: bytes) -> bytes:
-    """Return what an authority answers.
+    """Return an authority's answer.
 
     Raises:
         OSError: It cannot be reached, refuses, sends too much, or too slowly.
-        ValueError: The URL is none.
+        ValueError: It is not a URL.
         HTTPException: It does not speak HTTP.
     """
     found: list[bytes] = []

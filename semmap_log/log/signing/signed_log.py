@@ -1,10 +1,9 @@
-"""A log verified against its signatures: is it what was signed, all of it, and by whom?
+"""Verifies a log against its signatures: is it what was signed, all of it, and by whom?
 
 A statement says which commit ends where, and what was taken out; the log is read byte for byte, as
-`verify` does, and must hold that. Who removes the newest events together with their signatures
-leaves a log that fits: that shows against statements that were kept elsewhere.
-
-Which keys are believed, and which of their statements: with successors and revocations.
+`verify` does, and must contain that. Removing the newest events together with their signatures
+leaves a log that fits: that shows against statements that were kept elsewhere. Also decides which
+keys are believed, and which of their statements: with successors and revocations.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ from semmap_log.log.signing.statement import (
 from semmap_log.store.verification.findings import Finding, Severity, Verification
 
 _ATTEMPTS = 3
-"""How often to begin again when somebody signs meanwhile, and what is signed now is missing."""
+"""How often to begin again when the log is signed meanwhile, and the new part is missing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +162,7 @@ class _Check:
             return None
 
     def _find_forks(self, believed: Sequence[SignedStatement]) -> None:
-        """Find what one key has said twice, and differently: of an event, or under a number."""
+        """Find contradictions of one key: about one event, or under one number."""
         heads: dict[tuple[bytes, int], SignedStatement] = {}
         numbers: dict[tuple[bytes, int], SignedStatement] = {}
         for one in believed:
@@ -194,7 +193,7 @@ class _Check:
                 self._wrong("statement", one.path, text)
 
     def _is_held(self, one: SignedStatement) -> bool:
-        """Return whether the log holds what a statement says."""
+        """Return whether the log contains what a statement says."""
         said, found = one.statement, self._found
         last = said.next_event - 1
         whose = self._keys[one.public_bytes]
@@ -228,7 +227,7 @@ class _Check:
         return self._agrees(one)
 
     def _agrees(self, one: SignedStatement) -> bool:
-        """Return whether all that a statement says besides the head is so, too."""
+        """Return whether everything that a statement says besides the head is true, too."""
         said, found = one.statement, self._found
         end = found.ends[said.next_event]
         if isinstance(said, Statement):

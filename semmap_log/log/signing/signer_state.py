@@ -1,10 +1,10 @@
 """What a key has signed last of each log, kept in KEY.state: outside of the logs' folders.
 
-Who can write to a log can put back an older one, with its older statements: the signer knows
-better. The state is written, and synced, before the statement: one that a crash has prevented is
-made from it by the next signing.
+Whoever can write to a log can put back an older one, with its older statements: the signer knows
+better. The state is written, and synced, before the statement: a statement that a crash has
+prevented is made from it by the next signing.
 
-Who signs a log: statement after statement, each after the last that the key's state knows.
+`Signer` signs a log: statement after statement, each after the last that the key's state knows.
 """
 
 from __future__ import annotations

@@ -15,14 +15,12 @@ Through the hash chain `head` stands for every event below `next-event` of which
 out; `taken` for the rest: what was taken out, and what no commit binds (`store.header`). Segments
 are not named: small ones are continued, and merged; events keep their numbers.
 
-OpenSSH's strings (RFC 4251, section 5) and its armour of base64 lines.
+Also the formats for it: OpenSSH's strings (RFC 4251, section 5) and its armour of base64 lines; a
+signature as `ssh-keygen -Y sign` makes it and `-Y verify` checks it; and whom to believe: public
+keys, from a `.pub` file of OpenSSH or an allowed_signers file.
 
-A signature of OpenSSH, as `ssh-keygen -Y sign` makes it and `-Y verify` checks it.
-
-The format is that of PROTOCOL.sshsig in OpenSSH's sources. What is signed is not the text, but a
-hash of it with a *namespace*, so that a signature for one purpose cannot serve another.
-
-Whom to believe: public keys, from a `.pub` file of OpenSSH or an allowed_signers file.
+A signature has the format of PROTOCOL.sshsig in OpenSSH's sources. What is signed is not the text,
+but a hash of it with a *namespace*, so that a signature for one purpose cannot serve another.
 """
 
 from __future__ import annotations
@@ -78,10 +76,10 @@ class StringReader:
         return self.take(length)
 
     def end(self) -> None:
-        """Return if nothing is left.
+        """Check that nothing is left.
 
         Raises:
-            ValueError: There is.
+            ValueError: Something is.
         """
         if self._data:
             raise ValueError(f"{len(self._data)} bytes more than it should have")
@@ -115,7 +113,7 @@ def signature_bytes_in(blob: bytes) -> bytes:
     """Return the 64 bytes of a signature.
 
     Raises:
-        ValueError: It is none of Ed25519.
+        ValueError: It is no signature of Ed25519.
     """
     return _only(blob, SIGNATURE_BYTES)
 
@@ -220,7 +218,7 @@ class Statement:
         )
 
     def agrees(self, end: CommitEnd, *, counts_all: bool) -> bool:
-        """Return whether a log that was read holds what this says besides the head.
+        """Return whether a log that was read has what this states besides the head.
 
         Args:
             end: Of the commit that it names.
@@ -231,7 +229,7 @@ class Statement:
 
 @dataclass(frozen=True, slots=True)
 class OldStatement:
-    """A statement of version 1: it does not tell what was taken out. None is made any more."""
+    """A statement of version 1: it does not say what was taken out. None is made any more."""
 
     log_id: str
     first_event: int
@@ -248,7 +246,7 @@ class OldStatement:
     """Hash of its last commit, hexadecimal."""
 
     def agrees(self, start: CommitEnd, end: CommitEnd) -> bool:
-        """Tell whether a log holds what this says besides the head, between two of its commits."""
+        """Return whether a log has what this states besides the head, between two commits."""
         assert end.recorded_ns is not None, "the commit is there"
         said = (self.commits, self.recorded, self.previous_head)
         found = end.commits - start.commits, format_utc(end.recorded_ns), start.head.hex()
@@ -323,7 +321,7 @@ def signature_of(text: bytes, key: SigningKey, namespace: str = HEADS) -> str:
 
 
 def read_signature(text: str) -> SshSignature:
-    """Return what is in a signature's file; whether it fits a text is queried of that.
+    """Return the content of a signature's file; `fits` checks it against a text.
 
     Raises:
         ValueError: It is no signature of Ed25519 in one of our namespaces.
@@ -388,7 +386,7 @@ def key_in_words(text: str) -> bytes:
     """Return the 32 bytes of a key that is written `ssh-ed25519 BASE64`.
 
     Raises:
-        ValueError: It is none.
+        ValueError: It is no such key.
     """
     return _key_of(text.removeprefix(f"{KEY_TYPE} "))
 
@@ -400,7 +398,7 @@ def fingerprint(public_bytes: bytes) -> str:
 
 
 def short_id(public_bytes: bytes) -> str:
-    """Return 16 hexadecimal digits that tell keys apart in the names of files."""
+    """Return 16 hexadecimal digits that distinguish keys in the names of files."""
     return hashlib.sha256(public_blob(public_bytes)).hexdigest()[:16]
 
 
@@ -408,7 +406,7 @@ def read_public_keys(paths: Iterable[Path]) -> Mapping[bytes, PublicKey]:
     """Return the keys in some files, by their bytes.
 
     Raises:
-        SigningError: A file cannot be read, holds no key, or something that is none.
+        SigningError: A file cannot be read, holds no key, or something that is no key.
     """
     keys: dict[bytes, PublicKey] = {}
     for path in paths:
@@ -451,7 +449,7 @@ def _key_in(path: Path, number: int, line: str) -> PublicKey:
 
 
 def _parted(line: str) -> tuple[str, str]:
-    """Return what stands before the kind of key, and what after; after nothing without it."""
+    """Return the text before the kind of key and the text after it ("" without it)."""
     if line.startswith(f"{KEY_TYPE} "):
         return "", line.removeprefix(KEY_TYPE)
     before, _, behind = line.partition(f" {KEY_TYPE} ")
@@ -462,7 +460,7 @@ def _key_of(text: str) -> bytes:
     """Return the key in base64.
 
     Raises:
-        ValueError: It is none of Ed25519, or not as it is written.
+        ValueError: It is no key of Ed25519, or not as it is written.
     """
     if not text:
         raise ValueError("there is none in it")

@@ -1,1 +1,1 @@
-"""What is taken out of a log on purpose, and how that is told: redaction, thinning, retention."""
+"""What is taken out of a log on purpose, and how that is recorded: redaction, thinning, expiry."""

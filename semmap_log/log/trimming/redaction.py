@@ -1,4 +1,4 @@
-"""Which records tell who was where, or what nobody shall read: the parts of a redaction."""
+"""Which records show who was where, or what nobody shall read: the parts of a redaction."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class Tracks:
 
 @dataclass(frozen=True, slots=True)
 class Annotation:
-    """What was reported about a door under a key."""
+    """A text that was set for a door under a key."""
 
     door_id: int
     key: str
@@ -105,7 +105,7 @@ class Annotation:
         return f"annotations {self.key!r} of door {self.door_id}"
 
     def gone(self, page: Page) -> NDArray[np.bool_]:
-        """As `Part` says; and pins, whose states may tell it: others take their place."""
+        """As `Part` says; and pins, whose states may contain it: others replace them."""
         found = np.asarray(page.heads["channel_id"] == MomentPinned.kind)
         for place in np.flatnonzero(page.heads["channel_id"] == DoorAnnotated.kind).tolist():
             said = read_message(type_name("DoorAnnotated"), page.record(place)[mcap.MESSAGE.size :])
@@ -122,8 +122,8 @@ class Redaction:
     pins: Sequence[MomentPinned] = ()
     """The pins of the log."""
     later: Sequence[tuple[int, DoorAnnotated]] = ()
-    """What was stated under keys that are redacted from that number on, with the numbers, and the
-    times by which they are ordered: where that is earlier than what goes, it counts then."""
+    """Texts that later events set under redacted keys, with their event numbers: where such a text
+    happened before what goes, it counts then."""
     retractions: Retractions = field(default_factory=Retractions)
     """Of the log."""
 

@@ -1,12 +1,12 @@
-"""Sightings of old segments that repeat what others say, and poses: a log without them.
+"""A log without poses, and without sightings of old segments that repeat others.
 
 Of sightings of a door that follow each other in one hour and say the same, the first and the last
 stay. So the state at every moment is what it was, as is what was known at every moment: a sighting
-goes only if the first of them was known before it. How many went, and what
-their sensors were worth, is given by an event for each run of them, on which beliefs rest from then
-on. What is lost is when exactly within an hour a door was looked at again, by which of several
-sensors of the same accuracy, and up to an hour of its `last_seen` at moments of that time. Doors of
-which something was taken back there keep all their sightings.
+goes only if the first of them was known before it. For each run of them, an event states how many
+went and what their sensors were worth; beliefs rest on it from then on. What is lost: when exactly
+within an hour a door was looked at again, by which of several sensors of the same accuracy, and up
+to an hour of its `last_seen` at moments of that time. Doors for which something was retracted there
+keep all their sightings.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Thinning:
         self._goes = np.zeros(self.before // 8 + 1, np.uint8)
         """A bit for each number of an event: whether it is a sighting that repeats others."""
         self._known: set[int] = set()
-        """Events of which segments were looked at, by the number of the first."""
+        """The segments whose events were examined, by the number of their first event."""
 
     @property
     def words(self) -> str:
@@ -76,7 +76,7 @@ class Thinning:
     def told_before(self) -> Iterator[Event | EventBatch]:
         """Yield what the sightings that go were worth: what is believed of doors rests on it.
 
-        What a thinning has told that was stopped before they went is taken back.
+        Reports of a thinning that was stopped before the sightings went are retracted.
         """
         for segment in self._reader.segments:
             if self._concerns(segment):
@@ -130,7 +130,7 @@ class Thinning:
         return bits & is_old
 
     def _told_again(self) -> Iterator[int]:
-        """Yield the numbers of events that told of sightings which still are there, and go now."""
+        """Yield the numbers of events that report sightings which still exist, and go now."""
         reader, hidden = self._reader, self._reader.retractions()
         kept = Window(kinds=bits_of_kinds([SightingsThinned]), first_event=reader.horizon or None)
         for batch in reader.batches(kept):
@@ -162,7 +162,7 @@ def _worth(repeats: NDArray[np.void]) -> EventBatch:
 def repeats_in(reader: LogReader, segment: Segment) -> Iterator[NDArray[np.void]]:
     """Yield the sightings of a segment that repeat others, some hours at a time, as `STATE_ROW`.
 
-    All that the log reports of the doors' states in the same span of time is looked at, in whatever
+    All reports of the doors' states in the same span of time are looked at, in whatever
     segment it is. Those of some hours come by door and time. What happened before the log's horizon
     stays: a pinned moment of that time may lie between two sightings that others, which are gone,
     had lain between.

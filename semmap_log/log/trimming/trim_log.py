@@ -1,11 +1,9 @@
-"""A log trimmed: what goes is given by an event before and after, which says who, and why.
+"""Trims a log: an event before and one after state what goes, who does it, and why.
 
-What a log need not keep any longer: old sightings, changes of state and poses.
-
-What says which doors, levels, floor plans and rounds there were stays, and so does what was taken
-back. At the horizon stands a keyframe; from there on all moments can be queried.
-
-The trimmed copy of a segment, checked before it takes the segment's place.
+A log need not keep old sightings, changes of state and poses any longer. Events that say which
+doors, levels, floor plans and rounds there were stay, and so do retracted ones. A keyframe stands
+at the horizon; from there on all moments can be queried. The trimmed copy of a segment is checked
+before it replaces the segment.
 """
 
 from __future__ import annotations
@@ -92,7 +90,7 @@ class TrimmedLog:
 
     done: Trimming
     event: int | None
-    """Number of the event that reports of it; None: it was only counted."""
+    """Number of the event that records it; None: it was only counted."""
 
 
 def plan_trimming(log: Path, rule: TrimRule, progress: Progress | None = None) -> TrimmedLog:
@@ -125,8 +123,8 @@ def trim_log(
         log: Its folder.
         rule: What goes.
         note: Who does it, and why.
-        progress: Called with how far the work is.
-        writing: Options of `append`, for the events that report of it.
+        progress: Called with the progress of the work.
+        writing: Options of `append`, for the events that record it.
 
     Raises:
         LogLockedError: Somebody is writing.
@@ -182,7 +180,7 @@ def _refuse_elsewhere(reader: LogReader, rule: TrimRule) -> None:
 
 
 def _is_begun(reader: LogReader) -> bool:
-    """Return whether a trimming was stopped before the log could say that it is done."""
+    """Return whether a trimming was stopped before the log could record its end."""
     window = Window(kinds=bits_of_kinds([HistoryTrimmed]))
     told = [one.event.tombstones for batch in reader.batches(window) for one in batch
             if isinstance(one.event, HistoryTrimmed)]  # fmt: skip
@@ -292,7 +290,7 @@ def _horizon(reader: LogReader, until_ns: int) -> tuple[int, int | None]:
 
 
 def _is_state_before(segment: Segment, chunk: int, event: int) -> bool:
-    """Return whether a keyframe lies between two commits, and holds the state before an event."""
+    """Return whether a keyframe is between two commits and holds the state before an event."""
     commit = commit_of(segment, event)
     if commit is not None and commit.first_event < event:
         return False

@@ -1,4 +1,4 @@
-"""A log made small: closed segments in large compressed chunks, small segments merged.
+"""Makes a log small: closed segments in large compressed chunks, small segments merged.
 
 Records keep their bytes and their order; every copy is compared with what it replaces.
 """

@@ -1,4 +1,4 @@
-"""Compaction next to a writer: a thread that never holds an append up, and never brings it down."""
+"""Compaction in the background: a thread that never delays an append and never stops the writer."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ PAUSE_S = 0.0005
 
 
 KeepUp = Callable[[Path, Callable[[], None]], None]
-"""Brings what is kept beside a log up to date: given its folder, and what to call between two steps
-of the work, which may raise to end it."""
+"""Updates what is kept next to a log: called with its folder, and with what to call between two
+steps of the work, which may raise to end it."""
 
 
 class _Abandoned(Exception):  # noqa: N818  # no error: the way out of the work under way
-    """Somebody asked to stop at once."""
+    """An immediate stop was requested."""
 
 
 class BackgroundCompactor:
@@ -65,7 +65,7 @@ class BackgroundCompactor:
         self._closing = False
         self._abandoned = threading.Event()
         self.swapping = threading.Lock()
-        """Held while a segment is replaced, and that is told: others come before that or after."""
+        """Held while a segment is replaced and reported: others wait until after that."""
         self._pid = os.getpid()
 
     def add(self, name: str) -> None:
@@ -105,7 +105,7 @@ class BackgroundCompactor:
             self._ended.wait()  # not `join`: interrupted, it takes a thread that runs for ended
             self._thread.join()
         finally:
-            if not self._ended.is_set():  # interrupted: stop at once, or behind the swap
+            if not self._ended.is_set():  # interrupted: stop at once, or after the swap
                 self._abandoned.set()
                 with self.swapping:
                     pass

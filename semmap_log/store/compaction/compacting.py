@@ -66,12 +66,12 @@ def compact(
         keep_s: How long the files stay that were merged into another, for copies of the folder
             that are under way; default: an hour. The first writer or compaction after that
             removes them.
-        progress: Called with how far the work is.
+        progress: Called with the progress of the work.
 
     Raises:
-        LogLockedError: Somebody is writing.
-        LogAccessError: The file system says no; what was done until then stays done.
-        CorruptLogError: A segment is damaged; it stays as it is, and so do those after it.
+        LogLockedError: Another process is writing.
+        LogAccessError: The file system refuses; what was done until then stays done.
+        CorruptLogError: A segment is damaged; it and those after it stay as they are.
     """
     refuse_zip(path)
     check_is_log(LogFolder(path))

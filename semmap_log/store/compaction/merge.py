@@ -1,18 +1,16 @@
-"""Small segments that become one: which, in what order of steps, and what a crash leaves of it.
+"""Merges small segments into one: which ones, in what steps, and what a crash leaves.
 
-The merged file takes the first one's name; the others are *leftovers* then: whole segments that lie
-inside the merged one. Readers pass over them, and they stay for an hour: `cp -r` lists the names
-first, and may have copied the first file as it was before the merge. Who writes later, or compacts,
-removes them. `metadata.yaml` lists only the first from before the swap on, with what it
-will hold: so rosbag2's tools never meet a file that is missing, nor a message twice.
+The merged file takes the first one's name; the others become *leftovers*: whole segments that lie
+inside the merged one. Readers skip them. They stay for an hour, because `cp -r` lists the names
+first and may have copied the first file as it was before the merge. A later writer or compaction
+removes them. From before the swap on, `metadata.yaml` lists only the first, with what it will
+contain: so rosbag2's tools never meet a missing file or a repeated message.
 
-The records of segments in pages of about a MiB: what compaction writes as chunks.
-
-Closed segments written again in large zstd chunks: the same records, a fraction of the bytes.
-
-Records keep their bytes and their order; only keyframes that stand too near to each other, where
-small segments are merged, are left out. The copy lies next to the old file until it has been
-compared with it, and is synced; only then may it take a name. Memory: about one chunk.
+Closed segments are rewritten in large zstd chunks, from pages of about a MiB of records: the same
+records in a fraction of the bytes. Records keep their bytes and their order; only keyframes that
+are too close to each other, where small segments are merged, are left out. The copy stays next to
+the old file until it has been compared with it and synced; only then may it take a name. Memory:
+about one chunk.
 """
 
 from __future__ import annotations
@@ -105,7 +103,7 @@ class Step:
 
 
 def plan(closed: Sequence[Segment], *, merge: bool) -> list[Step]:
-    """Return what there is to do about the closed segments of a log, in order.
+    """Return what must be done about the closed segments of a log, in order.
 
     What was done once is not planned again: merged segments hold more than half of what they may,
     or have a neighbour that would not fit.
@@ -219,7 +217,7 @@ def pages(sources: Iterable[Segment], pause: Pause = no_pause) -> Iterator[Page]
 
 
 def are_pages(chunks: ChunkTable) -> bool:
-    """Return whether a segment's chunks are what `pages` makes of them; none is read."""
+    """Return whether a segment's chunks are those that `pages` makes; reads no chunk."""
     since_keyframe, is_short = KEYFRAME_EVERY_BYTES, False
     is_keyframe = (chunks.rows["kinds"] & np.uint32(KEYFRAME_BIT)) != 0
     for keyframe, size in zip(is_keyframe.tolist(), chunks.rows["size"].tolist(), strict=True):
@@ -270,7 +268,7 @@ class _Read:
         return int(self.ends[at] - self.starts[at])
 
     def reaching(self, at: int, size: int) -> int:
-        """Return the chunk after those, from `at` on, that reach that size, or to a keyframe."""
+        """Return the end of the chunks, from `at` on, that reach that size or the next keyframe."""
         end = int(np.searchsorted(self.ends, int(self.starts[at]) + size)) + 1
         keyframes: list[int] = (at + np.flatnonzero(self.is_keyframe[at:end])).tolist()
         return min(end, len(self.ends), *keyframes[:1])
@@ -350,7 +348,7 @@ def merged_header(sources: Sequence[Segment]) -> SegmentHeader:
 def needs_compaction(segment: Segment) -> bool:
     """Return whether compaction would make a closed segment smaller or its chunks fewer.
 
-    Reads few chunks: of a segment that was compacted those that would not get smaller by it.
+    Reads few chunks: of a compacted segment, those that would not get smaller.
     """
     if segment.header.trimmed is not None:
         return False  # it was written in such chunks

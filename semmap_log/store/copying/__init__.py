@@ -1,7 +1,6 @@
-"""A log copied while it is written: whole, verified, and only what is new the next time.
+"""Copies a log while it is written: whole, verified, and the next time only what is new.
 
-copy_plan     what the copy holds already, and what it lacks
-staged_file   a segment's copy, verified before it has its name
+copy_plan     what the copy already contains, and what it lacks; a segment's verified copy
 copying       all of it
 """
 

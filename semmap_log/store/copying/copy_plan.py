@@ -1,8 +1,7 @@
-"""What a copy of a log holds already, and what it lacks.
+"""What a copy of a log already contains, and what it lacks.
 
-A segment's copy before it has its name: written, synced, and verified as it lies there.
-
-It has a name of its own, always the same: a copying that was stopped finds there what it has done.
+A segment's copy has a temporary name at first, always the same: it is written, synced, and verified
+where it lies. So a copy that was interrupted is found there and continued.
 """
 
 from __future__ import annotations
@@ -43,11 +42,11 @@ class CopyPlan:
 
 
 def plan_copy(source: LogReader, copy: LogReader | None) -> CopyPlan:
-    """Return what there is to do.
+    """Return what must be done.
 
     Args:
         source: The log.
-        copy: Its copy as it is; None: there is none yet.
+        copy: Its copy as it is, or None.
 
     Raises:
         LogError: What is there is no earlier state of the log.
@@ -139,13 +138,13 @@ def _overlap(one: Segment, other: Segment) -> bool:
 
 
 def _holds(one: Segment, other: Segment) -> bool:
-    """Return whether all segments of the other's range are in the range of one."""
+    """Return whether all segments in the other's range are in the range of one."""
     ours, theirs = one.header, other.header
     return ours.number <= theirs.number and theirs.last_number <= ours.last_number
 
 
 def _stands_for(there: Segment, segment: Segment) -> bool:
-    """Tell whether a file of the copy need not be replaced: it is the same, or was merged there."""
+    """Return whether a file of the copy may stay: it is the same, or was merged there."""
     if not _holds(there, segment):
         return False
     if is_merged_alone(there, segment):
@@ -159,10 +158,10 @@ def is_merged_alone(there: Segment, segment: Segment) -> bool:
 
 
 def is_same_file(one: Segment, other: Segment) -> bool:
-    """Return whether two files hold the same bytes, from their ends.
+    """Return whether two files hold the same bytes, judged by their ends.
 
-    What closes a segment holds the CRC of all before it, and where each chunk lies. A live one is
-    the same if it ends with the same commit at the same byte: it only grows.
+    The closing section contains the CRC of all bytes before it and the place of each chunk. A live
+    segment is the same if it ends with the same commit at the same byte: it only grows.
     """
     if (one.header, one.closed, one.whole_end) != (other.header, other.closed, other.whole_end):
         return False
@@ -235,7 +234,7 @@ class StagedFile:
         self.verify(new_check, told)
 
     def is_written(self) -> bool:
-        """Return whether a copying that was stopped has written it: as long, and closed alike."""
+        """Return whether an interrupted copy has written it: same length, same closing section."""
         try:
             if self.folder.status(self.temporary).st_size != self.size:
                 return False
@@ -314,7 +313,7 @@ class StagedFile:
 
 
 def _nobody(_more: int) -> None:
-    """Tell nobody."""
+    """Report nothing."""
 
 
 _AS_IT_WAS = "it was not copied, and the copy is as it was"
@@ -329,7 +328,7 @@ class _OneFile(DiskPlace):
         self._lies_at = lies_at
 
     def is_folder(self) -> bool:
-        """Return that it is none."""
+        """Return that it is no folder."""
         return False
 
     @contextmanager

@@ -1,13 +1,13 @@
-"""A log copied into another folder, or a copy brought up to date.
+"""Copies a log into another folder, or brings a copy up to date.
 
     .office_000003.mcap.copied.tmp   what the copy lacks is written, synced and verified first
     office_000003.mcap               then each gets its name, in the order of their events
-    closed-3-40000.json              then it is written down how far the copy reaches
-    metadata.yaml                    and what it holds, for rosbag2's tools
+    closed-3-40000.json              then how far the copy reaches is recorded
+    metadata.yaml                    and what it contains, for rosbag2's tools
 
-Of the log one state is read: its files are held open from the start, so compaction and merges
-disturb nobody. Killed at any step, the copy is a log, as it was or up to some segment more, and the
-next copying goes on.
+One state of the log is read: its files are held open from the start, so compaction and merges
+do not interfere. If it is killed at any step, the copy is a log, as it was or with some more
+segments, and the next run continues.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Copied:
     left_out: tuple[str, ...]
     """What lies in the log's folder and is no part of it: caches, torn tails, others' files."""
     torn_bytes: int
-    """After the log's last whole commit; not copied."""
+    """Bytes after the log's last whole commit; not copied."""
 
 
 def copy_log(
@@ -99,14 +99,14 @@ def copy_log(
     full: bool = False,
     progress: Progress | None = None,
 ) -> Copied:
-    """Copy a log, or bring a copy of it up to date; it may be written meanwhile.
+    """Copy a log, or bring a copy of it up to date; others may write to it during that.
 
     Args:
         log: Its folder, or a zip file with it. Nothing is written there, and no lock is taken.
         target: A folder that is not there yet, or is empty, or an earlier copy of the same log.
         new_check: Makes what compares keyframes with the events.
         full: Read and verify what is there already, too; what is damaged there is copied again.
-        progress: Called with how many bytes were copied and verified.
+        progress: Called with the number of bytes copied and verified.
 
     Raises:
         LogExistsError: Something else lies at the target.
@@ -189,7 +189,7 @@ class _Copying:
         write_removed_part(self.copy, self.removed)
 
     def _go_back_before(self, last: Segment) -> None:
-        """Remove the copy's last segment, and first the marks that report of it."""
+        """Remove the copy's last segment, after the marks that name it."""
         for name in mark_names(_names(self.copy)):
             found = read_named_mark(self.copy, name)
             if found is not None and found.segment >= last.header.number:

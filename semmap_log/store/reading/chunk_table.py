@@ -149,7 +149,7 @@ class ChunkTable(Sequence[StoredChunk]):
         return ChunkTable(self.path, self.source, self.rows[places])
 
     def extended(self, source: ByteSource, more: ChunkTable | None = None) -> ChunkTable:
-        """Return this table with more chunks after, in a file that may have grown."""
+        """Return this table with more chunks appended, in a file that may have grown."""
         rows = self.rows if more is None else np.concatenate((self.rows, more.rows))
         return ChunkTable(self.path, source, rows)
 
@@ -220,7 +220,7 @@ class LoadedChunks:
 
         Args:
             place: The chunk's.
-            into: Where they are to lie, of their size; None: nobody minds.
+            into: Where to put them, of their size; None: anywhere.
 
         Raises:
             CorruptLogError: Its head does not agree with the table.
@@ -262,7 +262,7 @@ _INDEX_HEAD: np.dtype[np.void] = np.dtype(
 )
 """The fixed beginning of a ChunkIndex record."""
 _INDEXES_BYTES: np.dtype[np.void] = np.dtype([("size", "<i8")])
-"""After its map: how long the chunk's message indexes are."""
+"""Follows its map: the length of the chunk's message indexes."""
 _INDEX_TAIL: np.dtype[np.void] = np.dtype([("stored_size", "<i8"), ("size", "<i8")])
 """Its fixed end; the compression's name lies before."""
 _MAP_ENTRY: np.dtype[np.void] = np.dtype(
@@ -323,7 +323,7 @@ _PATIENCE = 16
 
 
 def _alike(file: memoryview, at: int, end: int, length: int) -> int:
-    """Return how many records of that length lie after each other, from one that does."""
+    """Return how many consecutive records have that length, from one that does."""
     stride = mcap.FRAME.size + length
     lengths = np.ndarray((end - at) // stride, "<i8", file, at + 1, strides=(stride,))
     count, step = 1, _PATIENCE

@@ -1,9 +1,8 @@
-"""What closing a segment wrote after its data: by this it is opened without reading the rest.
+"""What closing a segment wrote after its data: opens it without reading the rest.
 
-Of each chunk: how many events it has, and when they happened, at the earliest and latest.
-
-A live segment's spans are found when it is scanned; closing one writes them as `semmap_index`. By
-them a question about a moment leaves out what cannot matter, however late the events came.
+For each chunk it states how many events it has, and when the earliest and the latest happened. A
+live segment's spans are found by scanning it; closing writes them as `semmap_index`. With them a
+question about a moment skips what cannot matter, however late the events came.
 """
 
 from __future__ import annotations
@@ -157,7 +156,7 @@ class ClosedSummary:
 
     @property
     def most_chunks(self) -> int:
-        """How many chunks the summary has room to report of."""
+        """How many chunks the summary has room for."""
         start, end = self.groups.get(Opcode.CHUNK_INDEX, (0, 0))
         return (end - start) // LEAST_INDEX_BYTES
 
@@ -184,7 +183,7 @@ class ClosedSummary:
             data_start: They lie after this offset.
 
         Raises:
-            CorruptLogError: What is reported about them cannot be.
+            CorruptLogError: What it states about them is impossible.
         """
         start, indexes = self.group(Opcode.CHUNK_INDEX)
         try:
@@ -195,7 +194,7 @@ class ClosedSummary:
         return ChunkTable(self.path, self.source, rows)
 
     def fits_data(self) -> bool:
-        """Return whether the data are what was written, by their CRC; reads them all.
+        """Return whether the data are what was written, judged by their CRC; reads them all.
 
         Raises:
             UnreadableLogError: Some cannot be read.

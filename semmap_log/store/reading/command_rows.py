@@ -23,8 +23,8 @@ _CRC_BYTES = 4
 def rows_of(segment: Segment) -> NDArray[np.uint64]:
     """Return the command index of a closed segment, in memory of its own.
 
-    One that has none, since it was closed before there were any, or whose index does not fit its
-    CRC, has its commits read: they are the truth, and what is wrong with an index `verify` shows.
+    If it has none, since it was closed before there were any, or if the index does not match its
+    CRC, the commits are read: they are the truth, and `verify` reports what is wrong with an index.
 
     Raises:
         CorruptLogError: Its summary is damaged; or, where they are read, its commits are.

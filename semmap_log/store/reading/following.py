@@ -42,13 +42,13 @@ def follow(
     stop: Callable[[], bool] | None = None,
     with_newer: bool = False,
 ) -> Iterator[FollowedCommit]:
-    """Yield every whole commit that has events after a number, then those that are written.
+    """Yield every whole commit that has events after a number, then new ones as they are written.
 
     Args:
         reader: Of the log; it is refreshed.
         after: Number of the last event that is not wanted any more; -1: all are.
         poll_s: How long to wait before looking again, when nothing was new.
-        stop: Called before each look; once it says yes, what is there then is the end.
+        stop: Called before each look; once it returns True, what is there then is the end.
         with_newer: As for `commits_after`.
 
     Raises:
@@ -73,7 +73,7 @@ def follow(
 def commits_after(
     reader: LogReader, event: int, *, with_newer: bool = False
 ) -> Iterator[FollowedCommit]:
-    """Yield the whole commits that a log has after an event, as it was last refreshed.
+    """Yield the whole commits that a log has after an event, as of its last refresh.
 
     Args:
         reader: Of the log.
@@ -111,7 +111,7 @@ def are_same(some: list[Segment], others: list[Segment]) -> bool:
 
 
 def _may_change_others(batch: EventBatch, segment: Segment) -> bool:
-    """Return whether there are events of unknown kinds in it that are not marked as harmless."""
+    """Return whether it contains events of unknown kinds that are not marked as harmless."""
     unknown = unknown_kinds(batch)
     return bool(unknown) and not unknown <= segment.newer.harmless
 

@@ -42,7 +42,7 @@ class ReadPosition:
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Where a segment has got to after each of some chunks, as columns."""
+    """The reading position of a segment after each of some chunks, as columns."""
 
     start: ReadPosition
     next_event: NDArray[np.int64]
@@ -77,7 +77,7 @@ class Violation:
 
 
 def place_behind(page: Page, start: ReadPosition) -> ReadPosition:
-    """Return where the log stands after a page that follows a place.
+    """Return the reading position after a page that follows a position.
 
     Raises:
         CorruptLogError: It does not follow.
@@ -123,7 +123,7 @@ class Reading:
         return int(np.searchsorted(self._ends, first.message, "right")), first.problem
 
     def places_after(self, start: ReadPosition) -> Places:
-        """Return where the log stands after each chunk, as if all of them fit."""
+        """Return the reading position after each chunk, as if all of them fit."""
         last = self._ends - 1
         commits = np.searchsorted(self._commits_at, last, "right")
         committed = np.append(0, self._events_to[self._commits_at])[commits]

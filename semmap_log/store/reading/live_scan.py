@@ -1,16 +1,14 @@
-"""A segment without a summary, read by its grammar: nothing counts but what proves itself.
+"""A segment without a summary, read by its grammar: only what proves itself counts.
 
     data = head, { { channel }, chunk, { message index } }, [ closing section ]
 
-Chunks have a CRC (`live_records`), and their messages must follow each other (`grammar`). Whatever
-else stands where a chunk must be is a *bad place*. It is damage if some whole commit after it
-says that what is missing was on the disk already; else what lies after is the torn tail that a
-writer leaves which lost its power: sectors of unsynced commits are missing, in any order.
+Chunks have a CRC, and their messages must follow each other. Anything else in place
+of a chunk is a *bad place*. It is damage if some whole commit after it says that what is missing
+was on the disk already. Otherwise the rest is the torn tail of a writer that lost power: sectors of
+unsynced commits are missing, in any order.
 
-The records of a segment without a summary: chunk after chunk, each whole by itself.
-
-Message indexes have no CRC: how long they are follows from the chunk before them, and their bytes
-are never looked at. Before a chunk with the first floor map of a level stands its Channel.
+Message indexes have no CRC: their length follows from the chunk before them, and their bytes are
+never read. The Channel of a level stands before the chunk with its first floor map.
 """
 
 from __future__ import annotations
@@ -50,14 +48,14 @@ from semmap_log.store.record_scan import (
 
 @dataclass(frozen=True, slots=True)
 class LiveScan:
-    """What of a segment proves itself, and what is wrong after."""
+    """What of a segment proves itself, and what is wrong after that."""
 
     table: ChunkTable
     """All chunks that fit, those of a commit that is not finished, too."""
     at: int
     """Where the next chunk must begin; beyond the file's end where message indexes are cut."""
     place: ReadPosition
-    """Where the log stands after all of `table`."""
+    """The reading position after all of `table`."""
     spans: NDArray[np.void]
     """When the events of each chunk in `table` happened, as `SPAN`."""
     whole: int
@@ -67,7 +65,7 @@ class LiveScan:
     whole_place: ReadPosition
     """As `place`, after these."""
     problem: str = ""
-    """Why what lies after them does not count; empty if nothing of worth lies there."""
+    """Why the bytes after them do not count; empty if nothing of value is there."""
     is_damage: bool = False
     """Whether what is missing was on the disk: then nothing may be cut off unasked."""
 
@@ -191,7 +189,7 @@ def _too_much(scan: LiveScan, part: ChunkRun) -> str:
 
 
 def _judged(scan: LiveScan, source: ByteSource) -> LiveScan:
-    """Return the scan with what lies after the chunks that fit: harmless, torn, or damage."""
+    """Return the scan with what comes after the chunks that fit: harmless, torn, or damage."""
     behind = _Behind.of(source, scan.at, scan.place.committed)
     if not scan.problem and behind.chunks:
         scan = replace(scan, problem="a closing section with chunks behind it")
@@ -213,7 +211,7 @@ def _judged(scan: LiveScan, source: ByteSource) -> LiveScan:
 
 @dataclass(frozen=True, slots=True)
 class _Behind:
-    """What whole chunks after a bad place tell."""
+    """What whole chunks after a bad place show."""
 
     expected: int
     """Number of the event that should have come at the bad place."""
@@ -221,11 +219,11 @@ class _Behind:
     first_event: int | None = None
     """The first later event that lies after it."""
     durable_before: int = 0
-    """Events below this number were on the disk, say the commits after it."""
+    """Events below this number were on the disk, according to the commits after it."""
 
     @classmethod
     def of(cls, source: ByteSource, start: int, expected: int) -> _Behind:
-        """Search all that lies after an offset."""
+        """Search everything after an offset."""
         chunks, first_event, durable_before = 0, None, 0
         for _, records, offsets in whole_chunks(source.read, start, source.size):
             page = Page(records, expected, PurePath(), 0, ScannedRecords(offsets))
@@ -315,7 +313,7 @@ WINDOW_BYTES = 5 * CHUNK_BYTES // 4
 
 
 class _BehindWindow(Exception):  # noqa: N818  # a turn of events: the caller reads more
-    """A record reaches after what was read."""
+    """A record extends past the bytes that were read."""
 
     def __init__(self, end: int) -> None:
         super().__init__(end)
@@ -336,7 +334,7 @@ class _Window:
         """Return bytes, by their offsets in the file; fewer where it ends.
 
         Raises:
-            _BehindWindow: They lie after the window's end, and not after the file's.
+            _BehindWindow: They lie past the window's end, but not past the file's.
         """
         if min(end, self.size) > self.start + len(self.data):
             raise _BehindWindow(end)
@@ -427,7 +425,7 @@ def _check_channel(body: memoryview) -> None:
 
 
 def _is_closing_section(window: _Window, at: int) -> bool:
-    """Return whether what closes a segment begins at an offset, or as much of it as is there."""
+    """Return whether a closing section, or as much of it as exists, begins at an offset."""
     start = window.get(at, at + mcap.FRAME.size)
     if start[0] == Opcode.METADATA:
         name_at = at + mcap.FRAME.size + 4

@@ -1,4 +1,4 @@
-"""What a manifest reports of a segment, by the segment itself."""
+"""The manifest entry of a segment, made from the segment itself."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ def manifest_entry(segment: Segment, name: str, sha256: str) -> ShippedSegment:
     """Return the entry of a closed segment.
 
     Args:
-        segment: Nothing of it is given by another manifest.
+        segment: Nothing of it comes from another manifest.
         name: Of its object.
         sha256: Of all its bytes, in hexadecimal digits.
 

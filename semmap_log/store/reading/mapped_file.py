@@ -1,16 +1,15 @@
-"""A file's bytes, mapped: they can be read when the file is replaced or removed meanwhile.
+"""A file's bytes, mapped: they can be read even if the file is replaced or removed meanwhile.
 
-A mapped file whose bytes nobody looks at: the kernel copies them, and says where it cannot.
+The mapped bytes are never touched directly: the kernel copies them, and reports where it cannot.
+Touching a mapped page that the disk refuses, or that lies past the end of a file that was cut
+meanwhile, raises no error but a signal that ends the process. A system call that meets such a page
+stops there. So the bytes are copied by one: `process_vm_readv` from the process to itself. It needs
+no file descriptor and no privilege.
 
-A look at a mapped page that the disk refuses, or that lies after the end of a file which was cut
-meanwhile, is no error but a signal that ends the process. A system call that meets such a page
-stops there. So what is wanted is copied by one: `process_vm_readv` from the process to itself. It
-needs no file descriptor, and no privilege.
-
-Where that is not to be had (macOS; a sandbox that forbids it), the pages are requested before they
-are copied (MADV_POPULATE_READ, Linux 5.14), and a file that is cut in the instant between the two
-still ends the process. Where that is not to be had either, nothing is asked: then so does a sector
-that cannot be read.
+Where that call is not available (macOS; a sandbox that forbids it), the pages are populated before
+they are copied (MADV_POPULATE_READ, Linux 5.14), and a file that is cut in the instant between the
+two still ends the process. Where that is not available either, nothing is checked: then a sector
+that cannot be read also ends the process.
 """
 
 from __future__ import annotations
@@ -70,7 +69,7 @@ class MappedFile:
         return self._read_all(((start, max(0, min(end, self.size) - start)),))
 
     def read_ranges(self, ranges: Sequence[tuple[int, int]]) -> memoryview:
-        """Return copies of ranges, one after the other; as `ByteSource.read_ranges`."""
+        """Return copies of ranges, concatenated; as `ByteSource.read_ranges`."""
         return self._read_all([(a, max(0, min(b, self.size) - a)) for a, b in ranges])
 
     def _read_all(self, wanted: Sequence[tuple[int, int]]) -> memoryview:
@@ -192,7 +191,7 @@ def map_file(path: Path, folder: LogFolder | None = None) -> MappedFile:
 
 
 MOST_AT_ONCE = 2**19
-"""Bytes asked of the disk in one call; a longer request the kernel cuts short."""
+"""Bytes requested of the disk in one call; the kernel cuts a longer request short."""
 
 _MADV_POPULATE_READ = 22
 _REFUSED = (errno.ENOSYS, errno.EPERM, errno.EACCES)
@@ -200,7 +199,7 @@ _FAILED = ctypes.c_void_p(-1).value
 
 
 class MappedMemory:
-    """A file that is mapped without a descriptor being kept; unmapped when nobody holds this.
+    """A file that is mapped without keeping a descriptor; unmapped with the last reference to this.
 
     Python's own mmap keeps a descriptor for each (before 3.13), and a process may have 1,024: a log
     of five years has more segments.
@@ -243,7 +242,7 @@ class MappedMemory:
         return done
 
     def will_need(self, start: int, end: int) -> None:
-        """Have the disk requested bytes."""
+        """Advise the kernel to load bytes from the disk."""
         first = start // mmap.PAGESIZE * mmap.PAGESIZE
         end = min(end, self._size)
         for at in range(first, end, MOST_AT_ONCE):
@@ -295,7 +294,7 @@ def _asked_copy(source: int, size: int, target: int) -> int:
 
 
 def _are_there(address: int, size: int) -> bool:
-    """Return whether pages can be read; where nobody can see, that they can."""
+    """Return whether pages can be read; True where that cannot be found out."""
     if not sys.platform.startswith("linux"):
         return True
     first = address // mmap.PAGESIZE * mmap.PAGESIZE
@@ -336,7 +335,7 @@ def _library() -> _Library:
 
 @cache
 def can_map() -> bool:
-    """Return whether files can be mapped by the C library: not on Windows."""
+    """Return whether the C library can map files: not on Windows."""
     try:
         _library()
     except (OSError, TypeError, AttributeError):

@@ -1,11 +1,10 @@
 """Events of kinds that a later version of this program has added: how many, and what they touch.
 
-What they mean is not known. Those whose kind is marked as changing nothing are left out of every
-answer but a list of events; after the first of another kind, every answer may be another one.
+Their meaning is not known. Those whose kind is marked as changing nothing are left out of every
+answer except a list of events; after the first of another kind, every answer may be wrong.
 
-Segments requested before their turn: where they lie in a store, each asking takes a while.
-
-How far the reading of a log has come: told to who waits, and no longer kept in memory.
+This module also prefetches segments, since each request to a store takes a while, and reports how
+far the reading of a log has come, without keeping in memory what was read.
 """
 
 from __future__ import annotations
@@ -58,7 +57,7 @@ class NewerEvents:
         return cls(dict(counts), *first, max(segment.header.minor for segment in segments))
 
     def reach(self, limit: int | None) -> bool:
-        """Return whether they may touch what is known by an event; None: by the log's end."""
+        """Return whether they may change what is known as of an event; None: as of the end."""
         return self.first is not None and (limit is None or self.first <= limit)
 
     def refusal(self, log: PurePath) -> NewerLogError:
@@ -72,7 +71,7 @@ class NewerEvents:
         )
 
     def warning(self, log: PurePath) -> NewerLogWarning:
-        """Return what is stated where they are left out."""
+        """Return the warning for answers that leave them out."""
         return NewerLogWarning(
             f"{log}: left out, since a newer version of semmap-log has written them: "
             f"{self.in_words()}; by its own mark they change nothing else."
@@ -135,20 +134,20 @@ MOST_BYTES = 2**23
 SMALL_BYTES = 2**20
 """A smaller segment comes whole, since a request costs more than its bytes."""
 END_BYTES = 2**16
-"""Of a large one only both ends come before its turn, which tell what chunks it has."""
+"""Of a large one only both ends are fetched ahead: they show what chunks it has."""
 
 
 class SegmentsAhead:
-    """The way through segments that a manifest reports of, the next ones on their way.
+    """The way through segments that a manifest lists, with the next ones prefetched.
 
-    As the read-ahead of an operating system it begins with few, and doubles them while the reading
-    goes on, so that a question that ends early has not paid for much.
+    Like the read-ahead of an operating system it begins with few, and doubles them while the
+    reading continues, so that a question that ends early has not paid for much.
     """
 
     def __init__(
         self, segments: Sequence[Segment], is_wanted: Callable[[int], bool], *, takes_all: bool
     ) -> None:
-        """Ask for nothing yet.
+        """Request nothing yet.
 
         Args:
             segments: In the order in which they are read.
@@ -191,7 +190,7 @@ MOST_MAPPED = 2**24
 
 
 class ReadProgress:
-    """The way through segments, one after the other."""
+    """The way through segments, in order."""
 
     def __init__(self, segments: Sequence[Segment], progress: Progress | None) -> None:
         self._progress = progress
@@ -199,7 +198,7 @@ class ReadProgress:
         """Bytes of the segments that were passed."""
         self._todo = sum(segment.size for segment in segments) if progress else 0
         self._kept_from = 0
-        """In the segment that is read: what lies before was let go of."""
+        """In the segment that is being read: earlier bytes were released."""
 
     def reached(self, segment: Segment, page: Page) -> None:
         """Take note of a page that was used, and all before it."""

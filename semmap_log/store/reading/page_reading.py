@@ -51,8 +51,8 @@ class Unpacked(NamedTuple):
 
     loaded: LoadedChunks
     records: Records | None
-    """Those of all, one after the other, each CRC checked. None: there are several that are not
-    compressed, and they lie in what was loaded."""
+    """Those of all chunks, concatenated, each CRC checked. None: there are several that are not
+    compressed, and they are in what was loaded."""
 
 
 def unpack(chunks: ChunkTable) -> Unpacked:
@@ -106,7 +106,7 @@ def read_page(
     Args:
         chunks: At least one; where there are several, all of them compressed or none.
         first_event: Event number at which their segment begins.
-        unpacked: What `unpack` reported about them; None: not queried yet.
+        unpacked: What `unpack` returned for them; None: not called yet.
         in_place: Whether several that are not compressed stay between what else was read.
         is_sound: Whether their bytes were checked before: then they are, too.
 
@@ -161,7 +161,7 @@ def _scanned(
     """Return what is in the records of chunks.
 
     Raises:
-        ChunkDamage: They are not messages, one after the other.
+        ChunkDamage: They are not consecutive messages.
     """
     rows = loaded.table.rows
     index_bytes = int((rows["behind"] - rows["offset"] - rows["length"]).sum())
@@ -245,12 +245,12 @@ def times_of_chunks(
 def first_violation(
     least_ns: NDArray[np.int64], greatest_ns: NDArray[np.int64], rows: NDArray[np.void]
 ) -> int | None:
-    """Return the place of the first chunk that says other times than its messages have, if any.
+    """Return the place of the first chunk that states other times than its messages, or None.
 
     Args:
         least_ns: The least log time of each chunk's messages.
         greatest_ns: The greatest.
-        rows: What is reported about the chunks: `start_ns`, `end_ns`.
+        rows: What is stated about the chunks: `start_ns`, `end_ns`.
     """
     wrong = (least_ns != rows["start_ns"]) | (greatest_ns != rows["end_ns"])
     places: Sequence[int] = np.flatnonzero(wrong).tolist()

@@ -58,7 +58,7 @@ class ChunkPlace(NamedTuple):
 
     segment: int
     chunk: int
-    """The one after it."""
+    """The chunk after it."""
 
 
 BEGINNING = ChunkPlace(0, 0)
@@ -77,7 +77,7 @@ class LogReader:
             only: A file, if only one segment of it is wanted.
 
         Raises:
-            NotALogError: There is none.
+            NotALogError: There is no log.
             CorruptLogError: A segment is damaged, missing, or from elsewhere.
             LogAccessError: A segment cannot be read.
         """
@@ -90,7 +90,7 @@ class LogReader:
         self._retractions: Retractions | None = None
         self._newer: NewerEvents | None = None
         self._has_warned = self._has_warned_of_horizon = False
-        """Whether somebody was given that events of a later version are left out."""
+        """Whether the user was warned that events of a later version are left out."""
         self._latest_ns: NDArray[np.int64] | None = None
         """Of each segment and those before it, the latest happened time."""
         self._is_in_order = False
@@ -202,17 +202,17 @@ class LogReader:
     ) -> Iterator[EventBatch]:
         """Yield the events of a window, numbers ascending, retracted ones included.
 
-        What cannot hold any is not read. Whether events of kinds unknown here touch the question
-        is not asked: `check_known` does.
+        Chunks that cannot contain any are not read. Whether events of kinds unknown here touch the
+        question is not checked: `check_known` does that.
 
         Args:
             window: Which events.
-            start: What comes before is not looked at.
-            doors: Events about others may be left out: who asks about few is spared their columns.
-            progress: Called with how far the reading is.
+            start: What comes before is not read.
+            doors: Events about others may be left out, which saves reading their columns.
+            progress: Called with the progress of the reading.
             on_page: Called with the records of each batch that follows.
             with_newer: Yield events of unknown kinds, too.
-            is_part: It is a part of a question of which `check_horizon` was queried.
+            is_part: Whether it is part of a question for which `check_horizon` was called.
 
         Raises:
             CorruptLogError: A chunk is not what was written, or events are missing.
@@ -315,7 +315,7 @@ class LogReader:
         """Return the event of that number.
 
         Raises:
-            LogError: There is none.
+            LogError: There is no such event.
         """
         for batch in self.batches(self.window_of(number), with_newer=True):
             (recorded,) = batch
@@ -377,7 +377,7 @@ class LogReader:
         return int(self.segments[place.segment].chunks.rows["end_ns"][place.chunk - 1])
 
     def horizon_place(self) -> ChunkPlace:
-        """Return where the keyframe lies that shows the state at the horizon.
+        """Return the place of the keyframe that holds the state at the horizon.
 
         Raises:
             CorruptLogError: It is not there.
@@ -394,7 +394,7 @@ class LogReader:
 
     @property
     def first_whole_event(self) -> int:
-        """Number of the first event after all that was thinned, or is no longer kept."""
+        """Number of the first event after all that was thinned or is no longer kept."""
         lost = TrimReason.THINNED | TrimReason.EXPIRED
         ends = [s.header.trimmed.next_event for s in self.segments
                 if s.header.trimmed is not None and s.header.trimmed.reasons & lost]  # fmt: skip
@@ -421,7 +421,7 @@ class LogReader:
             warnings.warn(HorizonWarning(f"{self.folder}: {self._horizon_words()}."), stacklevel=3)
 
     def check_reaches_horizon(self, start: ChunkPlace) -> None:
-        """Return if nothing is gone after a place for its age.
+        """Check that nothing after a place is gone because of its age.
 
         Raises:
             HorizonError: Something is.
@@ -438,7 +438,7 @@ class LogReader:
         )
 
     def behind_horizon(self) -> HorizonError:
-        """Return the error that what is queried is gone for its age; says what can be queried."""
+        """Return the error that this moment is gone for its age; it names what can be queried."""
         return HorizonError(f"{self.folder}: {self._horizon_words()}; ask about a later moment.")
 
     def _horizon_words(self) -> str:
@@ -459,7 +459,7 @@ class LogReader:
         return self._newer
 
     def check_known(self, limit: int | None = None) -> None:
-        """Return if no event up to a number, of a kind unknown here, can touch an answer.
+        """Check that no event up to a number, of a kind unknown here, can affect an answer.
 
         Raises:
             NewerLogError: One can.
@@ -525,7 +525,7 @@ class LogReader:
             check_follows(segment, commit, self.segments[place - 1])
 
     def _check_order(self) -> None:
-        """Check that the segments are one log's, one after the other, as their heads tell."""
+        """Check that the segments are consecutive ones of one log, as their heads show."""
         if not self._is_in_order:
             for before, segment in pairwise(self.segments):
                 check_adjoins(segment, before)

@@ -1,6 +1,6 @@
 """The bytes of a segment that was removed from the disk: some are kept, the rest is in a store.
 
-The segments of a log in a store, read where they lie: see `SegmentStore`.
+Also reads the segments of a log in a store where they are: see `SegmentStore`.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class RemovedSource:
         )
 
     def read_ranges(self, ranges: Sequence[tuple[int, int]]) -> memoryview:
-        """Return ranges one after the other; as `read`."""
+        """Return ranges, concatenated; as `read`."""
         return memoryview(b"".join(self.read(start, end) for start, end in ranges))
 
     def will_need(self, start: int, end: int) -> None:
@@ -144,7 +144,7 @@ def _unpacked(data: bytes) -> list[tuple[int, memoryview]]:
 
 
 class _NotedSource:
-    """A `ByteSource` that takes note of what is requested."""
+    """A `ByteSource` that records which ranges are requested."""
 
     is_guarded = True
 
@@ -169,7 +169,7 @@ class _NotedSource:
         """Do nothing."""
 
     def ranges(self) -> list[tuple[int, int]]:
-        """Return what was requested, in order, without what overlaps."""
+        """Return the requested ranges, in order and without overlaps."""
         found: list[tuple[int, int]] = []
         for start, end in sorted(self._noted):
             if found and start <= found[-1][1]:
@@ -180,7 +180,7 @@ class _NotedSource:
 
 
 LISTED_FOR_S = 1.0
-"""Asked again sooner, a listing is the same: each costs a request, and money."""
+"""Within this time a listing is not repeated: each costs a request, and money."""
 
 
 class ObjectSegments:
@@ -196,11 +196,11 @@ class ObjectSegments:
         listed_for_s: float = LISTED_FOR_S,
         cache: ObjectCache | None = None,
     ) -> None:
-        """Take the place; nothing is queried yet.
+        """Store the place; nothing is requested yet.
 
         Args:
             store: What lies below the URL.
-            listed_for_s: Asked again sooner, a listing is the same.
+            listed_for_s: How long a listing is used before it is repeated.
             cache: Keeps on a disk what is fetched; default: the one that the environment names.
 
         Raises:

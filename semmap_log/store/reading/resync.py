@@ -1,4 +1,4 @@
-"""Whole chunks after a place where nothing can be read: found by what chunks look like.
+"""Finds whole chunks after a place where nothing can be read, by what chunks look like.
 
 A record's length cannot be trusted there, so every byte is a place where a chunk may begin.
 """

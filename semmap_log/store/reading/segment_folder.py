@@ -1,8 +1,7 @@
-"""A log's segments, looked at again and again while a writer changes them.
+"""The segments of a log in a folder on disk, or in a zip that was unpacked there.
 
-Which `SegmentStore` a place is: a folder, a zip, or a URL.
-
-The segments of a log in a folder on a disk, or in a zip that was unpacked there.
+They are looked at again and again while a writer changes them. `store_at` returns the
+`SegmentStore` of a place: a folder, a zip, or a URL.
 """
 
 from __future__ import annotations
@@ -174,7 +173,7 @@ class SegmentFolder:
 
 
 def _is_in_another(path: PurePath, segments: Iterable[Segment]) -> bool:
-    """Return whether a file, which cannot be read, was merged into another: by its name."""
+    """Return whether a file that cannot be read was merged into another, judged by its name."""
     heads = ((one.path.name, one.header) for one in segments)
     return any(
         is_named_as_part(path.name, name, head.number, head.last_number) for name, head in heads
@@ -182,11 +181,11 @@ def _is_in_another(path: PurePath, segments: Iterable[Segment]) -> bool:
 
 
 def check_is_log(folder: LogFolder) -> None:
-    """Return if a segment of ours lies in a folder: then it is a log's, however damaged.
+    """Check that a folder contains a segment of ours: then it is a log's, however damaged.
 
     Raises:
-        NotALogError: There is none.
-        CorruptLogError: All there are are damaged in their heads.
+        NotALogError: It contains none.
+        CorruptLogError: All of them are damaged in their heads.
         LogAccessError: They cannot be read.
     """
     *others, last = (folder / name for name, _ in list_segments(folder))
@@ -232,7 +231,7 @@ class LocalSegments:
     """A `SegmentStore`: files of a folder, mapped."""
 
     def __init__(self, folder: LogFolder, *, rest_at: UrlPath | None = None) -> None:
-        """Take the folder; nothing is queried yet.
+        """Store the folder; nothing is read yet.
 
         Args:
             folder: The log's.
@@ -242,7 +241,7 @@ class LocalSegments:
         self.folder = folder
         self._rest_at = rest_at or rest_of_environment()
         self._removed: tuple[Version | None, RemovedPart | None] = None, None
-        """What shipped.json said, and what shows that it is still the same file."""
+        """What shipped.json stated, and what shows that it is still the same file."""
         self._elsewhere: dict[str, RemovedSegment] = {}
         """Those whose files are not there, as listed last."""
         self._listed: Listing = []

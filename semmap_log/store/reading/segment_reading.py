@@ -1,8 +1,7 @@
-"""Finding things in one segment: pages, the chunk of an event, the commit of an event.
+"""Finds things in one segment: pages, the chunk of an event, the commit of an event.
 
-Who did it and why: the commits of many events, with their notes, as columns.
-
-Nothing is looked up before somebody asks: most folds never do.
+Also finds who made a change and why: the commits of many events, with their notes, as columns.
+Nothing is looked up before it is requested: most folds never do.
 """
 
 from __future__ import annotations
@@ -81,7 +80,7 @@ class PageAtHand:
     page: Page
 
     def is_all_of(self, segment: Segment, chunks: NDArray[np.intp]) -> bool:
-        """Return whether no more is requested than these records."""
+        """Return whether only these records are requested."""
         return segment is self.segment and chunks.tolist() == [self.chunk]
 
 
@@ -145,7 +144,7 @@ def _with_places(
 
 
 def _is_sound(segment: Segment, chunks: ChunkTable) -> bool:
-    """Tell whether the bytes of these chunks were checked: where that is worth it, they are now."""
+    """Return whether the bytes of these chunks were checked; checks them if that is worth it."""
     is_worth_it = 2 * len(chunks) > len(segment.chunks) and len(chunks) >= MANY_CHUNKS
     may_trust = is_worth_it and chunks.are_small and segment.source.is_guarded
     return may_trust and segment.is_sound  # to know it, all is read
@@ -155,8 +154,8 @@ def _is_sound(segment: Segment, chunks: ChunkTable) -> bool:
 def _keep_freed_memory() -> None:
     """Have the C library keep a few MiB that were freed for the next page's arrays.
 
-    glibc hands larger arrays back to the kernel at once, until it has seen one freed that is larger
-    still (mallopt(3), M_MMAP_THRESHOLD). Every page of memory that the kernel clears and maps again
+    glibc returns larger arrays to the kernel at once, until it has seen an even larger one freed
+    (mallopt(3), M_MMAP_THRESHOLD). Every page of memory that the kernel clears and maps again
     costs as much as reading 20 events.
     """
     np.empty(_KEPT_BYTES, np.uint8)  # never touched, so it takes no memory
@@ -165,8 +164,8 @@ def _keep_freed_memory() -> None:
 _KEPT_BYTES = 2**23
 
 _PAGE_BYTES = 5 * CHUNK_BYTES // 2
-"""So many are read together: each page costs some 0.2 ms next to its bytes. After a keyframe come a
-whole chunk and a fifth of one: twice that is a page."""
+"""So many chunks are read together: each page costs some 0.2 ms on top of its bytes. A keyframe is
+followed by a whole chunk and a fifth of one: twice that is a page."""
 
 MANY_CHUNKS = 32
 """Fewer are checked one by one sooner than all the data of their segment are."""
@@ -179,7 +178,7 @@ FEW_BYTES = 3 * CHUNK_BYTES
 
 
 def _groups(segment: Segment, chunks: ChunkTable) -> Iterator[ChunkTable]:
-    """Yield chunks in groups, each of them asked of the disk one group ahead."""
+    """Yield chunks in groups, each requested from the disk one group ahead."""
     before: ChunkTable | None = None
     for group in chunks.groups(_PAGE_BYTES):
         segment.source.will_need(*group.span())
@@ -217,7 +216,7 @@ def _check_left(
     ends: NDArray[np.int64],
     counts: NDArray[np.int64],
 ) -> None:
-    """Check that of a trimmed segment's chunks as many events are there as its index shows."""
+    """Check that the chunks of a trimmed segment hold as many events as its index states."""
     places = np.searchsorted(firsts, numbers, "right") - 1
     fits = len(numbers) == counts.sum() and (np.diff(numbers) > 0).all()
     if not fits or (places < 0).any() or (numbers >= ends[places]).any():
@@ -313,18 +312,18 @@ class SaidFinder:
         """Begin.
 
         Args:
-            find_commit: Returns the commit that holds an event; requested those whose Commit is not
-                on the page that was looked at.
-            with_notes: False: the notes are not read, and say nothing.
+            find_commit: Returns the commit that holds an event; called for those whose Commit is
+                not on the page that was looked at.
+            with_notes: False: the notes are not read, and are empty.
         """
         self._find_commit = find_commit
         self._with_notes = with_notes
         self._at_hand: CommitColumns | None = None
         self._last: Commit | None = None
-        """The last that was found elsewhere; an import's may go on over many pages."""
+        """The last one that was found elsewhere; an import's may span many pages."""
 
     def look_at(self, _: Segment, page: Page) -> None:
-        """Take the commits of a page, in which the events lie that are queried next.
+        """Take the commits of a page, which contains the events that are queried next.
 
         Raises:
             CorruptLogError: A note is not what its channel carries.
@@ -344,7 +343,7 @@ class SaidFinder:
             yield commits.texts[note], ids[16 * at : 16 * at + 16]
 
     def commits_of(self, numbers: NDArray[np.int64]) -> CommitColumns:
-        """Return commits of which each of these events, numbers ascending, has its own."""
+        """Return commits such that each of these events, numbers ascending, finds its own there."""
         commits = self._at_hand
         assert commits is not None, "somebody told where the events lie"
         lacking = numbers[commits.places_of(numbers) < 0]
@@ -385,7 +384,7 @@ class NoteSources:
 
 
 class SaidByCommits:
-    """Who and why of all the commits of some pages that follow each other, as columns."""
+    """Who and why of all the commits of some consecutive pages, as columns."""
 
     def __init__(self) -> None:
         self._parts: list[CommitColumns] = []
@@ -481,7 +480,7 @@ def commits_on(page: Page, *, with_notes: bool = True) -> CommitColumns:
 
 
 def _notes_of(page: Page, places: NDArray[np.intp]) -> tuple[NDArray[np.intp], list[NoteTexts]]:
-    """Return what is said of the commits whose Commits are at these places, each text once."""
+    """Return the notes of the commits whose Commits are at these places, each text once."""
     has_note = (places > 0) & (page.heads["channel_id"][places - 1] == NOTE_CHANNEL)
     codes = np.zeros(len(places), np.intp)
     codes[has_note], texts = _told_by(page, places[has_note] - 1)

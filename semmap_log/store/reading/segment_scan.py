@@ -49,8 +49,8 @@ if TYPE_CHECKING:
 class Segment:
     """What lies in a segment's file.
 
-    Of a closed one only the head was read, and that there is a footer: the rest is looked at when
-    it is requested. Of a live one all that counts was read and checked.
+    Of a closed one only the head and the presence of a footer were read: the rest is read on
+    request. Of a live one everything that counts was read and checked.
     """
 
     path: PurePath
@@ -238,7 +238,7 @@ class Segment:
 
     @computed_once
     def is_sound(self) -> bool:
-        """Whether all of its data are what was written, as one CRC shows, or a scan has found."""
+        """Whether all of its data are what was written, as one CRC or a scan has shown."""
         if self.live is not None:
             return True
         self.source.will_need(0, self.size)
@@ -253,12 +253,12 @@ class Segment:
 
     @property
     def problem(self) -> str:
-        """Why what lies after `whole_end` does not count; empty if nothing of worth lies there."""
+        """Why the bytes after `whole_end` do not count; empty if nothing of value is there."""
         return self.live.problem if self.live is not None else ""
 
     @property
     def torn_bytes(self) -> int:
-        """How many bytes lie after the last whole commit of a live segment, and do not count."""
+        """How many bytes follow the last whole commit of a live segment, and do not count."""
         return self.size - self.whole_end if self.problem else 0
 
     def _check_told(self, told: ShippedSegment, found: ClosedSummary) -> None:
@@ -290,7 +290,7 @@ class _Keepers:
         self._segments: deque[weakref.ref[Segment]] = deque()
 
     def add(self, segment: Segment) -> None:
-        """Take in one that begins to keep something; the one that has done so longest lets go."""
+        """Add a segment that begins to keep something; the oldest one releases what it keeps."""
         self._segments.append(weakref.ref(segment))
         if len(self._segments) > self._most:
             oldest = self._segments.popleft()()

@@ -1,9 +1,8 @@
 """Which files of a folder are the log: all of one, none missing, in the order of their heads.
 
-Where a log's segments lie: a folder on a disk, or another place that can give ranges of bytes.
-
-What the reader asks of it is given here, once for all places. Writing, recovery and compaction need
-a folder: a robot writes to its disk.
+`SegmentStore` is where a log's segments are: a folder on disk, or another place that returns ranges
+of bytes. It states once, for all places, what the reader needs. Writing, recovery and compaction
+need a folder: a robot writes to its disk.
 """
 
 from __future__ import annotations
@@ -97,10 +96,10 @@ def _check_begins(segment: Segment, next_event: int, head: bytes, before: Segmen
 
 
 def check_adjoins(segment: Segment, before: Segment) -> None:
-    """Check that a segment begins where the one before it ends, as their heads and indexes tell.
+    """Check that a segment begins where the one before it ends, by their heads and indexes.
 
     No chunk is read: for questions that look at a few places of a long log. They rest on all of
-    its segments, since what an index reports of one may be why it is not read.
+    its segments, since one is skipped because of what an index states.
 
     Raises:
         CorruptLogError: Events are missing between them, one is of another copy of the log, or
@@ -167,7 +166,7 @@ def check_listed(names: Sequence[str], path: PurePath, segments: Sequence[Segmen
 
 
 def check_goes_on(segments: Sequence[Segment], earlier: Sequence[Segment]) -> None:
-    """Check that a log is what it was when it was last looked at, and what came after.
+    """Check that a log still has what it had at the last look, and what came after.
 
     Args:
         segments: All of it, in order.
@@ -212,7 +211,7 @@ def _missing(folder: PurePath, segment: Segment, expected: int) -> CorruptLogErr
 
 
 def _check_before(segment: Segment, following: Segment) -> None:
-    """Check what the heads of two neighbours tell without a look at the data between them."""
+    """Check the heads of two neighbours without a look at the data between them."""
     if not segment.closed:
         problem = (
             f"not closed, and {following.path.name} follows it: it was cut; "
@@ -261,7 +260,7 @@ def _check_leftover(segment: Segment, before: Sequence[Segment]) -> None:
 
 
 def _is_part(segment: Segment, whole: Segment) -> bool:
-    """Tell whether the commits before and at the end of a segment are the same in a larger one."""
+    """Return whether a larger segment has the same commits before and at the end of this one."""
     header = segment.header
     if header.first_event == whole.header.first_event:
         before = whole.header.hash_so_far
@@ -276,7 +275,7 @@ def _is_part(segment: Segment, whole: Segment) -> bool:
 
 
 def _ends_alike(segment: Segment, whole: Segment) -> bool:
-    """Return whether a segment's last commit is in a larger one, too.
+    """Return whether a segment's last commit is in a larger segment, too.
 
     The log does not need what lies in another file, so it need not be whole.
     """
@@ -291,13 +290,13 @@ def _ends_alike(segment: Segment, whole: Segment) -> bool:
 
 
 Listing = list[tuple[str, Hashable]]
-"""The name of each segment file, by name, and what shows it from another file of that name."""
+"""The name of each segment file, and what distinguishes it from another file of that name."""
 
 
 class SegmentStore(Protocol):
     """The files of one log, as a reader sees them. A closed segment never changes under its name.
 
-    It may be queried again and again while somebody writes there.
+    It may be queried repeatedly while a writer changes the place.
     """
 
     @property
@@ -312,7 +311,7 @@ class SegmentStore(Protocol):
         """Return the segments that are there now, at least one.
 
         Raises:
-            NotALogError: There is none.
+            NotALogError: There is no segment.
             LogAccessError: They cannot be listed.
         """
 
@@ -328,14 +327,14 @@ class SegmentStore(Protocol):
         """Return what a manifest says of a closed segment, so that it need not be opened for it."""
 
     def size_of(self, name: str) -> int:
-        """Return how many bytes a segment has now: a live one grows.
+        """Return the current size of a segment in bytes: a live one grows.
 
         Raises:
-            OSError: It is gone, or cannot be queried.
+            OSError: It is gone, or cannot be accessed.
         """
 
     def mark(self) -> ClosedMark | None:
-        """Return how far the log reached when its last segment was closed; None: nobody knows.
+        """Return how far the log reached when its last segment was closed; None: not known.
 
         Raises:
             CorruptLogError: What says so is not what was written.
@@ -343,4 +342,4 @@ class SegmentStore(Protocol):
         """
 
     def closed_names(self) -> Sequence[str]:
-        """Return the segments that are known as closed: asked where there is no mark."""
+        """Return the segments that are known as closed: needed where there is no mark."""

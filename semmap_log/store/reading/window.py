@@ -114,7 +114,7 @@ EVERYTHING = Window()
 
 
 def numbers_of(segment: Segment) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return for each chunk the number of its first event, and the number after its last."""
+    """Return, for each chunk, the number of its first event and the number after its last."""
     ends = segment.next_events
     return np.append(segment.header.first_event, ends)[: len(ends)], ends
 

@@ -1,12 +1,8 @@
 """Repair on demand: what is whole in a damaged log becomes a log again; the rest is named.
 
-recovery_plan   what would be saved and what is lost
-renumbering     event numbers of the old log -> of the new
-rewriting       a commit in its new place
-trimmed_parts   where something was taken out of what survives
-recovered_log   the new log
-swap            the new log in the place of the old, which is kept
-recovering      all of it
+recovery_plan   what would be saved and what is lost, with what was trimmed from it
+rewriting       a commit in its new place, with its new event numbers
+recovering      the new log, which replaces the old one; the old one is kept
 """
 
 from semmap_log.store.salvage.recovering import Recovered, StateParts, recover, recover_into

@@ -1,16 +1,16 @@
 """Recovers a log: into another folder, or in its place with the damaged files kept.
 
-The log that is made from what survives: the same commits, chained again, whole and closed.
-
-A log put in the place of another, at once: readers see the old one or the new one.
+The new log is made from what survives: the same commits, chained again, whole and closed. It
+replaces the old log at once: readers see the old one or the new one.
 
     .office.recovering/     the new log is made here, next to `office`, marked by `.recovering`
     exchange                the two folders swap their names in one step (renameat2)
-    office/damaged-1/       the old folder goes there; what was not the log's comes back
+    office/damaged-1/       the old folder moves there; files that are not the log's return
     office/.recovering      removed last
 
-Killed before the exchange, the log is as it was, and the next recovery removes the unfinished
-folder. Killed after it, the log is the new one, and the next recovery does the last two steps.
+If it is killed before the exchange, the log is unchanged, and the next recovery removes the
+unfinished folder. If it is killed after it, the log is the new one, and the next recovery does the
+last two steps.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def recover(
     Args:
         log: Its folder.
         parts: Know the state.
-        progress: Called with how far the reading of the damaged log is.
+        progress: Called with the progress of reading the damaged log.
         clock: Says when the new log was made.
         entropy: Where ids come from.
 
@@ -396,7 +396,7 @@ def holds_nothing_back() -> None:
 
 
 def _is_full(segment: SegmentWriter, next_event: int) -> bool:
-    """Return whether another segment must begin before an event."""
+    """Return whether a new segment must begin before an event."""
     trimmed = segment.header.trimmed
     if trimmed is not None:
         return next_event >= trimmed.next_event
@@ -417,7 +417,7 @@ def beside(log: Path) -> Path:
 
 @contextmanager
 def new_folder_beside(log: Path) -> Iterator[Path]:
-    """Hand out an empty, marked folder next to a log's; it is removed if what follows fails."""
+    """Yield an empty, marked folder next to a log's; it is removed if the block fails."""
     folder = beside(log)
     if folder.is_symlink() or folder.exists():
         if folder.is_symlink() or not (folder / RECOVERING_NAME).exists():
@@ -434,7 +434,7 @@ def new_folder_beside(log: Path) -> Iterator[Path]:
 
 
 def take_place(log: Path, old: LogFolder) -> None:
-    """Put the finished log next to `log` in its place, in one step.
+    """Put the finished log in the place of `log`, in one step.
 
     Args:
         log: Its path.
@@ -484,7 +484,7 @@ def _last_kept(log: Path) -> list[Path]:
 
 
 def _free_name(log: Path) -> Path:
-    """Return the name after those of all recoveries before."""
+    """Return the name after those of all earlier recoveries."""
     used = [*log.glob("damaged-*"), *beside(log).glob("damaged-*")]
     return log / f"damaged-{1 + max(map(_number, used), default=0)}"
 

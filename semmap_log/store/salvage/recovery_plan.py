@@ -1,21 +1,18 @@
 """What of a damaged log can be saved, and what is lost: found by reading, nothing is written.
 
-Where something was taken out of what survives of a damaged log, by its new numbers.
+`TrimmedPart` states, in new numbers, where something was taken out of what survives. The head of a
+trimmed segment states where it ends, so that must be known before the segment is written.
 
-The head of a trimmed segment shows where that ends, so it must be known before one is written.
-
-The beginning of a damaged log whose oldest events are no longer kept: it is taken over whole.
-
-After its horizon a log rests on the keyframe there, and the events before it have the numbers
-that the keyframe knows them by. So the first segment comes into the new log as it is, numbers,
+A damaged log whose oldest events are no longer kept has its beginning taken over whole. From its
+horizon on a log rests on the keyframe there, and the events before it have the numbers that the
+keyframe knows them by. So the first segment is copied into the new log as it is, with its numbers,
 gaps and tombstones; what survives after it follows without gaps.
 
-A commit split at the keyframe within it: repairs what an earlier version's `retain` broke.
-
-Up to version 0.1.0 `retain --keep` could take a keyframe between the chunks of one commit for the
-horizon. The events before it went, and no reader found the keyframe's place any more. Here that
-commit becomes two: one of what is gone, which ends at the keyframe, and one of what is left. The
-commits after it are chained to these; every event keeps its number.
+A commit may be split at the keyframe within it: this repairs what an earlier version's `retain`
+broke. Up to version 0.1.0 `retain --keep` could take a keyframe between the chunks of one commit
+for the horizon. The events before it were removed, and no reader found the keyframe's place any
+more. Here that commit becomes two: one of what is gone, which ends at the keyframe, and one of what
+is left. The commits after it are chained to these; every event keeps its number.
 """
 
 from __future__ import annotations
@@ -80,9 +77,9 @@ class Loss:
     last_event: int | None
     """None: it is not known how many followed the last that is whole."""
     after_ns: int | None
-    """Log time of the last record before them; None: there is none."""
+    """Log time of the last record before them, or None."""
     before_ns: int | None
-    """Log time of the first record after them; None: there is none."""
+    """Log time of the first record after them, or None."""
     files: tuple[str, ...]
     why: tuple[str, ...]
 
@@ -120,7 +117,7 @@ class RecoveryPlan:
 
     @property
     def has_to_do(self) -> bool:
-        """Return whether there is damage that the next writer would not heal by itself."""
+        """Return whether there is damage that the next writer would not repair by itself."""
         return bool(self.verification.of(Severity.DAMAGE))
 
     @property
@@ -297,7 +294,7 @@ def _door_id(kind: int, data: bytes) -> int:
 
 
 def _check_is_all_here(log: Path) -> None:
-    """Refuse a log of which a part lies in a store only: what is made again would begin elsewhere.
+    """Refuse a log that is partly in a store only: a rebuilt log would begin elsewhere.
 
     Raises:
         ElsewhereError: It does.
@@ -429,7 +426,7 @@ def kept_beginning(
     Args:
         found: Its files.
         verified: What is wrong with it.
-        told: What it last reported about what was taken out of it: its first segment may be gone.
+        told: Its last report of what was taken out of it: its first segment may be gone.
 
     Raises:
         LogError: The beginning itself, or the state at the horizon, is damaged.

@@ -1,9 +1,8 @@
-"""A commit that survives, in its new place: other numbers and another hash, all else as it was.
+"""A commit that survives, in its new place: other numbers and another hash, all else unchanged.
 
-What was taken out on purpose stays so: its Tombstones come along, and with them what answers its
-commands when they are sent again.
-
-Event numbers of a damaged log -> those of the log that is made from what survives.
+What was taken out on purpose stays out: its Tombstones are kept, and with them what answers its
+commands when they are sent again. Event numbers of the damaged log are mapped to those of the log
+that is made from what survives.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ from semmap_log.store.verification.hash_chain import SEQUENCE_RANGE
 
 
 class Rewriter:
-    """Gives commits their new numbers and chains them again; records keep their bytes otherwise.
+    """Gives commits their new numbers and chains them again; records otherwise keep their bytes.
 
     Where nothing was lost before a commit, it comes out byte for byte as it was, hash included. A
     retraction of events that are all lost is dropped; in a commit with more events the records
@@ -55,7 +54,7 @@ class Rewriter:
         """Whether a commit has got another hash, or was dropped."""
 
     def begin_behind(self, next_event: int, head: bytes, last_ns: int) -> None:
-        """Go on after commits that are taken over as they are.
+        """Continue after commits that are taken over unchanged.
 
         Args:
             next_event: Number of the first event after them.
@@ -146,7 +145,7 @@ class Rewriter:
 
 
 def _of_what_is_left(lacks: Tombstone, kept: dict[int, bytes]) -> Tombstone:
-    """Return a Tombstone that shows the digests of the records that are left now."""
+    """Return a Tombstone with the digests of the records that are left now."""
     parts = (replace(part, kept_digest=kept.get(part.channel, NO_HASH)) for part in lacks.parts)
     return replace(lacks, parts=tuple(parts))
 

@@ -1,8 +1,8 @@
 """What is left of closed segments without some of their records, and what is gone.
 
-It is made in one pass, with about a chunk in memory. Commits that lose nothing stay as they are;
-of those that lose all of their events nothing stays but their place in the chain; of the others
-the Commit stays, and a Tombstone with the digests that its hash wants.
+It is made in one pass, with about a chunk in memory. Commits that lose nothing stay unchanged. Of
+those that lose all of their events only the place in the chain stays; of the others the Commit
+stays, and a Tombstone with the digests that its hash needs.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The closed segments of a log, trimmed one after the other under the writer's lock.
+"""Trims the closed segments of a log, one by one, under the writer's lock.
 
-The copy of closed segments without some of their records, written, synced and compared.
+Each is replaced by a copy without some of its records, which is written, synced and compared.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def trim_segments(
         log: The log's folder.
         select: Says what goes.
         check: Called for each copy before it is installed.
-        progress: Called with how many bytes of segments are done.
+        progress: Called with the number of segment bytes that are done.
 
     Raises:
         LogLockedError: Somebody is writing.
@@ -153,7 +153,7 @@ def count_selected(reader: LogReader, select: Select, progress: Progress | None 
     Args:
         reader: Of the log.
         select: Says what would go.
-        progress: Called with how many bytes of segments are done.
+        progress: Called with the number of segment bytes that are done.
 
     Raises:
         CorruptLogError: A segment is damaged.
@@ -174,7 +174,7 @@ def count_selected(reader: LogReader, select: Select, progress: Progress | None 
 
 
 def takes_anything(reader: LogReader, select: Select) -> bool:
-    """Return whether `trim_segments` would take anything out; it is read up to the first record.
+    """Return whether `trim_segments` would remove anything; reads up to the first such record.
 
     Args:
         reader: Of the log.
@@ -200,7 +200,7 @@ def told_of(
         reader: Of the log, as it is without what was taken out.
         before: It was about events below this number.
         rule: What was taken out, in words.
-        reason: Why, if the tombstones do not tell it yet.
+        reason: Why, if the tombstones do not state it yet.
 
     Raises:
         CorruptLogError: A tombstone cannot be read.
@@ -224,7 +224,7 @@ def of_log(reader: LogReader, digest: str) -> str:
 
 
 def taken_out(reader: LogReader) -> TakenOut:
-    """Return what the tombstones of a log tell.
+    """Return what the tombstones of a log state.
 
     Raises:
         CorruptLogError: One cannot be read.

@@ -1,15 +1,12 @@
-"""Reads all of a log, believes nothing of it, and says what is wrong, where, and what it costs.
+"""Reads all of a log, trusts nothing in it, and reports what is wrong, where, and what it costs.
 
-findings         what can be found, as values
-file_place       where the files lie: a disk, or another place
-file_bytes       a file's bytes, whatever its place gives
+findings         what can be found, as values; which files make up the log
+file_place       where the files are, on a disk or elsewhere, and their bytes
 file_heads       what a file's head says
-folder_files     which files make up the log, which are missing, foreign, there twice
-walk             one segment, byte for byte; after damage it goes on at the next whole chunk
-pieces           one chunk, examined by itself
+pieces           one segment, byte for byte; one chunk, examined by itself
 hash_chain       numbers, times and hashes from chunk to chunk and from segment to segment
-keyframe_place   keyframes: compared with the replay by what is handed in
-closing          index, summary and footer, computed again
+keyframe_place   keyframes, compared with the replay by a check that the caller supplies
+closing          index, summary and footer, recomputed
 verifying        all of it
 """
 

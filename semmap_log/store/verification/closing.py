@@ -1,4 +1,4 @@
-"""What closes a segment: index, DataEnd, summary and footer, computed again from its chunks."""
+"""What closes a segment: index, DataEnd, summary and footer, recomputed from its chunks."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ from semmap_log.store.verification.pieces import Flaw, Piece, name_of_record
 
 SECTOR = 512
 MOST_UNKNOWN_CHUNKS = 2**16
-"""Where not all chunks can be read, an index may tell of so many: our segments roll far sooner."""
+"""Where not all chunks can be read, an index may list so many: our segments roll far sooner."""
 DATA_CRC = "the data's CRC"
 
 
@@ -77,13 +77,13 @@ class Contents:
     counts: Counter[int] = field(default_factory=Counter)
     levels: set[int] = field(default_factory=set)
     command_ids: bytearray = field(default_factory=bytearray)
-    """Of all commits, one after the other."""
+    """Of all commits, concatenated."""
     first_events: list[int] = field(default_factory=list)
     """Of each commit."""
     head_hash: bytes = b""
-    """Of the last commit; empty where there is none."""
+    """Of the last commit; empty without one."""
     next_events: list[int] = field(default_factory=list)
-    """In a trimmed segment the number of the first event after each chunk."""
+    """In a trimmed segment, the number of the first event after each chunk."""
 
     def add(self, piece: Piece) -> None:
         """Take the next chunk in."""
@@ -101,7 +101,7 @@ class Contents:
             self.next_events.append(_next_event(piece, before))
 
     def closing_head(self) -> bytes:
-        """Return the hash that the closing must tell: of the last commit, or of the one before."""
+        """Return the hash that the closing must state: of the last commit, or of the one before."""
         return self.head_hash or (b"" if self.header is None else self.header.hash_so_far)
 
     @property
@@ -139,7 +139,7 @@ class Contents:
         return ClosedSegment.of(PurePath(name), self.statistics(2), header)
 
     def manifest_entry(self, name: str, size: int) -> ShippedSegment:
-        """Return what a manifest must report of it; the SHA-256 is left out.
+        """Return the manifest entry that it must have; the SHA-256 is left out.
 
         Args:
             name: Of its object.
@@ -159,7 +159,7 @@ class Contents:
 
 
 def closing_flaws(file: FileBytes, at: int, contents: Contents) -> list[Flaw]:
-    """Compare what lies after the last chunk, from `at` on, with what must.
+    """Compare the bytes after the last chunk, from `at` on, with what they must be.
 
     Args:
         file: All bytes.
@@ -183,14 +183,14 @@ def closing_flaws(file: FileBytes, at: int, contents: Contents) -> list[Flaw]:
 
 
 def is_whole_closing(file: FileBytes, at: int, contents: Contents) -> bool:
-    """Return whether what lies from `at` on is as long as what must close the segment."""
+    """Return whether the bytes from `at` on are as long as what must close the segment."""
     index, length, _ = _index(file, at, contents)
     behind = _records_behind(file, at, length, index, contents) if index else ()
     return at + length + sum(len(data) for _, data in behind) == len(file)
 
 
 def is_torn_closing(file: FileBytes, at: int, contents: Contents) -> bool:
-    """Return whether a crash while a segment was being closed can have left these bytes.
+    """Return whether a crash during the closing of a segment can have left these bytes.
 
     They are a part of what closes it, whole sectors of zeros in place of some of it.
     """

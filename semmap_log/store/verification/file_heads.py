@@ -19,7 +19,7 @@ from semmap_log.store.header import OtherVersionError, SegmentHeader
 from semmap_log.store.verification.file_place import FileBytes, FilePlace, OpenedFile, Vanished
 
 HEAD_BYTES = 2**16
-"""The header lies well within; a longer one is none of ours."""
+"""The header lies well within; a longer one is not ours."""
 FOOTER_BYTES = 9 + 20 + len(mcap.MAGIC)
 
 _MARKS = (LOG_METADATA.encode(), b"hash_so_far")
@@ -33,7 +33,7 @@ class SegmentFile:
     path: PurePath
     size: int
     identity: Hashable
-    """What shows it from another file of its name."""
+    """What distinguishes it from another file of its name."""
     header: SegmentHeader | None
     """None: it cannot be read."""
     header_end: int
@@ -67,7 +67,7 @@ def name_of(file: SegmentFile, number: int) -> PurePath:
 
 
 def look_at(place: FilePlace, path: PurePath) -> SegmentFile | None:
-    """Return what the head of a place's file says; None if it is none of ours.
+    """Return what the head of a place's file says; None if the file is not ours.
 
     Raises:
         LogAccessError: It cannot be opened.
@@ -112,7 +112,7 @@ def first_bytes() -> bytes:
 
 
 def _is_ours(head: bytes) -> bool:
-    """Return whether a file is, or was before some bytes of it went wrong, a segment of ours."""
+    """Return whether a file is a segment of ours, or was one before some bytes were damaged."""
     return any(mark in head for mark in _MARKS) or (
         bool(head) and first_bytes().startswith(head[: len(first_bytes())])
     )

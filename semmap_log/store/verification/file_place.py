@@ -1,9 +1,8 @@
-"""Where the files lie that a verification reads: on a disk, or another place that gives bytes.
+"""Where the files of a verification are: on a disk, or another place that returns bytes.
 
-All bytes of a file as its place gives them, read by calls: zeros where it refuses.
-
-A look at a mapped page that cannot be read would end the process. A file may be longer than memory
-is, so only a window of it is kept.
+All bytes of a file are read by calls, as its place returns them, with zeros where it refuses:
+touching a mapped page that cannot be read would end the process. A file may be larger than memory,
+so only a window of it is kept.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ WINDOW_BYTES = 2**22
 """So much is read at once."""
 
 
-class Vanished(Exception):  # noqa: N818  # a turn of events, not an error: the caller begins anew
+class Vanished(Exception):  # noqa: N818  # a turn of events, not an error: the caller begins again
     """A file was replaced, shortened or removed since it was listed: a compaction is at work."""
 
 
@@ -133,17 +132,17 @@ class OpenedFile(Protocol):
 
     @property
     def identity(self) -> Hashable:
-        """What shows it from another file of its name."""
+        """What distinguishes it from another file of its name."""
 
     @property
     def is_regular(self) -> bool:
         """Whether it is a file, no pipe or folder."""
 
     def read_into(self, target: memoryview, at: int) -> int:
-        """Fill in some bytes from an offset on; return how many: 0 after the file's end.
+        """Read bytes from an offset into `target`; return how many: 0 after the file's end.
 
         Raises:
-            OSError: Those at the offset cannot be had.
+            OSError: Those at the offset cannot be read.
         """
 
 
@@ -155,10 +154,10 @@ class FilePlace(Protocol):
         """Where they lie, for messages; of a single segment its own."""
 
     def is_folder(self) -> bool:
-        """Return whether it is a log's folder, and no single file."""
+        """Return whether it is a log's folder rather than a single file."""
 
     def files(self) -> Sequence[PurePath]:
-        """Return all that lies there, below `path`.
+        """Return all files there, below `path`.
 
         Raises:
             OSError: It cannot be listed.
@@ -183,7 +182,7 @@ class FilePlace(Protocol):
         """
 
     def mark(self) -> ClosedMark | None:
-        """Return what the last mark says; None: there is none.
+        """Return the content of the last mark, or None.
 
         Raises:
             CorruptLogError: It is not what was written.

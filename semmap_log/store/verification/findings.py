@@ -1,6 +1,6 @@
 """What a verification found, as values.
 
-Which files of a folder make up a log, in which order, and which do not.
+Also which files of a folder make up a log, in which order, and which do not.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class FolderFiles:
         return self.place.path
 
     def has(self, number: int) -> bool:
-        """Return whether a segment stands for that number."""
+        """Return whether a segment exists for that number."""
         return any(s.number <= number <= s.last_number for s in self.segments)
 
     def lacks(self, number: int) -> bool:
@@ -69,7 +69,7 @@ def arrange(place: FilePlace) -> FolderFiles:
     Raises:
         LogAccessError: Something cannot be read.
         LogError: It is of another format version.
-        Vanished: A file went away meanwhile.
+        Vanished: A file was removed during that.
     """
     path, found = place.path, FolderFiles(place)
     if path.suffix == ".mcap" and not place.is_folder():
@@ -108,7 +108,7 @@ def arrange(place: FilePlace) -> FolderFiles:
 
 
 def _take_removed(found: FolderFiles) -> None:
-    """Tell what was removed on purpose from what is missing: the rest must begin where it ends."""
+    """Separate what was removed on purpose from what is missing: the rest must begin at its end."""
     try:
         part = found.place.removed()
     except CorruptLogError as error:
@@ -177,7 +177,7 @@ def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None
 
 
 def mark_findings(found: FolderFiles, next_event: int, head: bytes | None) -> list[Finding]:
-    """Compare how far the log reached, as its last mark shows, with how far it does.
+    """Compare how far the log reached, as its last mark states, with how far it reaches.
 
     Args:
         found: The log's files.
@@ -218,7 +218,7 @@ def _mark(found: FolderFiles) -> ClosedMark | None:
 
 
 def _sort_out(found: FolderFiles, ours: list[SegmentFile]) -> None:
-    """Tell the log's segments from those of other logs, leftovers and copies."""
+    """Separate the log's segments from those of other logs, leftovers and copies."""
     ids = Counter(f.header.info.log_id for f in ours if f.header is not None)
     log_id = max(ids, key=lambda one: ids[one], default="")
     last: SegmentFile | None = None
@@ -264,7 +264,7 @@ def _has_name_of_part(path: PurePath, whole: SegmentFile) -> bool:
 
 
 def leftover_finding(path: PurePath, *, is_whole: bool) -> Finding:
-    """Return what there is to say of a segment that was merged into another."""
+    """Return the finding about a segment that was merged into another."""
     text = "was merged into another segment; the next writer removes it"
     if is_whole:
         return Finding("leftover", Severity.NOTE, path, None, None, text)
@@ -273,7 +273,7 @@ def leftover_finding(path: PurePath, *, is_whole: bool) -> Finding:
 
 
 def _notes(names: list[PurePath]) -> list[Finding]:
-    """Return what lies next to the segments and is harmless."""
+    """Return the harmless files next to the segments."""
     findings = []
     for path in names:
         if TORN_SUFFIX in path.name:
@@ -381,10 +381,10 @@ class Verification:
     head: bytes = NO_HASH
     """Hash of the last commit: kept elsewhere, it proves that nothing was cut off."""
     events_after_head: int | None = None
-    """How many events came after the head that was queried; None: none was, or not found."""
+    """How many events came after the given head; None: none was given, or it was not found."""
     ends: Mapping[int, CommitEnd] = field(default_factory=dict)
-    """The number after a commit's last event -> that end; the first, the last, and those asked
-    about."""
+    """The number after a commit's last event -> that end; the first, the last, and the
+    requested ones."""
     first_event: int = 0
     """With which the reading began."""
     next_event: int = 0
@@ -394,11 +394,11 @@ class Verification:
     segment_ends: tuple[int, ...] = ()
     """The number after the last event of each closed segment; `ends` has them, too."""
     ends_gone: frozenset[int] = frozenset()
-    """Of the ends that were queried about: those within whole commits that were taken out."""
+    """Of the requested ends: those within whole commits that were taken out."""
     taken_before: int = 0
     """Number of the first event after all that was taken out; 0: nothing was."""
     trimming_before: int = 0
-    """The number after the last event that reports of a trimming; 0: none does."""
+    """The number after the last event that records a trimming; 0: none does."""
     events_gone: int = 0
     """That were taken out on purpose."""
     notes_gone: int = 0

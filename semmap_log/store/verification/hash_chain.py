@@ -1,8 +1,8 @@
 """What holds between the records of a log: event numbers, times, and the hash chain, recomputed.
 
 A commit counts when it is whole: its events follow each other by number and by nanosecond, its
-Commit record says so, and the hash that is computed from all of its records is the one it bears.
-What is wrong stays open until the next whole commit (or segment) shows how many events were lost.
+Commit record says so, and the hash that is computed from all of its records is the one it contains.
+A problem stays open until the next whole commit (or segment) shows how many events were lost.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class CommitPart:
     first: int
     """Its first message there, by its place in `piece.messages`."""
     last: int
-    """After its last."""
+    """The place after its last message."""
 
 
 @dataclass(slots=True)
@@ -56,7 +56,7 @@ class WholeCommit:
 
     commit: Commit
     parts: list[CommitPart]
-    """Its events and its note; empty where nobody requested them."""
+    """Its events and its note; empty where they were not requested."""
     left: int
     """How many of its events are there."""
     has_note: bool = False
@@ -148,7 +148,7 @@ class Chain:
             report: Takes each finding.
             on_commit: Takes each commit that is whole and in its place.
             on_gone: Takes what stands for whole commits that were taken out, in its place.
-            keep_parts: Whether to tell it where the commit's records are.
+            keep_parts: Whether commits keep the places of their records.
         """
         self.next_event = 0
         self.head = NO_HASH
@@ -237,7 +237,7 @@ class Chain:
                 self._add_to_commit(piece, i, records[start:end])
 
     def end(self, *, last_known: int | None = None) -> None:
-        """Report what is still open: nothing follows that would tell what was lost."""
+        """Report what is still open: nothing follows that would show what was lost."""
         first = self.next_event
         last = max(self.last_seen, last_known if last_known is not None else -1)
         lost = (first, last if last >= first else None)
@@ -342,7 +342,7 @@ class Chain:
             self._whole_commits(GoneCommits(found, time_ns), piece.stored.offset)
 
     def _whole_commits(self, commits: GoneCommits, offset: int) -> None:
-        """Go on after commits that are gone."""
+        """Continue after commits that are gone."""
         gone = commits.tombstone
         told = (gone.first_event, gone.previous_hash)
         if not self._open and told != (self.next_event, self.head):
@@ -423,7 +423,7 @@ class Chain:
         self._place(whole, offset)
 
     def _place(self, whole: WholeCommit, offset: int) -> None:
-        """Put a commit that is whole after the last one, if it belongs there."""
+        """Put a whole commit after the last one, if it belongs there."""
         commit = whole.commit
         if commit.first_event < self.next_event:
             last = commit.last_event
@@ -474,7 +474,7 @@ def _damage(kind: str, path: PurePath, text: str, offset: int | None = None) -> 
 
 
 def _fields_of(record: bytes | memoryview) -> dict[str, Any] | None:
-    """Return the fields of a Commit record; None: it is none."""
+    """Return the fields of a Commit record; None: it is no such record."""
     commit = layout("Commit")
     if len(record) != MESSAGE.size + commit.dtype.itemsize:
         return None

@@ -1,8 +1,7 @@
-"""How a verification has keyframes checked: by what knows the state that they hold.
+"""How a verification checks keyframes: with a check that knows the state in them.
 
-A log of which a part was removed from the disk, read whole: that part in the store.
-
-The files of a log in a store, as a verification reads them: every byte, none of it believed.
+Also the files that a verification reads from a store: every byte, none of it believed; and a log of
+which a part was removed from the disk, read whole, with that part in the store.
 """
 
 from __future__ import annotations
@@ -66,10 +65,10 @@ class KeyframeCheck(Protocol):
         """Events are missing: no state is known until the next keyframe."""
 
     def give_up(self) -> None:
-        """Compare no more: events that nobody here understands may have changed the state."""
+        """Stop comparing: events of unknown kinds may have changed the state."""
 
     def add(self, path: PurePath, piece: Piece, place: KeyframePlace, next_event: int) -> None:
-        """Take the next chunk, of which `next_event` is the first event, or comes before it."""
+        """Take the next chunk; `next_event` is its first event, or the next one after it."""
 
     def finish(self) -> None:
         """Read the events that wait: their payloads must be what their channels carry."""
@@ -172,11 +171,11 @@ class ObjectFile:
         """So many of its first bytes are in the digest."""
 
     def read_into(self, target: memoryview, at: int) -> int:
-        """Fetch what is requested; as `OpenedFile.read_into`.
+        """Fetch the requested bytes; as `OpenedFile.read_into`.
 
         Raises:
             Vanished: The object is gone, or another has its name.
-            LogError: The store does not give it: that is no bad sector, which would be gone round.
+            LogError: The store does not return them: that is no bad sector, which would be skipped.
         """
         end = min(at + len(target), self.size)
         if at >= end:
@@ -206,7 +205,7 @@ class ObjectFile:
         return self._hashed == self.size
 
     def sha256(self) -> str:
-        """Return that of all its bytes, those that were not requested included.
+        """Return the SHA-256 of all its bytes, including those that were not requested.
 
         Raises:
             Vanished: As `read_into`.
@@ -220,7 +219,7 @@ class ObjectFile:
 
 
 class ObjectFiles:
-    """The objects below a URL, opened; of those of which all was read the SHA-256 is known."""
+    """The objects below a URL, opened; for those that were read whole the SHA-256 is known."""
 
     def __init__(self, store: ObjectStore) -> None:
         self._store = store
@@ -259,11 +258,11 @@ class ObjectPlace:
         return self._store.url
 
     def is_folder(self) -> bool:
-        """Return whether anything lies below the URL."""
+        """Return whether anything exists below the URL."""
         return bool(self.files())
 
     def files(self) -> list[PurePath]:
-        """Return all that lies there now; where a manifest is, what that names of it."""
+        """Return all objects there now; where a manifest is, those that it names."""
         self._manifest = read_manifest(self._store, self._manifest)
         if self._manifest is None:
             listed = log_objects(self._store)
@@ -274,7 +273,7 @@ class ObjectPlace:
         return [self.path / name for name in self._listed]
 
     def flaws(self) -> list[tuple[PurePath, str]]:
-        """Return the segments that are gone, or longer or shorter than the manifest shows."""
+        """Return the segments that are gone, or longer or shorter than the manifest states."""
         found: list[tuple[PurePath, str]] = []
         for one in self._manifest.manifest.segments if self._manifest is not None else ():
             status = self._listed.get(one.name)
@@ -286,7 +285,7 @@ class ObjectPlace:
         return found
 
     def differences(self, found: Sequence[ShippedSegment]) -> list[tuple[PurePath, str]]:
-        """Return in what the segments differ from what the manifest tells: in every field."""
+        """Return where the segments differ from the manifest: in every field."""
         manifest = None if self._manifest is None else self._manifest.manifest
         told = {} if manifest is None else {one.name: one for one in manifest.segments}
         return [

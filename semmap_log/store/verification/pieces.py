@@ -1,12 +1,11 @@
-"""One chunk, examined: everything in it that can be given without its neighbours.
+"""One chunk, examined: everything in it that can be checked without its neighbours.
 
-Here nothing is believed: the messages must tile the records, the CRC must fit even where it says
-zero, and what stands around them (times, MessageIndex records) is computed from them again.
+Nothing is believed here: the messages must tile the records, the CRC must match even where it says
+zero, and what stands around them (times, MessageIndex records) is recomputed from them.
 
-A segment's records, walked byte for byte: its head, its chunks, what lies between and after.
-
-A closed segment's summary is not queried where the chunks are, and no length is believed that leads
-astray: after a bad place the next whole chunk is found by its bytes.
+A segment's records are walked byte for byte: its head, its chunks, what lies between and after. A
+closed segment's summary is not consulted for the places of the chunks, and no length is believed
+that leads astray: after a bad place the next whole chunk is found by its bytes.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ class Flaw:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Bytes that are no whole chunk, with whole chunks after them."""
+    """Bytes that are no whole chunk, followed by whole chunks."""
 
     start: int
     end: int
@@ -98,7 +97,7 @@ class SegmentWalk:
             found = find_piece(self.file, at, size)
             if found is None:
                 break
-            if is_known:  # else it is the head that cannot be read, and that was said
+            if is_known:  # else it is the head that cannot be read, which was reported
                 yield Gap(start, found.stored.offset, self.problem)
             at, is_known = found.stored.offset, False
         self.pieces_end = min(at, size)
@@ -178,7 +177,7 @@ class SegmentWalk:
             return None, str(damage)
 
     def _around(self, piece: Piece, levels: list[int], *, is_known: bool) -> Iterator[Flaw]:
-        """Compare what stands before, in the head of and after a chunk with its messages."""
+        """Compare the head of a chunk, and what stands before and after it, with its messages."""
         stored = piece.stored
         wanted = [level for level in piece.levels if level and level not in self.levels]
         if is_known and wanted != levels:

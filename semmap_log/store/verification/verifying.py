@@ -69,7 +69,7 @@ TORN_KINDS = ("message index", "times")
 """Flaws around a chunk that a crash in the middle of its write can leave."""
 
 _ATTEMPTS = 5
-"""How often to begin again when a compaction replaces files under our hands."""
+"""How often to begin again when a compaction replaces files during the reading."""
 
 
 def verify(
@@ -91,7 +91,7 @@ def verify(
         new_check: Makes what compares keyframes with the events.
         head: Hash of a commit that the log must hold, kept elsewhere: shows whether commits were
             cut off since.
-        progress: Called with how many bytes are read.
+        progress: Called with the number of bytes read.
         ends: Event numbers: whether a commit ends before each of them, and with which hash.
 
     Raises:
@@ -179,7 +179,7 @@ class Verifier:
         self.has_unknown_changes = False
         """Whether some of them may have changed more than themselves."""
         self.trimming: HistoryTrimmed | None = None
-        """The last event that reports of records that were taken out."""
+        """The last event that records a removal of records."""
         self._trimming_before = 0
         self._wanted_ends = frozenset(ends)
         self._ends: dict[int, CommitEnd] = {}
@@ -190,7 +190,7 @@ class Verifier:
         self._segment_ends: list[int] = []
         self._ends_gone: set[int] = set()
         self._head_unvouched = 0
-        """How many records the head that is queried does not bind."""
+        """How many records the given head does not bind."""
         self._marked: bytes | None = None
         """Hash of the commit that ends where its mark says that the log ended once."""
 
@@ -324,12 +324,12 @@ class Verifier:
         return header is None or header.trimmed is not None
 
     def _note_trimming(self, piece: Piece) -> None:
-        """Remember the last event that reports of records that were taken out."""
+        """Remember the last event that records a removal of records."""
         if HistoryTrimmed.kind not in piece.counts:
             return
         for channel, sequence, *_, start, end in piece.messages:
             if channel == HistoryTrimmed.kind:
-                with suppress(ValueError):  # which the check of keyframes tells
+                with suppress(ValueError):  # which the check of keyframes reports
                     found = decode(channel, piece.records[start + MESSAGE.size : end], None)
                     assert isinstance(found, HistoryTrimmed)
                     header = self.arrangement.segments[self._at].header
@@ -348,7 +348,7 @@ class Verifier:
                 self._keyframes.give_up()
 
     def _is_torn(self, gap: Gap, walk: SegmentWalk) -> bool:
-        """Return whether a bad place in a live segment can be what a crash left."""
+        """Return whether a crash can have left a bad place in a live segment."""
         if gap.start == walk.head_end:
             return False  # the head and its keyframe are synced before the file has its name
         return not walk.is_durable_behind(gap.end, self.chain.next_event)
@@ -363,7 +363,7 @@ class Verifier:
         if not is_torn:
             self._damage(flaw.kind, flaw.offset, flaw.text)
             return True
-        if flaw.kind == "message index":  # which is made anew: the chunk before it counts
+        if flaw.kind == "message index":  # which is rewritten: the chunk before it counts
             self._torn(flaw.offset, flaw.offset, flaw.text)
             return True
         self.chain.forget_unfinished()
@@ -457,7 +457,7 @@ class Verifier:
         )
 
     def _run_gone(self, commits: GoneCommits) -> None:
-        """Note which of the ends that are queried lie within whole commits that are gone."""
+        """Note which of the requested ends lie within whole commits that are gone."""
         gone = commits.tombstone
         self._recorded_ns = None
         if self._on_gone is not None:
@@ -514,7 +514,7 @@ class Verifier:
         return Finding("taken-out", Severity.NOT_AS_SIGNED, self.path, None, None, text)
 
     def _check_trimming(self) -> None:
-        """Compare what was taken out with what the log's last event about it shows."""
+        """Compare what was taken out with what the log's last event about it states."""
         taken, told = self.chain.taken_out, self.trimming
         is_part = self.path == self.arrangement.segments[0].path
         if is_part or (told is None and not taken.reasons):

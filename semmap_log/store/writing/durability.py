@@ -28,7 +28,7 @@ class DurabilityPolicy:
         """Return the promise of that name.
 
         Raises:
-            InvalidEventError: There is none, or a batch is less than nothing.
+            InvalidEventError: There is no such promise, or a batch is negative.
         """
         if batch_events < 1:
             raise InvalidEventError("batch_events", "1 or more", batch_events)
@@ -83,7 +83,7 @@ class SharedSync:
 
 
 class BatchTimer:
-    """Sees to it that what was appended is synced soon, though nobody waits for it."""
+    """Makes sure that appended events are synced soon, even if no thread waits for it."""
 
     def __init__(self, sync: Callable[[], None], seconds: float) -> None:
         self._sync = sync
@@ -122,4 +122,4 @@ class BatchTimer:
             try:
                 self._sync()
             except LogPoisonedError:
-                return  # whoever appends or waits next is told
+                return  # the next append or wait raises

@@ -1,28 +1,22 @@
-"""The segments of a log that is being written: which one takes the next commit, and what of others.
+"""The segments of a log that is being written: which one takes the next commit, and the others.
 
 One segment is live. When it is full it is closed, and another begins; a background thread then
 puts the closed one into large compressed chunks. A small closed segment is continued in a copy,
 so that a thousand commands of one line do not make a thousand files.
 
-A segment made writable again: a copy of its whole commits, the torn tail kept next to it.
-
+A segment is made writable again as a copy of its whole commits, with the torn tail kept next to it.
 Nothing is ever cut in place: a reader may have the old file mapped, and a power cut may come at
-any moment. Chunk times and message indexes are made again from the messages, never copied.
+any moment. Chunk times and message indexes are recomputed from the messages, never copied.
 
-Which commands are stored already, so that one that is sent again is stored once.
-
-However long ago it was stored, in whichever segment. As long as nobody asks, nothing is read and
-nothing remembered; a command without an id costs nothing more.
-
-Who asks first has the index of every closed segment read: 8 bytes a commit stay in memory, 8 MB a
-million. That takes about as long as opening the log: 0.3 to 0.6 s for 1,825 segments of 1,000
-commits; 4 s where these were closed before there was an index, so that their commits are read, once
-for each opening. From then on an unknown command takes 10 us, however long the log is: next to a
-million commits one in 4,000 has a fingerprint that is known, and a chunk is read to tell that it is
-another. A command that is stored takes one chunk of its segment: a millisecond, some more where it
-is compacted.
-
-The commands of all closed segments of a log, by 8 bytes each, for who writes it.
+`CommandMemory` finds which commands are already stored, so that a repeated one is stored once,
+however long ago and in whichever segment it was stored. Until it is queried, nothing is read or
+remembered; a command without an id costs nothing more. The first query reads the index of every
+closed segment: 8 bytes a commit stay in memory, 8 MB a million. That takes about as long as opening
+the log: 0.3 to 0.6 s for 1,825 segments of 1,000 commits; 4 s where these were closed before there
+was an index, so that their commits are read, once for each opening. After that an unknown command
+takes 10 us, however long the log is: among a million commits one in 4,000 has a known fingerprint,
+and a chunk is read to find that it is another command. A stored command takes one chunk of its
+segment: a millisecond, some more where it is compacted.
 """
 
 from __future__ import annotations
@@ -102,9 +96,9 @@ class SegmentChain:
 
         Args:
             folder: The log's.
-            closed: Called with each segment that was live and is closed, before it is compacted.
+            closed: Called with each live segment that is closed, before it is compacted.
             compacts: Whether full segments are compacted in the background.
-            keep_up: Called there after each of them.
+            keep_up: Called in the background after each of them.
         """
         self.folder = folder
         self.live: SegmentWriter | None = None
@@ -170,7 +164,7 @@ class SegmentChain:
         self.live = segment
 
     def take_up(self, reader: LogReader, end: LogEnd) -> None:
-        """Go on after a log: a live segment is repaired now, a closed one when it is needed."""
+        """Continue a log: a live segment is repaired now, a closed one when it is needed."""
         *older, last = reader.segments
         self._merged = MergedFiles.of(reader.segments, reader.leftovers)
         self._older, self._header, self._small = older, last.full_header, last
@@ -201,7 +195,7 @@ class SegmentChain:
             self.roll(end)
 
     def is_full(self, now_ns: int) -> bool:
-        """Return whether the live segment wants another after it."""
+        """Return whether the live segment is full and must be followed by another."""
         live = self.live
         return live is not None and (
             live.size >= ROLL_BYTES
@@ -276,13 +270,13 @@ class SegmentChain:
             self._written[closed] = self.folder.version(closed)
 
     def _list(self, *closed: ClosedSegment) -> None:
-        """Write metadata.yaml again, with what was closed."""
+        """Rewrite metadata.yaml with what was closed."""
         with self._listing:
             older, self._older = self._older, ()
             for segment in older:
                 if segment.told is not None:
                     continue  # removed from the disk: other tools must not look for it
-                with suppress(CorruptLogError):  # who reads it is told
+                with suppress(CorruptLogError):  # its reader gets the error
                     self._closed[segment.path.name] = statistics_of(segment)
             for one in closed:
                 self._closed[one.name] = one
@@ -292,7 +286,7 @@ class SegmentChain:
 def _left_to_compact(closed: Sequence[Segment]) -> list[Segment]:
     """Return the last segments that the writers before did not get to, the last first."""
     found = []
-    with suppress(CorruptLogError):  # who reads it is told
+    with suppress(CorruptLogError):  # its reader gets the error
         for segment in reversed(closed[-MOST_LEFT:]):
             if segment.told is not None or not needs_compaction(segment):
                 break
@@ -318,7 +312,7 @@ def reopened(folder: LogFolder, segment: Segment) -> SegmentWriter:
 
 
 def keep_torn_tail(folder: LogFolder, segment: Segment) -> None:
-    """Put what lies after the last whole commit next to the segment, named by where it lay."""
+    """Keep the bytes after the last whole commit next to the segment, named by their place."""
     name = f"{segment.path.name}{TORN_SUFFIX}-{segment.whole_end}"
     kept, more = name, 1
     while folder.has(kept) and not _holds(folder, kept, segment):
@@ -372,7 +366,7 @@ class CommandMemory:
         """The live segment as it was read last."""
 
     def add(self, commit: Commit) -> None:
-        """Remember a commit that was written, if somebody has queried its segment."""
+        """Remember a commit that was written, if its segment has been queried."""
         if self._known_of is not None:
             self._known[commit.command_id] = commit.first_event
             self._taken_in += 1
@@ -408,7 +402,7 @@ class CommandMemory:
         return self._stored.find(command_id)
 
     def _look_at(self, live: SegmentWriter) -> None:
-        """Take in the commits that were written before somebody asked."""
+        """Take in the commits that were written before the first query."""
         for command_id in live.written.command_ids(self._taken_in):
             self._known[command_id] = live.written.first_event(self._taken_in)
             self._taken_in += 1
@@ -434,8 +428,8 @@ _ALL = 2**32
 class StoredCommands:
     """Fingerprint and first event of each commit: what they promise is looked up in the file.
 
-    Files keep their names as long as the log's lock is held: the compaction next to the writer puts
-    a segment's copy in its place, and only `compact` merges segments.
+    Files keep their names as long as the log's lock is held: background compaction replaces a
+    segment by its copy, and only `compact` merges segments.
     """
 
     def __init__(self, folder: LogFolder, segments: Sequence[Segment]) -> None:
@@ -479,7 +473,7 @@ class StoredCommands:
         self._take([(name, first_event, rows)])
 
     def find(self, command_id: bytes) -> StoredCommand | None:
-        """Return a command, the last one if there are several of its id; None: there is none.
+        """Return a command, the last one if there are several of its id, or None.
 
         Raises:
             CorruptLogError: The commit that it may be cannot be read.

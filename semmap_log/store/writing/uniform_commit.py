@@ -1,9 +1,9 @@
 """Commits of events that are all of one fixed-size kind, without a note: most of a patrol's.
 
-The bytes are those of `CommitBuilder`, made in a few calls, since all but the values is known
-before: a durable append takes as long as the disk does only if little else is done for it. Not with
-numpy, where events come one by one: that is faster in a loop, but after a sync the processor has
-forgotten numpy's code, and finding it again takes longer than packing a hundred events.
+The bytes are those of `CommitBuilder`, made in a few calls, since all but the values is known in
+advance: a durable append takes only as long as the disk does if little else is done for it. Single
+events are not packed with numpy: a loop is faster for them, because after a sync the processor's
+cache has lost numpy's code, and reloading it takes longer than packing a hundred events.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def uniform_commit(
 
     Args:
         stamp: What it takes from outside.
-        note: What was reported about it.
+        note: Its note.
         events: Its events, or one batch of them.
     """
     if note or not 0 < len(events) <= MOST:
@@ -143,7 +143,7 @@ class _Template:
     def _closed(
         self, stamp: Stamp, note: Note, packed: bytes, entries: bytes, span: tuple[int, int]
     ) -> tuple[BuiltChunk, Commit]:
-        """Return the chunk of packed events, with the Commit after them."""
+        """Return the chunk of packed events, followed by the Commit."""
         start_ns, count = stamp.recorded_ns, self._count
         end_ns = start_ns + count
         digests = {self._kind: sha256(packed).digest()}

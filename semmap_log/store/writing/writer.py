@@ -1,6 +1,6 @@
 """The log being written: one writer, one commit at a time, each with a promise of how it lasts.
 
-Where a writer's keyframes come from: it is handed their bytes, and knows not what they hold.
+The writer's keyframes come from a source that returns their bytes; it does not know their content.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Environment:
     compacts: bool = True
     """Whether full segments are put into large compressed chunks in the background."""
     keep_up: KeepUp | None = None
-    """Called there after each of them."""
+    """Called in the background after each of them."""
 
 
 class Written(NamedTuple):
@@ -380,7 +380,7 @@ class LogWriter:
                 self._syncs.durable_before = self.next_event
 
     def check_usable(self) -> None:
-        """Return if this writer can append.
+        """Check that this writer can append.
 
         Raises:
             LogPoisonedError: A write failed or was interrupted.

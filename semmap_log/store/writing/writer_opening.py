@@ -1,4 +1,4 @@
-"""How a writer gets hold of a log: made again, or taken up where it ended."""
+"""How a writer opens a log: creates it, or continues where it ended."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from semmap_log.store.writing.writer import Environment, K_co, LogWriter, NewKey
 
 @dataclass(frozen=True, slots=True)
 class OpenedLog(Generic[K_co]):
-    """A log that was opened for writing, and what was read for that: nobody reads it again."""
+    """A log that was opened for writing, and what was read for that, so that it is read once."""
 
     writer: LogWriter
     reader: LogReader
-    """The log as the writer goes on with it."""
+    """The log as the writer continues it."""
     keyframes: K_co
     """Where its keyframes come from."""
 
@@ -82,8 +82,8 @@ def open_for_append(
         environment: What the writer takes from the machine.
 
     Raises:
-        NotALogError: There is none.
-        LogLockedError: Somebody else is writing.
+        NotALogError: There is no log.
+        LogLockedError: Another writer has it.
         LogAccessError: The file system does not let us.
         CorruptLogError: Commits that were acknowledged are damaged.
     """
@@ -114,7 +114,7 @@ def _taken_up(
 
 @contextmanager
 def _closed_on_error(writer: LogWriter) -> Iterator[None]:
-    """Close a writer that nobody gets, and so nobody else could close."""
+    """Close a writer if opening fails, since no caller could."""
     try:
         yield
     except BaseException:
@@ -142,7 +142,7 @@ def _check_is_folders_name(path: Path) -> None:
 
 
 def _may_be_half_made(reader: LogReader) -> bool:
-    """Return whether who made the log may have been killed before the folder's name was synced."""
+    """Return whether the log's creator may have been killed before the folder's name was synced."""
     return len(reader.segments) == 1 and not reader.segments[0].closed
 
 

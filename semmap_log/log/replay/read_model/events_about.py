@@ -1,13 +1,13 @@
 """The events about some doors: from the tables where there are any, else from the log.
 
-The tables of one segment on the disk: what they are of, whether they are whole, their rows.
+Each segment can have tables on disk:
 
-    index/office_000000.json            what it is of; sealed, and written last
+    index/office_000000.json            what they belong to; sealed, and written last
     index/office_000000.events.parquet  the events by door
     index/office_000000.commits.parquet who and why, by event number
 
-The first names the segment by log, first event and hashes, and the other two by checksums of all
-their bytes (`arrow.sealed_parquet`). What does not fit is not used.
+The first file names the segment by log, first event and hashes, and the other two by checksums of
+all their bytes (`arrow.sealed_parquet`). Tables that do not match are not used.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 FOLDER = "index"
 """In the log's folder."""
 VERSION = 3
-"""Counts up when the columns change: older tables are made again."""
+"""Incremented when the columns change: older tables are rebuilt."""
 EVENTS, COMMITS = "events", "commits"
 PARTS = (EVENTS, COMMITS)
 _MOST_TOLD = 2**20
@@ -55,12 +55,12 @@ _MOST_TOLD = 2**20
 
 @cache
 def has_pyarrow() -> bool:
-    """Return whether tables can be read and made here."""
+    """Return whether tables can be read and made here: whether pyarrow is installed."""
     return importlib.util.find_spec("pyarrow") is not None
 
 
 def binding(segment: Segment) -> dict[str, Any]:
-    """Return what shows a closed segment's events from all others: equal, whatever was compacted.
+    """Return what identifies a closed segment's events: equal, whatever was compacted.
 
     Raises:
         CorruptLogError: Its summary is damaged.
@@ -110,10 +110,10 @@ class SegmentTables:
 
     @classmethod
     def of(cls, folder: Path, segment: Segment) -> SegmentTables | None:
-        """Return those of a closed segment; None: it has none.
+        """Return the tables of a closed segment, or None if it has none.
 
         Raises:
-            StaleIndexError: They are of something else, or it cannot be given what they are of.
+            StaleIndexError: They belong to something else, or it is not known to what.
         """
         path, wanted = told_path(folder, segment.path.stem), binding(segment)
         try:
@@ -289,7 +289,7 @@ FEW_CHUNKS = 2
 """So few of a segment are read from the log sooner than a table is opened."""
 
 OnRows = Callable[[Segment, SegmentTables, EventBatch], None]
-"""Told of all rows about the doors in a segment, before those outside the window are left out."""
+"""Called with all rows about the doors in a segment, before the window is applied."""
 
 
 def about(
@@ -325,9 +325,9 @@ def events_about(
     Args:
         reader: Of the log.
         window: Which events.
-        doors: Those; None: all events, which the log shows sooner.
+        doors: The doors; None: all events, which the log itself gives faster.
         with_newer: Yield events of unknown kinds, too, which may be about any door.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of the reading.
         on_page: Called with the records of each batch that comes from the log.
         on_rows: Called with what comes from a table.
 
@@ -374,7 +374,7 @@ def events_about(
 
 
 def _cut(window: Window, first: int, before: int | None) -> Window | None:
-    """Return the part of a window from an event on, before another; None: there is none."""
+    """Return the part of a window from an event on, before another, or None."""
     least = max(first, window.first_event or 0)
     bounds = [bound for bound in (before, window.before_event) if bound is not None]
     behind = min(bounds, default=None)
@@ -402,7 +402,7 @@ def _tables(reader: LogReader, window: Window) -> dict[int, SegmentTables]:
 
 
 def has_tables(reader: LogReader) -> bool:
-    """Return whether a log may have tables, and there is what reads them."""
+    """Return whether a log may have tables, and pyarrow is installed to read them."""
     folder = reader.given / FOLDER
     return isinstance(folder, Path) and folder.is_dir() and has_pyarrow()
 
@@ -434,7 +434,7 @@ def _rows(
 
 
 def not_used(error: StaleIndexError) -> None:
-    """Tell who wants to know that a table is not used."""
+    """Log that a table is not used."""
     import logging
 
     logging.getLogger("semmap_log").info("%s It is not used; the log itself is read.", error)

@@ -75,9 +75,9 @@ def index(
 
     Args:
         log: Its folder.
-        anew: Make all of them, also those that are good.
-        thorough: Read those that are there, and make damaged ones again.
-        progress: Called with how far it is, events.
+        anew: Make all of them again, also those that are good.
+        thorough: Read existing ones, and make damaged ones again.
+        progress: Called with the number of events done.
         pause: Called between two pieces of work; what it raises ends it.
 
     Raises:
@@ -86,7 +86,7 @@ def index(
         OutputError: The disk does not let us; the log is as it was.
         CorruptLogError: A segment is damaged.
     """
-    from semmap_log.core.arrow import history_table  # noqa: F401 - a missing pyarrow is told before all else
+    from semmap_log.core.arrow import history_table  # noqa: F401 - reports a missing pyarrow first
 
     reader = LogReader(log)
     folder = _folder_of(reader)
@@ -207,12 +207,12 @@ def index_problems(log: Path) -> list[tuple[Path, str]]:
         return [(folder, f"{folder}: cannot be read: {error.strerror}.")]
     told = [file for file in files if file.suffix == ".json" and _stem_of(file.name)]
     found = [(file, problem) for file, problem in _problems(log, told) if problem]
-    # somebody may make them anew just now: what is wrong is wrong a second time
+    # another process may be making them again right now: a real fault is found twice
     return [(file, problem) for file, problem in _problems(log, [f for f, _ in found]) if problem]
 
 
 def _problems(log: Path, told: Sequence[Path]) -> Iterator[tuple[Path, str]]:
-    """Yield what is wrong with the tables that these files report of."""
+    """Yield the problems of the tables that these files describe."""
     if not told:
         return
     segments = _indexable(LogReader(log))
@@ -276,7 +276,7 @@ def _index(
 
 
 def _is_good(folder: Path, segment: Segment, *, thorough: bool) -> bool:
-    """Return whether a segment has tables; thoroughly: whether each byte is as it was written."""
+    """Return whether a segment has tables; `thorough`: whether each byte is as written."""
     try:
         tables = SegmentTables.of(folder, segment)
         if tables is not None:
@@ -324,7 +324,7 @@ _OURS = late_pattern(
     rf"(?P<is_left>\.\d+{re.escape(TEMPORARY_SUFFIX)})?",
     re.DOTALL,
 )
-"""The name of a file of tables, or of one that somebody killed has left."""
+"""The name of a file of tables, or of one that a killed process has left."""
 
 
 def _stem_of(name: str) -> str:
@@ -334,7 +334,7 @@ def _stem_of(name: str) -> str:
 
 
 def _tidied(folder: Path, stems: set[str]) -> list[str]:
-    """Remove the files of no segment, and what somebody killed has left; return their names."""
+    """Remove the files of no segment, and what a killed process has left; return their names."""
     removed = []
     for file in sorted(folder.iterdir()):
         if _OURS.fullmatch(file.name) and _stem_of(file.name) not in stems:
@@ -347,7 +347,7 @@ def _tidied(folder: Path, stems: set[str]) -> list[str]:
 def _whole(path: Path) -> Iterator[Path]:
     """Hand out a name for a new file that takes its own in the end; what is half is removed.
 
-    Nothing is synced: who reads it checks it, and it can be made again.
+    Nothing is synced: readers check it, and it can be made again.
     """
     temporary = path.with_name(f"{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
     try:
