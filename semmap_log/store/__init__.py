@@ -5,7 +5,7 @@ keyframes (`writing/writer`, `verification/keyframe_place`). A log can be read f
 than a disk (`reading/segment_set`, `verification/file_place`); it is always written to a folder.
 
 The modules here are shared: `form` states what lies where; `records`, `chunks` and `commit_records`
-make the bytes, `kind_bits` takes them apart; `segment` is a file being written, `folder` its place,
+make the bytes, `pages` takes them apart; `segment` is a file being written, `folder` its place,
 `closed_mark` how far all of it reached. The packages inside:
 
     reading/        reads segments, and the log as a whole

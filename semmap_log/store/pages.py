@@ -128,7 +128,7 @@ class Page:
 
     @computed_once
     def bits(self) -> NDArray[np.uint32]:
-        """Which kind of record each is, as a bit: `kind_bits`."""
+        """Which kind of record each is, as a bit: `pages`."""
         return bits_of_channels(self.heads["channel_id"])
 
     @property

@@ -364,7 +364,7 @@ class ScannedChunks(NamedTuple):
     ends: NDArray[np.int64]
     """How many messages there are to its end."""
     kinds: NDArray[np.uint32]
-    """Which kinds of record it holds: `kind_bits`."""
+    """Which kinds of record it holds: `pages`."""
     least_ns: NDArray[np.int64]
     """Its least log time …"""
     greatest_ns: NDArray[np.int64]

@@ -34,7 +34,7 @@ class Part(Protocol):
     """One kind of thing that is redacted."""
 
     bits: int
-    """The kinds of record among which it is: `kind_bits`."""
+    """The kinds of record among which it is: `pages`."""
 
     @property
     def words(self) -> str:

@@ -43,7 +43,7 @@ ROW: np.dtype[np.void] = np.dtype(
         ("behind", "<i8"),
     ]
 )
-"""As the fields of `StoredChunk`; which kinds of record are in it: `kind_bits`; and where in the
+"""As the fields of `StoredChunk`; which kinds of record are in it: `pages`; and where in the
 file its message indexes end."""
 
 SMALL_BYTES = 2**15
@@ -154,7 +154,7 @@ class ChunkTable(Sequence[StoredChunk]):
         return ChunkTable(self.path, source, rows)
 
     def having(self, kinds: int) -> NDArray[np.intp]:
-        """Return the places of those with a record of one of these kinds: `kind_bits`."""
+        """Return the places of those with a record of one of these kinds: `pages`."""
         return np.flatnonzero(self.rows["kinds"] & np.uint32(kinds))
 
     @property

@@ -219,7 +219,7 @@ def in_chunks(page: Page, ends: NDArray[np.int64]) -> ScannedChunks:
 
 
 def kinds_of_chunks(page: Page, ends: NDArray[np.intp]) -> NDArray[np.uint32]:
-    """Return which kinds of record are in each chunk of a page: `kind_bits`.
+    """Return which kinds of record are in each chunk of a page: `pages`.
 
     Args:
         page: Their records.

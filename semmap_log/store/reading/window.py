@@ -27,7 +27,7 @@ class Window:
     first_event: int | None = None
     before_event: int | None = None
     kinds: int = EVENT_BITS
-    """As bits: `kind_bits`."""
+    """As bits: `pages`."""
     only_kept: bool = False
     """Of what was before the log's horizon, what is kept is enough, wherever the window begins."""
 

@@ -204,7 +204,9 @@ def import_file(life: Life, dice: random.Random) -> None:
         return
     if answer.code:
         raise WrongError(f"import: {answer.error.strip()[-500:]}")
-    if len(life.take_in()) < len(rows):
+    before = {line for earlier in life.files for line in earlier.read_text().splitlines()}
+    new = [row for row in rows if _csv_line(row) not in before]  # the same row counts once
+    if len(life.take_in()) < len(new):
         raise WrongError("an import that stored less than its file")
     life.files.append(file)
 
