@@ -1,4 +1,8 @@
-"""The command line, one file a verb: arguments -> one library call -> exit code."""
+"""The command line, one file a verb: arguments -> one library call -> exit code.
+
+May import every room. Start with `show.py`, a short verb; `verb_table.py` lists the verbs, and
+`common.py` has the options that they share.
+"""
 
 from __future__ import annotations
 
