@@ -1,4 +1,4 @@
-"""`annotate`: something is stated about a door in words.
+"""`annotate`: a remark about a door, in words.
 
 What a command answers: the numbers of the events that it stored.
 """

@@ -9,7 +9,7 @@ import typer
 from semmap_log.cli.common import AnyLogPath, AsJson, console, print_json, progress, say
 
 MOST_DOORS = 16
-"""Of a day, unless all are requested."""
+"""Of a day, unless all are wanted."""
 
 
 def run(

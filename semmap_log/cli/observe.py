@@ -38,7 +38,7 @@ def state_given(word: str | None, option: str | None) -> str | None:
 
 @contextmanager
 def a_state_typed() -> Iterator[None]:
-    """Take a state that there is not, of which the log shows with its classes, for a wrong option.
+    """Treat an unknown state, for which the log lists those of its classes, as a wrong option.
 
     Raises:
         typer.BadParameter: Instead of the error that the log has.

@@ -124,7 +124,7 @@ def forget_output() -> None:
 
 
 def is_nobody_reading() -> bool:
-    """Tell whether the other end of our output has gone, which without output nobody would say."""
+    """Return whether the reader of our output has gone, which nothing shows without output."""
     try:
         output = sys.stdout.fileno()
     except (OSError, ValueError):
@@ -173,8 +173,8 @@ def kinds(_: Any, incomplete: str) -> Offers:
 def _map(ctx: Any) -> Iterator[DoorMap]:
     """Yield the door map of the log that is on the command line, if it can be read.
 
-    After an option whose value is still to come, words are not yet given their meaning: then the
-    log is the first of them.
+    After an option whose value is still to come, words are not yet parsed: then the log is the
+    first of them.
     """
     log = ctx.params.get("log") or next(iter(ctx.args), None)
     if log is None:

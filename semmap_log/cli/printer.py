@@ -123,7 +123,7 @@ class Printer:
             write_line(line)
 
     def _tell_rest(self, parts: list[RenderableType]) -> None:
-        """Write what is no table: next to one to stderr, else it is the answer."""
+        """Write what is not a table: to stderr if there is one, else as the answer."""
         texts = [part for part in parts if isinstance(part, Text)]
         if self._tables:
             for text in texts:

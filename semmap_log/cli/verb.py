@@ -1,4 +1,4 @@
-"""What makes a verb of a function: its old spellings, help that is made when requested, its offers.
+"""Turns a function into a verb: old spellings, help that is made on demand, suggestions.
 
 Help is plain text, as that of any Unix program: no frames, and quick.
 
@@ -39,7 +39,7 @@ _USAGE_ERROR, CLICK_ERROR = typer.BadParameter.__mro__[1:3]
 
 
 def asks_for_json(arguments: list[str]) -> bool:
-    """Return whether --json is among the options; how, a wrong command line cannot say itself."""
+    """Return whether --json is among the options, also of a command line that cannot be parsed."""
     end = arguments.index("--") if "--" in arguments else len(arguments)
     return "--json" in arguments[:end]
 
@@ -63,7 +63,7 @@ def fail(error: BaseException, *, as_json: bool, is_output_lost: bool = False) -
 
 
 def tell(text: str) -> None:
-    """Tell the person what went wrong."""
+    """Print what went wrong."""
     print(f"semmap-log: {text}", file=sys.stderr)  # noqa: T201
 
 
@@ -114,7 +114,7 @@ POINT = "X,Y"
 NUMBER = late_pattern(r"[+-]?[\d.]+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 HELP_MADE_LATE: dict[str, Callable[[], str]] = {}
-"""Verb -> what makes the end of its help, which is requested only then: it is slow to make."""
+"""Verb -> what makes the end of its help; called only for the help, since it is slow."""
 
 
 class Verb(TyperCommand):

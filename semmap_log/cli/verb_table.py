@@ -108,7 +108,7 @@ UNCACHED = {"verify"}
 
 
 class VerbsByName(Mapping[str, Any]):
-    """Name -> the verb, as typer has it: made when it is first requested."""
+    """Name -> the verb, as typer has it: made on first use."""
 
     def __init__(self) -> None:
         self._loaded: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""What is stated on the topics of a log's stream: whole truths, sent when they have changed.
+"""The topics of a log's stream: each message has the complete state, sent when it has changed.
 
 The door map as a fold of events that come in the order that counts: the last one says it.
 """
@@ -41,7 +41,7 @@ class WholeTopic:
     """A topic whose every message is the whole truth about it.
 
     One follows a change at once, but not within `every_ns` of the one before: then it comes when
-    that time is over, or at the end. So the last message is never further after than that.
+    that time is over, or at the end. So the last message is never older than that.
     """
 
     def __init__(

@@ -254,7 +254,7 @@ class LineOptions:
     log_tz: str
     """IANA zone of the log."""
     source: str = ""
-    """Which sensor the file is of, where it was stated."""
+    """The file's sensor, where it was given."""
     as_recorded: bool = False
     """The times of the lines are when it was known; refused where they cannot be kept."""
     at_ns: int | None = None
@@ -271,7 +271,7 @@ class PlannedEvent(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PlannedCommit:
-    """A commit for the log; its events are read on while they are requested, and once."""
+    """A commit for the log; its events are read during iteration, and only once."""
 
     command_id: bytes
     content: bytes
@@ -389,7 +389,7 @@ class NumberMap:
     def add(self, source: int, target: int) -> None:
         """Note what the next event of the file is called in the log.
 
-        A number that is not greater than the last begins anew: another log's events follow.
+        A number that is not greater than the last starts over: another log's events follow.
         """
         if self._counts:
             last = self._firsts[-1] + self._counts[-1] - 1

@@ -67,7 +67,7 @@ MOST_TOPICS = 20
 
 @dataclass(frozen=True, slots=True)
 class ScanOptions:
-    """Which lasers of a bag are read, next to those of a mapping."""
+    """Which lasers of a bag are read, besides those of a mapping."""
 
     topics: tuple[str, ...] = ()
     """Empty: the bag's only one; of several, those called `scan`."""
@@ -87,7 +87,7 @@ class ScanOptions:
 
 
 def with_scans(path: Path, mapping: RosMapping, options: ScanOptions | None) -> RosMapping:
-    """Return a mapping that reads the lasers that were requested, as far as the bag has them.
+    """Return a mapping that reads the requested lasers, as far as the bag has them.
 
     Raises:
         FormatError: It has no such topic, or several could be meant.
@@ -275,7 +275,7 @@ def plan_scans(
         path: The bag.
         log: Whose doors are looked at, as they were when the scans were made.
         mapping: Which lasers are read, and how.
-        others: What comes into the log before the scans: it may report of doors.
+        others: What comes into the log before the scans: it may contain doors.
         bag_id: Digest of the bag.
         keeper: What keeps the scans of all visits; None: nobody does.
         progress: Called with (messages read, messages in all).
@@ -283,7 +283,7 @@ def plan_scans(
 
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
-        CommandError: No door was there at the time of the scans; or a level is not given.
+        CommandError: No door was there at the time of the scans; or no level is given.
     """
     doors = DoorsThen(log, others)
     return _Scanning(path, log, mapping.for_lasers_only(), doors, keeper, actor).plan(

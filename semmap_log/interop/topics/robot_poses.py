@@ -2,7 +2,7 @@
 
 The DoorMap of somebody else's server: what differs from its last one becomes events.
 
-What a message says of a door that the one before said, too, is no news, whatever another sensor
+What a message repeats about a door from the one before is no news, whatever another sensor
 has seen meanwhile. Of the first message, and of what is news, that counts which differs from the
 log.
 
@@ -236,7 +236,7 @@ class DoorMaps:
         self._door_of: dict[int, DoorId] | None = None
         """The server's number -> our door, of all that its map had, or that came with it once."""
         self._last: dict[int, bytes] = {}
-        """The server's number -> what it reported about that door last."""
+        """The server's number -> its last report of that door."""
 
     def events(self, got: TopicMessage) -> Iterator[Event]:
         """Return what makes the doors we know those of the message."""
@@ -267,7 +267,7 @@ class DoorMaps:
         yield from self._removed(set(numbers), happened_ns)
 
     def actor(self, _got: TopicMessage) -> str:
-        """Return nobody: the message does not tell."""
+        """Return nobody: the message has no actor."""
         return ""
 
     def forget(self) -> None:
@@ -276,7 +276,7 @@ class DoorMaps:
         self._last.clear()
 
     def _remembered(self) -> dict[int, DoorId]:
-        """Return the doors that are the server's, as far as the log shows."""
+        """Return the doors that came from the server, as far as the log shows."""
         doors = [door for door in self._context.known.doors.values() if door.object_class.is_door]
         own = {
             int(text): door.door_id
@@ -479,7 +479,7 @@ class ClickedDoors:
         yield DoorAnnotated(door_id=new, key="name", value=name, happened_ns=happened_ns)
 
     def actor(self, _got: TopicMessage) -> str:
-        """Return nobody: a click does not tell whose it is."""
+        """Return nobody: a click has no actor."""
         return ""
 
     def _click(self, got: TopicMessage) -> _Click | None:
@@ -506,7 +506,7 @@ class ClickedDoors:
         return _Click(float(point.x), float(point.y), got.received_ns)
 
     def _is_late(self, first: _Click, second: _Click) -> bool:
-        """Tell whether the second click is none of the same door; then that is complained about."""
+        """Return whether the second click is not of the same door; complain if so."""
         waited_s = (second.received_ns - first.received_ns) / 1e9
         if 0 <= waited_s <= self._rule.within_s:
             return False

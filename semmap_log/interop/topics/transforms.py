@@ -1,6 +1,6 @@
-"""The tree of frames that TF tells: each link as it came last, and as it was a moment ago.
+"""The tree of frames from TF: each link as it came last, and as it was a moment ago.
 
-What TF told of one link over the last seconds, and how it was at any moment in between.
+One link's transforms over the last seconds, and the link at any moment in between.
 
 Turns in space as quaternions: one at a time, or many as arrays.
 

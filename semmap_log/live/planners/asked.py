@@ -1,4 +1,4 @@
-"""A question as it was asked: its words, each taken for what it stands for.
+"""A question: its words, each parsed to what it stands for.
 
 The questions that a planner can ask: one table, from which all that names them derives.
 
@@ -23,7 +23,7 @@ Word: TypeAlias = str | int | float
 AT = "AT"
 
 MOST_SECONDS = 86_400.0
-"""A question that waits longer is queried again."""
+"""A client that wants to wait longer sends the question again."""
 MOST_WORDS = 1000
 """Of a question, its name and the doors of NEXT_DOOR included."""
 MOST_WORD = 1000
@@ -41,7 +41,7 @@ class AskedQuestion:
     number: float = 0.0
     """A probability, or how many seconds to wait."""
     name: str | None = None
-    """Of the question that HELP is queried."""
+    """Of the question that HELP is about."""
     when: str | int | None = None
     """What was true then; None: now."""
     known_at: str | int | None = None
@@ -57,10 +57,10 @@ class AskedQuestion:
 
 
 def read_words(words: Sequence[Word], command_id: bytes | None = None) -> AskedQuestion:
-    """Return what is queried by a question's words, its name first.
+    """Parse a question's words, its name first.
 
     Raises:
-        QuestionError: There is no such question, it is queried in another form, or it is too long.
+        QuestionError: There is no such question, its form is another, or it is too long.
     """
     if not words:
         raise QuestionError(f"expected a question such as {BY_NAME['DOOR_OPEN'].form}, got none")
@@ -90,7 +90,7 @@ def _check_words(words: Sequence[Word]) -> None:
 
 
 def too_many() -> str:
-    """Return what is reported about a question of too many words."""
+    """Return the message about a question of too many words."""
     return f"expected at most {MOST_WORDS:,} words, got more"
 
 
@@ -102,7 +102,7 @@ class _Reader:
         self._words = words
 
     def read(self, command_id: bytes | None) -> AskedQuestion:
-        """Return what is queried."""
+        """Return the question."""
         question = self._question
         if question.times is Times.KNOWN_AT:
             return self._read_believed()
@@ -231,7 +231,7 @@ class Type(Enum):
 
 
 class Times(Enum):
-    """Which moment a question can name, after its other words."""
+    """The moments that a question can name, after its other words."""
 
     NONE = ""
     WHEN = "[TIME]"
@@ -254,7 +254,7 @@ class Question:
     """What the answer is, in words for HELP and the guide."""
     arguments: tuple[Type, ...] = ()
     optional: tuple[Type, ...] = ()
-    """May be left out; they stand after the others."""
+    """May be left out; they follow the others."""
     times: Times = Times.NONE
     is_the_thesiss: bool = False
 

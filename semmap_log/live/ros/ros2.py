@@ -35,7 +35,7 @@ LOOK_S = 0.1
 """How often it is looked who publishes what we want; rosbag2's recorder does it so, too."""
 
 RESULT_KEPT_S = 10
-"""How long the result of a goal can be requested. Each message of an action's status lists all
+"""How long the result of a goal can be fetched. Each message of an action's status lists all
 goals of that time."""
 
 ACKNOWLEDGED_WITHIN_S = 5.0

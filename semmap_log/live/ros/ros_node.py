@@ -147,7 +147,7 @@ class Goal:
     said_id: str
     """As people and tools of that ROS write it."""
     caller: str
-    """The client's node; ROS 2 does not tell: the node, or nodes, that have such a client."""
+    """The client's node; for ROS 2, which does not report it, all nodes with such a client."""
     values: Values
     feedback: Callable[[float], None] = field(compare=False)
     """Sends `percent_complete`, 0 to 100."""
@@ -264,10 +264,10 @@ class RosNode(Protocol):
         """
 
     def run(self, stop: Callable[[], bool], *, tick: Callable[[], None] | None = None) -> None:
-        """Let callbacks come, until stopped stop or until ROS ends.
+        """Run callbacks until stopped, or until ROS ends.
 
         Args:
-            stop: Asked some twenty times a second.
+            stop: Called some twenty times a second.
             tick: Called as often, by the calling thread.
         """
 

@@ -160,7 +160,7 @@ class McapBag:
         return list(dict.fromkeys(self._channels.values()))
 
     def count(self, channels: Collection[BagChannel]) -> int:
-        """Return how many messages the summary reports of; 0: it does not say."""
+        """Return how many messages the summary counts; 0: it has no count."""
         counts = self._summary.counts
         return sum(counts.get(i, 0) for i, each in self._channels.items() if each in channels)
 
@@ -234,7 +234,7 @@ class McapBag:
         return found
 
     def _scanned_channels(self) -> dict[int, BagChannel]:
-        """Return the channels of a file that shows nothing of them at its end."""
+        """Return the channels of a file without a summary."""
         from mcap import records as kinds
         from mcap.opcode import Opcode
 

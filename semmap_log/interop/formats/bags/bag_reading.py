@@ -208,12 +208,12 @@ def new_bag(path: Path, topics: Sequence[BagTopic]) -> Iterator[NewBag]:
     """Write a bag, whole or not at all.
 
     Args:
-        path: Its suffix shows the form. A file of that name is replaced at once, when the new one
+        path: Its suffix is the format. A file of that name is replaced at once, when the new one
             is whole; a folder never is.
         topics: All that will be written to.
 
     Raises:
-        FormatError: The name shows no form.
+        FormatError: The name has no known extension.
         OutputError: It cannot be written, or a folder of that name is there; what was there stays.
     """
     write_bag, whole = _form_of(path)

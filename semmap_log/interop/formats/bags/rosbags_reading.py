@@ -114,7 +114,7 @@ def _refuse_cut(path: Path) -> None:
 
 
 def _refuse_unwritten(path: Path) -> None:
-    """Return unless SQLite keeps a part of the messages next to the file, where nobody looks.
+    """Check that SQLite does not keep some of the messages in a file next to it, which is not read.
 
     Raises:
         FormatError: It does: whoever wrote it was killed.

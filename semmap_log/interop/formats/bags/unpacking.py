@@ -46,7 +46,7 @@ class Record:
     at: int
     """Where it begins."""
     body: bytes
-    """Empty if it was not requested."""
+    """Empty if it is not wanted."""
 
 
 def records(
@@ -64,7 +64,7 @@ def records(
         start: Where the first record begins.
         end: Where the last one has to end.
         wanted: Opcodes.
-        hear: Called with all bytes that are passed, those of a record before it is yielded.
+        hear: Called with all bytes that are read; with those of a record before it is yielded.
 
     Raises:
         ValueError: They are no records, or one that is wanted is too long.

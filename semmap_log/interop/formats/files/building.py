@@ -54,8 +54,8 @@ def read_building(
 ) -> DoorTable:
     """Return the building's doors, levels, floor plans and named places.
 
-    Levels are numbered from 1 on in order of elevation, then name, whether requested or not. A
-    lift's door is a door of each level that it serves, after the level's own; its annotation
+    Levels are numbered from 1 on in order of elevation, then name, also those that are left out.
+    A lift's door is a door of each level that it serves, after the level's own; its annotation
     `lift` is the lift's name.
 
     Args:
@@ -135,7 +135,7 @@ def _level_readers(
 
 
 def _align(root: Mapping, readers: list[StoreyReader], problems: Problems) -> dict[int, str]:
-    """Give the levels their frames; return what has to be reported about some."""
+    """Give the levels their frames; return warnings about some."""
     if readers and readers[0].in_pixels:
         reference = reference_level(root, readers, problems)
         return {} if reference is None else align_levels(readers, reference, problems)

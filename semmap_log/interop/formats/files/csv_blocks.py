@@ -143,7 +143,7 @@ class CsvBlocks:
         """Return a block's rows with the texts of the wanted columns.
 
         Rows of another length than the header's are noted in the problems. Where a cell with line
-        breaks goes on after the block, what is after it is read, too.
+        breaks continues after the block, the rest of the cell is read, too.
 
         Raises:
             FormatError: It is not CSV, or not text.
@@ -188,7 +188,7 @@ class CsvBlocks:
         return end < len(self._lines)
 
     def _texts(self) -> Iterator[str]:
-        """Yield the lines that are to be taken, and those after them if they are requested."""
+        """Yield the lines to take, and those after them if they are wanted."""
         while True:
             if self._at == len(self._lines):
                 self._lines, self._at = self._next(), 0
@@ -372,7 +372,7 @@ MOST_ROWS = 50_000_000
 
 
 class Row(NamedTuple):
-    """A row: its line in the file and the texts of the columns requested."""
+    """A row: its line in the file and the texts of the requested columns."""
 
     line: int
     texts: list[str]

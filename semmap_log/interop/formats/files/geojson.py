@@ -30,7 +30,7 @@ def dump_room_geojson(plan: RoomPlan, about: Mapping[str, str], *, level: int | 
 
     Args:
         plan: Of a moment; features have the keys of `rooms --json`, ids ascending.
-        about: What is reported about the log, such as its building.
+        about: Facts about the log, such as its building.
         level: Only the rooms of that one; None: of all.
     """
     features = (
@@ -66,7 +66,7 @@ def dump_geojson(door_map: DoorMap, about: Mapping[str, str]) -> tuple[str, list
 
     Args:
         door_map: The doors; their features have the keys of `replay --json`, ids ascending.
-        about: What is reported about the log, such as its building.
+        about: Facts about the log, such as its building.
     """
     head = collection_head(door_map, about)
     doors = sorted(door_map.doors.values(), key=lambda door: door.door_id)

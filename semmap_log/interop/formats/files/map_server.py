@@ -56,7 +56,7 @@ def read_map(path: Path, *, level: int = 0, rules: RulesName = DEFAULT_RULES) ->
     """Return the map as a floor plan of that level.
 
     Args:
-        path: The `.yaml` file; its picture is looked for next to it.
+        path: The `.yaml` file; its picture is expected next to it.
         level: The number of the level it shows.
         rules: Whose reading: "nav2", "nav2_humble" or "noetic".
 
@@ -185,7 +185,7 @@ NOETIC_FORMATS = ("PPM", "PNG", "JPEG")
 """Of the others SDL makes surfaces that depend on how they were packed."""
 MOST_PIXELS = 100_000_000
 PIXELS_A_STRIP = 2_000_000
-"""So that what is made on the way stays small next to a large picture."""
+"""So that temporary arrays stay small compared to a large picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -332,7 +332,7 @@ def _deep(strip: Image) -> NDArray[np.uint16]:
 
 YamlKind = Literal["building", "map", "doors"]
 MAP_KEYS = frozenset({"image", "resolution", "origin", "occupied_thresh", "free_thresh"})
-"""Of map_server's header: any of them makes a map, so that what it lacks is said of a map."""
+"""Of map_server's header: any of them makes it a map, so that errors name what a map lacks."""
 _TOP_KEY = re.compile(r"""^["']?(\w{1,31})["']?[ \t]{0,20}:(?=\s|$)""", re.MULTILINE)
 
 

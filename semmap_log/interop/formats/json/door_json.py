@@ -65,7 +65,7 @@ def door_map_to_json(door_map: DoorMap) -> dict[str, Any]:
 
 
 def door_to_json(door: Door, door_map: DoorMap) -> dict[str, Any]:
-    """Return a door; `door_map` shows its level's name."""
+    """Return a door; `door_map` has its level's name."""
     level = door_map.levels.get(door.level)
     return {
         "door_id": door.door_id,
@@ -294,7 +294,7 @@ def line_to_json(event: RecordedEvent, commit: Commit, *, retracted: bool) -> di
 
     Besides the event, its number, its times and its note: the `command_id` of its commit; `commit`,
     the numbers of the commit's first and last event, where it has several; `content`, the digest
-    of what the command requested, where it has one; and `retracted`, where that is true.
+    of the command's content, where it has one; and `retracted`, where that is true.
     """
     note = {key: getattr(commit.note, key) for key in NOTE_KEYS}
     shown = event_to_json(event, note=note)
@@ -309,7 +309,7 @@ def line_to_json(event: RecordedEvent, commit: Commit, *, retracted: bool) -> di
 
 
 def means_same(given: Event, stored: Event) -> bool:
-    """Return whether two events say the same, as JSON shows it.
+    """Return whether two events are equal in JSON.
 
     Fields that an update does not set mean nothing; a time or a level that is not given is any.
     """
@@ -340,7 +340,7 @@ def _fields(event: Event) -> dict[str, Any]:
 
 
 def key_of(name: str, rule: Rule) -> str:
-    """Return the key of a field: a time is given as text, and so without its unit."""
+    """Return the key of a field: a time is a text in JSON, so its key has no unit."""
     return name.removesuffix("_ns") if isinstance(rule, Nanoseconds) else name
 
 

@@ -4,7 +4,7 @@ The rooms of a log's levels as the JSON that `rooms` prints.
 
 What a new map does to the doors, as JSON.
 
-Sensors that are not as accurate as declared, as the JSON of all that shows beliefs.
+Sensors that are not as accurate as declared, for the JSON of every answer with beliefs.
 """
 
 from __future__ import annotations

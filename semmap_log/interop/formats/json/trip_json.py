@@ -143,7 +143,7 @@ class Key:
 
 
 def kinds_and_keys() -> Iterator[tuple[str, str, list[Key]]]:
-    """Yield each kind, what it means, and its keys, next to those of every kind."""
+    """Yield each kind, what it means, and its keys, besides those of every kind."""
     for kind in KINDS:
         meaning = (kind.__doc__ or "").splitlines()[0]
         yield kind.__name__, meaning, list(_keys(kind))

@@ -5,7 +5,7 @@ Texts in CSV files that do nothing to whoever opens them, and come back as they 
 A spreadsheet takes a cell that begins with = + - or @ for a formula, and a terminal obeys control
 characters. So of a text in our CSV files
 
-- one that begins so, after blanks and apostrophes or none, gets an apostrophe before it: `'=1+1`;
+- one that begins so, or so after blanks and apostrophes, gets an apostrophe before it: `'=1+1`;
 - control characters, and those that turn the direction of writing, are written as `\u001b`, and a
   backslash that stands before such a code as `\u005c`;
 - blanks at its ends are written as `\u0020`: those around a cell do not count.
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 WORD_BYTES = 8
 PADDING = bytes(WORD_BYTES)
-"""What a buffer must have after its texts, so that whole words can be taken from it."""
+"""Padding that a buffer needs after its texts, so that whole words can be read from it."""
 
 MOST_PATTERNS = 8
 MOST_WORDS = 8
@@ -274,7 +274,7 @@ def harmless(text: str) -> str:
 
 
 def is_written_otherwise(text: str) -> bool:
-    """Return whether a text, as it is read, means another one."""
+    """Return whether a text stands for another one when it is read."""
     return text.startswith("'") or "\\u" in text
 
 

@@ -3,7 +3,7 @@
 Every message is the whole truth about its topic: first a marker that deletes all, then those of
 all doors. For where a player jumps to, Foxglove and Lichtblick take away all markers and load the
 last message of each topic, that one alone (Lichtblick's `Renderer.handleSeek` and
-`McapIndexedIterableSource.getBackfillMessages`); of messages that tell changes they would show
+`McapIndexedIterableSource.getBackfillMessages`); of messages with changes alone they would show
 the last change. And RViz, where a bag is played from an earlier time, deletes nothing by itself.
 
 The markers' stamps are 0, and they are frame-locked: good at any time, however old.
@@ -272,7 +272,7 @@ class GridFrame:
 
     at_ns: int
     costs: NDArray[np.uint8]
-    """(height, width), row 0 at the lowest y; looked at before the next frame is requested."""
+    """(height, width), row 0 at the lowest y; only valid until the next frame."""
     windows: Sequence[CellWindow]
     """Where cells may have changed since the frame before."""
     geometry: GridGeometry | None = None
@@ -291,7 +291,7 @@ def write_grids(
 
     A whole grid follows a change at once, but not within `every_ns` of the one before: then it
     comes when that time is over, or at the end with the time of the last change. So at any moment
-    the last whole grid is at most that much after.
+    the last whole grid is at most that old.
 
     Args:
         bag: Has both topics; that of the updates only if they are wanted.
@@ -455,7 +455,7 @@ class EncodedElement:
     at_0: bytes
     """As it is at a multiple of 8."""
     at_4: bytes
-    """As it is 4 bytes after one."""
+    """As it is 4 bytes after a multiple of 8."""
 
 
 class ArrayType:

@@ -31,7 +31,7 @@ DefinitionForm = Literal["msg", "idl"]
 
 @dataclass(frozen=True, slots=True)
 class MessageType:
-    """A type as a bag or a publisher shows it."""
+    """A type as a bag or a publisher declares it."""
 
     name: str
     """In ROS 2's long form, such as `std_msgs/msg/Bool`; for ROS 1, too."""
@@ -242,7 +242,7 @@ class Messages:
         Args:
             at_ns: Its stamp.
             number: How many messages of its topic came before; ROS 1 has a field for it.
-            frame: What the message is given in.
+            frame: The frame of the message's coordinates.
 
         Raises:
             OutputError: The time cannot be a ROS stamp.

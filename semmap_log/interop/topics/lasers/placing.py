@@ -33,7 +33,7 @@ LEVEL_TILT = math.radians(1.5)
 LOWEST_M, HIGHEST_M = 0.05, 2.0
 """Over the floor a door's leaf is; what a tilted beam meets elsewhere is no door."""
 REACH_M = 6.0
-"""A beam that did not come back is queried how high it is so far away."""
+"""Distance at which the height of a beam without an echo is checked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,7 +312,7 @@ LONGEST_S = 1.0
 ANGLES_OFF = 0.02
 """By how much `angle_max` may differ from where the last beam points, rad; or 2.5 increments."""
 UNLIMITED_M = 100.0
-"""`range_max` of a laser that shows none (infinity)."""
+"""`range_max` of a laser that reports none (infinity)."""
 
 
 @dataclass(frozen=True, slots=True)

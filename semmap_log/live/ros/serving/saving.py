@@ -44,8 +44,8 @@ class DoorSaver:
         """Choose where.
 
         Args:
-            root: The folder; its own name may be a link. None: one next to the log, named as it
-                is with `_saved` after, which is made when it is needed.
+            root: The folder; its own name may be a link. None: one next to the log, with its name
+                and the suffix `_saved`, which is made when it is needed.
             log_folder: Where nothing is written.
             default_prob: Stands for probabilities that were not given; None: their lines are left
                 out.
@@ -123,7 +123,7 @@ class DoorSaver:
             os.close(descriptor)
 
     def _check_place(self, folder: Path, name: str, file_name: str) -> None:
-        """Return if a file may be put there: nothing is, or a file; and no log is next to it."""
+        """Check that a file may be put there: there is nothing or a file, and no log next to it."""
         try:
             mode = (folder / name).lstat().st_mode
         except FileNotFoundError:
