@@ -1,10 +1,7 @@
-"""`ask`: a planner's questions, to a server that runs.
+"""`ask`: a planner's questions, to a running server; and the options of `serve` for planners.
 
-What `serve --ask` takes, and the server of questions that it runs next to ROS, or alone.
-
-What `serve --oprs` takes, and the service of OPRS kernels that it runs next to the others.
-
-Whom of planners `serve` answers, over a socket or a message passer: by one oracle.
+`serve --ask` runs a server of questions, next to ROS or alone; `serve --oprs` serves OPRS kernels
+through a message passer. One oracle answers both.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What all verbs share: arguments, output for people and for machines, progress, errors.
 
-`--cache` and `--with` of the verbs that read a log at a URL.
+`--cache` and `--with` are for the verbs that read a log at a URL.
 """
 
 from __future__ import annotations

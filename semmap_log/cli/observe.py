@@ -1,7 +1,4 @@
-"""`observe`: a sensor saw a door.
-
-A state as typed on the command line.
-"""
+"""`observe`: a sensor saw a door; and states as they are typed on the command line."""
 
 from __future__ import annotations
 

@@ -5,9 +5,8 @@ wrapped, cut or coloured. What stands around them for people (which moment, what
 goes to stderr. Tables of one answer have an empty line between. A report without a table stays
 text on stdout, and is not wrapped either.
 
-Colours are for terminals (`plain_console.colours_wanted`); the lines of tables never have any.
-
-Rich's console for texts from outside: see `plain_streams`.
+Colours are for terminals (`colours_wanted`); the lines of tables never have any. `PlainConsole` is
+rich's console for texts from outside: see `plain_streams`.
 """
 
 from __future__ import annotations

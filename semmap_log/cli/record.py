@@ -1,8 +1,6 @@
-"""`record`: events as they happen.
+"""`record`: events as they happen, from JSON lines, or with `--ros1` or `--ros2` from topics.
 
-`record --ros1`, `record --ros2`: the topics of a robot, or what would be made of them.
-
-`--ship` of the verbs that write for long: the log is sent to a store meanwhile.
+`--ship`, which sends the log to a store meanwhile, is an option of all verbs that write for long.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
 """`retain`: a log that keeps so much of its past, and no more.
 
-Background tasks of the verbs that write for long, and their status at the end.
-
-The key with which verbs sign, and `--sign-key` of the verbs that write for long.
-
-What the verbs share that take records out of a log: `redact`, `retain`.
+`redact` shares its options, and how both remove records and report it. For the verbs that write for
+long, `--sign-key` and the status of background tasks are here, too.
 """
 
 from __future__ import annotations

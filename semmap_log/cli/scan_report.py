@@ -1,6 +1,6 @@
 """`scan-report`: how a laser saw the doors, and how far to trust it.
 
-What the verbs share that read ROS messages: the mapping's option, its help, the dry run.
+It has what the verbs share that read ROS messages: the mapping's option, its help, the dry run.
 """
 
 from __future__ import annotations

@@ -2,13 +2,13 @@
 
 Help is plain text, as that of any Unix program: no frames, and quick.
 
-The one place that says why a verb failed: a line for people, or with --json a document.
+A verb's failure is reported here alone: as a line for people, or with --json as a document.
 
     {"error": {"kind": "UnknownDoorError", "message": "…", "exit_code": 1}}
 
-`kind` is the name of the error's class (`semmap_log.errors`), `UsageError` for a command line that
-cannot be, or the class of an error of the system. An error of a file's lines also has `problems`:
-[{"text", "count", "lines", "last_line"}], those that are the same but for their values as one.
+`kind` is the name of the error's class (`semmap_log.errors`), `UsageError` for a wrong command
+line, or the class of an error of the system. An error of a file's lines also has `problems`:
+[{"text", "count", "lines", "last_line"}], one for all that differ only in their values.
 
 The document is on stdout, in the place of the answer. Where a part of the answer is out already,
 as of `history --json` on a log with damage in its middle, it is the last line of stderr.

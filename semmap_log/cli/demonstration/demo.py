@@ -1,6 +1,6 @@
 """The main job in one go, on a shipped recording: record, replay, export, look.
 
-The demo's second half: a bag of laser scans in, doors out, held against the truth.
+The second half reads a bag of laser scans and compares the doors with the truth.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""A costmap as a file: for map_server and Nav2, for people, for numpy; whole, or not at all.
+"""A costmap as a file for map_server and Nav2, people or numpy: written whole, or not at all.
 
-A log's costmap over time as a bag, for ROS's players: RViz, Foxglove, rerun.
+A costmap over time becomes a bag, for ROS's players: RViz, Foxglove, rerun.
 """
 
 from __future__ import annotations

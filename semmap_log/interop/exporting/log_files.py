@@ -1,10 +1,8 @@
 """A log's state or events as a file for other programs: written whole, or not at all.
 
-A log's events as JSON lines, with all that `import` needs to make the same log of them.
-
-A log's doors as a problem for a planner that reads PDDL.
-
-A log's stream as a bag: for `rosbag play` and `ros2 bag play`, RViz, Foxglove and Lichtblick.
+The extension chooses the format. JSON lines have all that `import` needs to make the same log of
+them. PDDL has the doors as a planner's problem. A bag has the log as a stream, for `rosbag play`
+and `ros2 bag play`, RViz, Foxglove and Lichtblick.
 """
 
 from __future__ import annotations

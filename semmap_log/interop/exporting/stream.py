@@ -1,15 +1,13 @@
 """A log folded to messages on topics: what a player, or RViz, receives over time.
 
-At each moment of the stream the last message of each topic is what `replay(at=…)` says of that
-moment: what was true, with all that is known today. So it can be played, and jumped in. It goes
-into a bag (`log_bag`) or out to live subscribers (`live.player`) alike.
+At each moment of the stream the last message of each topic is what `replay(at=…)` returns for that
+moment: what was true, with all that is known today. So a player can seek in it. It goes into a bag
+(`log_bag`) or to live subscribers (`live.player`). A `StreamPlan` has what must be known before
+the first message.
 
-What a log's stream will hold: it has to be known before its first message.
-
-A log's events in the order in which they count, with who and why, in memory of a slice.
-
-The log has them in the order of recording; late ones are put in their place slice by slice of
-happened time. Only the times themselves, 8 bytes an event, are held all at once.
+Events come in the order in which they count, with who and why. The log has them in the order of
+recording; late ones are put in their place slice by slice of happened time. Only the times
+themselves, 8 bytes an event, are held all at once.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """The topics of a log's stream: each message has the complete state, sent when it has changed.
 
-The door map as a fold of events that come in the order that counts: the last one says it.
+The door map behind them is a fold of events that arrive in the order in which they count, so that
+the last one wins.
 """
 
 from __future__ import annotations

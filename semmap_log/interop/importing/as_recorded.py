@@ -2,15 +2,12 @@
 
 So one can query what was known at a moment in a history that another program wrote. A log's
 recorded times only grow: none of a file may be earlier than what the log has. What is of the same
-time as the log's last commit is recorded just after it, as doors after the plan of one day.
+time as the log's last commit is recorded just after it, as doors after the plan of one day. The
+recorded times of JSON lines are checked in the same way.
 
-Names of rooms, from a building's file to the doors that lead into them.
-
-A building names points, not rooms. Where one such point lies in a room, and no other, the room is
-called so; each of its doors gets the name in its annotation `rooms`. So the name stays with the
-doors wherever the floor plan comes from later.
-
-Whether the times at which lines say that they were recorded can be those of a log.
+Rooms get their names from a building's file, which names points. Where one such point lies in a
+room, and no other, the room gets its name; each of its doors has it in the annotation `rooms`. So
+the name stays with the doors wherever the floor plan comes from later.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """What a bag means for a log as it stands: its messages, read as a mapping says, as events.
 
-Visits that a log has already: by an earlier import, or recorded while the robot drove.
-
-The places of a log's doors at the moments of scans: as they were then, by what is known now.
+Visits that the log has already are left out: those of an earlier import, or recorded while the
+robot drove. Doors are taken at their places at the moments of the scans, by what is known now.
 """
 
 from __future__ import annotations

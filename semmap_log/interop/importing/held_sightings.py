@@ -1,10 +1,9 @@
-"""Sightings that a log holds already, by another file: exports that overlap do not count twice.
+"""What a door CSV means for a log as it stands: rows as events of the doors that they name.
 
+Sightings that the log has already are left out, so that exports that overlap do not count twice.
 Two are the same if they report the same state of the same door, at the same nanosecond, with the
 same accuracy. Files of two sensors are kept apart by their sources: if a source is given, only the
 log's sightings of that source are compared.
-
-What a door CSV means for a log as it stands: rows as events of the doors that they name.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""What a file of doors means for a log as it stands: the events to append, and what to say.
+"""What a file of doors means for a log as it stands: the events to append, and the messages.
 
 Ids of a file are kept where they are free. A door that is there with the same values is left
 alone; with other values it is an error, or with `update` the fields that differ are written. An
 id that was removed is an error; with `renumber` the door gets the next free one, with `update` its
-removal is taken back. Nothing is ever removed.
+removal is retracted. Nothing is ever removed.
 """
 
 from __future__ import annotations

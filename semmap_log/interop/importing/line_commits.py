@@ -1,12 +1,8 @@
 """Lines of JSON as commits: as they were, where a log wrote them.
 
-Other lines that follow each other and say the same about who and why are one commit.
-
-The lines of a file of JSON lines, each read with the doors as they are after those before it.
-
-JSON lines whose sightings a log holds already, by another file.
-
-Which numbers the events of a file get in the log that imports them.
+Other lines are one commit if they follow each other and have the same note. Each line is read with
+the doors as they are after those before it. Sightings that the log has already, by another file,
+are left out, and the events of the file get the numbers of the log that imports them.
 """
 
 from __future__ import annotations

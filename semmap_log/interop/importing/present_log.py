@@ -1,8 +1,7 @@
-"""What planners of imports ask of a log: of one that is written, or of one that is only read.
+"""What planners of imports query of a log, whether it is open for writing or only for reading.
 
-Events as JSON lines into a log: commit by commit, as they were where they were exported.
-
-Doors that were there before the log says so are added again with an earlier time.
+JSON lines are appended commit by commit, as they were in the log that exported them. Doors that were there before the
+log says so are added again with an earlier time.
 """
 
 from __future__ import annotations

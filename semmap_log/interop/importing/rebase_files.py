@@ -1,8 +1,7 @@
 """A rebase described by files: the new map, pairs of points, and doors that were measured again.
 
-Doors of a file as somebody measured them in a new map: their places, and nothing else of them.
-
-Doors of the thesis's YAML are known by their ids, those of a building by their names.
+Of doors that were measured in the new map only the places count. Doors of the thesis's YAML are
+known by their ids, those of a building by their names.
 """
 
 from __future__ import annotations

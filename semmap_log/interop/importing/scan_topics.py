@@ -1,12 +1,9 @@
-"""Which lasers of a bag are looked through, where the command line asks for them.
+"""A bag's laser scans into a log: what they saw of the doors, a commit for each visit.
 
-A bag's laser scans into a log: what they saw of the doors, a commit for each visit.
-
-The bag is gone through once before anything is written: it is read whole, or nothing comes of it.
-Each visit has an id of its own, made of the bag's bytes and of what was seen when: an import that
-was interrupted goes on where it stopped, and the same bag again changes nothing.
-
-Why no scan of a bag has a place on the map, and what to do about it.
+The command line, or the mapping, names the lasers. The bag is read once before anything is written:
+it is read whole, or nothing is imported. Each visit has an id of its own, made of the bag's bytes
+and of what was seen when: an import that was interrupted resumes where it stopped, and the same bag
+again changes nothing. If no scan has a place on the map, the error says why, and what to do.
 """
 
 from __future__ import annotations

@@ -1,17 +1,16 @@
 """Where the robot is, by poses in the map's frame or by TF: kept when it moved, at sightings.
 
-The DoorMap of somebody else's server: what differs from its last one becomes events.
-
-What a message repeats about a door from the one before is no news, whatever another sensor
-has seen meanwhile. Of the first message, and of what is news, that counts which differs from the
-log.
+It also reads doors of other sources. Of the DoorMap of another server, what differs from its last
+message becomes events. What a message repeats about a door from the one before is no news, whatever
+another sensor has seen meanwhile. Of the first message, and of news, what counts is the difference
+to the log.
 
 The server's ids are kept where they are free. A number that it uses again after a removal (the
 thesis gives "the first free index") is another door: it gets a new id here, and an annotation on
-it remembers the server's number. The annotation is on every door that came with the topic, so that
+it has the server's number. The annotation is on every door that came with the topic, so that
 after a restart it is known which are the server's, and are gone once its map lacks them.
 
-Doors that somebody clicks in RViz: two points are a door's line.
+In RViz, somebody may click doors: two points are a door's line.
 """
 
 from __future__ import annotations

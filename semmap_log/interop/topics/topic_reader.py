@@ -1,8 +1,7 @@
 """What readers of messages share: what they look at, what they make, how they look doors up.
 
-What is wrong with messages: reported once for each kind, counted, summed up at the end.
-
-What the log knows, as far as messages are compared with it, and as it is after each event.
+`Known` is what the log knows, as far as messages are compared with it, after each event.
+`TopicProblems` has what is wrong with messages: reported once for each kind, counted, summed up.
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
-"""The tree of frames from TF: each link as it came last, and as it was a moment ago.
+"""The tree of frames from TF: each link over the last seconds, at any moment in between.
 
-One link's transforms over the last seconds, and the link at any moment in between.
-
-Turns in space as quaternions: one at a time, or many as arrays.
-
-A vector is (x, y, z), a quaternion (x, y, z, w); each component is a number, or an array of as many
-as there are of the others.
+Rotations in space are quaternions: one at a time, or many as arrays. A vector is (x, y, z), a
+quaternion (x, y, z, w); each component is a number, or an array of as many as there are of the
+others.
 """
 
 from __future__ import annotations

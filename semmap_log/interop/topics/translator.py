@@ -1,10 +1,8 @@
 """Message after message to events: what the recorder and the import of bags have in common.
 
-Floor plans, from nav_msgs/OccupancyGrid: each content once.
-
-The robot's rounds, from the status of the action that drives them, or from any marker.
-
-Messages that say how a door is, or shall be: Open-RMF's, and any sensor's.
+Here are the readers of floor plans (nav_msgs/OccupancyGrid: each content once), of the robot's
+rounds (the status of the action that drives them, or any marker), and of messages about doors
+(Open-RMF's states and requests, and any sensor's).
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
-"""A question: its words, each parsed to what it stands for.
+"""The questions that a planner can ask, and a question's words parsed to what they stand for.
 
-The questions that a planner can ask: one table, from which all that names them derives.
-
-Parsing, HELP and the table of the guide are made from it; the declarations for other systems can
-be, too. The first twelve are the thesis's (4.4.7), to the letter.
+One table has them all. Parsing, HELP and the table of the guide are made from it; the declarations
+for other systems can be, too. The first twelve are the thesis's (4.4.7), to the letter.
 """
 
 from __future__ import annotations

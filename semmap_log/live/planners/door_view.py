@@ -1,4 +1,4 @@
-"""The doors of one moment, found by the words that planners have for them.
+"""The doors of one moment, found by the words that planners have for them, and answers about them.
 
     DOOR_3          the door of id 3, whatever doors are called
     DOOR_main_door  the door that is called `main_door`; DOOR_ground/main_door, where several are
@@ -6,16 +6,10 @@
 
 A name of several doors means none of them: the error lists their ids.
 
-Answers about what is likely: at a time, by what was learnt up to now.
-
-Of a time that has passed, what was known by then counts, and the doors that there were: one does
-not foretell the past.
-
-How likely doors are open, by all that is known up to now: learnt once, and gone on from.
-
-Answers that follow from the doors of a moment alone.
-
-The doors of now, and what was looked up of other moments since they are so.
+Some answers follow from the doors of a moment alone; those of other moments are cached until the
+doors of now change. Answers about what is likely follow from beliefs, which are learnt once and
+then updated. For a time that has passed, only what was known by then counts, and the doors that
+there were: the past is not forecast.
 """
 
 from __future__ import annotations

@@ -1,11 +1,9 @@
 """The door oracle: answers what planners ask of a log, and does what they want done.
 
 It knows no socket. What is true now is held in memory and refreshed at each change. Questions of
-the past replay the log; their answers are remembered until it changes. Several threads may ask.
-
-Questions that wait until a door is in a state.
-
-What planners want done: each action one commit, and T once it lasts.
+the past replay the log; their answers are remembered until it changes. Some questions wait until a
+door is in a state. An action is one commit, answered with T once it is durable. Several threads may
+ask.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""ROS 1's topics as bytes: publishers, what is not out yet, and a master that restarts.
+"""ROS 1's topics as bytes: publishers, unsent messages, and a master that restarts.
 
-What actionlib lacks: patience with clocks, answers to goals sent again, given ids.
-
-Links between nodes of ROS 1: rospy reports them before they are up, and may make one twice.
+It also adds what actionlib lacks (patience with clocks, answers to goals sent again, given ids),
+and handles rospy's links between nodes: they are reported before they are up, and may be made
+twice.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """ROS 2's topics as bytes: publishers, readers that ask for what is offered, compiled classes.
 
-What rclpy's actions lack: who sent a goal, and an answer to one that is sent again.
+It also adds what rclpy's actions lack: who sent a goal, and an answer to one that is sent again.
 """
 
 from __future__ import annotations

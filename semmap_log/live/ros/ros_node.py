@@ -3,12 +3,11 @@
 Messages cross this line as the bytes that ROS sends, so that `formats` reads and writes live topics
 as it does bags. Goals and results cross it as plain values, by the names in the .action files.
 
-How the servers of the thesis's four actions are called; the thesis itself does not say.
+The thesis does not name its four action servers. Each name here is relative, so that it follows the
+node's namespace, and a private parameter of server and client, so that both fit a robot on which
+they are called otherwise.
 
-Each name is relative, so that it follows the node's namespace, and a private parameter of server
-and client, so that both fit a robot on which they are called otherwise.
-
-The ROS package that comes with this one, copied into somebody's workspace.
+The ROS package with the messages is copied into a user's workspace from here.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """What a bag is, whoever wrote it: its topics and messages, read and written.
 
-A bag of ROS 2 messages as one MCAP file: closed, in zstd chunks, indexed, with CRCs.
-
-An MCAP file of ROS messages, of either ROS, with an index or without.
+It also has the MCAP formats: reads a file of ROS messages, of either ROS, with an index or
+without; writes ROS 2 messages as one closed file, in zstd chunks, indexed, with CRCs.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Bags that rosbags reads: ROS 1's `.bag` and rosbag2's `.db3`.
 
-Bags that rosbag2 packed with zstd: whole files, or each message.
+Those that rosbag2 packed with zstd, as whole files or message by message, are unpacked first.
 """
 
 from __future__ import annotations

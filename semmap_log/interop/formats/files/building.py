@@ -3,15 +3,13 @@
 The file draws on pictures: vertices are pixels, y down. Here they become metres of the building, y
 up, in the one frame that Open-RMF gives all levels; a door's line starts at its first vertex.
 
-Points that were measured in two maps, as CSV: `old_x,old_y,new_x,new_y[,name]`, metres.
-
-In place of the old point a row may name a door, whose line starts there: `door,new_x,new_y`.
-
-The lifts of an Open-RMF building: their doors, on each level that they serve.
-
 The middle of a lift is drawn on its reference level, as a vertex is, and is the same on each level
 of the building. Its doors are given in metres from there, x to its right and y to its front, turned
-by its yaw.
+by its yaw; each is a door of every level that it serves.
+
+The module also reads points that were measured in two maps, as CSV:
+`old_x,old_y,new_x,new_y[,name]`, metres. In place of the old point a row may name a door, whose
+line starts there: `door,new_x,new_y`.
 """
 
 from __future__ import annotations

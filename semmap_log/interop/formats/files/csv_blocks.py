@@ -1,13 +1,9 @@
 """A CSV file in blocks of whole lines: plain ones as columns of texts, others row by row.
 
-Blanks around a cell do not count.
-
-A plain block has no quotes and as many commas in each line: where its cells lie is found at once.
-Any other goes through Python's own reader, which knows all of CSV and says what is wrong.
-
-The rows of another system's file, in the words of a door CSV.
-
-Rows of a CSV file: their lines, and where in them the columns are that are found by name.
+Blanks around a cell do not count. A plain block has no quotes and as many commas in each line, so
+that its cells are found at once. Any other goes through Python's own reader, which knows all of CSV
+and reports what is wrong. Columns are found by name in the header, and the rows of another
+system's file are converted to the words of a door CSV.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What a file of doors holds, whatever its format: values with their lines, for `importing`.
+"""The contents of a file of doors, whatever its format: values with their lines, for `importing`.
 
-How files of other systems say which door was how, and when: columns, words, units, lines.
+A `TableForm` describes the files of other systems: their columns, words, units and lines.
 """
 
 from __future__ import annotations

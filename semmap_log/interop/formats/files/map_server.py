@@ -2,20 +2,18 @@
 
 The servers differ, so their rules go by name: `nav2`, the default, is Nav2 as it is today;
 `nav2_humble` Nav2 before 2025; `noetic` the map_server of ROS 1. What each makes of a pixel is in
-`costmap_2d/map_rules.py`, what each sees of a picture in `map_picture.py`. Of the header, noetic
-knows `negate` as a number and `mode` in small letters only; Nav2 also takes true, false, capitals.
+`costmap_2d/map_rules.py`. Of the header, noetic knows `negate` as a number and `mode` in small
+letters only; Nav2 also takes true, false, capitals.
+
+The servers also see different pixels, since each reads the picture with its own library. noetic's
+map_server sees what SDL_image 1.2 makes of a file: eight bits a channel, and of a picture with a
+palette the numbers of the colours instead of the colours, which is rarely what was meant. Nav2 sees
+what GraphicsMagick makes of it: colours, and up to 16 bits of grey.
 
 More is refused here than there: thresholds that are not 0 <= free <= occupied <= 1 (the servers
 serve a grid of nonsense), a resolution that is not above 0, a number that is not finite. An
-origin's yaw is kept in the floor plan; a costmap has none (`GridGeometry.of_floor`).
-
-A map's picture as the pixels that a server sees: each has its own library to read it with.
-
-noetic's map_server sees what SDL_image 1.2 makes of a file: eight bits a channel, and of a picture
-with a palette the numbers of the colours instead of the colours, which is rarely what was meant.
-Nav2 sees what GraphicsMagick makes of it: colours, and up to 16 bits of grey.
-
-What a YAML file is, by its keys: whatever it is called.
+origin's yaw is kept in the floor plan; a costmap has none (`GridGeometry.of_floor`). A YAML file
+is recognised as a map by its keys, whatever its name.
 """
 
 from __future__ import annotations

@@ -1,14 +1,11 @@
-"""Doors as a PDDL problem: objects, facts, and P(open) as what it costs to pass.
+"""Doors as a PDDL problem: objects, facts, and P(open) as the cost of passing; and its domain.
 
 What planners take decides the form. Costs are whole numbers that actions add to `total-cost`
 (`:action-costs`, PDDL 3.1): that is read by all that know costs, while Fast Downward and its kin
 refuse real numbers and other fluents. A cost is -1000 ln P(open), so that the cheapest plan is the
-way that is likeliest open from end to end. The text is ASCII; the log's own names of doors are in
-comments, as JSON strings, which no name can end.
-
-Names as every PDDL parser takes them: letters, digits, `-` and `_`, in small letters.
-
-What a robot can do at doors, as a PDDL domain: made to be read, and changed, by its user.
+way that is likeliest open from end to end. The text is ASCII. Names are as every PDDL parser takes
+them: letters, digits, `-` and `_`, in small letters; the log's own names of doors are in comments,
+as JSON strings, which no name can end. The domain is made to be read, and changed, by its user.
 """
 
 from __future__ import annotations

@@ -1,18 +1,15 @@
-"""Door maps, histories and diffs as the JSON that the verbs print with `--json`.
+"""Door maps, histories, diffs and single events as JSON: the verbs' `--json`, and JSON lines.
 
-Field names are those of the events; states are words, times ISO-8601 UTC with nanoseconds,
-numbers that were not given are null.
-
-One event as one JSON object, both ways: what `record` reads and `history --json` writes.
-
-A line of an exported log says what the log knows of its event, too: `line_to_json`.
+An event is one object, both for `record`, which reads it, and for `history --json`. A line of an
+exported log also has what the log knows about the event: `line_to_json`.
 
     {"kind": "DoorObserved", "door_id": 1, "state": "OPEN", "accuracy": 0.9,
      "happened": "2026-03-01T12:00:00.000000000Z"}
 
 Keys are the event's fields; states and changed fields by name, absent numbers null, times ISO-8601
-(`happened_ns` is `happened`). A salt is never shown. An event of a kind that a later version has
-added has `newer` and its bytes, `cdr_base64`, instead of fields; such a line is not read.
+UTC with nanoseconds (`happened_ns` is `happened`). A salt is never shown. An event of a kind that a
+later version has added has `newer` and its bytes, `cdr_base64`, instead of fields; such a line is
+not read.
 """
 
 from __future__ import annotations

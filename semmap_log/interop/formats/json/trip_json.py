@@ -1,11 +1,7 @@
-"""A planned trip as the JSON that `go` prints.
+"""The JSON of `go` and `scan-report`, and the kinds of JSON lines with their keys.
 
-What `scan-report --json` prints.
-
-The kinds of JSON lines and their keys, for help and documents: derived, never written by hand.
-
-Kinds and defaults are those of `events.KINDS`, keys those that `event_json_reader` takes, and the
-words next to a key are those of the `.msg` text.
+The kinds and keys are for help and documents, and are derived, never written by hand: kinds and
+defaults from `events.KINDS`, keys from `event_json_reader`, descriptions from the `.msg` texts.
 """
 
 from __future__ import annotations

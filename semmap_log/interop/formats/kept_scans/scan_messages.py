@@ -1,9 +1,7 @@
-"""Placed scans as ROS messages, and back.
+"""Placed scans as ROS messages, visits as JSON text, and both back.
 
-A LaserScan has one place, and its beams the same angle between them. Where a scan is otherwise by
+A LaserScan has one origin, and the same angle between its beams. Where a scan differs from that by
 more than `EXACT_M` at any beam's end, the beams themselves are stored as well.
-
-Visits as JSON text.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Keeps the scans of visits next to a log, a new file for each run.
+"""Keeps the scans of visits next to a log, in a new file for each run, and removes them again.
 
-Removes visits and their scans, which show where the robot was, from a file next to a log.
+What is removed are visits and their scans, since those show where the robot was.
 """
 
 from __future__ import annotations

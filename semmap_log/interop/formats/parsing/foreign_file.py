@@ -1,6 +1,6 @@
 """Opening a foreign file safely: what it is and how big it is are checked before its bytes.
 
-Which instant is meant by a time that a wall clock shows twice: the order of the file decides.
+A time that a wall clock shows twice is resolved by the order of the file.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-r"""A column of texts in a buffer of bytes, looked at all at once: no text becomes an object.
+r"""A column of texts in a buffer of bytes, processed all at once: no text becomes an object.
 
-Texts in CSV files that do nothing to whoever opens them, and come back as they were.
-
-A spreadsheet takes a cell that begins with = + - or @ for a formula, and a terminal obeys control
+Texts in our CSV files must be harmless for whoever opens them, and come back as they were. A
+spreadsheet takes a cell that begins with = + - or @ for a formula, and a terminal obeys control
 characters. So of a text in our CSV files
 
 - one that begins so, or so after blanks and apostrophes, gets an apostrophe before it: `'=1+1`;
@@ -10,7 +9,7 @@ characters. So of a text in our CSV files
   backslash that stands before such a code as `\u005c`;
 - blanks at its ends are written as `\u0020`: those around a cell do not count.
 
-Reading takes just these back; any other text is what it says.
+Reading reverts exactly these; any other text is taken as it is.
 """
 
 from __future__ import annotations

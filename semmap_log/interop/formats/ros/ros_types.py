@@ -1,13 +1,10 @@
-"""The ROS messages of foreign bags: the types of noetic and of Jazzy, and those they left out.
+"""The ROS messages of foreign bags: their types, their bytes, and how new ones are built.
 
-Bytes of ROS messages to values, by the publisher's own definition of the type if there is one.
-
-Two packages may call different things the same: a robot's `DoorMap` with one more field is read by
-its own text, and whoever looks at the values sees what is there.
-
-Single events as messages: where the robot was, and lines for a log panel.
-
-Builds ROS messages, of ROS 1's classes or of ROS 2's: what all kinds of messages share.
+Types are those of noetic and of Jazzy, and those that they left out. Bytes become values by the
+publisher's own definition of the type if there is one. Two packages may call different things the
+same: a robot's `DoorMap` with one more field is read by its own text, and whoever looks at the
+values sees what is there. Messages are built of ROS 1's classes or of ROS 2's; single events
+become poses of the robot, and lines for a log panel.
 """
 
 from __future__ import annotations

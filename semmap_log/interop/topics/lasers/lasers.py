@@ -1,6 +1,6 @@
 """The lasers of one robot or several: scans wait until TF shows where the laser was.
 
-Whether TF shows where a frame was at a moment: it may come yet, never come, or jump there.
+A frame's place at a moment may come yet, never come, or jump there: see `Uncovered`.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
-"""A scan whose moments the tree of frames covers in, the scan on the map out.
+"""A laser's message in, the scan on the map out, once the tree of frames covers its moments.
 
-Where the robot is, by a topic: instead of TF from the map, and how sure it is of it.
-
-A sensor_msgs/PointCloud2, cut at a band of heights, as the beams of a planar laser.
-
-What a sensor_msgs/LaserScan measured, in the laser's own frame; or why it cannot be used.
+A sensor_msgs/LaserScan is read in the laser's own frame, or refused with the reason. A
+sensor_msgs/PointCloud2, cut at a band of heights, becomes the beams of a planar laser. The robot's
+place comes from TF, or from a topic of poses with their uncertainty.
 """
 
 from __future__ import annotations

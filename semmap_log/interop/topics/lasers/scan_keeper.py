@@ -1,12 +1,8 @@
-"""Keeps the scans of the visits that end, with the door's line as it was.
+"""What a recorder or an import does with scans: visits to doors, and the commits they become.
 
-What a recorder does with scans as they come: it looks through those that came together.
-
-What became of scans and visits, in words: for an import, a dry run, the end of a recording.
-
-What visits to doors came to, and what is odd about it: numbers for who runs the robot.
-
-Visits to doors, as the commits that they become.
+Scans that come together are matched together. The scans of visits that ended are kept, with the
+door's line as it was. What became of scans and visits, and what is odd about them, is reported in
+words, for an import, a dry run, or the end of a recording.
 """
 
 from __future__ import annotations
@@ -161,7 +157,7 @@ class VisitTally:
 
     doors: dict[DoorId, DoorFigures] = field(default_factory=dict)
     again: int = 0
-    """Visits that only repeated what was reported from the same place: only their number is kept."""
+    """Visits that only repeated a report from the same place: nothing else of them is kept."""
     nearest: tuple[float, int] = (math.inf, 0)
     """How near the robot came to the middle of a door, m, and to which."""
     glass: set[DoorId] = field(default_factory=set)

@@ -1,6 +1,6 @@
-"""Serves OPRS kernels by way of their message passer, and finds it again when it has gone.
+"""Serves OPRS kernels through their message passer, and reconnects when that has gone.
 
-One connection to the message passer while it lasts: facts go out, questions come in.
+A session is one connection to the passer: facts go out, questions come in.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What goes over the wire to OPRS's message passer (`mp-oprs`) and back; no socket.
+"""The connection to OPRS's message passer (`mp-oprs`), its frames, and the facts sent to kernels.
 
 All integers have four bytes, big-endian; a string is its length in bytes and the bytes.
 
@@ -7,20 +7,15 @@ All integers have four bytes, big-endian; a string is its length in bytes and th
     multicast   3, count, text, recipient ...
     received    sender, text
 
-A connection to OPRS's message passer, as one of its clients.
-
-It never keeps the passer waiting: the passer has one thread, and stands still for all its kernels
-while a client does not take what it is given, or sends half of something. So what comes is always
-taken, and what goes out is whole messages, of which the system gets as much as it takes.
-
-Which kernels are there, and what is sent to each of them; no socket.
+The connection never keeps the passer waiting: the passer has one thread, and stands still for all
+its kernels while a client does not take what it is given, or sends half of something. So incoming
+bytes are always read, and what goes out is whole messages, of which the system gets as much as it
+takes.
 
 The passer does not report who comes or goes. It answers `(unknown K1)` to whoever sends to a K1
 that is not there, and does all in order. So we send `(DOOR_MAP SEMMAP)` to a kernel, and a message
 to ourselves: if that is back and no `(unknown K1)` came, the kernel is there, and all facts are
 sent.
-
-The doors as facts that kernels know.
 
     (DOOR_STATE DOOR_3 OPEN)           or CLOSED UNKNOWN MOVING OFFLINE, or REMOVED
     (DOOR_PROBABILITY DOOR_3 0.75)     its P(open) in the map; NIL: it has none any more

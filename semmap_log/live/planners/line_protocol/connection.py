@@ -1,10 +1,8 @@
-"""One client of a server of questions: bytes in, lines out of them, and answers that wait.
+"""A server's clients: which are accepted, what each sends and gets, and whose turn it is.
 
-When clients are to learn that their time is over.
-
-Work of many clients, done in one thread by turns: who has had least of its time comes first.
-
-Which clients are accepted: so many, as long as files can be opened; the others get the reason.
+Clients are accepted up to a number, as long as files can be opened; the others get the reason. Of a
+client, bytes come in, lines go out, and answers may wait; deadlines say when its time is over. The
+work of many clients is done in one thread by turns: the client that had least of its time is next.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
-"""The thesis's SaveDoorDB: a YAML of the doors, in one folder and nowhere else.
+"""The thesis's goals, checked, and its SaveDoorDB: a YAML of the doors, in one folder only.
 
-Whoever is in the ROS network may send the goal, so its file name is a stranger's. Each part of it
+Whoever is in the ROS network may send the goal, so its file name is not trusted. Each part of it
 is opened from the part before (`O_NOFOLLOW`), and the file is named within the folder that was
 opened last: whoever exchanges a folder for a link meanwhile gains nothing.
-
-The thesis's goals as they are meant: fields that count, checked, before anybody acts on them.
 """
 
 from __future__ import annotations

@@ -1,13 +1,12 @@
 """Topics that a server offers while it runs: made when something is first sent on them.
 
-The doors as a server offers them: the thesis's DoorMap, and markers for RViz, at each change.
-
-The stops of the robot's patrol that are left, as a geometry_msgs/PoseArray in frame `map`.
+They are the doors at each change, as the thesis's DoorMap and as markers for RViz, and the stops of
+the robot's patrol that are left, as a geometry_msgs/PoseArray in frame `map`.
 
 The round is the log's: `PatrolStarted` begins one, planned from that moment on; `PatrolFinished`
-ends it. A log that has no rounds has one from the server's start on. Later events
-change the stops as `FollowedRound` says. When the round is over, the array is empty until the log
-has the start of another.
+ends it. A log that has no rounds has one from the server's start on. Later events change the stops
+as `FollowedRound` says. When the round is over, the array is empty until the log has the start of
+another.
 """
 
 from __future__ import annotations

@@ -1,16 +1,16 @@
 """The server on a ROS node: the doors on topics at each change, and the thesis's four actions.
 
-The doors as grids that stock planners take: no plugin of ours is needed in the robot.
-
-On `semmap/costmap` floor and doors together: in place of `/map` for costmap_2d's StaticLayer. On
-`semmap/door_layer` the doors alone: 100 where one is closed, 0 where one is open, -1 elsewhere.
-Nav2's KeepoutFilter takes that as its mask: it writes what is dearer than the costmap, passes over
--1, and frees by 0 only what the costmap does not know. A second StaticLayer with `use_maximum`
-does the same. Values between, 1 to 99, come with belief and inflation (`CostmapOptions`); a
-StaticLayer takes them as costs where its `trinary_costmap` is false, else for free.
+It also offers the doors as grids that stock planners take: no plugin of ours is needed in the
+robot. On `semmap/costmap` floor and doors together: in place of `/map` for costmap_2d's
+StaticLayer. On `semmap/door_layer` the doors alone: 100 where one is closed, 0 where one is open,
+-1 elsewhere. Nav2's KeepoutFilter takes that as its mask: it writes what is dearer than the
+costmap, skips -1, and frees by 0 only what the costmap does not know. A second StaticLayer with
+`use_maximum` does the same. Values between, 1 to 99, come with belief and inflation
+(`CostmapOptions`); a StaticLayer takes them as costs where its `trinary_costmap` is false, else as
+free.
 
 A door outside the grid, where no floor plan sets its size, makes a larger grid: StaticLayer takes
-the new size over.
+over the new size.
 """
 
 from __future__ import annotations

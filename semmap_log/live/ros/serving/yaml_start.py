@@ -1,6 +1,6 @@
 """The thesis's file of doors at the server's start: it fills a log, or agrees with it.
 
-A log that another process writes, or nobody: its doors are offered, and no goal is taken.
+A log that the server does not write is only followed: its doors are offered, and no goal is taken.
 """
 
 from __future__ import annotations
