@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         try:
             code = _code_of(ours, ros_args, is_whole_program=arguments is None)
             sys.stdout.flush()
-        except OSError as error:  # nobody can be told why a verb failed
+        except OSError as error:  # the error cannot be printed either
             forget_output()
             code = READER_GONE if isinstance(error, BrokenPipeError) else FAILED
         if code == USAGE and os.environ.get(RESPAWNED):
@@ -81,7 +81,7 @@ def _code_of(ours: list[str], ros_args: list[str], *, is_whole_program: bool) ->
         return INTERRUPTED
     except BrokenPipeError:
         raise
-    except OSError as error:  # such as a full disk behind our output
+    except OSError as error:  # such as a full disk under our output
         forget_output()
         return fail(error, as_json=asks_for_json(ours), is_output_lost=True)
 

@@ -47,7 +47,7 @@ def run(
 
     with progress("Reading") as told:
         summary = summarize(open_any(log), progress=told)
-    # A single file knows no day: what the files before it told is not there.
+    # A single file has no day: what the files before it have is not there.
     has_days = log.suffix != ".mcap" and summary.events and summary.is_understood
     drawn = day_of_doors(sl.read(log), day) if has_days else None
     if as_json:

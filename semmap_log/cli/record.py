@@ -244,7 +244,7 @@ def _say_how_far(log: Path, beside: ShipBeside) -> None:
         done = status.shipped
         say(f"{done.url}: shipped up to event {done.manifest.mark.next_event - 1}.")
     else:
-        why = "" if status.problem else ": the end does not wait for it any longer"  # that was told
+        why = "" if status.problem else ": the end does not wait for it any longer"  # as reported
         tell(f"not all is shipped{why}. To send it: {command_line('ship', log, beside.url)}")
 
 

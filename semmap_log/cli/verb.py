@@ -204,6 +204,6 @@ def _with_values(args: list[str]) -> list[str]:
 def offered(offer: Callable[[Any, str], Offers], ctx: Any, incomplete: str) -> list[Any]:
     """Return what a shell is offered, as typer wants it."""
     item: Any = getattr(core, "CompletionItem", None)
-    if item is None:  # an older typer, with click beside it
+    if item is None:  # an older typer, which needs click
         item = core.click.shell_completion.CompletionItem  # type: ignore[attr-defined]
     return [item(word, help=said or None) for word, said in offer(ctx, incomplete)]

@@ -333,7 +333,7 @@ def _follow(
                 show(served.program)
         else:
             with window() as viewer:
-                viewer.state()  # or there is no screen, which would be told much later
+                viewer.state()  # fails early if there is no screen
                 show(viewer.program, viewer.forget)
     except KeyboardInterrupt:
         return  # the way to end it

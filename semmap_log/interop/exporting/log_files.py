@@ -427,7 +427,7 @@ def _likely(
         known_at = Moment(event=log.limit_of(scope))
     believed = probabilities(
         log,
-        at=Moment(ns=door_map.moment_ns),  # the last event's, where an event is asked for
+        at=Moment(ns=door_map.moment_ns),  # the last event's, if an event was given
         known_at=known_at,
         doors=list(door_map.doors),
         progress=progress,

@@ -1,7 +1,7 @@
 """What planners of imports query of a log, whether it is open for writing or only for reading.
 
-JSON lines are appended commit by commit, as they were in the log that exported them. Doors that were there before the
-log says so are added again with an earlier time.
+JSON lines are appended commit by commit, as they were in the log that exported them. Doors that
+were there before the log says so are added again with an earlier time.
 """
 
 from __future__ import annotations

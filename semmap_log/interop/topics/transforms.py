@@ -266,7 +266,7 @@ class LinkHistory:
     def _insert(self, stamp_ns: int, pose: LinkPose) -> None:
         place = bisect_left(self.stamps, stamp_ns)
         if place < len(self.stamps) and self.stamps[place] == stamp_ns:
-            self.poses[place] = pose  # told again: the later word counts
+            self.poses[place] = pose  # sent again: the later one counts
             return
         if place == len(self.stamps) > 1 and stamp_ns - self.stamps[-2] < LEAST_APART_NS:
             self.stamps[-1], self.poses[-1] = stamp_ns, pose

@@ -246,7 +246,7 @@ class Oracle:
         known_at = log.moment(asked.known_at, now_ns=now_ns)
         view = now.view_at(log, when, known_at)
         if name == "WHY":
-            is_now = when == known_at == Moment()  # which the log may have left behind
+            is_now = when == known_at == Moment()  # which the log may have passed
             scope = Scope(event=view.door_map.event) if is_now else log.scope(when, known_at)
             yield _why(log, view, asked, scope)
         else:

@@ -263,7 +263,7 @@ def _line_groups(
         if len(rest) <= MAX_LINE_BYTES:  # else it is too long already, and refused at its end
             rest += begun
     else:
-        return  # told to stop: a line that has begun is not a line
+        return  # stopped: an unfinished line is not a line
     if rest:
         yield [bytes(rest)]
 

@@ -245,7 +245,7 @@ class Pace:
         self._before_ns, self.next_ns = self.next_ns, at_ns
         gap_ns = at_ns - self._before_ns
         if self._longest_gap_ns is not None and gap_ns > self._longest_gap_ns:
-            self._log_ns += gap_ns  # as if it came right behind the one before
+            self._log_ns += gap_ns  # as if it came right after the one before
         return self._wall_ns + round((at_ns - self._log_ns) / self._rate)
 
     def log_ns(self) -> int:

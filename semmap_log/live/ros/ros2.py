@@ -131,7 +131,7 @@ class Ros2Node:
 
     def subscribe(self, topic: str, ros_type: str, take: Callable[[Received], None]) -> None:
         """Have each message of a topic, as soon as somebody publishes it."""
-        message_class(ros_type)  # or it is not installed, which is told at once
+        message_class(ros_type)  # fails at once if it is not installed
         name = self._node.resolve_topic_name(topic)
 
         def received(data: bytes) -> None:

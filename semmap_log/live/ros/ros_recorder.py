@@ -180,7 +180,7 @@ class RosRecorder:
         writer = threading.Thread(target=self._write, name="recorder")
         writer.start()
         try:
-            for topic, rule in self.mapping.topics.items():  # what is wrong is told first
+            for topic, rule in self.mapping.topics.items():  # report what is wrong first
                 _check_name(topic, self.node.ros_version)
                 self._translator.read_topic(topic, rule)
             self._subscribe_ahead()
