@@ -2,7 +2,7 @@
 
     SemmapError                     catch this one to catch them all
     ├── InvalidEventError           an event holds a value that no door can have     (ValueError)
-    ├── CommandError                the map as it stands forbids what was queried
+    ├── CommandError                the map as it stands forbids the command
     │   ├── UnknownDoorError        no such door                                     (LookupError)
     │   ├── DoorExistsError         the id is taken, with other values
     │   ├── DoorRemovedError        the id belonged to a door that is gone
@@ -18,7 +18,7 @@
     │   ├── LogAccessError          the file system says no
     │   ├── ElsewhereError          its bytes were removed from this disk: they lie at a URL
     │   ├── LogPoisonedError        a write failed: the outcome of its events is unknown
-    │   ├── NewerLogError           a later version of this program has written what is requested
+    │   ├── NewerLogError           a later version of this program has written the answer's events
     │   └── CorruptLogError         damage, with file and offset
     │       └── UnreadableLogError  bytes that the disk refuses, or that were cut off meanwhile
     ├── FormatError                 a foreign file that cannot be read, with file and line
@@ -33,7 +33,7 @@
     ├── EngineError                 an engine for many logs is not there, or has gone
     ├── SigningError                a key that cannot be used, or a log that must not be signed
     │   └── PassphraseError         the key is encrypted, and its passphrase missing or wrong
-    ├── RosError                    ROS is not there, or what was queried of it is not
+    ├── RosError                    ROS is not there, or lacks something that is needed
     └── MissingExtraError           an optional package is not installed             (ImportError)
 
 and seven warnings:
@@ -43,7 +43,7 @@ and seven warnings:
     EarlyEventsWarning              what was appended had happened before its door was added
     FutureTimesWarning              what was appended happens in time to come, by the log's clock
     LevelNameWarning                a level's name is the number of another; the name counts
-    KnownLaterWarning               nothing was known at a moment that the log was reported later
+    KnownLaterWarning               nothing was known at a moment, but was recorded later
     SensorWarning                   what a sensor read contradicts the accuracies declared for it
     ClockTimeWarning                a time such as 14:02 could mean that of several days
     ClockWarning                    an answer reaches back to when the robot's clock was not set
@@ -77,7 +77,7 @@ class InvalidEventError(SemmapError, ValueError):
 
 
 class CommandError(SemmapError):
-    """The map as it stands forbids what was queried."""
+    """The map as it stands forbids the command."""
 
 
 class UnknownDoorError(CommandError, LookupError):
@@ -146,7 +146,7 @@ class ObjectChangedError(LogAccessError):
 
 
 class ElsewhereError(LogError):
-    """What is requested was shipped, and removed from this disk; the message says where it lies."""
+    """The bytes were shipped and removed from this disk; the message says where they are."""
 
 
 class LogPoisonedError(LogError):
@@ -160,7 +160,7 @@ class LogPoisonedError(LogError):
 
 
 class HorizonError(LogError):
-    """What is queried was taken out of the log, since it was older than the log is kept."""
+    """The question reaches back to events that were removed because of their age."""
 
 
 class NewerLogError(LogError):
@@ -243,7 +243,7 @@ class CostmapError(SemmapError, ValueError):
 
 
 class EstimatorError(SemmapError, ValueError):
-    """There is no such estimator, it cannot say what was queried, or it cannot be judged."""
+    """There is no such estimator, it cannot answer the question, or it cannot be judged."""
 
 
 class PlanError(SemmapError, ValueError):
@@ -255,7 +255,7 @@ class CheckpointError(SemmapError):
 
 
 class ViewerError(SemmapError):
-    """The rerun viewer did not start, or did not do what it was requested."""
+    """The rerun viewer did not start, or failed at what it had to do."""
 
 
 class OutputError(SemmapError, OSError):
@@ -279,11 +279,11 @@ class ExpressionError(SemmapError, ValueError):
 
 
 class PasserError(SemmapError, OSError):
-    """OPRS's message passer is not there, has gone, or refuses what was queried of it."""
+    """OPRS's message passer is not there, has gone, or refuses a request."""
 
 
 class EngineError(SemmapError):
-    """What is to ask many logs is not there, has gone, or cannot be queried so."""
+    """The engine that queries many logs is missing, has gone, or cannot answer this question."""
 
 
 class SigningError(SemmapError):
@@ -295,7 +295,7 @@ class PassphraseError(SigningError):
 
 
 class RosError(SemmapError):
-    """ROS is not there, does not answer, or lacks what was queried of it."""
+    """ROS is not there, does not answer, or lacks something that is needed."""
 
 
 class MissingExtraError(SemmapError, ImportError):
@@ -332,7 +332,7 @@ class EarlyEventsWarning(UserWarning):
 
 
 class FutureTimesWarning(UserWarning):
-    """Events are stated to happen later than they were recorded: they count from then on."""
+    """Events claim to happen later than they were recorded: they count from that time on."""
 
 
 class LevelNameWarning(UserWarning):
@@ -340,7 +340,7 @@ class LevelNameWarning(UserWarning):
 
 
 class KnownLaterWarning(UserWarning):
-    """At a moment nothing was known: what the log reports of that time was recorded later."""
+    """Nothing was known at that moment: what the log has about it was recorded later."""
 
 
 class SensorWarning(UserWarning):

@@ -1,4 +1,8 @@
-"""The command line, one file a verb: arguments -> one library call -> exit code."""
+"""The command line, one file a verb: arguments -> one library call -> exit code.
+
+May import every room. Start with `show.py`, a short verb; `verb_table.py` lists the verbs, and
+`common.py` has the options that they share.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         try:
             code = _code_of(ours, ros_args, is_whole_program=arguments is None)
             sys.stdout.flush()
-        except OSError as error:  # nobody can be told why a verb failed
+        except OSError as error:  # the error cannot be printed either
             forget_output()
             code = READER_GONE if isinstance(error, BrokenPipeError) else FAILED
         if code == USAGE and os.environ.get(RESPAWNED):
@@ -57,7 +61,7 @@ def _code_of(ours: list[str], ros_args: list[str], *, is_whole_program: bool) ->
     """Run a verb and return its exit code; say why it failed.
 
     Raises:
-        OSError: Nobody can be told: who reads our output has gone.
+        OSError: No error can be printed: the reader of our output has gone.
     """
     from semmap_log.cli.app import app
     from semmap_log.cli.plain_streams import forget_output
@@ -77,7 +81,7 @@ def _code_of(ours: list[str], ros_args: list[str], *, is_whole_program: bool) ->
         return INTERRUPTED
     except BrokenPipeError:
         raise
-    except OSError as error:  # such as a full disk behind our output
+    except OSError as error:  # such as a full disk under our output
         forget_output()
         return fail(error, as_json=asks_for_json(ours), is_output_lost=True)
 
@@ -98,8 +102,8 @@ def _wait_to_be_stopped() -> None:
 def _ended_by_signals(*, is_whole_program: bool) -> Iterator[None]:
     """Let signals end us as an exception does: no half file and no viewer stays.
 
-    After it they are what they were before; of a whole program, what they are to any other: by
-    then all is done, and Ctrl-C would only print where in Python's own end it came.
+    Restores the previous handlers on exit. A whole program gets the system's defaults instead: by
+    then all is done, and Ctrl-C would only print a traceback of Python's own shutdown.
     """
 
     def end(number: int, _: object) -> None:
@@ -121,7 +125,7 @@ def _ended_by_signals(*, is_whole_program: bool) -> Iterator[None]:
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    """Tell a person what a library's user would get with file and line."""
+    """Print a warning for a person; a library's user would get it with file and line."""
     from semmap_log.cli.verb import tell
 
     tell(f"warning: {message}")

@@ -1,6 +1,6 @@
-"""`annotate`: something is stated about a door in words.
+"""`annotate`: a remark about a door, in words.
 
-What a command answers: the numbers of the events that it stored.
+`tell` prints the answer of every command that writes: the numbers of the events that it stored.
 """
 
 from __future__ import annotations

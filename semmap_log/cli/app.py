@@ -1,7 +1,4 @@
-"""The program: what stands before its verbs.
-
-The program as typer has it: finds its verbs, and shows them in groups, each under a head.
-"""
+"""The program as typer has it: finds its verbs, and shows them in groups, each under a heading."""
 
 from __future__ import annotations
 

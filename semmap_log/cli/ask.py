@@ -1,10 +1,7 @@
-"""`ask`: a planner's questions, to a server that runs.
+"""`ask`: a planner's questions, to a running server; and the options of `serve` for planners.
 
-What `serve --ask` takes, and the server of questions that it runs next to ROS, or alone.
-
-What `serve --oprs` takes, and the service of OPRS kernels that it runs next to the others.
-
-Whom of planners `serve` answers, over a socket or a message passer: by one oracle.
+`serve --ask` runs a server of questions, next to ROS or alone; `serve --oprs` serves OPRS kernels
+through a message passer. One oracle answers both.
 """
 
 from __future__ import annotations
@@ -112,7 +109,7 @@ class Asking:
 
     @classmethod
     def of(cls, address: str | None, token_file: Path | None, *, any_host: bool) -> Asking | None:
-        """Return what was requested; None: nothing.
+        """Return the parsed options; None: none was given.
 
         Raises:
             typer.BadParameter: It cannot be.
@@ -261,7 +258,7 @@ def _print(answer: str, questions: list[str] | None) -> None:
 
 
 PORT = 3300
-"""Of a message passer that was not given another."""
+"""Default port of a message passer."""
 NAME = "SEMMAP"
 
 OprsAt = Annotated[
@@ -323,12 +320,12 @@ def _has_port(address: str) -> bool:
 def kernels_served(
     kernels: Kernels, oracle: Oracle, doors: AskedDoors, changes: list[Callable[[], object]]
 ) -> Iterator[KernelService]:
-    """Tell kernels of the doors, and answer them, within.
+    """Report the doors to kernels, and answer them, while the block runs.
 
     Args:
         kernels: Who, and where.
         oracle: Knows the answers.
-        doors: What they are reported of.
+        doors: What is reported to them.
         changes: Called after each change of the doors.
     """
     from semmap_log.live.planners.kernels.kernel_service import KernelService
@@ -373,11 +370,11 @@ class Planners:
     def served(
         self, log: Path, doors: AskedDoors, changes: list[Callable[[], object]]
     ) -> Iterator[Callable[[], Exception | None]]:
-        """Answer them within; gives what shows why they cannot be answered any more, if so.
+        """Answer them while the block runs; yields a function that returns why that ended, or None.
 
         Args:
-            log: For what is stated.
-            doors: What is queried.
+            log: Named in messages.
+            doors: What the questions are about.
             changes: Called after each change of the doors.
 
         Raises:

@@ -215,9 +215,9 @@ class _Asked:
         """Call, and print what came of it.
 
         Args:
-            what: Is asked for: for the message when it is refused.
+            what: The request, for the message when it is refused.
             call: Sends the goal.
-            told: Says the result in words.
+            told: Returns the result in words.
         """
         from semmap_log.live.ros.client import DoorClient
 

@@ -1,6 +1,6 @@
 """What all verbs share: arguments, output for people and for machines, progress, errors.
 
-`--cache` and `--with` of the verbs that read a log at a URL.
+`--cache` and `--with` are for the verbs that read a log at a URL.
 """
 
 from __future__ import annotations
@@ -212,7 +212,7 @@ def console() -> Printer:
 
 
 def say(text: str) -> None:
-    """Tell the person something that is not the verb's output."""
+    """Print something that is not the verb's output."""
     typer.echo(text, err=True)
 
 
@@ -227,7 +227,7 @@ def tell_how_to_begin(opened: DoorLog) -> None:
 def tell_of_later(
     opened: DoorLog, at: str | None, known_at: str | None, *, door: DoorId | None = None
 ) -> None:
-    """Say so if what had happened by a moment was given later, as what was imported is."""
+    """Note on stderr if events up to a moment were recorded later, as imported ones are."""
     from semmap_log.log.door_log.known_later import known_later
 
     if later := known_later(opened, at, known_at, door=door):
@@ -242,12 +242,12 @@ def refuse_untold(
     door: DoorId | None = None,
     remedy: str | None = None,
 ) -> None:
-    """Refuse to answer that there is nothing where what happened then was only told later.
+    """Refuse an empty answer where what happened then was only recorded later.
 
     Args:
         opened: The log.
-        at: As it was queried.
-        known_at: As it was queried.
+        at: As it was given.
+        known_at: As it was given.
         door: Which is not in the map then; None: none is.
         remedy: What to do: see `known_later`; None: as for a map.
 
@@ -265,7 +265,7 @@ def refuse_untold(
 
 
 def as_happened_line(verb: str, *words: str | PurePath) -> str:
-    """Return what to do where beliefs of a time were requested that was reported later."""
+    """Return the advice for beliefs about a time whose events were recorded later."""
     from semmap_log.core.texts import command_line
 
     return (
@@ -275,7 +275,7 @@ def as_happened_line(verb: str, *words: str | PurePath) -> str:
 
 
 def refuse_untold_map(opened: DoorLog, at: Time, known_at: Time, event: int | None = None) -> None:
-    """Refuse a moment at which no door is in the map, where what happened then was given later.
+    """Refuse a moment at which no door is in the map, where what happened then was recorded later.
 
     Raises:
         UnknownDoorError: As `refuse_untold`.
@@ -312,7 +312,7 @@ def progress(
     Args:
         doing: What is going on, such as `Reading`.
         unit: Of the numbers; `bytes` are shown as MB, `ns` as how much of the log's time.
-        also: Called at each call for what else to show.
+        also: Called each time; returns what else to show.
     """
     if not sys.stderr.isatty():
         yield None
@@ -343,7 +343,7 @@ def progress(
 def stopped_for_good() -> Iterator[None]:
     """Leave with exit code 2 where starting again would change nothing: no log, a wrong file.
 
-    Who starts a service again after a failure, as its unit does, must be given which is none.
+    A supervisor that restarts a service after a failure needs to know when a restart is useless.
     """
     from semmap_log.errors import CommandError, FormatError, NotALogError, SigningError
 
@@ -389,7 +389,7 @@ def _bar(unit: str) -> Any:
     from semmap_log.views.timeline_table import duration
 
     class RateColumn(ProgressColumn):
-        """How much a second, as `TransferSpeedColumn` reports of bytes."""
+        """How much a second, as `TransferSpeedColumn` shows for bytes."""
 
         def render(self, task: Task) -> Text:
             speed = task.finished_speed or task.speed or 0

@@ -28,7 +28,7 @@ def run(
     *,
     as_json: AsJson = False,
 ) -> None:
-    """Record a patrol, replay it, tell how likely doors are open, see them by laser, export it all.
+    """Record a patrol, replay it, estimate P(open), see doors by laser, export it all.
 
     Works on a shipped recording: no network, no ROS, well under a minute.
 
@@ -86,7 +86,7 @@ def run(
 
 
 def _seen_table(seen: SeenByLaser, tz: str) -> ColumnTable:
-    """Return what the scans said and what was true, a row a visit."""
+    """Return the scans' results and the truth, a row a visit."""
     from semmap_log.core.model.moments import format_short
     from semmap_log.views.column_table import ColumnTable, TableColumn
 

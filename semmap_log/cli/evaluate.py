@@ -69,12 +69,12 @@ def run(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Return how good forecasts of the doors are: the first part teaches, the rest is forecast.
+    """Show how good forecasts of the doors are: the first part teaches, the rest is forecast.
 
     Where the log knows states all through (updates, contacts), they are the truth. Where it holds
     sightings there is none: then the reading of each next visit is forecast. Figures: Brier score
-    and log-loss (less is better, 0 is perfect), ECE (how far what is stated is from what comes),
-    bias (above 0: said to be open too often).
+    and log-loss (less is better, 0 is perfect), ECE (how far forecasts are from frequencies),
+    bias (above 0: forecast to be open too often).
 
     \b
     Examples:

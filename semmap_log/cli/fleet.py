@@ -122,9 +122,10 @@ def run(
       export         every event as Parquet files, a folder a month (--out)
       fold           what a projection of yours makes of each log (--fold)
 
-    Each log's answer is kept until the log has grown: what was stopped goes on, and what is queried
-    again is queried of new logs only. A log that is damaged, gone, refused, that kills its workers,
-    or that has no answer in time (--timeout) is a row of its own; the others' answers stand.
+    Each log's answer is kept until the log has grown: a run that was stopped resumes, and a
+    repeated question reads new logs only. A log that is damaged, gone, refused, that kills its
+    workers, or that has no answer in time (--timeout) is a row of its own; the others' answers
+    stand.
 
     Exit code: 0 all logs answered, 1 the run failed, 2 usage, 4 some logs did not.
 

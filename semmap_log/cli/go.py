@@ -38,10 +38,10 @@ def run(
     tz: Zone = None,
     as_json: AsJson = False,
 ) -> None:
-    """Return how long a trip takes on average, and at each shut door whether to wait or go round.
+    """Show how long a trip takes on average, and at each shut door whether to wait or go round.
 
     A door's P is that at the time of arrival. The expected wait is that of the door's own past,
-    as `best-time` shows it, once the door was found shut. Doors on other ways count if one on the
+    as in `best-time`, once the door was found shut. Doors on other ways count if one on the
     way is shut. A door of which too little was seen is UNKNOWN, and counts as the others do.
 
     \b

@@ -58,7 +58,7 @@ def run(
 ) -> None:
     """Show the events of the log, or of one door: what, when, who, why.
 
-    The table leaves out robot poses unless requested; times are in the log's zone.
+    The table leaves out robot poses by default; times are in the log's zone.
 
     The range is half-open: since <= time < until. Retracted events are shown, and marked.
     --plot draws when each door was open, closed or unknown, and the patrol rounds, as far as

@@ -192,7 +192,7 @@ def run(
     follow each other and say the same of who and why are one commit.
 
     With --as-recorded the times of a file are also when it was known: a commit for each time. So
-    --known-at can be queried history that another program wrote. Nothing of the file may be
+    --known-at also works for history that another program wrote. Nothing of the file may be
     earlier than the log's last commit: import old files first. Of a map or a building, --since
     says the time.
 
@@ -216,19 +216,19 @@ def run(
 
     With --scan the laser of a robot sees the doors of the log, as they were then: each visit to a
     door that decides is a commit of its own, DoorObserved with an accuracy, or DoorPassed; the
-    guide "Doors from a laser" shows more. TF has to lead from map to the laser. Doors that were
+    guide "Doors from a laser" explains more. TF has to lead from map to the laser. Doors that were
     added later than the scans were there by then with --since. --keep-scans keeps what the laser
     saw in LOG.scans, so that a person can check it: `view`, `scan-report --plot`.
 
     With --propose-doors nothing of the bag is imported: doors that the laser saw and the log does
     not have are listed, with what speaks for them, drawn with --plot, and added with --yes.
 
-    A door is in the map from when it was added: now, or --at. What is reported earlier times, as by
-    last week's sightings, no answer counts. --since says that the doors of a building or a door
+    A door is in the map from when it was added: now, or --at. Events of earlier times, such as last
+    week's sightings, count in no answer. --since says that the doors of a building or a door
     database were there by then, also those that the log has already: their adding is retracted and
-    told again, earlier. `history` shows both, and --known-at before that answers as it did. States
-    stay of the time that they are from. Without FILE it is about the doors of which something is
-    told before they were added.
+    recorded again, earlier. `history` shows both, and --known-at before that answers as it did.
+    States stay of the time that they are from. Without FILE it is about the doors of which
+    something is reported before they were added.
 
     \b
     Examples:
@@ -315,7 +315,7 @@ def run(
 
 
 _A_LASER = "(sensor_msgs/LaserScan)"
-"""The end of what is reported about a topic that is left out."""
+"""The end of the line about a topic that is left out."""
 
 run.__doc__ = f"{run.__doc__}\n{MAPPING_HELP}"
 
@@ -351,7 +351,7 @@ def _told_of_ctrl_c(file: Path) -> Iterator[None]:
 
 
 def _since_ns(log: DoorLog, since: str | None, *, since_ever: bool) -> int | None:
-    """Return from when on doors are there, as requested; None: it was not queried.
+    """Return from when on doors are there, as given; None: no option was.
 
     Raises:
         MomentError: It is no time, or is to come.
@@ -378,7 +378,7 @@ def _since_ns(log: DoorLog, since: str | None, *, since_ever: bool) -> int | Non
 def _time_ns(
     log: DoorLog, text: str | None, option: str, *, now_ns: int | None = None
 ) -> int | None:
-    """Return the time that an option shows; None: it was not given.
+    """Return the time of an option; None: it was not given.
 
     Raises:
         MomentError: It is an event's number, or cannot be read.

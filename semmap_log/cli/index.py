@@ -26,7 +26,7 @@ def run(
     \b
     Examples:
       semmap-log index office
-      semmap-log index office --again --json
+      semmap-log index office --anew --json
     """
     from semmap_log.log.replay.read_model.indexing import index
 

@@ -9,7 +9,7 @@ import typer
 from semmap_log.cli.common import AnyLogPath, AsJson, console, print_json, progress, say
 
 MOST_DOORS = 16
-"""Of a day, unless all are requested."""
+"""Of a day, unless all are wanted."""
 
 
 def run(
@@ -47,7 +47,7 @@ def run(
 
     with progress("Reading") as told:
         summary = summarize(open_any(log), progress=told)
-    # A single file knows no day: what the files before it told is not there.
+    # A single file has no day: what the files before it have is not there.
     has_days = log.suffix != ".mcap" and summary.events and summary.is_understood
     drawn = day_of_doors(sl.read(log), day) if has_days else None
     if as_json:

@@ -48,11 +48,11 @@ def run(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Join several robots' logs of one building into one door map, which is queried as a log is.
+    """Join several robots' logs of one building into one door map, which is queried like a log.
 
-    Doors of one level and name, unique in each log, are one; so are those of the table. All
-    others are called log/door. Of each field the latest event counts, whoever told it. The logs
-    stay as they are; where one grows, the next question sees it.
+    Doors of one level and name, unique in each log, are one; so are those of the table. All others
+    are called log/door. Of each field the latest event counts, whichever log has it. The logs stay
+    as they are; where one grows, the next question sees it.
 
     \b
     Examples:

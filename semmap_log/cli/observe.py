@@ -1,7 +1,4 @@
-"""`observe`: a sensor saw a door.
-
-A state as typed on the command line.
-"""
+"""`observe`: a sensor saw a door; and states as they are typed on the command line."""
 
 from __future__ import annotations
 
@@ -38,7 +35,7 @@ def state_given(word: str | None, option: str | None) -> str | None:
 
 @contextmanager
 def a_state_typed() -> Iterator[None]:
-    """Take a state that there is not, of which the log shows with its classes, for a wrong option.
+    """Treat an unknown state, for which the log lists those of its classes, as a wrong option.
 
     Raises:
         typer.BadParameter: Instead of the error that the log has.

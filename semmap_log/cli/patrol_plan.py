@@ -105,9 +105,9 @@ def run(
     again at such hours is left out, but looked at once a day: what is not tried is not learnt. One
     of which too little was seen is UNKNOWN, and counts as the others on average.
 
-    With --follow, doors are visited that the robot passed, or after which it is. One that it gave
-    up, or that is seen shut where it was sent to, is tried no more. What is reported of doors ahead
-    counts; the order is made again only when one is now expected to be otherwise.
+    With --follow, a door is visited once the robot passed it, or is on its other side. One that it
+    gave up, or that is seen shut where it was sent to, is tried no more. Reports of doors ahead
+    count; the order is made again only when the expected state of one changes.
 
     \b
     Examples:

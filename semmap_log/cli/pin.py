@@ -23,7 +23,7 @@ def run(
     as_json: AsJson = False,
     about: About,
 ) -> None:
-    """Give a moment a name, by which it can be queried, also when its past is no longer kept.
+    """Give a moment a name, by which it can be queried even when its past is no longer kept.
 
     `retain` writes the doors of that moment into the log before it takes out what they rest on.
     `--at pin:NAME` asks about it; a pin of the same name takes the place of this one.

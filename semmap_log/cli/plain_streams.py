@@ -1,19 +1,17 @@
-r"""What verbs write to a terminal: never what steers it, whoever wrote the text.
+r"""What verbs write to a terminal never controls it, whoever wrote the text.
 
-A name in a foreign file (a door's, a topic's, the file's own) may hold escape sequences. So inside
-of `plain_streams` all that is written to stdout and stderr has such characters spelt out, `\x1b`,
-and so has what rich draws by `PlainConsole`; its own colours go to the stream beneath. In JSON they
-are JSON's escapes (`json_text`), so that programs read the exact text.
+A name in a foreign file (a door's, a topic's, the file's own) may contain escape sequences. So
+inside of `plain_streams` all that is written to stdout and stderr has such characters spelt out,
+`\x1b`, and so has what rich draws by `PlainConsole`; its own colours go to the stream beneath. In
+JSON they are JSON's escapes (`json_text`), so that programs read the exact text.
 
-What a shell offers for a word: doors, levels, states and kinds of events.
+Shell completion is here, too: doors, levels, states and kinds of events. It only reads, and offers
+nothing where the log cannot be read, since the user is in the middle of typing.
 
-It only reads, and where the log cannot be read it offers nothing and says nothing: who asks is in
-the middle of typing.
-
-Values of a command line that need no library: texts, paths, numbers, and what is not given.
-
-From 0.29 on, typer has pydantic read the value of every option, of those that are not given, too.
-To load pydantic takes as long as to replay a small log. Choices, lists and errors are still its.
+Values of a command line that need no library (texts, paths, numbers, and what is not given) are
+parsed here. From 0.29 on, typer has pydantic read the value of every option, also of those that are
+not given. Loading pydantic takes as long as replaying a small log. Choices, lists and errors are
+still left to it.
 """
 
 from __future__ import annotations
@@ -124,7 +122,7 @@ def forget_output() -> None:
 
 
 def is_nobody_reading() -> bool:
-    """Tell whether the other end of our output has gone, which without output nobody would say."""
+    """Return whether the reader of our output has gone, which nothing shows without output."""
     try:
         output = sys.stdout.fileno()
     except (OSError, ValueError):
@@ -173,8 +171,8 @@ def kinds(_: Any, incomplete: str) -> Offers:
 def _map(ctx: Any) -> Iterator[DoorMap]:
     """Yield the door map of the log that is on the command line, if it can be read.
 
-    After an option whose value is still to come, words are not yet given their meaning: then the
-    log is the first of them.
+    After an option whose value is still to come, words are not yet parsed: then the log is the
+    first of them.
     """
     log = ctx.params.get("log") or next(iter(ctx.args), None)
     if log is None:

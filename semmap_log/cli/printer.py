@@ -5,9 +5,8 @@ wrapped, cut or coloured. What stands around them for people (which moment, what
 goes to stderr. Tables of one answer have an empty line between. A report without a table stays
 text on stdout, and is not wrapped either.
 
-Colours are for terminals (`plain_console.colours_wanted`); the lines of tables never have any.
-
-Rich's console for texts from outside: see `plain_streams`.
+Colours are for terminals (`colours_wanted`); the lines of tables never have any. `PlainConsole` is
+rich's console for texts from outside: see `plain_streams`.
 """
 
 from __future__ import annotations
@@ -123,7 +122,7 @@ class Printer:
             write_line(line)
 
     def _tell_rest(self, parts: list[RenderableType]) -> None:
-        """Write what is no table: next to one to stderr, else it is the answer."""
+        """Write what is not a table: to stderr if there is one, else as the answer."""
         texts = [part for part in parts if isinstance(part, Text)]
         if self._tables:
             for text in texts:

@@ -95,17 +95,17 @@ def run(
 ) -> None:
     """Show how likely each door is open, how sure that is, and on what evidence.
 
-    Nothing counts but what had happened by the moment asked from: --at, with all that is known
+    Nothing counts but what had happened by the moment of the question: --at, with all that is known
     today, or --known-at, with what had been recorded by then. With --as-happened each event counts
-    as recorded when it happened: what would have been believed then, had it been given at once, as
-    `evaluate` asks; in a log that was imported, nothing else is known of the past.
+    as recorded when it happened: what would have been believed then, had it been recorded at once,
+    as `evaluate` does; in a log that was imported, nothing else is known of the past.
 
     A door of which too little is known is UNKNOWN. In brackets: a 90 % interval of P(open),
     somewhat narrow where little was seen.
 
     --when "Tue 10:00" answers another question: what the door is typically like then. --by shows
     all typical hours, days, or the whole week; never-seen ones are left empty. These rest on what
-    was seen of the door alone, and stay the same whenever they are requested; --horizon 2h
+    was seen of the door alone, and are the same whenever you ask; --horizon 2h
     forecasts the hours to come from what was seen last.
 
     --apply writes P(open) and P(closed) into the log, one commit, for doors that are known and
@@ -175,7 +175,7 @@ def run(
 
 
 def _of_class(opened: DoorLog, object_class: str, asked: Mapping[str, Any]) -> list[DoorId]:
-    """Return the objects of a class that are in the map at the moment that is queried.
+    """Return the objects of a class that are in the map at the moment of the question.
 
     Raises:
         typer.BadParameter: Doors are named, too.
@@ -191,7 +191,7 @@ def _of_class(opened: DoorLog, object_class: str, asked: Mapping[str, Any]) -> l
 
 
 def _refuse_untold(opened: DoorLog, asked: Mapping[str, Any]) -> None:
-    """Refuse to answer that no door was in the map at a moment that was queried.
+    """Refuse the answer that no door was in the map at the moment of the question.
 
     Raises:
         UnknownDoorError: Why there was none, and what to type.

@@ -43,7 +43,7 @@ Plot = Annotated[
 
 
 class Proposing(NamedTuple):
-    """What was requested."""
+    """The options."""
 
     is_asked: bool
     yes: bool
@@ -70,7 +70,7 @@ def check_proposing(asked: Proposing, *, has_scan: bool, files: list[Path], dry_
 
 
 def numbers_of(only: list[str] | None) -> list[int] | None:
-    """Return which proposals are meant; None: it was not stated."""
+    """Return which proposals are meant; None: no option says so."""
     if only is None:
         return None
     if not all(text.isdecimal() and int(text) > 0 for text in only):

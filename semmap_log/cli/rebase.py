@@ -77,8 +77,8 @@ def run(
 
     Robots map a building again, and the new map has another origin and is turned. From now on, or
     --at, the level has the new floor plan, and each of its doors lies where the transform puts it.
-    History stays: every earlier moment is drawn on the map of its time. What is reported later
-    times is taken to be in the new map already. The doors of other levels, and those without a
+    History stays: every earlier moment is drawn on the map of its time. Events at later
+    times are taken to be in the new map already. The doors of other levels, and those without a
     place, stay as they are. `retract` of the commit's events brings the old map and places back.
 
     \b

@@ -1,8 +1,6 @@
-"""`record`: events as they happen.
+"""`record`: events as they happen, from JSON lines, or with `--ros1` or `--ros2` from topics.
 
-`record --ros1`, `record --ros2`: the topics of a robot, or what would be made of them.
-
-`--ship` of the verbs that write for long: the log is sent to a store meanwhile.
+`--ship`, which sends the log to a store meanwhile, is an option of all verbs that write for long.
 """
 
 from __future__ import annotations
@@ -147,7 +145,7 @@ def record_topics(
 
 
 def _check_level(log: DoorLog | None, level: str | None) -> None:
-    """Refuse a level that is not there, before ROS is queried."""
+    """Refuse a level that is not there, before connecting to ROS."""
     from semmap_log.core.folds.levels import resolve_level
     from semmap_log.core.model.doors import DoorMap
 
@@ -230,7 +228,7 @@ def shipped_beside(log: Path, url: str | None) -> AbstractContextManager[None]:
 
     Raises:
         MissingExtraError: A package for stores is not installed.
-        LogAccessError: The environment names no store that can be queried.
+        LogAccessError: The environment names no store that can be reached.
     """
     if url is None:
         return nullcontext()
@@ -246,7 +244,7 @@ def _say_how_far(log: Path, beside: ShipBeside) -> None:
         done = status.shipped
         say(f"{done.url}: shipped up to event {done.manifest.mark.next_event - 1}.")
     else:
-        why = "" if status.problem else ": the end does not wait for it any longer"  # that was told
+        why = "" if status.problem else ": the end does not wait for it any longer"  # as reported
         tell(f"not all is shipped{why}. To send it: {command_line('ship', log, beside.url)}")
 
 
@@ -310,17 +308,17 @@ def run(
     """Record events from standard input, one JSON object a line, or the topics of a robot.
 
     Until the input ends, or Ctrl-C. Each line is one commit; a door is its door_id or its name. A
-    bad line is skipped; then the exit code is 1. Of bad lines of one kind the first three are given
-    with their numbers, the others counted at the end. Exit code 0 means that every line is stored.
-    A line with a command_id that is stored already, however long ago, is stored once, and answered
-    as it was then. Of an exported log each line is a commit of its own here, recorded now, and what
-    was taken back is refused; `import` makes the same log of it.
+    bad line is skipped; then the exit code is 1. Of bad lines of one kind the first three are
+    reported with their numbers, the others counted at the end. Exit code 0 means that every line is
+    stored. A line with a command_id that is stored already, however long ago, is stored once, and
+    answered as it was then. Of an exported log each line is a commit of its own here, recorded now,
+    and what was taken back is refused; `import` makes the same log of it.
 
-    With --ros1 or --ros2 it records what topics say about doors: the events of each message are
-    one commit, messages that wait share a sync, and what was received when it is given to stop is
-    written. What cannot be (NaN, another frame, unknown values) is given once, and counted. Times
-    are the messages' own stamps where those lie in the minute before they came, else when they
-    came, by ROS's time. Exit code 2: it would never start like this (no log, a wrong option or
+    With --ros1 or --ros2 it records what topics say about doors: the events of each message are one
+    commit, messages that wait share a sync, and what was received before a signal to stop is
+    written. What cannot be (NaN, another frame, unknown values) is reported once, and counted.
+    Times are the messages' own stamps where those lie in the minute before they came, else when
+    they came, by ROS's time. Exit code 2: it would never start like this (no log, a wrong option or
     mapping).
 
     With --scan a laser sees the doors of the log: each visit to a door that decides is a commit,
@@ -331,18 +329,18 @@ def run(
 
     With --clicked-points doors are added by hand, in RViz: choose Publish Point and click the
     door's hinge (the start of its line), then its other end, within a minute. Each door is a
-    commit, and a line shows it. A width below 0.4 or above 6 m, another frame than map, or a point
-    more than 1 m below or 3 m above the floor is refused; a door that the log has, too.
+    commit, and a line reports it. A width below 0.4 or above 6 m, another frame than map, or a
+    point more than 1 m below or 3 m above the floor is refused; a door that the log has, too.
 
     With --ship each segment is sent to a store once it is closed (after a day, 10,000 commits or 64
     MiB, and at the end), by a thread that recording never waits for. A store that cannot be reached
-    is given once and tried again, at most ten minutes apart. The end waits 30 s for what is being
-    sent; what is not sent then is sent the next time, or by `ship`.
+    is reported once and tried again, at most ten minutes apart. The end waits 30 s for what is
+    being sent; what is not sent then is sent the next time, or by `ship`.
 
     With --sign-key the log's end is signed each minute (--sign-every) and when it is closed, by a
     thread that recording never waits for, and only what this recorder wrote. What cannot be signed
-    (a full disk) is given once, and signed later, or by `sign`. Events found unsigned at the start,
-    as a power cut leaves them, are signed by `sign` first, or with --adopt.
+    (a full disk) is reported once, and signed later, or by `sign`. Events found unsigned at the
+    start, as a power cut leaves them, are signed by `sign` first, or with --adopt.
 
     \b
     Durability, when a line is answered:

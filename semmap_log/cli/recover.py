@@ -10,7 +10,7 @@ import typer
 from semmap_log.cli.common import AsJson, WritableLog, console, print_json, progress
 
 NEEDS_YES = 4
-"""Exit code where there is something to do that was not requested yet."""
+"""Exit code if there is something to do, and no option has confirmed it."""
 
 Out = Annotated[
     Path | None,

@@ -60,7 +60,7 @@ def run(
 
     \b
     Examples:
-      semmap-log redact office --actor anna --by officer --reason "requested"
+      semmap-log redact office --actor anna --by officer --reason "on request"
       semmap-log redact office --tracks --until "90d ago"
       semmap-log redact office --door 3 --key name --dry-run
     """

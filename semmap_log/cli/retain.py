@@ -1,10 +1,7 @@
 """`retain`: a log that keeps so much of its past, and no more.
 
-What runs next to the verbs that write for long, and shows at the end how far it has come.
-
-The key with which verbs sign, and `--sign-key` of the verbs that write for long.
-
-What the verbs share that take records out of a log: `redact`, `retain`.
+`redact` shares its options, and how both remove records and report it. For the verbs that write for
+long, `--sign-key` and the status of background tasks are here, too.
 """
 
 from __future__ import annotations
@@ -33,7 +30,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def told_at_end(beside: AbstractContextManager[object], say: Callable[[], None]) -> Iterator[None]:
-    """Run something next to, and say at the end how it stands, whatever the verb's exit code."""
+    """Run something in the background; report its status at the end, whatever the exit code."""
     left: typer.Exit | None = None
     with beside:
         try:
@@ -75,7 +72,7 @@ TrimKey = Annotated[
 
 
 def key_to_sign(log: Path, path: Path) -> SigningKey:
-    """Return the key to sign a log with; its passphrase is requested on a terminal.
+    """Return the key to sign a log with; a terminal prompts for its passphrase.
 
     Raises:
         SigningError: It cannot be used, or lies in the log's folder.
@@ -155,7 +152,7 @@ Reason = Annotated[str, typer.Option("--reason", metavar="WHY", help="Why: for t
 def trim(
     log: Path, rule: TrimRule, note: Note, sign_key: Path | None, *, dry_run: bool, as_json: bool
 ) -> None:
-    """Take out what a rule says, or count it, of the log and its copies; tell what became of it.
+    """Remove what a rule names from the log and its copies, or count it; report what was done.
 
     Args:
         log: Its folder.
@@ -163,7 +160,7 @@ def trim(
         note: Who does it, and why.
         sign_key: Private key of who vouches for it; None: nobody does.
         dry_run: Whether it is only counted.
-        as_json: Whether it is given as JSON.
+        as_json: Whether the report is JSON.
     """
     from semmap_log.interop.copies.copies_of_log import plan_copies, take_out_of_copies
     from semmap_log.interop.copies.going import Going

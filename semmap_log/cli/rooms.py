@@ -45,7 +45,7 @@ def run(
     """Show the rooms of a moment, their doors, and where these lead.
 
     Rooms are what walls and doors enclose on the log's floor plans, whether doors are open or
-    shut; below 1 m² they are left out. A room's name is given at its doors, by the annotation
+    shut; below 1 m² they are left out. A room's name is set at its doors, by the annotation
     `rooms` (the room on the left, a comma, the room on the right), else taken from its lift's or
     its doors' names.
 
@@ -92,7 +92,7 @@ def _refuse_no_plan(plan: RoomPlan, level: int | None) -> None:
     """Say what is missing, where there is nothing to cut rooms from.
 
     Raises:
-        CommandError: No level has a floor plan, or the one that is requested has none.
+        CommandError: No level has a floor plan, or the requested one has none.
     """
     from semmap_log.core.texts import command_line
     from semmap_log.errors import CommandError

@@ -1,6 +1,6 @@
 """`scan-report`: how a laser saw the doors, and how far to trust it.
 
-What the verbs share that read ROS messages: the mapping's option, its help, the dry run.
+It has what the verbs share that read ROS messages: the mapping's option, its help, the dry run.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ MAPPING_HELP = """\
 
 
 def check_scan(scan: list[str] | None, pose_topic: str | None, heights: str | None) -> None:
-    """Refuse what is reported about lasers without lasers."""
+    """Refuse options about lasers where there are none."""
     for option, given in (("--pose-topic", pose_topic), ("--heights", heights)):
         if given is not None and scan is None:
             raise typer.BadParameter("is for lasers: give --scan, too", param_hint=option)
@@ -165,7 +165,7 @@ def tell_scan_import(file: Path, found: ScanImport) -> None:
 
 
 def show_events(events: Iterable[Event | EventBatch], note: Note | None = None) -> None:
-    """Print events, a JSON line each, with who saw them where that is given."""
+    """Print events, a JSON line each, with who saw them where that is known."""
     from semmap_log.core.batches.event_batch import one_by_one
     from semmap_log.interop.formats.json.door_json import event_to_json
 
@@ -222,7 +222,7 @@ def run(
     palette: PaletteChoice = PaletteName.default,
     as_json: AsJson = False,
 ) -> None:
-    """Return how a laser saw each door: visits, what they say, how sure, where beams end.
+    """Show how a laser saw each door: visits, what they say, how sure, where beams end.
 
     Of a bag its scans are looked through as `import --scan` does, and nothing is written to the
     log; without a bag it is about the scans that were kept next to the log by --keep-scans.

@@ -197,7 +197,7 @@ def run(
     `semmap-log ask ADDRESS HELP` names the questions. Many may ask at once.
 
     With --oprs HOST:PORT kernels of OPRS ask the same by their message passer, and those that
-    --oprs-to names are reported of the doors: all facts when they come, then each change. A passer
+    --oprs-to names get the doors: all facts when they come, then each change. A passer
     that is not there is tried again until it is. Whoever reaches the passer may set doors.
 
     With --log LOG the first start makes the log, as `init` does: with --yaml a plain file of doors
@@ -214,12 +214,12 @@ def run(
 
     With --ship each segment is sent to a store once it is closed (after a day, 10,000 commits or 64
     MiB, and at the end), by a thread that no goal waits for. A store that cannot be reached is
-    given once and tried again, at most ten minutes apart. The end waits 30 s for what is being
+    reported once and tried again, at most ten minutes apart. The end waits 30 s for what is being
     sent; what is not sent then is sent the next time, or by `ship`.
 
     With --sign-key the log's end is signed each minute (--sign-every) and when it is closed, by a
     thread that no goal waits for, and only what this server wrote. What cannot be signed (a full
-    disk) is given once, and signed later, or by `sign`. Events found unsigned at the start, as a
+    disk) is reported once, and signed later, or by `sign`. Events found unsigned at the start, as a
     power cut leaves them, are signed by `sign` first, or with --adopt.
 
     Exit code 2: the server would never start like this (no log, a wrong option or file).
@@ -408,7 +408,7 @@ def _floors(
     """Return the floor plan that was given, by its level.
 
     Raises:
-        UnknownLevelError: The level is not there: better told now than to who adds a door.
+        UnknownLevelError: The level is not there: better now than when a door is added.
     """
     from semmap_log.core.folds.levels import resolve_level
     from semmap_log.interop.formats.files.map_server import read_map

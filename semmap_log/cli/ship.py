@@ -60,7 +60,7 @@ def run(
 ) -> None:
     """Send a log's closed segments to a store; what is there already is not sent again.
 
-    Each segment goes there once, under a name that shows what is in it, then a manifest that
+    Each segment goes there once, under a name that identifies its content, then a manifest that
     names them all. Stopped at any moment, and begun again, nothing is lost or sent twice. What
     has gone another way (a log that was put back, or continued on two machines) is refused. The
     log may be written meanwhile: the segment that is being written waits until it is closed.

@@ -79,12 +79,12 @@ def run(
     believes that if its allowed_signers file has KEY for semmap-log-revoke.
 
     With --timestamp, the authority at URL gets the hash of KEY's newest statement, and its answer
-    is kept with that, as X.head.tsr; a statement that has one is not requested again. It proves
+    is kept with that, as X.head.tsr; a statement that has one gets no other. It proves
     that all that was signed by then was signed not later. Its own signature is not checked by
     `verify`, but by openssl, with the authority's certificate.
 
     KEY is as `ssh-keygen -t ed25519` makes it. It must not lie in the log's folder, and nobody
-    else may read it. A passphrase is requested on a terminal, or taken from the environment
+    else may read it. A terminal prompts for a passphrase, or it is taken from the environment
     variable SEMMAP_LOG_KEY_PASSPHRASE. --new-key makes one without a passphrase. Needs
     semmap-log[sign].
 

@@ -74,7 +74,7 @@ def run(
     if as_csv and as_json:
         raise typer.BadParameter("expected one of --csv and --json, got both", param_hint="--csv")
     if out is not None:
-        writer_for(out)  # a wrong name is told before the work
+        writer_for(out)  # a wrong name fails before the work
     text = _query(query, file)
     opened, others = sl.read(log), _logs(more or [])
     for one in (opened, *others.values()):

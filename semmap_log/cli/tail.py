@@ -54,7 +54,7 @@ def run(
 
     A line has the event's number, when it happened (in the log's zone), the door, what, and in
     brackets who and why; what the terminal has no room for goes on below. In a pipe, cells with a
-    tab between, as those of `history`. Robot poses are left out unless requested; JSON has all
+    tab between, as those of `history`. Robot poses are left out by default; JSON has all
     events.
 
     With --after, the reader's own position decides: nothing is missed, and nothing comes twice.
@@ -95,7 +95,7 @@ def run(
 
 
 def _filter(opened: DoorLog, door: str | None, *, poses: bool) -> Callable[[RecordedEvent], bool]:
-    """Return what shows which events are shown."""
+    """Return the filter of the events to show."""
     from semmap_log.core.model.events import DoorEvent, RobotPose, UnknownEvent
 
     if door is not None:
@@ -110,7 +110,7 @@ def _filter(opened: DoorLog, door: str | None, *, poses: bool) -> Callable[[Reco
 def _last(
     opened: DoorLog, count: int, after: int, wanted: Callable[[RecordedEvent], bool]
 ) -> Iterable[Told]:
-    """Return the last events that are wanted, of those after a number."""
+    """Return the last of the wanted events after a number."""
     end, back = opened.last_event(), count
     while count:
         start = max(after, end - back)
@@ -148,7 +148,7 @@ def _print(events: Iterable[Told], show: Callable[[RecordedEvent, Note], str]) -
 
 
 def _say_why_nothing(opened: DoorLog, door: str | None, after: int | None) -> None:
-    """Tell who sees nothing whether there is nothing, or only nothing of what was requested."""
+    """Explain an empty output: there are no events, or none of the wanted ones."""
     if (end := opened.last_event()) < 0:
         tell_how_to_begin(opened)
         return

@@ -33,7 +33,7 @@ def run(
     """Show when a door was in which state: since, until, how long, and how often it was seen so.
 
     A row begins with the event that changed the state (`semmap-log show LOG N` shows who and
-    why) and counts all events that said the same, the first one included. --since and --until
+    why) and counts all events that reported the same, the first one included. --since and --until
     cut the rows; --at and --known-at choose what counts, and the last row ends there.
 
     \b

@@ -1,7 +1,4 @@
-"""`update`: fields of a door are set.
-
-Where a door lies, as given on the command line.
-"""
+"""`update`: fields of a door are set; and a door's place as it is typed on the command line."""
 
 from __future__ import annotations
 

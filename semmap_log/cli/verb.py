@@ -1,14 +1,14 @@
-"""What makes a verb of a function: its old spellings, help that is made when requested, its offers.
+"""Turns a function into a verb: old spellings, help that is made on demand, suggestions.
 
 Help is plain text, as that of any Unix program: no frames, and quick.
 
-The one place that says why a verb failed: a line for people, or with --json a document.
+A verb's failure is reported here alone: as a line for people, or with --json as a document.
 
     {"error": {"kind": "UnknownDoorError", "message": "…", "exit_code": 1}}
 
-`kind` is the name of the error's class (`semmap_log.errors`), `UsageError` for a command line that
-cannot be, or the class of an error of the system. An error of a file's lines also has `problems`:
-[{"text", "count", "lines", "last_line"}], those that are the same but for their values as one.
+`kind` is the name of the error's class (`semmap_log.errors`), `UsageError` for a wrong command
+line, or the class of an error of the system. An error of a file's lines also has `problems`:
+[{"text", "count", "lines", "last_line"}], one for all that differ only in their values.
 
 The document is on stdout, in the place of the answer. Where a part of the answer is out already,
 as of `history --json` on a log with damage in its middle, it is the last line of stderr.
@@ -39,7 +39,7 @@ _USAGE_ERROR, CLICK_ERROR = typer.BadParameter.__mro__[1:3]
 
 
 def asks_for_json(arguments: list[str]) -> bool:
-    """Return whether --json is among the options; how, a wrong command line cannot say itself."""
+    """Return whether --json is among the options, also of a command line that cannot be parsed."""
     end = arguments.index("--") if "--" in arguments else len(arguments)
     return "--json" in arguments[:end]
 
@@ -63,7 +63,7 @@ def fail(error: BaseException, *, as_json: bool, is_output_lost: bool = False) -
 
 
 def tell(text: str) -> None:
-    """Tell the person what went wrong."""
+    """Print what went wrong."""
     print(f"semmap-log: {text}", file=sys.stderr)  # noqa: T201
 
 
@@ -114,7 +114,7 @@ POINT = "X,Y"
 NUMBER = late_pattern(r"[+-]?[\d.]+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 HELP_MADE_LATE: dict[str, Callable[[], str]] = {}
-"""Verb -> what makes the end of its help, which is requested only then: it is slow to make."""
+"""Verb -> what makes the end of its help; called only for the help, since it is slow."""
 
 
 class Verb(TyperCommand):
@@ -204,6 +204,6 @@ def _with_values(args: list[str]) -> list[str]:
 def offered(offer: Callable[[Any, str], Offers], ctx: Any, incomplete: str) -> list[Any]:
     """Return what a shell is offered, as typer wants it."""
     item: Any = getattr(core, "CompletionItem", None)
-    if item is None:  # an older typer, with click beside it
+    if item is None:  # an older typer, which needs click
         item = core.click.shell_completion.CompletionItem  # type: ignore[attr-defined]
     return [item(word, help=said or None) for word, said in offer(ctx, incomplete)]

@@ -1,6 +1,6 @@
 """The verbs, in groups, in the order in which a new user meets them; each is loaded when it runs.
 
-Other verbs cost a command line nothing: neither their modules nor their options are looked at.
+The modules and options of other verbs are not loaded for a command line.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ UNCACHED = {"verify"}
 
 
 class VerbsByName(Mapping[str, Any]):
-    """Name -> the verb, as typer has it: made when it is first requested."""
+    """Name -> the verb, as typer has it: made on first use."""
 
     def __init__(self) -> None:
         self._loaded: dict[str, Any] = {}

@@ -116,12 +116,13 @@ def run(
     """Look at the history in the rerun viewer: floor plan, doors, state lanes, events, robot.
 
     Scrub along `happened` to see what was true, along `recorded` to see when it became known.
-    Events that were taken back are there along `recorded`, until that was known. It opens at the
+    Events that were retracted are there along `recorded`, until that was known. It opens at the
     end, or at the moment of --at.
 
     Where scans of sightings were kept, the tabs Sightings show of each door what the laser saw at
     the last visit: beams by what became of them, the leaf where it most likely stands, what was
-    said. Step along `happened` from visit to visit. Of many doors name those to be shown (--door).
+    reported. Step along `happened` from visit to visit. Of many doors name those to be shown
+    (--door).
 
     With --follow, what is recorded meanwhile is on the screen within a second; beliefs stay as they
     were at first, and no scans are shown. Close the window, or press Ctrl-C, to end it.
@@ -332,7 +333,7 @@ def _follow(
                 show(served.program)
         else:
             with window() as viewer:
-                viewer.state()  # or there is no screen, which would be told much later
+                viewer.state()  # fails early if there is no screen
                 show(viewer.program, viewer.forget)
     except KeyboardInterrupt:
         return  # the way to end it

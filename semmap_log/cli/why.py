@@ -1,4 +1,4 @@
-"""`why`: what was true of a door, what was believed, since when, and who said so."""
+"""`why`: what was true of a door, what was believed, since when, and who reported it."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ def run(
     ] = "10min",
     as_json: AsJson = False,
 ) -> None:
-    """Tell why a door was in a state: what was true, what was believed, and who said so.
+    """Show why a door was in a state: what was true, what was believed, and who reported it.
 
     "True" is by all that is known today, "believed" by what had been recorded by then, or by
     --known-at. Where they differ, the event that made the difference is named: one that was
-    told later, or taken back later.
+    recorded later, or retracted later.
 
-    Events that tell another state count from where the state began, at the least from --near
+    Events that report another state count from where the state began, at the least from --near
     before the moment, up to as long after it: readings that were taken back, requests, robots
     that gave up, another sensor. P(open) is what could be known then.
 

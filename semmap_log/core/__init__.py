@@ -1,1 +1,5 @@
-"""What everything is built on: values, events, bytes, files; knows no log."""
+"""Values, events, bytes and files: what everything is built on.
+
+Imports nothing of the other rooms. Start with `model/doors.py` and `model/events.py`, then
+`model/meaning.py`: the one table of what an event changes. `folds/` folds events to door maps.
+"""

@@ -1,6 +1,7 @@
-"""Many logs, where they lie: sent to a store, brought back, joined, and asked at once.
+"""Many logs, wherever they lie: shipped, fetched, joined and queried at once.
 
-`semmap_log.fleet(...)` is `jobs.fleet_run.fleet`: the package can be called.
+May import the rooms below. Start with `shipping.py`, `join/joining_logs.py` and
+`jobs/fleet_run.py`. The package can be called: `semmap_log.fleet(...)` is `jobs.fleet_run.fleet`.
 """
 
 from __future__ import annotations

@@ -54,12 +54,13 @@ def test_links_lead_somewhere(path: Path) -> None:
 
 def test_the_files_that_a_newcomer_is_sent_to_are_there() -> None:
     """
-    CONTRIBUTING.md names files in backticks; a file that moved is named anew.
+    CONTRIBUTING.md and the page on the architecture name files in backticks, in their tables.
     """
-    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    pages = [ROOT / "CONTRIBUTING.md", ROOT / "docs" / "architecture.md"]
+    text = "".join(page.read_text(encoding="utf-8") for page in pages)
     tables = "\n".join(line for line in text.splitlines() if line.startswith("| "))
 
-    named = set(re.findall(r"`(\w[\w./]*(?:/|\.\w+))`", tables))
+    named = set(re.findall(r"`(\w[\w./]*(?:/|\.(?:py|md|yaml)))`", tables))
 
     assert 30 < len(named)
     assert [] == sorted(name for name in named if not _is_there(name))

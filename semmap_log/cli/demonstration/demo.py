@@ -1,6 +1,6 @@
 """The main job in one go, on a shipped recording: record, replay, export, look.
 
-The demo's second half: a bag of laser scans in, doors out, held against the truth.
+The second half reads a bag of laser scans and compares the doors with the truth.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ VISIT_S = 10.0
 
 @dataclass(frozen=True, slots=True)
 class SeenDoor:
-    """What the scans reported about a door, and how it really stood."""
+    """A door's state by the scans, and its real one."""
 
     name: str
     happened_ns: int
@@ -128,7 +128,7 @@ class Demo:
     moments: tuple[DoorMap, DoorMap, DoorMap]
     """The door map at the end of the first part, in the middle of the second, and at the end."""
     seen: SeenByLaser
-    """What a laser's scans of another patrol said, next to the truth."""
+    """Results of a laser's scans on another patrol, compared to the truth."""
     beliefs: Sequence[DoorBelief]
     """How likely each door was open in the middle of the second, from what was known then."""
 
@@ -138,7 +138,7 @@ def run_demo(folder: Path, *, tell: Callable[[str], None] = lambda _text: None) 
 
     Args:
         folder: Where to; a folder that does not exist, or is empty.
-        tell: Called with in words what goes on.
+        tell: Called with a line of progress.
 
     Raises:
         LogExistsError: There is something in the folder already.
@@ -212,7 +212,7 @@ def _middle(history: list[HistoryEntry]) -> int:
 
 
 class _RecordingClock:
-    """A clock that shows when the recording recorded what is appended next.
+    """A clock that returns when the recording recorded what is appended next.
 
     So the demo's log knows things when the recording knew them, and not all of them today.
     """

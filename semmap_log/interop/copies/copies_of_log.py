@@ -52,7 +52,7 @@ from semmap_log.store.removed_part import read_removed_part
 from semmap_log.store.salvage.recovering import beside as recovery_beside
 
 _SIGNATURES = "signatures"
-"""Signed heads: hashes and numbers, nothing that was stated."""
+"""Signed heads: hashes and numbers, no contents of events."""
 _TEMPORARY = "semmap-log-"
 """How the names of our folders for temporary files begin."""
 _LOOK = "look at it, and remove it"

@@ -19,7 +19,7 @@ from semmap_log.store.reading.segment_scan import MOST_HEADER_BYTES, head_in
 
 
 class SameLog(NamedTuple):
-    """A file or folder next to a log that holds what it holds."""
+    """A file or folder next to a log that contains its data."""
 
     name: str
     is_checkpoint: bool

@@ -1,6 +1,6 @@
-"""A costmap as a file: for map_server and Nav2, for people, for numpy; whole, or not at all.
+"""A costmap as a file for map_server and Nav2, people or numpy: written whole, or not at all.
 
-A log's costmap over time as a bag, for ROS's players: RViz, Foxglove, rerun.
+A costmap over time becomes a bag, for ROS's players: RViz, Foxglove, rerun.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class CostmapFile:
 def write_costmap(
     log: DoorLog, costmap: Costmap, out: Path, part: Part = "master", *, scope: Scope = Scope()
 ) -> CostmapFile:
-    """Write a file whose name shows its format; old files of that name are replaced at once.
+    """Write a file in the format of its extension; old files of that name are replaced at once.
 
     `.npy` holds the costs themselves: uint8, (height, width), row 0 at the lowest y. A ROS map and
     the keepout mask hold the values that costmap_2d publishes of them.
@@ -73,7 +73,7 @@ def write_costmap(
         scope: Of which moment it is: for the title.
 
     Raises:
-        FormatError: The name shows no format, or one that cannot hold that part.
+        FormatError: The name has no known extension, or its format cannot hold that part.
         OutputError: The file cannot be written; what was there is whole.
     """
     refuse_own_folder(log.path, out)
@@ -228,7 +228,7 @@ def record_costmap(
 
     Raises:
         CostmapError: As for `costmap_at`.
-        FormatError: The name shows no bag.
+        FormatError: The name is not that of a bag.
         OutputError: It cannot be written; what was there is whole.
     """
     refuse_own_folder(log.path, out)

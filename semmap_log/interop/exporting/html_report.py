@@ -49,7 +49,7 @@ def write_report(
         doors: Only these doors; None: all.
         tz: IANA zone of all times; None: the log's.
         palette: Colours of the states.
-        progress: Called with how far the reading is.
+        progress: Called with how much has been read.
 
     Raises:
         FormatError: The name is not that of a page.

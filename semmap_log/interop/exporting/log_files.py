@@ -1,10 +1,8 @@
 """A log's state or events as a file for other programs: written whole, or not at all.
 
-A log's events as JSON lines, with all that `import` needs to make the same log of them.
-
-A log's doors as a problem for a planner that reads PDDL.
-
-A log's stream as a bag: for `rosbag play` and `ros2 bag play`, RViz, Foxglove and Lichtblick.
+The extension chooses the format. JSON lines have all that `import` needs to make the same log of
+them. PDDL has the doors as a planner's problem. A bag has the log as a stream, for `rosbag play`
+and `ros2 bag play`, RViz, Foxglove and Lichtblick.
 """
 
 from __future__ import annotations
@@ -81,7 +79,7 @@ def export(
     object_class: str | None = None,
     progress: Progress | None = None,
 ) -> Exported:
-    """Write a file whose name shows its format; an old file of that name is replaced at once.
+    """Write a file in the format of its extension; an old file of that name is replaced at once.
 
     Args:
         log: Where from.
@@ -91,10 +89,10 @@ def export(
         wishes: PDDL: start, goal, and whether there are costs.
         domain: PDDL: a file for the domain, written next to the problem.
         object_class: GeoJSON, CSV: only objects of that class; None: all.
-        progress: Called with how far the reading is, where events are written.
+        progress: Called with how much has been read, where events are written.
 
     Raises:
-        FormatError: The name shows no format.
+        FormatError: The name has no known extension.
         MissingExtraError: The format needs a package that is not installed.
         CommandError: The format cannot hold a door; the message says what to do.
         CostmapError: `.pgm`: there is nothing to draw, or the floor map is turned.
@@ -304,8 +302,8 @@ def write_event_lines(
     """Write the events of a scope, numbers ascending, retracted ones marked.
 
     A retraction counts whenever it happened, as it does for every question about the scope. The
-    first line also shows the log's time zone. What stands for events that the log no longer keeps
-    is given, too: a log that is made of the lines answers as this one does, from its horizon on.
+    first line also has the log's time zone. Events that stand for removed ones are written, too: a
+    log that is made of the lines answers as this one does, from its horizon on.
 
     Args:
         log: The log.
@@ -337,7 +335,7 @@ CommitOf = Callable[[int], Commit]
 def _told(
     log: DoorLog, scope: Scope, progress: Progress | None
 ) -> Iterator[tuple[EventBatch, CommitOf]]:
-    """Yield what is told: in large batches where the log keeps all, which is quicker."""
+    """Yield what is exported: in large batches if the log has all events, which is quicker."""
     if not log.horizon():
         finder, limit = log.commit_finder(), log.limit_of(scope)
         if limit is None or limit >= 0:
@@ -391,9 +389,9 @@ def planning_problem(
         scope: The moment. How likely a door is open is learnt from what counts then, as
             `probabilities` does it.
         wishes: Start, goal, costs.
-        about: What is reported about the log.
+        about: Facts about the log.
         default_prob: P(open) of doors of which too little was seen; None: what that little says.
-        progress: Called with how far the reading is.
+        progress: Called with how much has been read.
 
     Raises:
         CommandError: There is no such room or door, or the goal is no PDDL.
@@ -429,7 +427,7 @@ def _likely(
         known_at = Moment(event=log.limit_of(scope))
     believed = probabilities(
         log,
-        at=Moment(ns=door_map.moment_ns),  # the last event's, where an event is asked for
+        at=Moment(ns=door_map.moment_ns),  # the last event's, if an event was given
         known_at=known_at,
         doors=list(door_map.doors),
         progress=progress,
@@ -504,13 +502,13 @@ def record_bag(
         log: The log.
         out: `.mcap`, `.bag` (ROS 1) or, without an extension, a rosbag2 folder. A file that was
             there is replaced, a folder never.
-        options: What is given, and how.
+        options: What is exported, and how.
         since: The first messages show this moment; default: the first event's, or the horizon.
         until: The last moment; default: the log's end.
         progress: Called with how many of the events are done.
 
     Raises:
-        FormatError: The name shows no bag.
+        FormatError: The name is not that of a bag.
         MomentError: `since` comes after `until`.
         OutputError: It cannot be written, or a time cannot be a ROS stamp; what was there is whole.
     """

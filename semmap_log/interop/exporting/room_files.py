@@ -17,7 +17,7 @@ WRITABLE = ".geojson (rooms as polygons), .tmap2.yaml (a topological map)"
 
 
 def write_rooms(log: DoorLog, plan: RoomPlan, out: Path, *, level: int | None = None) -> None:
-    """Write a file whose name shows its format; an old file of that name is replaced at once.
+    """Write a file in the format of its extension; an old file of that name is replaced at once.
 
     Args:
         log: Whose rooms they are.
@@ -26,7 +26,7 @@ def write_rooms(log: DoorLog, plan: RoomPlan, out: Path, *, level: int | None = 
         level: Only the rooms of that one; None: of all.
 
     Raises:
-        FormatError: The name shows no format.
+        FormatError: The name has no known extension.
         UnknownLevelError: A topological map has one level, and several have a floor plan.
         OutputError: The file cannot be written; what was there is whole.
     """

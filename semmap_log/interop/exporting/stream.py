@@ -1,15 +1,13 @@
-"""A log folded to messages on topics: what a player, or RViz, is reported of it over time.
+"""A log folded to messages on topics: what a player, or RViz, receives over time.
 
-At each moment of the stream the last message of each topic is what `replay(at=…)` says of that
-moment: what was true, with all that is known today. So it can be played, and jumped in. It goes
-into a bag (`log_bag`) or out to live subscribers (`live.player`) alike.
+At each moment of the stream the last message of each topic is what `replay(at=…)` returns for that
+moment: what was true, with all that is known today. So a player can seek in it. It goes into a bag
+(`log_bag`) or to live subscribers (`live.player`). A `StreamPlan` has what must be known before
+the first message.
 
-What a log's stream will hold: it has to be known before its first message.
-
-A log's events in the order in which they count, with who and why, in memory of a slice.
-
-The log has them in the order of recording; late ones are put in their place slice by slice of
-happened time. Only the times themselves, 8 bytes an event, are held all at once.
+Events come in the order in which they count, with who and why. The log has them in the order of
+recording; late ones are put in their place slice by slice of happened time. Only the times
+themselves, 8 bytes an event, are held all at once.
 """
 
 from __future__ import annotations
@@ -71,7 +69,7 @@ from semmap_log.views.palette import DEFAULT, Palette
 @knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class StreamOptions:
-    """What is given, and how."""
+    """What is exported, and how."""
 
     markers: bool = False
     """Doors as markers and events in words, too; else the thesis's DoorMap, the robot's poses and
@@ -161,7 +159,7 @@ def log_stream(
 
     Args:
         log: The log.
-        options: What is given.
+        options: What is exported.
         ros_version: Whose messages.
         since: The first messages show this moment; default: the first event's, or the horizon.
         until: The last moment; default: the log's end.
@@ -222,18 +220,18 @@ class _Fold:
         self._show_all()
 
     def begin(self, at_ns: int) -> None:
-        """Return what there is before the first event."""
+        """Send what is there before the first event."""
         self._send_due(at_ns)
 
     def take(self, at_ns: int, entries: Sequence[HistoryEntry]) -> None:
-        """Return what happened at a moment."""
+        """Send what happened at a moment."""
         self._catch_up(at_ns)
         for entry in entries:
             self._take(at_ns, entry)
         self._send_due(at_ns)
 
     def finish(self) -> None:
-        """Return what waits for its time, as of the last moment."""
+        """Send what still waits for its time, as of the last moment."""
         for waiting in self._arrays():
             if waiting.has_changed and self._last_ns:
                 waiting.send(self._last_ns)
@@ -352,7 +350,7 @@ class StreamPlan:
     has_robot: bool
     every_s: float
     markers: bool
-    """Doors and events are shown, too: not only said to who knows the thesis's message."""
+    """Doors and events are drawn, too, for viewers that do not know the thesis's message."""
 
     @property
     def levels(self) -> dict[int, None]:

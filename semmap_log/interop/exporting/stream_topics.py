@@ -1,6 +1,7 @@
-"""What is stated on the topics of a log's stream: whole truths, sent when they have changed.
+"""The topics of a log's stream: each message has the complete state, sent when it has changed.
 
-The door map as a fold of events that come in the order that counts: the last one says it.
+The door map behind them is a fold of events that arrive in the order in which they count, so that
+the last one wins.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class WholeTopic:
     """A topic whose every message is the whole truth about it.
 
     One follows a change at once, but not within `every_ns` of the one before: then it comes when
-    that time is over, or at the end. So the last message is never further after than that.
+    that time is over, or at the end. So the last message is never older than that.
     """
 
     def __init__(

@@ -1,16 +1,13 @@
 """Files whose times are when it was known: a commit for each time, recorded then.
 
-So history that was written by another program can be queried what was known at a moment. A log's
+So one can query what was known at a moment in a history that another program wrote. A log's
 recorded times only grow: none of a file may be earlier than what the log has. What is of the same
-time as the log's last commit is recorded just after it, as doors after the plan of one day.
+time as the log's last commit is recorded just after it, as doors after the plan of one day. The
+recorded times of JSON lines are checked in the same way.
 
-Names of rooms, from a building's file to the doors that lead into them.
-
-A building names points, not rooms. Where one such point lies in a room, and no other, the room is
-called so; each of its doors is given, by the annotation `rooms`. So the name stays with the
-doors wherever the floor plan comes from later.
-
-Whether the times at which lines say that they were recorded can be those of a log.
+Rooms get their names from a building's file, which names points. Where one such point lies in a
+room, and no other, the room gets its name; each of its doors has it in the annotation `rooms`. So
+the name stays with the doors wherever the floor plan comes from later.
 """
 
 from __future__ import annotations
@@ -115,7 +112,7 @@ def _span(path: Path, plan: ImportPlan) -> tuple[int, int]:
 
 
 def _check_order(log: DoorLogWriter, path: Path, first_ns: int, last_ns: int) -> None:
-    """Return if a log can have been reported of all of it at its times.
+    """Check that the log can still record all of it at its own times.
 
     Raises:
         FormatError: It cannot.

@@ -1,8 +1,7 @@
 """What a bag means for a log as it stands: its messages, read as a mapping says, as events.
 
-Visits that a log has already: by an earlier import, or recorded while the robot drove.
-
-The places of a log's doors at the moments of scans: as they were then, by what is known now.
+Visits that the log has already are left out: those of an earlier import, or recorded while the
+robot drove. Doors are taken at their places at the moments of the scans, by what is known now.
 """
 
 from __future__ import annotations
@@ -124,7 +123,7 @@ def _shown(topic: str, ros_type: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _BagEvents:
-    """The events of a bag that was gone through before, read anew: they are many."""
+    """The events of a bag, read a second time, since they are too many to keep."""
 
     path: Path
     log: DoorLog
@@ -260,14 +259,14 @@ class PlannedVisit:
 class SeenBefore:
     """What a log has of the lasers of a bag, at the time of the bag.
 
-    A visit that is given twice would count as two.
+    A visit that is recorded twice would count as two.
     """
 
     commands: frozenset[bytes]
     told: Mapping[_Key, Sequence[int]]
     """Actor, source, door and kind -> when, nanoseconds, ascending."""
     from_where: Mapping[tuple[int, type[Event]], Sequence[RobotPose]] = field(default_factory=dict)
-    """Door and kind -> where a robot was when its laser told that."""
+    """Door and kind -> where a robot was when its laser reported that."""
 
     @classmethod
     def of(cls, log: DoorLog, visits: Sequence[VisitCommit]) -> SeenBefore:
@@ -300,10 +299,10 @@ class SeenBefore:
         return planned.command_id in self.commands
 
     def overlaps(self, planned: PlannedVisit, actor: str = "") -> bool:
-        """Return whether the same laser told of the same door meanwhile, or another of its robot.
+        """Return whether the same laser saw the same door meanwhile, or another one of its robot.
 
-        Or whoever it was that told that the robot drove through it: it did so once. Whatever name
-        it was given in: two robots are not at one place at one moment.
+        The same holds for any report that the robot drove through it: it did so once. The actor's
+        name does not matter: two robots are not at one place at one moment.
 
         Args:
             planned: The visit.
@@ -354,7 +353,7 @@ def _was_there(way: Sequence[RobotPose], pose: RobotPose) -> bool:
 
 
 AHEAD_NS = 4 * HOUR_NS
-"""What was stated so long after a moment is read with it: visits come in the order of time."""
+"""Reports up to this long after a moment are read with it: visits come in order of time."""
 
 
 class DoorsThen:
@@ -376,7 +375,7 @@ class DoorsThen:
         return self._current[1]
 
     def state(self, door_id: int, since_ns: int, when_ns: int) -> DoorState | None:
-        """Return how a door is by then, by what was stated after `since_ns`; None: nothing was."""
+        """Return a door's state at a moment, by reports after `since_ns`; None: there are none."""
         return self._states.last(door_id, since_ns, when_ns)
 
     def _places(self, when_ns: int) -> DoorPlaces:
@@ -400,7 +399,7 @@ def _changes(log: DoorLog) -> Iterator[int]:
 
 
 class _States:
-    """What was reported about the states of doors: some hours of it are in memory at a time."""
+    """Reported states of doors: some hours of them are in memory at a time."""
 
     def __init__(self, log: DoorLog, others: EventBatch) -> None:
         self._log, self._others = log, others

@@ -1,4 +1,4 @@
-"""Doors that a bag's scans show and a log does not have: proposed, and added where requested."""
+"""Doors that a bag's scans show and a log does not have: proposed, and added on request."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProposedDoors:
-    """What a bag shows next to the log's doors."""
+    """Doors that a bag shows besides those of the log."""
 
     proposals: Sequence[Proposal]
     """Best first."""
@@ -114,7 +114,7 @@ def append_proposed(
     Args:
         log: Where to.
         found: What `propose_doors` returned for the log as it is.
-        note: Who and why; the source shows laser and method.
+        note: Who and why; the source names laser and method.
         numbers: Which of them, counted from 1; none: all.
     """
     used = set(log.state.used_door_ids)

@@ -1,10 +1,9 @@
-"""Sightings that a log holds already, by another file: exports that overlap do not count twice.
+"""What a door CSV means for a log as it stands: rows as events of the doors that they name.
 
-Two are the same that report of the same door, at the same nanosecond, the same state with the same
-accuracy. Files of two sensors are kept apart by their sources: with one, only what the log has of
-that source is compared.
-
-What a door CSV means for a log as it stands: rows as events of the doors that they name.
+Sightings that the log has already are left out, so that exports that overlap do not count twice.
+Two are the same if they report the same state of the same door, at the same nanosecond, with the
+same accuracy. Files of two sensors are kept apart by their sources: if a source is given, only the
+log's sightings of that source are compared.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ def plan_sightings(
         present: What the log holds.
         held: Finds rows that the log holds; None: nothing is looked for.
         level: Names without a level mean doors of that one, and new ones are added there; None: of
-            any level, and new ones are on the one that is meant where none is given.
+            any level, and new ones are on the default level.
         renumber: A name that a removed door bore is that of a new one.
         new_doors: Names of no door are those of new ones, also where the log has doors.
         hints_at_accuracy: Say how long states hold if no row has an accuracy.
@@ -62,7 +61,7 @@ def plan_sightings(
     Raises:
         UnknownDoorError: A name that several doors bear, or a level that has no door of the name;
             or names of no door, in a log that has doors, without `new_doors`.
-        UnknownLevelError: Doors are new, there are several levels, and none is given.
+        UnknownLevelError: Doors are new, there are several levels, and no level is given.
     """
     known = _names(present.door_map.doors.values(), present.door_map, level)
     if not renumber:
@@ -186,7 +185,7 @@ def _check_no_level(sightings: Sightings, name: str, door_map: DoorMap) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _SightingEvents:
-    """The events of a file's rows, as columns, made as often as they are requested."""
+    """The events of a file's rows, as columns, made again at each iteration."""
 
     sightings: Sightings
     ids: tuple[DoorId, ...]
@@ -301,7 +300,7 @@ AT_ONCE = 1000
 
 
 class HeldSightings:
-    """Tells which sightings, and updates of a state alone, a log has."""
+    """Finds out which sightings, and updates of a state alone, a log already has."""
 
     def __init__(self, log: DoorLog, *, source: str = "", before_event: int | None = None) -> None:
         """Look at nothing yet.

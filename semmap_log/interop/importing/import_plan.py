@@ -1,9 +1,9 @@
-"""What a file of doors means for a log as it stands: the events to append, and what to say.
+"""What a file of doors means for a log as it stands: the events to append, and the messages.
 
 Ids of a file are kept where they are free. A door that is there with the same values is left
 alone; with other values it is an error, or with `update` the fields that differ are written. An
 id that was removed is an error; with `renumber` the door gets the next free one, with `update` its
-removal is taken back. Nothing is ever removed.
+removal is retracted. Nothing is ever removed.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Present:
     next_event: int = 0
     """The number that the log will give next."""
     index: DoorIndex | None = None
-    """What commands are checked against; None: what the door map alone shows."""
+    """What commands are checked against; None: against the door map alone."""
     log: PurePath = Path("LOG")
     """Where the log is, for messages."""
     past: KnownPast | None = None
@@ -81,10 +81,10 @@ class Present:
 
 @dataclass(frozen=True, slots=True)
 class ImportPlan:
-    """What to append, in one commit, and what to tell the user."""
+    """What to append, in one commit, and the messages for the user."""
 
     events: Iterable[Event | EventBatch]
-    """Can be gone through more than once; those of a large file are made as they are requested."""
+    """Can be gone through more than once; those of a large file are made during iteration."""
     count: int
     """How many events there are; 0: the log holds all of the file already."""
     summary: tuple[str, ...] = ()

@@ -96,7 +96,7 @@ class ImportOptions:
     mapping: Path | None = None
     """Bags: how their topics are read; None: the well-known ones."""
     scan: ScanOptions | None = None
-    """Bags: which lasers are looked through, next to those that the mapping names."""
+    """Bags: which lasers are read besides those that the mapping names."""
     map_rules: RulesName | None = None
     """Maps: the server whose cells the picture's pixels become; None: nav2."""
     as_recorded: bool = False
@@ -127,7 +127,7 @@ def import_file(
 
     Args:
         log: Where to.
-        path: Its name shows its format.
+        path: Its extension is its format.
         options: How to take it.
         note: Who and why; the source is the file's name unless given.
         keep_scans: Keep the scans of all visits next to the log, also of those imported before.
@@ -220,10 +220,10 @@ def plan_file(
 
 
 def _refuse_since(path: Path, options: ImportOptions) -> None:
-    """Refuse to say since when something is there of a file whose events say it.
+    """Refuse `since` for a file whose events have times of their own.
 
     Raises:
-        CommandError: It is stated.
+        CommandError: `since` is given.
     """
     if options.since_ns is not None and not is_yaml(path):
         raise CommandError(
@@ -284,7 +284,7 @@ def _plan_scans(
     log: DoorLogWriter, path: Path, options: ImportOptions, progress: Progress | None,
     *, keep_scans: bool, actor: str,
 ) -> ScanImport | None:  # fmt: skip
-    """Return what a bag's scans would bring, kept or not; None: no laser is requested.
+    """Return what a bag's scans would bring, kept or not; None: no laser is named.
 
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
@@ -314,7 +314,7 @@ def plan_scan_import(
     log: DoorLog, path: Path, options: ImportOptions, progress: Progress | None = None,
     *, keeper: ScanKeeper | None = None, actor: str = "",
 ) -> ScanImport | None:  # fmt: skip
-    """Return what a bag would bring whose scans are looked through; None: no laser is requested.
+    """Return what an import of a bag's scans would bring; None: no laser is named.
 
     Args:
         log: As it stands.
@@ -436,7 +436,7 @@ def _plan_csv(log: DoorLog, path: Path, options: ImportOptions) -> ImportPlan:
 
 
 def _hints_at_accuracy(log: DoorLog, options: ImportOptions) -> bool:
-    """Tell whether a state that is set or seen makes a difference, and nothing says which it is."""
+    """Return whether it matters if states are set or seen, and no option says which they are."""
     is_of_changes = options.form is not None and options.form.reports_changes
     return log.info.holds != 0 and not is_of_changes
 
@@ -497,7 +497,7 @@ def _digest(path: Path) -> bytes:
 def _told(
     events: Iterable[Event | EventBatch], count: int, progress: Progress | None
 ) -> Iterator[Event | EventBatch]:
-    """Pass the events on, and tell how many there were."""
+    """Yield the events, and report how many there were."""
     done = told = 0
     for event in events:
         yield event

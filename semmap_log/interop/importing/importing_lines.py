@@ -63,7 +63,7 @@ class Stored(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class LinesPlan:
-    """What to append of a file, and what to tell the user."""
+    """What to append of a file, and the messages for the user."""
 
     path: Path
     count: int
@@ -139,7 +139,7 @@ def plan_event_lines(
         stored: The commits that the log holds.
         now_ns: The log's clock: nothing was recorded later.
         log: Lines that no log wrote are left out if it holds what they say by another file, from
-            the same source where they tell one; None: nothing is looked for.
+            the same source where they have one; None: nothing is looked for.
 
     Raises:
         FormatError: The file cannot be read, or a line is wrong; names the lines.
@@ -411,7 +411,7 @@ class _Checks:
             self.retracted.append((event.first_event, event.last_event))
 
     def begin(self, now_ns: int, *, are_facts: bool) -> None:
-        """Begin a commit: only what was retracted before it cannot be requested any more."""
+        """Begin a commit: only events that were retracted before it are unavailable."""
         self.now_ns = now_ns
         last = self.validator
         index = self.without_retracted() if last.has_retraction else last.index

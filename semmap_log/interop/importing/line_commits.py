@@ -1,12 +1,8 @@
 """Lines of JSON as commits: as they were, where a log wrote them.
 
-Other lines that follow each other and say the same about who and why are one commit.
-
-The lines of a file of JSON lines, each read with the doors as they are after those before it.
-
-JSON lines whose sightings a log holds already, by another file.
-
-Which numbers the events of a file get in the log that imports them.
+Other lines are one commit if they follow each other and have the same note. Each line is read with
+the doors as they are after those before it. Sightings that the log has already, by another file,
+are left out, and the events of the file get the numbers of the log that imports them.
 """
 
 from __future__ import annotations
@@ -254,7 +250,7 @@ class LineOptions:
     log_tz: str
     """IANA zone of the log."""
     source: str = ""
-    """Which sensor the file is of, where it was stated."""
+    """The file's sensor, where it was given."""
     as_recorded: bool = False
     """The times of the lines are when it was known; refused where they cannot be kept."""
     at_ns: int | None = None
@@ -271,7 +267,7 @@ class PlannedEvent(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PlannedCommit:
-    """A commit for the log; its events are read on while they are requested, and once."""
+    """A commit for the log; its events are read during iteration, and only once."""
 
     command_id: bytes
     content: bytes
@@ -389,7 +385,7 @@ class NumberMap:
     def add(self, source: int, target: int) -> None:
         """Note what the next event of the file is called in the log.
 
-        A number that is not greater than the last begins anew: another log's events follow.
+        A number that is not greater than the last starts over: another log's events follow.
         """
         if self._counts:
             last = self._firsts[-1] + self._counts[-1] - 1

@@ -1,8 +1,7 @@
-"""What planners of imports ask of a log: of one that is written, or of one that is only read.
+"""What planners of imports query of a log, whether it is open for writing or only for reading.
 
-Events as JSON lines into a log: commit by commit, as they were where they were exported.
-
-Doors that were there before the log says so: told again with an earlier time.
+JSON lines are appended commit by commit, as they were in the log that exported them. Doors that
+were there before the log says so are added again with an earlier time.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ FEW = 100
 
 
 class StoredCommits:
-    """The commits that a log holds; quick where they are requested in order."""
+    """The commits of a log; fast if they are looked up in order."""
 
     def __init__(self, log: DoorLog) -> None:
         self._log = log
@@ -70,7 +69,7 @@ class StoredCommits:
         return self._log.known_past.whole_from
 
     def _pass(self, found: Commit) -> None:
-        """Go on after a commit: the next one that is requested is most often the next."""
+        """Advance past a commit: most often the next lookup is the next commit."""
         while self._upcoming is not None and self._upcoming.first_event <= found.first_event:
             self._upcoming = next(self._commits, None)
 
@@ -224,7 +223,7 @@ class _ReadCommits(StoredCommits):
 def backdate(
     log: DoorLogWriter, since_ns: int, *, note: Note = Note(), command_id: bytes | None = None
 ) -> Imported:
-    """Say that doors of which something is given before they were added were there by then.
+    """Record that doors with events before their adding were there by then.
 
     Args:
         log: The log.

@@ -1,8 +1,7 @@
-"""A rebase told by files: the new map, pairs of points, and doors that were measured again.
+"""A rebase described by files: the new map, pairs of points, and doors that were measured again.
 
-Doors of a file as somebody measured them in a new map: their places, and nothing else of them.
-
-Doors of the thesis's YAML are known by their ids, those of a building by their names.
+Of doors that were measured in the new map only the places count. Doors of the thesis's YAML are
+known by their ids, those of a building by their names.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ def read_measured_doors(path: Path, door_map: DoorMap, *, level: int) -> Measure
     """Return where a file puts the doors that a level has.
 
     Args:
-        path: The file; its keys tell its format.
+        path: The file; its keys determine its format.
         door_map: The doors of the log, at the moment of the change.
         level: The number of the level.
 
@@ -128,7 +127,7 @@ class RebaseMoment:
                 of is what was there before.
 
         Raises:
-            UnknownLevelError: There is no such level, or there are several and none is given.
+            UnknownLevelError: There is no such level, or there are several and no level is given.
         """
         event = None if before_event is None else before_event - 1
         door_map = log.state_in(Scope(at_ns=at_ns, event=event)).door_map()
@@ -140,7 +139,7 @@ class RebaseMoment:
 
         Raises:
             FormatError: The file cannot be read.
-            CommandError: Its pairs tell no transform.
+            CommandError: Its pairs do not determine a transform.
         """
         return fit_maps(read_pairs(pairs, self._start_of()), most_residual_m=most_residual_m)
 

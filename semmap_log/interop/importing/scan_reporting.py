@@ -23,7 +23,7 @@ from semmap_log.log.door_log.door_log import DoorLog
 
 @dataclass(slots=True)
 class SeenVisits:
-    """The visits that a report is about; their scans are on the disk until they are requested."""
+    """The visits that a report is about; their scans are read from disk when needed."""
 
     log: DoorLog
     place: PurePath

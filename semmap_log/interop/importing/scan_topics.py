@@ -1,12 +1,9 @@
-"""Which lasers of a bag are looked through, where the command line asks for them.
+"""A bag's laser scans into a log: what they saw of the doors, a commit for each visit.
 
-A bag's laser scans into a log: what they saw of the doors, a commit for each visit.
-
-The bag is gone through once before anything is written: it is read whole, or nothing comes of it.
-Each visit has an id of its own, made of the bag's bytes and of what was seen when: an import that
-was interrupted goes on where it stopped, and the same bag again changes nothing.
-
-Why no scan of a bag has a place on the map, and what to do about it.
+The command line, or the mapping, names the lasers. The bag is read once before anything is written:
+it is read whole, or nothing is imported. Each visit has an id of its own, made of the bag's bytes
+and of what was seen when: an import that was interrupted resumes where it stopped, and the same bag
+again changes nothing. If no scan has a place on the map, the error says why, and what to do.
 """
 
 from __future__ import annotations
@@ -67,7 +64,7 @@ MOST_TOPICS = 20
 
 @dataclass(frozen=True, slots=True)
 class ScanOptions:
-    """Which lasers of a bag are read, next to those of a mapping."""
+    """Which lasers of a bag are read, besides those of a mapping."""
 
     topics: tuple[str, ...] = ()
     """Empty: the bag's only one; of several, those called `scan`."""
@@ -87,7 +84,7 @@ class ScanOptions:
 
 
 def with_scans(path: Path, mapping: RosMapping, options: ScanOptions | None) -> RosMapping:
-    """Return a mapping that reads the lasers that were requested, as far as the bag has them.
+    """Return a mapping that reads the requested lasers, as far as the bag has them.
 
     Raises:
         FormatError: It has no such topic, or several could be meant.
@@ -275,7 +272,7 @@ def plan_scans(
         path: The bag.
         log: Whose doors are looked at, as they were when the scans were made.
         mapping: Which lasers are read, and how.
-        others: What comes into the log before the scans: it may report of doors.
+        others: What comes into the log before the scans: it may contain doors.
         bag_id: Digest of the bag.
         keeper: What keeps the scans of all visits; None: nobody does.
         progress: Called with (messages read, messages in all).
@@ -283,7 +280,7 @@ def plan_scans(
 
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
-        CommandError: No door was there at the time of the scans; or a level is not given.
+        CommandError: No door was there at the time of the scans; or no level is given.
     """
     doors = DoorsThen(log, others)
     return _Scanning(path, log, mapping.for_lasers_only(), doors, keeper, actor).plan(

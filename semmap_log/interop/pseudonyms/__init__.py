@@ -1,1 +1,1 @@
-"""A log told to others without names: what `export --pseudonymous` writes."""
+"""A log without names, for others: what `export --pseudonymous` writes."""

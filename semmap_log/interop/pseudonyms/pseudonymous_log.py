@@ -40,7 +40,7 @@ def pseudonymous(
     Args:
         log: The log.
         scope: Which events there are in the copy.
-        with_tracks: Tell where the robot was.
+        with_tracks: Include where the robot was.
         progress: Called with how many of the events are done.
 
     Raises:
@@ -80,7 +80,7 @@ def _retell(
 def _without_names(
     followed: FollowedCommit, names: Pseudonyms, numbers: NewNumbers, first: int
 ) -> Iterator[Event]:
-    """Yield what is reported of a commit, numbered from `first` on."""
+    """Yield a commit's exported events, numbered from `first` on."""
     for recorded in followed:
         event = names.event(recorded.event)
         for told in () if event is None else renamed(event, numbers.ranges):

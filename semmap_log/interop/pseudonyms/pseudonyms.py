@@ -1,7 +1,7 @@
-"""Pseudonyms in place of names: that two events are of one actor can be told, not of whom.
+"""Pseudonyms in place of names: they show that two events have one actor, but not who it is.
 
 Actors, sources, correlations, rooms, lifts and classes are numbered as they come; doors and levels
-are called by their numbers; reasons and all else that is said in words goes. Times, places of doors
+are called by their numbers; reasons and all other free text are removed. Times, places of doors
 and states stay: who knows when somebody went through a door may still find out who it was (hence
 pseudonymous, not anonymous: GDPR, article 4 (5)).
 """
@@ -37,7 +37,7 @@ class Pseudonyms:
         """Begin without any.
 
         Args:
-            with_tracks: Tell where the robot was.
+            with_tracks: Include where the robot was.
         """
         self._with_tracks = with_tracks
         self._names: dict[str, dict[str, int]] = {}

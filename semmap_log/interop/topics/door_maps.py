@@ -1,17 +1,16 @@
 """Where the robot is, by poses in the map's frame or by TF: kept when it moved, at sightings.
 
-The DoorMap of somebody else's server: what differs from its last one becomes events.
-
-What a message says of a door that the one before said, too, is no news, whatever another sensor
-has seen meanwhile. Of the first message, and of what is news, that counts which differs from the
-log.
+It also reads doors of other sources. Of the DoorMap of another server, what differs from its last
+message becomes events. What a message repeats about a door from the one before is no news, whatever
+another sensor has seen meanwhile. Of the first message, and of news, what counts is the difference
+to the log.
 
 The server's ids are kept where they are free. A number that it uses again after a removal (the
 thesis gives "the first free index") is another door: it gets a new id here, and an annotation on
-it remembers the server's number. The annotation is on every door that came with the topic, so that
+it has the server's number. The annotation is on every door that came with the topic, so that
 after a restart it is known which are the server's, and are gone once its map lacks them.
 
-Doors that somebody clicks in RViz: two points are a door's line.
+In RViz, somebody may click doors: two points are a door's line.
 """
 
 from __future__ import annotations
@@ -236,7 +235,7 @@ class DoorMaps:
         self._door_of: dict[int, DoorId] | None = None
         """The server's number -> our door, of all that its map had, or that came with it once."""
         self._last: dict[int, bytes] = {}
-        """The server's number -> what it reported about that door last."""
+        """The server's number -> its last report of that door."""
 
     def events(self, got: TopicMessage) -> Iterator[Event]:
         """Return what makes the doors we know those of the message."""
@@ -267,7 +266,7 @@ class DoorMaps:
         yield from self._removed(set(numbers), happened_ns)
 
     def actor(self, _got: TopicMessage) -> str:
-        """Return nobody: the message does not tell."""
+        """Return nobody: the message has no actor."""
         return ""
 
     def forget(self) -> None:
@@ -276,7 +275,7 @@ class DoorMaps:
         self._last.clear()
 
     def _remembered(self) -> dict[int, DoorId]:
-        """Return the doors that are the server's, as far as the log shows."""
+        """Return the doors that came from the server, as far as the log shows."""
         doors = [door for door in self._context.known.doors.values() if door.object_class.is_door]
         own = {
             int(text): door.door_id
@@ -479,7 +478,7 @@ class ClickedDoors:
         yield DoorAnnotated(door_id=new, key="name", value=name, happened_ns=happened_ns)
 
     def actor(self, _got: TopicMessage) -> str:
-        """Return nobody: a click does not tell whose it is."""
+        """Return nobody: a click has no actor."""
         return ""
 
     def _click(self, got: TopicMessage) -> _Click | None:
@@ -506,7 +505,7 @@ class ClickedDoors:
         return _Click(float(point.x), float(point.y), got.received_ns)
 
     def _is_late(self, first: _Click, second: _Click) -> bool:
-        """Tell whether the second click is none of the same door; then that is complained about."""
+        """Return whether the second click is not of the same door; complain if so."""
         waited_s = (second.received_ns - first.received_ns) / 1e9
         if 0 <= waited_s <= self._rule.within_s:
             return False

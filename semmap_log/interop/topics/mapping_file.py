@@ -10,8 +10,8 @@
         accuracy: 0.97
     repeats: 60
 
-README.md next to this file explains every key. A key that is not known is refused; every problem
-of the file is given at once, with its line.
+README.md next to this file explains every key. A key that is not known is refused; all problems
+of the file are reported at once, with their lines.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ class _FileReader:
 
 
 def check_sense(keys: _Keys, values: dict[str, Any]) -> None:
-    """Refuse values that cannot be given from each other."""
+    """Refuse values that cannot be distinguished."""
     if values.get("open_above", math.inf) < values.get("closed_below", -math.inf):
         keys.refuse("open_above", "a number not below closed_below")
     if set(values.get("starts", ())) & set(values.get("finishes", ())):

@@ -1,8 +1,7 @@
 """What readers of messages share: what they look at, what they make, how they look doors up.
 
-What is wrong with messages: told once for each kind, counted, summed up at the end.
-
-What the log knows, as far as messages are compared with it, and as it is after each event.
+`Known` is what the log knows, as far as messages are compared with it, after each event.
+`TopicProblems` has what is wrong with messages: reported once for each kind, counted, summed up.
 """
 
 from __future__ import annotations
@@ -72,7 +71,7 @@ class Context:
         return resolve_level(self.mapping.level if text is None else text, self._begun)
 
     def happened_ns(self, got: TopicMessage, stamp: Any = None) -> int:
-        """Return when what a message shows happened; see the function of that name.
+        """Return when a message's content happened; see the function of that name.
 
         Raises:
             ValueError: It came at a time that no log can hold.
@@ -86,7 +85,7 @@ class Context:
 class TopicReader(Protocol):
     """Makes events of the messages of a topic.
 
-    They are taken in by `Context.known` before the next of them is requested. Whatever a message
+    They are taken in by `Context.known` before the next one is made. Whatever a message
     lacks may raise: AttributeError and the like are complained about by who calls.
     """
 
@@ -94,7 +93,7 @@ class TopicReader(Protocol):
         """Return what a message says, as events."""
 
     def actor(self, got: TopicMessage) -> str:
-        """Return who did it, where the message shows."""
+        """Return who did it, if the message says so."""
 
 
 class DoorsByName:
@@ -204,7 +203,7 @@ def happened_ns(stamp: Any, received_ns: int, *, within_s: float) -> int:
     stamp what they have just measured, and with a clock that is set. A stamp of zero is none; an
     older one may be that of a map that was loaded long ago, or of a clock that is wrong. Then it
     counts when the message came: 0 under `use_sim_time` before the first `/clock`, as what was
-    there before all that the simulation shows.
+    there before the simulation began.
 
     Args:
         stamp: With `sec` and `nanosec`; None: the message has none.

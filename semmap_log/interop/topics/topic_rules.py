@@ -81,7 +81,7 @@ class ReadSensor:
     states: Mapping[Value, DoorState] = field(default_factory=lambda: MappingProxyType({}))
     """Value -> state; none at all: true is open, a text is a state's name."""
     open_above: float = math.nan
-    """A number above it is OPEN; NaN: not queried."""
+    """A number above it is OPEN; NaN: no such threshold."""
     closed_below: float = math.nan
     unknown: Unknown = "add"
     accuracy: Accuracy = Accuracy()
@@ -126,14 +126,14 @@ class ReadScan:
 
     level: str | None = None
     robot: str | None = None
-    """Whose laser it is; None: the namespace of its topic shows it, where that has frames."""
+    """Whose laser it is; None: the namespace of its topic, if there are frames with it."""
     pose_topic: str = ""
     """Poses of the robot on the map; empty: TF leads from the map to it."""
     heights: tuple[float, float] = (0.3, 1.5)
     """Of a cloud: points between these heights over the robot's frame count, m."""
 
     def told(self, pose_topic: str = "", heights: tuple[float, float] | None = None) -> ReadScan:
-        """Return it with what is given in its place: a topic of poses, heights."""
+        """Return it with the given topic of poses and heights in place of its own."""
         return replace(
             self, pose_topic=pose_topic or self.pose_topic, heights=heights or self.heights
         )
@@ -240,7 +240,7 @@ class RosMapping:
     scans: ReadScan | None = None
     """How topics called `scan` are read that are not named; None: they are not."""
     level: str | None = None
-    """Of topics that tell none; None: the log's only one."""
+    """Of topics that have none; None: the log's only one."""
 
     def rule(self, topic: str, ros_type: str) -> TopicRule | None:
         """Return how a topic is read; None: it is not."""

@@ -1,11 +1,8 @@
-"""The tree of frames that TF tells: each link as it came last, and as it was a moment ago.
+"""The tree of frames from TF: each link over the last seconds, at any moment in between.
 
-What TF told of one link over the last seconds, and how it was at any moment in between.
-
-Turns in space as quaternions: one at a time, or many as arrays.
-
-A vector is (x, y, z), a quaternion (x, y, z, w); each component is a number, or an array of as many
-as there are of the others.
+Rotations in space are quaternions: one at a time, or many as arrays. A vector is (x, y, z), a
+quaternion (x, y, z, w); each component is a number, or an array of as many as there are of the
+others.
 """
 
 from __future__ import annotations
@@ -269,7 +266,7 @@ class LinkHistory:
     def _insert(self, stamp_ns: int, pose: LinkPose) -> None:
         place = bisect_left(self.stamps, stamp_ns)
         if place < len(self.stamps) and self.stamps[place] == stamp_ns:
-            self.poses[place] = pose  # told again: the later word counts
+            self.poses[place] = pose  # sent again: the later one counts
             return
         if place == len(self.stamps) > 1 and stamp_ns - self.stamps[-2] < LEAST_APART_NS:
             self.stamps[-1], self.poses[-1] = stamp_ns, pose

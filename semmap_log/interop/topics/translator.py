@@ -1,10 +1,8 @@
 """Message after message to events: what the recorder and the import of bags have in common.
 
-Floor plans, from nav_msgs/OccupancyGrid: each content once.
-
-The robot's rounds, from the status of the action that drives them, or from any marker.
-
-Messages that say how a door is, or shall be: Open-RMF's, and any sensor's.
+Here are the readers of floor plans (nav_msgs/OccupancyGrid: each content once), of the robot's
+rounds (the status of the action that drives them, or any marker), and of messages about doors
+(Open-RMF's states and requests, and any sensor's).
 """
 
 from __future__ import annotations
@@ -73,9 +71,9 @@ class Made:
     """What became of a message."""
 
     events: list[Event]
-    """In their order; none: it stated nothing new, or nothing that can be."""
+    """In order; empty: the message has nothing new, or nothing possible."""
     actor: str = ""
-    """Who did it, where the message shows."""
+    """Who did it, if the message says so."""
     reason: str = ""
     said: str = ""
     """What was done, for a person who waits for it; empty: nobody does."""
@@ -99,7 +97,7 @@ class Translator:
         """Read a topic from now on.
 
         Raises:
-            CommandError: There is no such level, or it is not stated which.
+            CommandError: There is no such level, or no level is given.
         """
         try:
             self._readers[topic] = self._reader(topic, rule)
@@ -275,7 +273,7 @@ class Rounds:
         self._rule = rule
         self._context = context
         self._goal: bytes | None = None
-        """Whose round is under way; None: nobody's that an action's status told of."""
+        """Whose round is under way; None: no action's status has one."""
 
     def events(self, got: TopicMessage) -> Iterator[Event]:
         """Return the beginning or the end of a round."""
@@ -362,7 +360,7 @@ class SightingMaker:
 
 @dataclass(slots=True)
 class RepeatFilter:
-    """Tells what only says again what was stated a moment ago."""
+    """Finds messages that only repeat what was reported a moment ago."""
 
     within_ns: int
     _last: dict[tuple[DoorId, str], tuple[DoorState, int]] = field(default_factory=dict)
@@ -406,7 +404,7 @@ class RmfRequests:
         self._repeats = RepeatFilter(int(context.mapping.repeats_s * 1e9))
 
     def events(self, got: TopicMessage) -> Iterator[Event]:
-        """Return a request, unless the same one requested the same a moment ago."""
+        """Return a request, unless the same actor requested the same a moment ago."""
         said = self._doors.said(got, got.message.requested_mode, got.message.request_time)
         yield from said.new
         if said.door is None:
@@ -416,7 +414,7 @@ class RmfRequests:
             yield DoorRequested(door_id=said.door, state=said.state, happened_ns=said.happened_ns)
 
     def actor(self, got: TopicMessage) -> str:
-        """Return who asked."""
+        """Return who requested it."""
         return str(got.message.requester_id).replace("\0", "")
 
 
@@ -476,7 +474,7 @@ class _Said:
     state: DoorState = DoorState.UNKNOWN
     happened_ns: int | None = None
     new: Sequence[Event] = ()
-    """What makes the door known, before anything is reported about it."""
+    """Events that add the door, before anything is reported about it."""
 
 
 class _RmfDoors:

@@ -108,7 +108,7 @@ class Listener:
 
     socket: socket.socket
     address: Address
-    """With the port that it has, where any was requested."""
+    """With the port that was chosen, if any port would do."""
     _file: tuple[int, int] | None = None
 
     def close(self) -> None:
@@ -244,7 +244,7 @@ def _file_id(path: Path) -> tuple[int, int] | None:
 
 
 def _connect_unix(connection: socket.socket, path: Path) -> None:
-    """Connect; where many wait at the door, wait after them.
+    """Connect; if many wait to be accepted, wait for our turn.
 
     Raises:
         OSError: Nobody listens, or lets us in in time.

@@ -1,9 +1,7 @@
-"""A question as it was asked: its words, each taken for what it stands for.
+"""The questions that a planner can ask, and a question's words parsed to what they stand for.
 
-The questions that a planner can ask: one table, from which all that names them derives.
-
-Parsing, HELP and the table of the guide are made from it; the declarations for other systems can
-be, too. The first twelve are the thesis's (4.4.7), to the letter.
+One table has them all. Parsing, HELP and the table of the guide are made from it; the declarations
+for other systems can be, too. The first twelve are the thesis's (4.4.7), to the letter.
 """
 
 from __future__ import annotations
@@ -23,7 +21,7 @@ Word: TypeAlias = str | int | float
 AT = "AT"
 
 MOST_SECONDS = 86_400.0
-"""A question that waits longer is queried again."""
+"""A client that wants to wait longer sends the question again."""
 MOST_WORDS = 1000
 """Of a question, its name and the doors of NEXT_DOOR included."""
 MOST_WORD = 1000
@@ -41,7 +39,7 @@ class AskedQuestion:
     number: float = 0.0
     """A probability, or how many seconds to wait."""
     name: str | None = None
-    """Of the question that HELP is queried."""
+    """Of the question that HELP is about."""
     when: str | int | None = None
     """What was true then; None: now."""
     known_at: str | int | None = None
@@ -57,10 +55,10 @@ class AskedQuestion:
 
 
 def read_words(words: Sequence[Word], command_id: bytes | None = None) -> AskedQuestion:
-    """Return what is queried by a question's words, its name first.
+    """Parse a question's words, its name first.
 
     Raises:
-        QuestionError: There is no such question, it is queried in another form, or it is too long.
+        QuestionError: There is no such question, its form is another, or it is too long.
     """
     if not words:
         raise QuestionError(f"expected a question such as {BY_NAME['DOOR_OPEN'].form}, got none")
@@ -90,7 +88,7 @@ def _check_words(words: Sequence[Word]) -> None:
 
 
 def too_many() -> str:
-    """Return what is reported about a question of too many words."""
+    """Return the message about a question of too many words."""
     return f"expected at most {MOST_WORDS:,} words, got more"
 
 
@@ -102,7 +100,7 @@ class _Reader:
         self._words = words
 
     def read(self, command_id: bytes | None) -> AskedQuestion:
-        """Return what is queried."""
+        """Return the question."""
         question = self._question
         if question.times is Times.KNOWN_AT:
             return self._read_believed()
@@ -231,7 +229,7 @@ class Type(Enum):
 
 
 class Times(Enum):
-    """Which moment a question can name, after its other words."""
+    """The moments that a question can name, after its other words."""
 
     NONE = ""
     WHEN = "[TIME]"
@@ -254,7 +252,7 @@ class Question:
     """What the answer is, in words for HELP and the guide."""
     arguments: tuple[Type, ...] = ()
     optional: tuple[Type, ...] = ()
-    """May be left out; they stand after the others."""
+    """May be left out; they follow the others."""
     times: Times = Times.NONE
     is_the_thesiss: bool = False
 

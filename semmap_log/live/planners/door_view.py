@@ -1,21 +1,15 @@
-"""The doors of one moment, found by the words that planners have for them.
+"""The doors of one moment, found by the words that planners have for them, and answers about them.
 
     DOOR_3          the door of id 3, whatever doors are called
     DOOR_main_door  the door that is called `main_door`; DOOR_ground/main_door, where several are
     "main door"     what the command line takes: a name, level/name, an id, or id:3
 
-A name that several doors bear means none of them: it is given by which ids to say it.
+A name of several doors means none of them: the error lists their ids.
 
-Answers about what is likely: at a time, by what was learnt up to now.
-
-Of a time that has passed, what was known by then counts, and the doors that there were: one does
-not foretell the past.
-
-How likely doors are open, by all that is known up to now: learnt once, and gone on from.
-
-What the doors of a moment answer; nothing but them is queried.
-
-The doors of now, and what was looked up of other moments since they are so.
+Some answers follow from the doors of a moment alone; those of other moments are cached until the
+doors of now change. Answers about what is likely follow from beliefs, which are learnt once and
+then updated. For a time that has passed, only what was known by then counts, and the doors that
+there were: the past is not forecast.
 """
 
 from __future__ import annotations
@@ -52,7 +46,7 @@ class LikelyAnswers:
         self._learnt = LearntDoors()
 
     def forget(self) -> None:
-        """Learn anew: the log lost its end."""
+        """Learn again: the log lost its end."""
         self._learnt.forget()
 
     def steps(
@@ -63,7 +57,7 @@ class LikelyAnswers:
         Args:
             log: At least as new as the doors of now.
             now: These.
-            asked: NEXT_DOOR, BEST_TIME, or P at a time.
+            asked: The question: NEXT_DOOR, BEST_TIME, or P at a time.
             now_ns: When that is.
 
         Raises:
@@ -107,7 +101,7 @@ class LikelyAnswers:
     def _p_open(
         self, log: DoorLog, now: KnownDoors, door: Door, time_ns: int, now_ns: int
     ) -> tuple[float, bool]:
-        """Return P(open) of a door at a time, and whether enough is known to tell."""
+        """Return P(open) of a door at a time, and whether enough is known for that."""
         event = now.view.door_map.event
         return self._learnt.p_open(log, event, door.door_id, now_ns=now_ns, time_ns=time_ns)
 
@@ -149,7 +143,7 @@ class LearntDoors:
     def p_open(
         self, log: DoorLog, event: int, door: DoorId, *, now_ns: int, time_ns: int
     ) -> tuple[float, bool]:
-        """Return P(open) of a door, and whether enough was seen of it to tell.
+        """Return P(open) of a door, and whether enough was seen of it for that.
 
         Args:
             log: With all that was written.
@@ -166,12 +160,12 @@ class LearntDoors:
         return float(said.p_open[0]), bool(said.is_known[0])
 
     def forget(self) -> None:
-        """Begin again with the next question: the log lost its end."""
+        """Start over with the next question: the log lost its end."""
         with self._learning:
             self._by_estimator = {}
 
     def _take_in(self, log: DoorLog, event: int) -> None:
-        """Learn what came since, up to an event; a retraction begins again.
+        """Learn what came since, up to an event; a retraction starts it over.
 
         Another thread may have learnt of later ones already.
         """

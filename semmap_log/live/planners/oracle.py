@@ -1,11 +1,9 @@
 """The door oracle: answers what planners ask of a log, and does what they want done.
 
-It knows no socket. What is true now is held in memory and taken again at each change. Questions of
-the past replay the log; their answers are remembered until it changes. Several threads may ask.
-
-Questions that wait until a door is in a state.
-
-What planners want done: each action one commit, and T once it lasts.
+It knows no socket. What is true now is held in memory and refreshed at each change. Questions of
+the past replay the log; their answers are remembered until it changes. Some questions wait until a
+door is in a state. An action is one commit, answered with T once it is durable. Several threads may
+ask.
 """
 
 from __future__ import annotations
@@ -78,8 +76,8 @@ class Oracle:
         """Look at the doors; from then on somebody has to call `refresh` after each change.
 
         Args:
-            doors: What is queried.
-            say: Is told of actions that are refused, and why.
+            doors: What the questions are about.
+            say: Called for actions that are refused, with the reason.
             clock_ns: What `now` is, from which `2h ago` and forecasts count; where the log's end
                 is later, that is.
 
@@ -103,7 +101,7 @@ class Oracle:
     def refresh(self) -> None:
         """Take the doors up as they are now: after each change, by whoever made or saw it.
 
-        After it, questions of now are answered from them, and those that wait are looked at.
+        From then on, questions about now are answered from them; those that wait are checked.
         """
         with self._refreshing:
             try:
@@ -169,7 +167,7 @@ class Oracle:
     def wait(
         self, asked: AskedQuestion, done: Callable[[Answer], None]
     ) -> Callable[[Answer], None]:
-        """Let a question wait; `done` is given its answer, once, maybe before this returns.
+        """Let a question wait; `done` is called with its answer, once, maybe before this returns.
 
         Returns:
             What ends the waiting with another answer: that the time is over, that the server ends.
@@ -227,7 +225,7 @@ class Oracle:
         return answers[0]
 
     def _told_later(self, asked: AskedQuestion) -> str:
-        """Return why so little was known then, if that was asked: it was given later."""
+        """Return the note that events were recorded later, for a question about what was known."""
         if asked.known_at is None:
             return ""
         log = self._doors.log
@@ -248,7 +246,7 @@ class Oracle:
         known_at = log.moment(asked.known_at, now_ns=now_ns)
         view = now.view_at(log, when, known_at)
         if name == "WHY":
-            is_now = when == known_at == Moment()  # which the log may have left behind
+            is_now = when == known_at == Moment()  # which the log may have passed
             scope = Scope(event=view.door_map.event) if is_now else log.scope(when, known_at)
             yield _why(log, view, asked, scope)
         else:
@@ -299,7 +297,7 @@ class Wait:
     door: str
     state: DoorState
     done: Callable[[Answer], None]
-    """Told the answer, once, by whichever thread has it first."""
+    """Called with the answer, once, by whichever thread has it first."""
 
     def answer_in(self, view: DoorView) -> Answer | None:
         """Return the answer that the doors as they are give; None: wait on."""
@@ -369,7 +367,7 @@ class AskedDoors(Protocol):
 
 
 def act(doors: AskedDoors, asked: AskedQuestion, client: str = "") -> None:
-    """Do what is queried; it lasts, as the log's durability promises, when this returns.
+    """Do an action; when this returns, it is as durable as the log promises.
 
     What the map is already needs no event. With a command id one is stored all the same: sent
     again, later, the command must be known.
@@ -438,4 +436,4 @@ _SETS: Mapping[str, tuple[Changed, str, DoorState | None]] = {
     "SET_OPEN_PROBABILITY": (Changed.PROB_OPEN, "prob_open", None),
     "SET_CLOSED_PROBABILITY": (Changed.PROB_CLOSED, "prob_closed", None),
 }
-"""Action -> part, field and value; None: the number that is requested."""
+"""Action -> part, field and value; None: the number in the action."""

@@ -98,7 +98,7 @@ class LineError(QuestionError):
 
 
 def too_long() -> str:
-    """Return what is reported about a line that is too long."""
+    """Return the message about a line that is too long."""
     return f"expected a line of at most {MOST_LINE_BYTES:,} bytes, got a longer one"
 
 
@@ -150,7 +150,7 @@ def problem_of(answer: str) -> str | None:
 
 
 def is_answer(line: str) -> bool:
-    """Return whether a line can be the answer to a question; else another program has said it."""
+    """Return whether a line can be the answer to a question; else another program sent it."""
     return _ANSWER.match(line) is not None
 
 
@@ -277,7 +277,7 @@ def _id_in(asked_for: dict[str, Any]) -> Any:
 
 
 def _of_object(asked_for: dict[str, Any]) -> AskedQuestion:
-    """Return the question of a JSON object: its `args` are words, and its times come after."""
+    """Return the question of a JSON object: its `args` are words, and its times follow them."""
     if unknown := asked_for.keys() - _KEYS:
         raise QuestionError(f"key {shown(min(unknown))}: expected one of {sorted(_KEYS | {'id'})}")
     given = asked_for.get("args", [])

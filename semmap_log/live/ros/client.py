@@ -31,7 +31,7 @@ _OURS = re.compile(rf"(^|/){MARKERS_NAME}(/|$)")
 
 @dataclass(frozen=True, slots=True)
 class DoorFields:
-    """What is reported about a door; None: nothing is."""
+    """The message about a door; None: there is none."""
 
     x: float | None = None
     y: float | None = None
@@ -146,7 +146,7 @@ class DoorClient:
         return self.server or action_name(self.node, action)
 
     def _is_ours(self, action: str) -> bool:
-        """Return whether the node that serves an action publishes what `serve` does next to.
+        """Return whether the node that serves an action also publishes the topics of `serve`.
 
         Raises:
             RosError: Nobody serves it in time.
@@ -180,7 +180,7 @@ class DoorClient:
 
 
 class _Reasons:
-    """What is stated about a goal on /rosout: results of ROS 2 have no text."""
+    """The text about a goal on /rosout: results of ROS 2 have none."""
 
     def __init__(self, node: RosNode, goal_id: bytes) -> None:
         self._node = node

@@ -1,4 +1,4 @@
-"""A node of ROS 1 or ROS 2, whichever is requested."""
+"""A node of ROS 1 or ROS 2, as requested."""
 
 from __future__ import annotations
 

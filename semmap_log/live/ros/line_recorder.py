@@ -58,11 +58,11 @@ class LineAnswer:
 
 @dataclass(slots=True)
 class LineRecorder:
-    """Records the lines of a file descriptor until its end, or until it is given to stop."""
+    """Records the lines of a file descriptor until its end, or until it is stopped."""
 
     log: DoorLogWriter
     answer: Callable[[LineAnswer], None]
-    """Told of every line: as soon as it is stored as was promised, or refused."""
+    """Called for every line, as soon as it is as durable as promised, or refused."""
     strict: bool = False
     """Stop at the first bad line."""
     recorded: int = 0
@@ -246,7 +246,7 @@ class LineRecorder:
 def _line_groups(
     fd: int, stop: Callable[[], bool], patience_s: Callable[[], float]
 ) -> Iterator[list[bytes]]:
-    """Yield the lines that wait on `fd`, a group at a time, until its end or until stopped stop."""
+    """Yield the lines that wait on `fd`, a group at a time, until its end or until stopped."""
     rest = bytearray()
     while not stop():
         ready, _, _ = select.select([fd], [], [], patience_s())
@@ -263,7 +263,7 @@ def _line_groups(
         if len(rest) <= MAX_LINE_BYTES:  # else it is too long already, and refused at its end
             rest += begun
     else:
-        return  # told to stop: a line that has begun is not a line
+        return  # stopped: an unfinished line is not a line
     if rest:
         yield [bytes(rest)]
 

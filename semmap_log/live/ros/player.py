@@ -55,7 +55,7 @@ class PlayOptions:
     wait: bool = False
     """Begin when somebody subscribes to one of the topics."""
     keep_alive: bool = False
-    """Stay after the end, for who subscribes to what is latched later."""
+    """Keep running after the end, so that later subscribers get what is latched."""
 
 
 def play(
@@ -74,7 +74,7 @@ def play(
         node: Where from; it runs meanwhile.
         stream: What.
         options: How.
-        stop: Asked some twenty times a second.
+        stop: Called some twenty times a second.
         told: Called some twenty times a second.
 
     Raises:
@@ -135,7 +135,7 @@ class _Player:
         self._clock = None if options.clock_hz is None else _Clock(node)
 
     def run(self) -> None:
-        """Play, until the end or until stopped stop."""
+        """Play until the end, or until stopped."""
         span_ns = self._stream.span_ns
         if self._options.wait:
             self._wait_for_subscribers()
@@ -208,7 +208,7 @@ NowNs = Callable[[], int]
 
 
 class Pace:
-    """The log's time next to the wall's.
+    """Maps the log's time to the wall clock's.
 
     What is due is reckoned from the beginning, never from the message before: being late once, or
     rounding, makes nothing later that follows.
@@ -245,7 +245,7 @@ class Pace:
         self._before_ns, self.next_ns = self.next_ns, at_ns
         gap_ns = at_ns - self._before_ns
         if self._longest_gap_ns is not None and gap_ns > self._longest_gap_ns:
-            self._log_ns += gap_ns  # as if it came right behind the one before
+            self._log_ns += gap_ns  # as if it came right after the one before
         return self._wall_ns + round((at_ns - self._log_ns) / self._rate)
 
     def log_ns(self) -> int:

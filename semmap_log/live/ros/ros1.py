@@ -139,7 +139,7 @@ class Ros1Node:
         return Ros1Publisher(self._rospy, topic)
 
     def subscribe(self, topic: str, ros_type: str, take: Callable[[Received], None]) -> None:
-        """Have each message of a topic; the publisher shows what its type is made of."""
+        """Receive each message of a topic; its publisher describes the type."""
 
         def received(message: Any) -> None:
             said = message._connection_header  # noqa: SLF001  rospy has no other way to them
@@ -267,7 +267,7 @@ class Ros1Node:
 
 
 _SAME_NAME = "new node registered with same name"
-"""What the master shows a node that has lost its name: rosmaster/registrations.py."""
+"""The master's message to a node that has lost its name: rosmaster/registrations.py."""
 
 
 def _values(message: Any) -> Values:

@@ -1,8 +1,8 @@
-"""ROS 1's topics as bytes: publishers, what is not out yet, and a master that is started again.
+"""ROS 1's topics as bytes: publishers, unsent messages, and a master that restarts.
 
-What actionlib lacks: patience with clocks, answers to goals sent again, given ids.
-
-Links between nodes of ROS 1: rospy reports of them before they stand, and may make one twice.
+It also adds what actionlib lacks (patience with clocks, answers to goals sent again, given ids),
+and handles rospy's links between nodes: they are reported before they are up, and may be made
+twice.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ QUEUED = 1000
 """Messages of a topic that wait for a slow subscriber; beyond, rospy drops the oldest."""
 
 MASTER_EVERY_S = 1.0
-"""How soon a master that was started again hears of us."""
+"""How soon we register at a master that restarted."""
 
 
 class Ros1Publisher:
@@ -65,7 +65,7 @@ class Ros1Publisher:
 
 
 def is_sending() -> bool:
-    """Tell whether anything of this process waits to be sent: messages, and results of actions."""
+    """Return whether anything of this process waits to be sent: messages, results of actions."""
     from rospy.topics import get_topic_manager
 
     return any(_is_sending(topic) for topic in list(get_topic_manager().pubs.values()))
@@ -89,7 +89,7 @@ def _is_busy(connection: Any) -> bool:
 
 
 def stay_known(node: str, known_to: int, ended: threading.Event) -> None:
-    """Make this node known to each master that is started again; rospy itself never does.
+    """Register this node at each master that restarts; rospy itself never does.
 
     Args:
         node: Its name.
@@ -117,7 +117,7 @@ def stay_known(node: str, known_to: int, ended: threading.Event) -> None:
 def patient_server_class() -> Any:
     """Return actionlib's server, less two of its habits.
 
-    It takes a cancel to be for all older goals to come, too: so a client whose clock is after is
+    It takes a cancel to be for all older goals to come, too: so a client whose clock is slow is
     never served once anybody has cancelled anything. And a goal that is sent again within five
     seconds of its answer is never answered.
     """
@@ -134,7 +134,7 @@ def patient_server_class() -> Any:
                 self.last_cancel = rospy.Time()
 
         def internal_goal_callback(self, goal: Any) -> None:
-            """Forget a goal of that id which has ended: the log knows what was queried and done."""
+            """Forget a goal of that id which has ended: the log has the command and its result."""
             with self.lock:
                 self.status_list[:] = [
                     each
@@ -212,10 +212,11 @@ class _OneAtATime:
 
 
 def wait_for_listener(server: Any, caller: str) -> None:
-    """Return once results are sent to a caller that requested them, though not for ever.
+    """Wait until results can be sent to the caller, but not indefinitely.
 
-    rospy shows a subscriber that it is connected before it begins to send to it (TCPROSHandler:
-    write_header, then add_connection). A client that has just come would wait for a result in vain.
+    rospy reports to a subscriber that it is connected before it begins to send to it
+    (TCPROSHandler: write_header, then add_connection). A client that has just come would wait for a
+    result in vain.
     """
     results = server.result_pub.impl
     if not results.has_connection(caller) and _has_asked(caller, server.result_pub.resolved_name):
@@ -247,7 +248,7 @@ def wait_for_server(client: Any, timeout_s: float) -> bool:
 
 
 def _is_connected(client: Any) -> bool:
-    """Return what `ActionClient.wait_for_server` looks at."""
+    """Return the state that `ActionClient.wait_for_server` checks."""
     if client.last_status_msg is None:
         return False
     server = _server_of(client)

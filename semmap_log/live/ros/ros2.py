@@ -35,7 +35,7 @@ LOOK_S = 0.1
 """How often it is looked who publishes what we want; rosbag2's recorder does it so, too."""
 
 RESULT_KEPT_S = 10
-"""How long the result of a goal can be requested. Each message of an action's status lists all
+"""How long the result of a goal can be fetched. Each message of an action's status lists all
 goals of that time."""
 
 ACKNOWLEDGED_WITHIN_S = 5.0
@@ -131,7 +131,7 @@ class Ros2Node:
 
     def subscribe(self, topic: str, ros_type: str, take: Callable[[Received], None]) -> None:
         """Have each message of a topic, as soon as somebody publishes it."""
-        message_class(ros_type)  # or it is not installed, which is told at once
+        message_class(ros_type)  # fails at once if it is not installed
         name = self._node.resolve_topic_name(topic)
 
         def received(data: bytes) -> None:

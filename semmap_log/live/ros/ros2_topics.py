@@ -1,6 +1,6 @@
 """ROS 2's topics as bytes: publishers, readers that ask for what is offered, compiled classes.
 
-What rclpy's actions lack: who sent a goal, and an answer to one that is sent again.
+It also adds what rclpy's actions lack: who sent a goal, and an answer to one that is sent again.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def patient_server_class() -> Any:
     forgotten: it may go well then.
 
     And a goal whose acceptance could not be sent, since its client is not known yet or has gone,
-    it keeps, and never runs. Here it is stated again for a second, and the goal is run.
+    it keeps, and never runs. Here the acceptance is sent again for a second, and the goal is run.
     """
     from action_msgs.msg import GoalStatus
     from rclpy.action import ActionServer
@@ -134,10 +134,10 @@ class MatchedReader:
     asks: tuple[bool, bool] | None = None
     """For what was sent before, and that nothing is lost."""
     strangers: set[str] = field(default_factory=set)
-    """Other types that are published on the topic, and were given."""
+    """Other types that are published on the topic, and were reported."""
 
     def look(self) -> None:
-        """Subscribe, once there is somebody; and again, for less, if somebody offers less."""
+        """Subscribe once there is a publisher; resubscribe for less if one offers less."""
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
         offers = self._offers()

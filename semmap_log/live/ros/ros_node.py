@@ -3,12 +3,11 @@
 Messages cross this line as the bytes that ROS sends, so that `formats` reads and writes live topics
 as it does bags. Goals and results cross it as plain values, by the names in the .action files.
 
-How the servers of the thesis's four actions are called; the thesis itself does not say.
+The thesis does not name its four action servers. Each name here is relative, so that it follows the
+node's namespace, and a private parameter of server and client, so that both fit a robot on which
+they are called otherwise.
 
-Each name is relative, so that it follows the node's namespace, and a private parameter of server
-and client, so that both fit a robot on which they are called otherwise.
-
-The ROS package that comes with this one, copied into somebody's workspace.
+The ROS package with the messages is copied into a user's workspace from here.
 """
 
 from __future__ import annotations
@@ -147,7 +146,7 @@ class Goal:
     said_id: str
     """As people and tools of that ROS write it."""
     caller: str
-    """The client's node; ROS 2 does not tell: the node, or nodes, that have such a client."""
+    """The client's node; for ROS 2, which does not report it, all nodes with such a client."""
     values: Values
     feedback: Callable[[float], None] = field(compare=False)
     """Sends `percent_complete`, 0 to 100."""
@@ -264,10 +263,10 @@ class RosNode(Protocol):
         """
 
     def run(self, stop: Callable[[], bool], *, tick: Callable[[], None] | None = None) -> None:
-        """Let callbacks come, until stopped stop or until ROS ends.
+        """Run callbacks until stopped, or until ROS ends.
 
         Args:
-            stop: Asked some twenty times a second.
+            stop: Called some twenty times a second.
             tick: Called as often, by the calling thread.
         """
 

@@ -1,7 +1,7 @@
 """Records what a robot's topics say: callbacks fill a queue, one writer makes events of it.
 
 The writer takes all that waits, appends the events of each message as one commit, and has them
-share one sync. What came before it was given to stop is written; what had not come is not.
+share one sync. What came before it was stopped is written; what had not come is not.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ class RecorderCounts:
 
 @dataclass(slots=True)
 class RosRecorder:
-    """Records the topics of a mapping until it is given to stop."""
+    """Records the topics of a mapping until it is stopped."""
 
     node: RosNode
     mapping: RosMapping
@@ -158,7 +158,7 @@ class RosRecorder:
     _subscribed: set[str] = field(default_factory=set)
     _error: BaseException | None = None
     _is_alone: bool = False
-    """ROS did not answer when it was queried last."""
+    """ROS did not answer the last query."""
     _next_look: float = 0.0
     _next_word: float = 0.0
 
@@ -180,7 +180,7 @@ class RosRecorder:
         writer = threading.Thread(target=self._write, name="recorder")
         writer.start()
         try:
-            for topic, rule in self.mapping.topics.items():  # what is wrong is told first
+            for topic, rule in self.mapping.topics.items():  # report what is wrong first
                 _check_name(topic, self.node.ros_version)
                 self._translator.read_topic(topic, rule)
             self._subscribe_ahead()
@@ -224,7 +224,7 @@ class RosRecorder:
                 self.say(f"left out: {error}")
 
     def _published(self) -> Mapping[str, str]:
-        """Return the topics that are published; none while ROS does not answer, which is given."""
+        """Return the published topics; none while ROS does not answer, which is reported."""
         try:
             found = self.node.topics()
         except RosError as error:
@@ -324,7 +324,7 @@ class RosRecorder:
         self.counts.events += len(made.events)
 
     def _confirm(self, topic: str, said: str) -> None:
-        """Tell a person who waits for it what was done."""
+        """Report what was done, to a person who waits for it."""
         if said:
             self.say(f"{topic}: {said}")
 

@@ -1,8 +1,7 @@
 """What a bag is, whoever wrote it: its topics and messages, read and written.
 
-A bag of ROS 2 messages as one MCAP file: closed, in zstd chunks, indexed, with CRCs.
-
-An MCAP file of ROS messages, of either ROS, with an index or without.
+It also has the MCAP formats: reads a file of ROS messages, of either ROS, with an index or
+without; writes ROS 2 messages as one closed file, in zstd chunks, indexed, with CRCs.
 """
 
 from __future__ import annotations
@@ -160,7 +159,7 @@ class McapBag:
         return list(dict.fromkeys(self._channels.values()))
 
     def count(self, channels: Collection[BagChannel]) -> int:
-        """Return how many messages the summary reports of; 0: it does not say."""
+        """Return how many messages the summary counts; 0: it has no count."""
         counts = self._summary.counts
         return sum(counts.get(i, 0) for i, each in self._channels.items() if each in channels)
 
@@ -234,7 +233,7 @@ class McapBag:
         return found
 
     def _scanned_channels(self) -> dict[int, BagChannel]:
-        """Return the channels of a file that shows nothing of them at its end."""
+        """Return the channels of a file without a summary."""
         from mcap import records as kinds
         from mcap.opcode import Opcode
 

@@ -1,17 +1,13 @@
-"""Bags that others wrote: `.bag` (ROS 1), a rosbag2 folder or `.db3`, `.mcap` of either ROS.
+"""Bags of other programs: `.bag` (ROS 1), a rosbag2 folder or `.db3`, `.mcap` of either ROS.
 
-Their messages come in the order of their times, in flat memory, with what the bag itself says of
-their types. What readers otherwise take for empty in silence (no index, an end that was never
-written) is read, or is an error that says so.
+Messages come in the order of their times, in flat memory, with the bag's own definitions of their
+types. What other readers silently take for empty (no index, an end that was never written) is
+read, or is an error that says so. A rosbag2 folder is read file after file, also files that
+metadata.yaml lacks.
 
-A folder of rosbag2: its files one after the other, whatever metadata.yaml has forgotten.
-
-A new bag that ROS's players open: `.mcap`, `.bag` (ROS 1) or a folder (rosbag2).
-
-It is there whole or not at all: written under a temporary name, synced, then named. The same
-messages give the same bytes.
-
-A bag of ROS 1: `rosbag play` and rviz of noetic open it.
+`new_bag` writes a bag that ROS's players open: `.mcap`, `.bag` (ROS 1, noetic) or a folder
+(rosbag2). It is there whole or not at all: written under a temporary name, synced, then renamed.
+The same messages give the same bytes.
 """
 
 from __future__ import annotations
@@ -208,12 +204,12 @@ def new_bag(path: Path, topics: Sequence[BagTopic]) -> Iterator[NewBag]:
     """Write a bag, whole or not at all.
 
     Args:
-        path: Its suffix shows the form. A file of that name is replaced at once, when the new one
+        path: Its suffix is the format. A file of that name is replaced at once, when the new one
             is whole; a folder never is.
         topics: All that will be written to.
 
     Raises:
-        FormatError: The name shows no form.
+        FormatError: The name has no known extension.
         OutputError: It cannot be written, or a folder of that name is there; what was there stays.
     """
     write_bag, whole = _form_of(path)

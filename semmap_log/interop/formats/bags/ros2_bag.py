@@ -29,7 +29,7 @@ def ros2_bag(path: Path, topics: Sequence[BagTopic]) -> Iterator[_Ros2Bag]:
 
 
 class _Ros2Bag:
-    """Counts what goes into the file: metadata.yaml shows it."""
+    """Counts what goes into the file, for metadata.yaml."""
 
     ros_version: RosVersion = 2
 

@@ -59,7 +59,7 @@ MOST_INDEX_BYTES = 48 * 2**20
 """Of a connection in a chunk: four million messages."""
 
 
-class GuardedReader(Reader):  # type: ignore[misc]  # rosbags tells mypy nothing
+class GuardedReader(Reader):  # type: ignore[misc]  # rosbags has no types
     """Reads a `.bag`; see `unpacking` for the limits."""
 
     def __init__(self, path: Path) -> None:

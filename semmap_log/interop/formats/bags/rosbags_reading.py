@@ -1,6 +1,6 @@
 """Bags that rosbags reads: ROS 1's `.bag` and rosbag2's `.db3`.
 
-Bags that rosbag2 packed with zstd: whole files, or each message.
+Those that rosbag2 packed with zstd, as whole files or message by message, are unpacked first.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def _refuse_cut(path: Path) -> None:
 
 
 def _refuse_unwritten(path: Path) -> None:
-    """Return unless SQLite keeps a part of the messages next to the file, where nobody looks.
+    """Check that SQLite does not keep some of the messages in a file next to it, which is not read.
 
     Raises:
         FormatError: It does: whoever wrote it was killed.

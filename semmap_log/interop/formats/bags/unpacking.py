@@ -1,16 +1,13 @@
-"""Unpacking what strangers packed: a few kilobytes of zstd can hold gigabytes of zeros.
+"""Unpacking foreign data: a few kilobytes of zstd can contain gigabytes of zeros.
 
-What a packed piece (a chunk of a bag, a message) may hold is limited: 128 MiB, and more only up to
-a thousand times its packed bytes, and never more than 256 MiB. Nothing is unpacked further. What a
-file holds in all is limited by a `Tally`: 1 GiB, and more only up to four thousand times its bytes.
+What a packed piece (a chunk of a bag, a message) may contain is limited: 128 MiB, and more only up
+to a thousand times its packed bytes, and never more than 256 MiB. Nothing is unpacked further. What
+a file contains in all is limited by a `Tally`: 1 GiB, and more only up to four thousand times its
+bytes.
 
-The records of a foreign MCAP file, in memory of a chunk's size, whatever the file says.
-
-The mcap library's own readers unpack what a chunk holds, however much, take records of no kind for
-such as are to be passed over, and read an attachment of any size; so its records are found here,
-and its classes read them.
-
-What to say of bytes at which a library failed.
+The records of a foreign MCAP file are read in memory of a chunk's size, whatever the file says. The
+mcap library's own readers unpack all of a chunk, skip records of unknown kinds, and read an
+attachment of any size; so the records are found here, and the library's classes parse them.
 """
 
 from __future__ import annotations
@@ -46,7 +43,7 @@ class Record:
     at: int
     """Where it begins."""
     body: bytes
-    """Empty if it was not requested."""
+    """Empty if it is not wanted."""
 
 
 def records(
@@ -64,7 +61,7 @@ def records(
         start: Where the first record begins.
         end: Where the last one has to end.
         wanted: Opcodes.
-        hear: Called with all bytes that are passed, those of a record before it is yielded.
+        hear: Called with all bytes that are read; with those of a record before it is yielded.
 
     Raises:
         ValueError: They are no records, or one that is wanted is too long.

@@ -3,15 +3,13 @@
 The file draws on pictures: vertices are pixels, y down. Here they become metres of the building, y
 up, in the one frame that Open-RMF gives all levels; a door's line starts at its first vertex.
 
-Points that were measured in two maps, as CSV: `old_x,old_y,new_x,new_y[,name]`, metres.
-
-In place of the old point a row may name a door, whose line starts there: `door,new_x,new_y`.
-
-The lifts of an Open-RMF building: their doors, on each level that they serve.
-
 The middle of a lift is drawn on its reference level, as a vertex is, and is the same on each level
 of the building. Its doors are given in metres from there, x to its right and y to its front, turned
-by its yaw.
+by its yaw; each is a door of every level that it serves.
+
+The module also reads points that were measured in two maps, as CSV:
+`old_x,old_y,new_x,new_y[,name]`, metres. In place of the old point a row may name a door, whose
+line starts there: `door,new_x,new_y`.
 """
 
 from __future__ import annotations
@@ -54,8 +52,8 @@ def read_building(
 ) -> DoorTable:
     """Return the building's doors, levels, floor plans and named places.
 
-    Levels are numbered from 1 on in order of elevation, then name, whether requested or not. A
-    lift's door is a door of each level that it serves, after the level's own; its annotation
+    Levels are numbered from 1 on in order of elevation, then name, also those that are left out.
+    A lift's door is a door of each level that it serves, after the level's own; its annotation
     `lift` is the lift's name.
 
     Args:
@@ -135,7 +133,7 @@ def _level_readers(
 
 
 def _align(root: Mapping, readers: list[StoreyReader], problems: Problems) -> dict[int, str]:
-    """Give the levels their frames; return what has to be reported about some."""
+    """Give the levels their frames; return warnings about some."""
     if readers and readers[0].in_pixels:
         reference = reference_level(root, readers, problems)
         return {} if reference is None else align_levels(readers, reference, problems)

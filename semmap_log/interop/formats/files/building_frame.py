@@ -1,8 +1,8 @@
 """The one frame of an Open-RMF building: how the drawings of its levels lie over each other.
 
 As in Open-RMF (`rmf_building_map_tools`, `Building.calculate_level_offsets_and_scales`): the
-measurements of the reference level alone tell the metres of its pixels, and the fiducials that
-another level has in common with it tell how that one is turned, scaled and shifted. So doors lie
+measurements of the reference level alone give the metres of its pixels, and the fiducials that
+another level has in common with it give how that one is turned, scaled and shifted. So doors lie
 where Open-RMF's nav graphs and its robots' poses have them.
 """
 
@@ -21,7 +21,7 @@ from semmap_log.interop.formats.parsing.yaml_values import text_of
 def align_levels(
     levels: Sequence[StoreyReader], reference: StoreyReader, problems: Problems
 ) -> dict[int, str]:
-    """Give each level its frame; return what has to be reported about some, by their numbers.
+    """Give each level its frame; return warnings about some, by their numbers.
 
     Args:
         levels: All levels of a building that is drawn in pixels.
@@ -54,7 +54,7 @@ def align_levels(
 def reference_level(
     root: Mapping, readers: Sequence[StoreyReader], problems: Problems
 ) -> StoreyReader | None:
-    """Return the level over which the others are laid: the first in the file, unless told."""
+    """Return the level over which the others are laid: the first in the file by default."""
     by_name = {reader.storey.name: reader for reader in readers}
     node = root.entries.get("reference_level_name")
     if node is None:
@@ -89,7 +89,7 @@ def _own_frame(level: StoreyReader, problems: Problems) -> LevelFrame | None:
 def _aligned(
     reference: Sequence[complex], level: Sequence[complex], *, scale: float
 ) -> LevelFrame | None:
-    """Return how a level's drawing lies over the reference level's; None: its points do not tell.
+    """Return how a level's drawing lies over the reference level's; None: it has too few points.
 
     The mean turn and the mean scale of all pairs of points, as Open-RMF takes them: not the least
     squares, which differ where points were not clicked exactly.

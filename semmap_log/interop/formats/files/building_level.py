@@ -191,7 +191,7 @@ class StoreyReader:
     def fiducials(self) -> dict[str, complex]:
         """The level's fiducials by name, as in the file, y up: points of other levels, too.
 
-        A name that is there twice shows nothing.
+        A name that is there twice identifies nothing.
         """
         found = []
         for node in self._list("fiducials"):
@@ -320,7 +320,7 @@ class StoreyReader:
 
 
 def _is_of_a_robot(params: Node | None) -> bool:
-    """Return whether a vertex says one of `OF_A_ROBOT` of itself: that it is a robot's place."""
+    """Return whether a vertex is a robot's place: it has one of the keys `OF_A_ROBOT`."""
     said = params.entries if isinstance(params, Mapping) else {}
     values = [said[key] for key in OF_A_ROBOT if key in said]
     last = [value.items[-1] if isinstance(value, Sequence) and value.items else value

@@ -1,13 +1,9 @@
 """A CSV file in blocks of whole lines: plain ones as columns of texts, others row by row.
 
-Blanks around a cell do not count.
-
-A plain block has no quotes and as many commas in each line: where its cells lie is found at once.
-Any other goes through Python's own reader, which knows all of CSV and says what is wrong.
-
-The rows of another system's file, in the words of a door CSV.
-
-Rows of a CSV file: their lines, and where in them the columns are that are found by name.
+Blanks around a cell do not count. A plain block has no quotes and as many commas in each line, so
+that its cells are found at once. Any other goes through Python's own reader, which knows all of CSV
+and reports what is wrong. Columns are found by name in the header, and the rows of another
+system's file are converted to the words of a door CSV.
 """
 
 from __future__ import annotations
@@ -143,7 +139,7 @@ class CsvBlocks:
         """Return a block's rows with the texts of the wanted columns.
 
         Rows of another length than the header's are noted in the problems. Where a cell with line
-        breaks goes on after the block, what is after it is read, too.
+        breaks continues after the block, the rest of the cell is read, too.
 
         Raises:
             FormatError: It is not CSV, or not text.
@@ -188,7 +184,7 @@ class CsvBlocks:
         return end < len(self._lines)
 
     def _texts(self) -> Iterator[str]:
-        """Yield the lines that are to be taken, and those after them if they are requested."""
+        """Yield the lines to take, and those after them if they are wanted."""
         while True:
             if self._at == len(self._lines):
                 self._lines, self._at = self._next(), 0
@@ -372,7 +368,7 @@ MOST_ROWS = 50_000_000
 
 
 class Row(NamedTuple):
-    """A row: its line in the file and the texts of the columns requested."""
+    """A row: its line in the file and the texts of the requested columns."""
 
     line: int
     texts: list[str]

@@ -1,9 +1,8 @@
-"""When the state of a door is known at all: windows of time, and what they do to its rows.
+"""Windows of time in which the state of a door is known at all, and what they do to its rows.
 
 A window is [start, end). At its start the door's last state returns, at its end UNKNOWN follows
-every row of that stamp, between windows the state is UNKNOWN.
-
-Many times at once: a column of ISO-8601 texts as instants.
+every row of that stamp, between windows the state is UNKNOWN. Columns of ISO-8601 texts are parsed
+to instants all at once.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 """Door logs as CSV: `timestamp,door,state[,accuracy]`, a row a change or a sighting.
 
-A row with an accuracy is a sighting, one without an update, unless the caller gives the accuracy
-of all that have none. Times without an offset are a zone's
-wall clock; in the hour that comes twice the order of the rows shows which is meant. A second file
-may say in which windows of time a door's state is known at all. How names are written that a
-spreadsheet or a terminal would obey, `csv_text` says.
+A row with an accuracy is a sighting, one without is an update, unless the caller gives the accuracy
+of all that have none. Times without an offset are a zone's wall clock; in the hour that comes twice
+the order of the rows decides which is meant. A second file may have the windows of time in which a
+door's state is known at all. `csv_text` escapes names that a spreadsheet or a terminal would obey.
 """
 
 from __future__ import annotations
@@ -100,7 +99,7 @@ def _read_ours(path: Path, reader: _Reader) -> None:
 
 
 def _has_semicolons(path: Path) -> bool:
-    """Tell whether the header's names are parted by semicolons, as some spreadsheets write them."""
+    """Return whether semicolons separate the header's names, as some spreadsheets write them."""
     _, header = next(numbered_lines(path, most_bytes=MOST_LINE_BYTES), (1, ""))
     return ";" in header and "," not in header
 

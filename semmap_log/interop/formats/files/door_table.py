@@ -1,6 +1,6 @@
-"""What a file of doors holds, whatever its format: values with their lines, for `importing`.
+"""The contents of a file of doors, whatever its format: values with their lines, for `importing`.
 
-How files of other systems say which door was how, and when: columns, words, units, lines.
+A `TableForm` describes the files of other systems: their columns, words, units and lines.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class DoorTable:
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
 DIGITS: Mapping[str, int] = MappingProxyType({"s": 0, "ms": 3, "us": 6, "ns": 9})
-"""Unit of numbers since 1970 -> how many digits stand after the second."""
+"""Unit of numbers since 1970 -> how many digits follow the second."""
 COLUMNS = ("time", "door", "state", "accuracy")
 OURS: Mapping[str, str] = MappingProxyType(
     {"time": "timestamp", "door": "door", "state": "state", "accuracy": "accuracy"}
@@ -118,7 +118,7 @@ _CASAS = re.compile(rf"\s*({_DAY_AND_TIME})\s+(\S+)\s+(\S+)")
 
 
 def zigbee2mqtt_line(text: str) -> tuple[str, str, str] | None:
-    """Return time, door and state of a message that a line reports of; None: it is of none.
+    """Return time, door and state of the message in a line; None: it has none.
 
     Lines of its log file, as `… MQTT publish: topic 'zigbee2mqtt/gate', payload '{…}'`, and of
     `mosquitto_sub -F '%I %t %p'`: `… zigbee2mqtt/gate {…}`.
@@ -166,10 +166,10 @@ def form_of(
     *, preset: str | None = None, columns: str | None = None, states: str | None = None,
     only: Sequence[str] = (), unit: TimeUnit | None = None,
 ) -> TableForm | None:  # fmt: skip
-    """Return the form that a command line shows; None: our own.
+    """Return the form of the table by the options of a command line; None: our own.
 
     Args:
-        preset: One of `PRESETS`; what else is given wins over it.
+        preset: One of `PRESETS`; other arguments override it.
         columns: `time=last_changed,door=entity_id,state=state`.
         states: `on=open,off=closed`.
         only: Patterns of doors.

@@ -1,13 +1,12 @@
-"""Doors as GeoJSON (RFC 7946): each a line, with what the map says of it, for maps and tables.
+"""Doors and rooms as GeoJSON (RFC 7946), for maps and tables.
 
-What is no door is a point or a polygon, as its class has it.
+A door is a line with what the map has of it; another object is a point or a polygon, by its class.
+A room is a polygon along its cells, with its doors and where they lead.
 
 RFC 7946 wants longitudes and latitudes (WGS 84). A door map knows where doors are in its own
 frame only, so the coordinates are metres there, and the file says so: in the member `semmap_log`
 for people, and in `crs`, as GeoJSON had it before that RFC. By that GDAL, and with it QGIS and
 geopandas, see that it is a plane of its own; without it, or with null, they take WGS 84.
-
-Rooms as GeoJSON: each a polygon along its cells, with its doors and where they lead.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ def dump_room_geojson(plan: RoomPlan, about: Mapping[str, str], *, level: int | 
 
     Args:
         plan: Of a moment; features have the keys of `rooms --json`, ids ascending.
-        about: What is reported about the log, such as its building.
+        about: Facts about the log, such as its building.
         level: Only the rooms of that one; None: of all.
     """
     features = (
@@ -66,7 +65,7 @@ def dump_geojson(door_map: DoorMap, about: Mapping[str, str]) -> tuple[str, list
 
     Args:
         door_map: The doors; their features have the keys of `replay --json`, ids ascending.
-        about: What is reported about the log, such as its building.
+        about: Facts about the log, such as its building.
     """
     head = collection_head(door_map, about)
     doors = sorted(door_map.doors.values(), key=lambda door: door.door_id)

@@ -2,20 +2,18 @@
 
 The servers differ, so their rules go by name: `nav2`, the default, is Nav2 as it is today;
 `nav2_humble` Nav2 before 2025; `noetic` the map_server of ROS 1. What each makes of a pixel is in
-`costmap_2d/map_rules.py`, what each sees of a picture in `map_picture.py`. Of the header, noetic
-knows `negate` as a number and `mode` in small letters only; Nav2 also takes true, false, capitals.
+`costmap_2d/map_rules.py`. Of the header, noetic knows `negate` as a number and `mode` in small
+letters only; Nav2 also takes true, false, capitals.
+
+The servers also see different pixels, since each reads the picture with its own library. noetic's
+map_server sees what SDL_image 1.2 makes of a file: eight bits a channel, and of a picture with a
+palette the numbers of the colours instead of the colours, which is rarely what was meant. Nav2 sees
+what GraphicsMagick makes of it: colours, and up to 16 bits of grey.
 
 More is refused here than there: thresholds that are not 0 <= free <= occupied <= 1 (the servers
 serve a grid of nonsense), a resolution that is not above 0, a number that is not finite. An
-origin's yaw is kept in the floor plan; a costmap has none (`GridGeometry.of_floor`).
-
-A map's picture as the pixels that a server sees: each has its own library to read it with.
-
-noetic's map_server sees what SDL_image 1.2 makes of a file: eight bits a channel, and of a picture
-with a palette the numbers of the colours instead of the colours, which is rarely what was meant.
-Nav2 sees what GraphicsMagick makes of it: colours, and up to 16 bits of grey.
-
-What a YAML file is, by its keys: whatever it is called.
+origin's yaw is kept in the floor plan; a costmap has none (`GridGeometry.of_floor`). A YAML file
+is recognised as a map by its keys, whatever its name.
 """
 
 from __future__ import annotations
@@ -56,7 +54,7 @@ def read_map(path: Path, *, level: int = 0, rules: RulesName = DEFAULT_RULES) ->
     """Return the map as a floor plan of that level.
 
     Args:
-        path: The `.yaml` file; its picture is looked for next to it.
+        path: The `.yaml` file; its picture is expected next to it.
         level: The number of the level it shows.
         rules: Whose reading: "nav2", "nav2_humble" or "noetic".
 
@@ -185,7 +183,7 @@ NOETIC_FORMATS = ("PPM", "PNG", "JPEG")
 """Of the others SDL makes surfaces that depend on how they were packed."""
 MOST_PIXELS = 100_000_000
 PIXELS_A_STRIP = 2_000_000
-"""So that what is made on the way stays small next to a large picture."""
+"""So that temporary arrays stay small compared to a large picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -332,7 +330,7 @@ def _deep(strip: Image) -> NDArray[np.uint16]:
 
 YamlKind = Literal["building", "map", "doors"]
 MAP_KEYS = frozenset({"image", "resolution", "origin", "occupied_thresh", "free_thresh"})
-"""Of map_server's header: any of them makes a map, so that what it lacks is said of a map."""
+"""Of map_server's header: any of them makes it a map, so that errors name what a map lacks."""
 _TOP_KEY = re.compile(r"""^["']?(\w{1,31})["']?[ \t]{0,20}:(?=\s|$)""", re.MULTILINE)
 
 

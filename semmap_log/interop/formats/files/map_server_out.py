@@ -48,11 +48,11 @@ def write_map(
     """Write a map, both files or none; old ones of these names are replaced.
 
     Args:
-        path: `name.pgm` or `name.yaml`; the other stands next to it.
+        path: `name.pgm` or `name.yaml`; the other is written next to it.
         occupancy: int8, (height, width), row 0 at the lowest y; -1 unknown, 0 free .. 100 occupied.
         geometry: Where the cells lie.
         mode: Default: trinary where it can hold the values, else raw.
-        comment: Said at the head of the .yaml, such as the moment shown.
+        comment: Written at the head of the .yaml, such as the moment shown.
 
     Returns:
         The mode it was written in.
@@ -94,7 +94,7 @@ def write_costs(
         costs: uint8, (height, width), row 0 at the lowest y.
         geometry: Where the cells lie.
         mode: Default: trinary where it can hold the values, else raw.
-        comment: Said at the head of the .yaml.
+        comment: Written at the head of the .yaml.
 
     Raises:
         CostmapError: As `write_map`.
@@ -164,8 +164,8 @@ def _resolution(value: float) -> str:
 def _both(picture: Path, header: Path) -> Iterator[tuple[Path, Path]]:
     """Hand out temporary names for both; on success they take the real ones, else nothing changes.
 
-    At no instant does a header stand next to a picture that is not its own: the old header goes
-    first, the new one comes last.
+    A header is never next to a picture that is not its own: the old header is removed first,
+    and the new one is written last.
     """
     folder = picture.parent
     new: list[Path] = []

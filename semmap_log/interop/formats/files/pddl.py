@@ -1,14 +1,11 @@
-"""Doors as a PDDL problem: objects, facts, and P(open) as what it costs to pass.
+"""Doors as a PDDL problem: objects, facts, and P(open) as the cost of passing; and its domain.
 
 What planners take decides the form. Costs are whole numbers that actions add to `total-cost`
 (`:action-costs`, PDDL 3.1): that is read by all that know costs, while Fast Downward and its kin
 refuse real numbers and other fluents. A cost is -1000 ln P(open), so that the cheapest plan is the
-way that is likeliest open from end to end. The text is ASCII; what a log calls a door is given in
-comments, as JSON strings, which no name can end.
-
-Names as every PDDL parser takes them: letters, digits, `-` and `_`, in small letters.
-
-What a robot can do at doors, as a PDDL domain: made to be read, and changed, by its user.
+way that is likeliest open from end to end. The text is ASCII. Names are as every PDDL parser takes
+them: letters, digits, `-` and `_`, in small letters; the log's own names of doors are in comments,
+as JSON strings, which no name can end. The domain is made to be read, and changed, by its user.
 """
 
 from __future__ import annotations
@@ -61,7 +58,7 @@ class Wishes:
     """What the problem is to say besides the doors."""
 
     start: str | None = None
-    """The room where the robot is: name, or level/name; None: not stated."""
+    """The room where the robot is: name, or level/name; None: unknown."""
     goal: str | None = None
     """A room to be in, a door to be checked, or a condition in PDDL; None: left to the user."""
     with_costs: bool = True
@@ -117,7 +114,7 @@ class PddlProblem:
 
         Args:
             likely: Of each door.
-            about: What is reported about the log, such as its building.
+            about: Facts about the log, such as its building.
             wishes: Start and goal.
 
         Raises:
@@ -299,13 +296,13 @@ class Wanted:
     text: str
     """Any text at all, or none."""
     mark: str
-    """Tells it from others of that name, such as `3`; letters, digits, `-` and `_`."""
+    """Distinguishes it from others of that name, such as `3`; letters, digits, `-` and `_`."""
 
 
 def pddl_names(wanted: Mapping[K, Wanted], taken: Collection[str] = ()) -> dict[K, str]:
     """Return a name for each object, no two alike.
 
-    Those that would be alike, or a word of PDDL, have their kind and mark behind: `hall-door-3`.
+    Names that would be alike, or a word of PDDL, get a suffix of kind and mark: `hall-door-3`.
 
     Args:
         wanted: Object -> what it is called; their order decides where even that is not enough.
@@ -334,7 +331,7 @@ def plain_name(wanted: Wanted) -> str:
 
 
 def _free(name: str, used: Collection[str]) -> str:
-    """Return the name, with a number after it if it is used."""
+    """Return the name, with a number appended if it is in use."""
     number, free = 1, name
     while free in used:
         number += 1

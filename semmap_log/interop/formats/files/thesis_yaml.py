@@ -40,7 +40,7 @@ from semmap_log.interop.formats.parsing.strict_yaml import Mapping, Node, Scalar
 from semmap_log.interop.formats.parsing.yaml_values import Fields, described, mapping_of
 
 SAVED_SUFFIX = "_saved"
-"""Of the folder next to a log where the server saves doors unless another is given."""
+"""Suffix of the folder next to a log where the server saves doors by default."""
 PROB_KEYS = ("closed_prob", "open_prob")
 DOOR_KEYS = ("position", "width", "status", *PROB_KEYS)
 NAME = "name"
@@ -131,7 +131,7 @@ class _Reader:
     problems: Problems
     warnings: list[str]
     kept: dict[str, list[int]]
-    """What is said of keys that the format does not have -> the lines with them: annotations."""
+    """Message about keys that the format does not have -> their lines; kept as annotations."""
     left_out: dict[str, list[int]]
     """The same of keys that are not kept."""
 
@@ -179,7 +179,7 @@ class _Reader:
         )
 
     def annotations(self, fields: Fields) -> dict[str, str]:
-        """Return what a file of others says of a door next to what the format knows."""
+        """Return the keys of a door that the format does not have, as annotations."""
         found = {}
         for key, node in fields.others(DOOR_KEYS).items():
             none = f"the key {shown(key)} is none of a door's ({', '.join(DOOR_KEYS)})"

@@ -1,18 +1,15 @@
-"""Door maps, histories and diffs as the JSON that the verbs print with `--json`.
+"""Door maps, histories, diffs and single events as JSON: the verbs' `--json`, and JSON lines.
 
-Field names are those of the events; states are words, times ISO-8601 UTC with nanoseconds,
-numbers that were not given are null.
-
-One event as one JSON object, both ways: what `record` reads and `history --json` writes.
-
-A line of an exported log says what the log knows of its event, too: `line_to_json`.
+An event is one object, both for `record`, which reads it, and for `history --json`. A line of an
+exported log also has what the log knows about the event: `line_to_json`.
 
     {"kind": "DoorObserved", "door_id": 1, "state": "OPEN", "accuracy": 0.9,
      "happened": "2026-03-01T12:00:00.000000000Z"}
 
 Keys are the event's fields; states and changed fields by name, absent numbers null, times ISO-8601
-(`happened_ns` is `happened`). A salt is never shown. An event of a kind that a later version has
-added has `newer` and its bytes, `cdr_base64`, instead of fields; such a line is not read.
+UTC with nanoseconds (`happened_ns` is `happened`). A salt is never shown. An event of a kind that a
+later version has added has `newer` and its bytes, `cdr_base64`, instead of fields; such a line is
+not read.
 """
 
 from __future__ import annotations
@@ -65,7 +62,7 @@ def door_map_to_json(door_map: DoorMap) -> dict[str, Any]:
 
 
 def door_to_json(door: Door, door_map: DoorMap) -> dict[str, Any]:
-    """Return a door; `door_map` shows its level's name."""
+    """Return a door; `door_map` has its level's name."""
     level = door_map.levels.get(door.level)
     return {
         "door_id": door.door_id,
@@ -294,7 +291,7 @@ def line_to_json(event: RecordedEvent, commit: Commit, *, retracted: bool) -> di
 
     Besides the event, its number, its times and its note: the `command_id` of its commit; `commit`,
     the numbers of the commit's first and last event, where it has several; `content`, the digest
-    of what the command requested, where it has one; and `retracted`, where that is true.
+    of the command's content, where it has one; and `retracted`, where that is true.
     """
     note = {key: getattr(commit.note, key) for key in NOTE_KEYS}
     shown = event_to_json(event, note=note)
@@ -309,7 +306,7 @@ def line_to_json(event: RecordedEvent, commit: Commit, *, retracted: bool) -> di
 
 
 def means_same(given: Event, stored: Event) -> bool:
-    """Return whether two events say the same, as JSON shows it.
+    """Return whether two events are equal in JSON.
 
     Fields that an update does not set mean nothing; a time or a level that is not given is any.
     """
@@ -340,7 +337,7 @@ def _fields(event: Event) -> dict[str, Any]:
 
 
 def key_of(name: str, rule: Rule) -> str:
-    """Return the key of a field: a time is given as text, and so without its unit."""
+    """Return the key of a field: a time is a text in JSON, so its key has no unit."""
     return name.removesuffix("_ns") if isinstance(rule, Nanoseconds) else name
 
 

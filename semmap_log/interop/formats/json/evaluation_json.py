@@ -1,10 +1,6 @@
-"""What `evaluate --json` and `calibrate --json` print.
+"""The JSON of `evaluate`, `calibrate`, `rooms` and `rebase`.
 
-The rooms of a log's levels as the JSON that `rooms` prints.
-
-What a new map does to the doors, as JSON.
-
-Sensors that are not as accurate as declared, as the JSON of all that shows beliefs.
+Every answer with beliefs also lists the sensors that are not as accurate as declared.
 """
 
 from __future__ import annotations

@@ -50,12 +50,12 @@ class DoorLookup:
     level_of: Callable[[DoorId], int]
     """The door's level: where a new position without a level lies."""
     level: Callable[[str | None], int]
-    """The level of that name; None: the one that is meant where none is given."""
+    """The level of that name; None: the default level."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParsedLine:
-    """An event with what was stated about it."""
+    """An event with its note and its times."""
 
     event: Event
     note: Note = field(default_factory=Note)
@@ -69,11 +69,11 @@ class ParsedLine:
     commit: tuple[int, int] | None = None
     """First and last event number of its commit there, where that had several."""
     content: bytes | None = None
-    """Digest of what that command requested, 16 bytes."""
+    """Digest of that command's content, 16 bytes."""
     retracted: bool = False
     """That log had taken it back."""
     timezone: str = ""
-    """IANA zone of that log; empty: the line does not tell it."""
+    """IANA zone of that log; empty: the line does not have it."""
 
     @property
     def is_exported(self) -> bool:
@@ -232,7 +232,7 @@ class _LineReader:
         return values
 
     def level(self, kind: type[Event]) -> dict[str, int]:
-        """Return the level: told by number or name, or not given."""
+        """Return the level: by number, by name, or the default."""
         if isinstance(self.left.get("level"), str):
             return {"level": self.lookup.level(self.text("level"))}
         if "level" in self.left:
@@ -408,7 +408,7 @@ def required_keys(kind: type[Event]) -> list[tuple[str, str]]:
 
 
 def keys_of(kind: type[Event]) -> list[str]:
-    """Return the keys that a line of the kind may have, next to `kind` and `happened`."""
+    """Return the keys that a line of the kind may have, besides `kind` and `happened`."""
     if kind is FloorMap:
         return [*FLOOR_MAP_KEYS, *NOTE_KEYS, "command_id"]
     names = [key_of(name, kind.rules.fields[name]) for name in told_fields(kind)]
@@ -423,7 +423,7 @@ _KNOWN_KEYS = {
     )
     for kind in KIND_BY_NAME.values()
 }
-"""The keys that are looked at; of a `door` in a DoorAdded more is stated than that it has none."""
+"""The keys that are read; a `door` in a DoorAdded has a message of its own."""
 
 _READ: Mapping[type[Rule], Callable[[_LineReader, str], Any]] = {
     OneOf: _LineReader.state,

@@ -1,7 +1,4 @@
-"""A planned patrol as the JSON that `patrol-plan` prints.
-
-What was drawn of a costmap, as the JSON that `costmap` prints.
-"""
+"""The JSON of `patrol-plan` and `costmap`: a planned patrol, and what was drawn of a costmap."""
 
 from __future__ import annotations
 

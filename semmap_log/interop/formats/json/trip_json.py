@@ -1,11 +1,7 @@
-"""A planned trip as the JSON that `go` prints.
+"""The JSON of `go` and `scan-report`, and the kinds of JSON lines with their keys.
 
-What `scan-report --json` prints.
-
-The kinds of JSON lines and their keys, for help and documents: derived, never written by hand.
-
-Kinds and defaults are those of `events.KINDS`, keys those that `event_json_reader` takes, and the
-words next to a key are those of the `.msg` text.
+The kinds and keys are for help and documents, and are derived, never written by hand: kinds and
+defaults from `events.KINDS`, keys from `event_json_reader`, descriptions from the `.msg` texts.
 """
 
 from __future__ import annotations
@@ -143,7 +139,7 @@ class Key:
 
 
 def kinds_and_keys() -> Iterator[tuple[str, str, list[Key]]]:
-    """Yield each kind, what it means, and its keys, next to those of every kind."""
+    """Yield each kind, what it means, and its keys, besides those of every kind."""
     for kind in KINDS:
         meaning = (kind.__doc__ or "").splitlines()[0]
         yield kind.__name__, meaning, list(_keys(kind))

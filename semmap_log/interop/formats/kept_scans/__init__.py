@@ -1,1 +1,1 @@
-"""The scans after sightings, kept next to a log: written, read back, in ROS's own messages."""
+"""The scans from which sightings were made, kept next to a log as ROS messages."""

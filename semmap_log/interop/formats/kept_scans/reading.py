@@ -46,7 +46,7 @@ Tell = Callable[[str], None]
 
 
 def has_kept_scans(log: PurePath) -> bool:
-    """Return whether scans are kept next to a log: not next to one in a store."""
+    """Return whether scans are kept next to a log; never for one in a store."""
     folder = folder_beside(log)
     return folder.is_dir() and any(folder.glob("*.mcap"))
 
@@ -63,7 +63,7 @@ def kept_visits(
 ) -> Iterator[KeptVisit]:
     """Yield the visits that are kept next to a log, file by file, as they ended.
 
-    A visit that is kept twice, as by an import that was begun again, comes once.
+    A visit that is kept twice, as by an import that was restarted, is yielded once.
 
     Args:
         log: The log's folder.
@@ -72,7 +72,7 @@ def kept_visits(
         until_ns: Before then.
         doors: Of these alone.
         with_scans: Whose scans are read, too; None: those of all.
-        tell: Called with files that end in midst, or are of another log.
+        tell: Called with files that are cut off, or belong to another log.
     """
     wanted = _Wanted(since_ns, until_ns, doors, with_scans)
     known: set[tuple[object, ...]] = set()
@@ -270,7 +270,7 @@ class FileReader:
 
 
 def visit_in(data: bytes) -> ToldVisit:
-    """Return what a message on the topic of visits shows.
+    """Return the contents of a message on the topic of visits.
 
     Raises:
         ValueError: It is not the text of a visit.
@@ -282,7 +282,7 @@ _NOTHING = ScanBytes(b"", b"", b"", None)
 
 
 def _is_of(metadata: Any, log_id: str) -> bool:
-    """Return whether a record says that the file is of that log.
+    """Return whether a record names that log as the file's.
 
     Raises:
         AnotherLogError: It says that it is of another.

@@ -1,9 +1,7 @@
-"""Placed scans as ROS messages, and back.
+"""Placed scans as ROS messages, visits as JSON text, and both back.
 
-A LaserScan has one place, and its beams the same angle between them. Where a scan is otherwise by
-more than `EXACT_M` at any beam's end, the beams themselves are given next to it.
-
-Visits as JSON text.
+A LaserScan has one origin, and the same angle between its beams. Where a scan differs from that by
+more than `EXACT_M` at any beam's end, the beams themselves are stored as well.
 """
 
 from __future__ import annotations
@@ -52,7 +50,7 @@ class ScanBytes:
     pose: bytes
     scan: bytes
     beams: bytes | None
-    """None: the LaserScan shows them well."""
+    """None: the LaserScan is exact enough."""
 
 
 def scan_to_messages(scan: PlacedScan, frame: str) -> ScanBytes:
@@ -77,7 +75,7 @@ def scan_to_messages(scan: PlacedScan, frame: str) -> ScanBytes:
 
 
 def scan_from_messages(told: ScanBytes, *, level: int, laser: str, robot: str) -> PlacedScan:
-    """Return the scan that these messages tell.
+    """Return the scan in these messages.
 
     Raises:
         ValueError: They do not fit each other, or are something else.
@@ -168,7 +166,7 @@ def _increment(scan: PlacedScan) -> float:
 
 
 def _is_even(scan: PlacedScan, origin: NDArray[np.float64]) -> bool:
-    """Return whether one place and one increment tell where all beams begin and end."""
+    """Return whether one origin and one increment describe all beams."""
     even = scan.bearings[0] + _increment(scan) * np.arange(len(scan.bearings))
     far = np.where(np.isfinite(scan.ranges), scan.ranges, scan.max_range)
     moved = np.hypot(*(scan.origins - origin).T)
@@ -220,7 +218,7 @@ _EXPECTED = {f.name: _TYPES[f.type] for f in fields(Visit) if f.type in _TYPES}
 
 @dataclass(frozen=True, slots=True)
 class ToldVisit:
-    """What the text of a visit shows."""
+    """The contents of a visit's text."""
 
     visit: Visit
     level: int
@@ -245,7 +243,7 @@ def text_of(told: ToldVisit) -> str:
 
 
 def read_text(text: str) -> ToldVisit:
-    """Return what a text shows; what a later version has added to visits is passed over.
+    """Return the contents of a text; keys that a later version added are ignored.
 
     Raises:
         ValueError: It is not the text of a visit.

@@ -1,6 +1,6 @@
-"""Keeps the scans of visits next to a log, a new file for each run.
+"""Keeps the scans of visits next to a log, in a new file for each run, and removes them again.
 
-Takes visits and their scans, which tell where the robot was, out of a file next to a log.
+What is removed are visits and their scans, since those show where the robot was.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def visits_in_file(path: Path, log_id: str, goes: Goes) -> VisitsInFile | None:
     Args:
         path: The file.
         log_id: The log's identity.
-        goes: Tells whether a visit goes.
+        goes: Returns whether a visit is removed.
 
     Raises:
         FormatError: It cannot be opened.
@@ -114,7 +114,7 @@ def take_out_visits(found: VisitsInFile, log_id: str, goes: Goes) -> None:
     Args:
         found: What `visits_in_file` returned.
         log_id: The log's identity.
-        goes: Tells whether a visit goes.
+        goes: Returns whether a visit is removed.
 
     Raises:
         OutputError: It cannot be written, or removed; it is as it was.
@@ -132,7 +132,7 @@ def take_out_visits(found: VisitsInFile, log_id: str, goes: Goes) -> None:
 
 
 def _write_staying(found: VisitsInFile, log_id: str, goes: Goes) -> None:
-    """Write the file again; each message that stays keeps its bytes."""
+    """Rewrite the file; each message that stays keeps its bytes."""
     with open_regular(found.path) as file, whole_file(found.path) as temporary:
         made = VisitFile(temporary, temporary.open("wb"), log_id)
         for channel, at_ns, data in FileReader(file).messages(log_id):
@@ -367,7 +367,7 @@ class VisitFile:
         self._writer.add_message(self._channels[key], log_time=at_ns, data=data, publish_time=at_ns)
 
     def _channel(self, topic: str, ros_type: str, of: tuple[str, str]) -> int:
-        """Return a new channel; where two lasers' topics are spelt alike they are given apart."""
+        """Return a new channel; lasers whose topics are spelt alike get different names."""
         types: Any = ros_types(2)
         if ros_type not in self._schemas:
             text, _ = types.generate_msgdef(ros_type, ros_version=2)

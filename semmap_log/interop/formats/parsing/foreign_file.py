@@ -1,6 +1,6 @@
 """Opening a foreign file safely: what it is and how big it is are checked before its bytes.
 
-Which instant a time means that a wall clock shows twice: the order of the file shows.
+A time that a wall clock shows twice is resolved by the order of the file.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def open_unpacked(path: Path) -> BinaryIO:
 def _check_unpacked(path: Path, file: BinaryIO) -> None:
     """Unpack a gzip file, to see before any of it is read that it holds no more than it may.
 
-    That costs little next to what reading its lines does, and a few kilobytes can hold many
+    That costs little compared to reading its lines, and a few kilobytes can contain many
     megabytes of them.
 
     Raises:

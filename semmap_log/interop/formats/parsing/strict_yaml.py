@@ -205,7 +205,7 @@ _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 
 
 def not_finite(text: str) -> str:
-    """Return what is reported about a number that is none."""
+    """Return the message about a text that is not a number."""
     return f"expected a finite number, got {text}: where a value is not known, leave its key out"
 
 

@@ -1,16 +1,15 @@
-r"""A column of texts in a buffer of bytes, looked at all at once: no text becomes an object.
+r"""A column of texts in a buffer of bytes, processed all at once: no text becomes an object.
 
-Texts in CSV files that do nothing to whoever opens them, and come back as they were.
-
-A spreadsheet takes a cell that begins with = + - or @ for a formula, and a terminal obeys control
+Texts in our CSV files must be harmless for whoever opens them, and come back as they were. A
+spreadsheet takes a cell that begins with = + - or @ for a formula, and a terminal obeys control
 characters. So of a text in our CSV files
 
-- one that begins so, after blanks and apostrophes or none, gets an apostrophe before it: `'=1+1`;
+- one that begins so, or so after blanks and apostrophes, gets an apostrophe before it: `'=1+1`;
 - control characters, and those that turn the direction of writing, are written as `\u001b`, and a
   backslash that stands before such a code as `\u005c`;
 - blanks at its ends are written as `\u0020`: those around a cell do not count.
 
-Reading takes just these back; any other text is what it says.
+Reading reverts exactly these; any other text is taken as it is.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from numpy.typing import NDArray
 
 WORD_BYTES = 8
 PADDING = bytes(WORD_BYTES)
-"""What a buffer must have after its texts, so that whole words can be taken from it."""
+"""Padding that a buffer needs after its texts, so that whole words can be read from it."""
 
 MOST_PATTERNS = 8
 MOST_WORDS = 8
@@ -274,7 +273,7 @@ def harmless(text: str) -> str:
 
 
 def is_written_otherwise(text: str) -> bool:
-    """Return whether a text, as it is read, means another one."""
+    """Return whether a text stands for another one when it is read."""
     return text.startswith("'") or "\\u" in text
 
 

@@ -1,26 +1,24 @@
-"""Doors as markers of RViz, Foxglove and Lichtblick: a leaf in the state's colour, and its name.
+"""Doors and costmaps as messages that existing displays take.
 
-Every message is the whole truth about its topic: first a marker that deletes all, then those of
-all doors. For where a player jumps to, Foxglove and Lichtblick take away all markers and load the
-last message of each topic, that one alone (Lichtblick's `Renderer.handleSeek` and
-`McapIndexedIterableSource.getBackfillMessages`); of messages that tell changes they would show
-the last change. And RViz, where a bag is played from an earlier time, deletes nothing by itself.
+Markers, for RViz, Foxglove and Lichtblick: a leaf in the state's colour, and its name. Every
+message is complete: first a marker that deletes all, then those of all doors. When a player seeks,
+Foxglove and Lichtblick remove all markers and load the last message of each topic, that one alone
+(Lichtblick's `Renderer.handleSeek` and `McapIndexedIterableSource.getBackfillMessages`); of
+messages with changes alone they would show the last change. And RViz, where a bag is played from
+an earlier time, deletes nothing by itself. The markers' stamps are 0, and they are frame-locked:
+good at any time, however old.
 
-The markers' stamps are 0, and they are frame-locked: good at any time, however old.
+The thesis's DoorMap (4.2.5, appendix C) is what its costmap layer and OPRS listen to.
 
-The thesis's DoorMap message (4.2.5, appendix C): what its costmap layer and OPRS listen to.
+A costmap over time goes out as costmap_2d publishes it (costmap_2d_publisher.cpp): on one topic the
+whole grid (nav_msgs/OccupancyGrid), on another its changes (map_msgs/OccupancyGridUpdate). RViz's
+map display takes the changes; Foxglove and rerun know whole grids only, so those are repeated while
+the costmap changes.
 
-A costmap over time as the messages that costmap_2d publishes of one.
-
-On one topic the whole grid (nav_msgs/OccupancyGrid), on another what changed of it
-(map_msgs/OccupancyGridUpdate): costmap_2d_publisher.cpp. RViz's map display takes the changes in;
-Foxglove and rerun know the whole grids only, so those are repeated while the costmap changes.
-
-Messages that are one long array, joined from elements that were encoded once each.
-
-A door changes, and the message with all doors is sent again: but for one door it has the same
-bytes. In CDR they depend on where in the message they lie, modulo 8; so each element is kept both
-ways. What the bytes are, rosbags says; here they are only put side by side.
+Messages of one long array are joined from elements that were encoded once each: when a door
+changes, the message with all doors is sent again, but only one door has other bytes. In CDR the
+bytes depend on their offset in the message, modulo 8; so each element is kept for both offsets.
+rosbags encodes them; here they are only concatenated.
 """
 
 from __future__ import annotations
@@ -272,7 +270,7 @@ class GridFrame:
 
     at_ns: int
     costs: NDArray[np.uint8]
-    """(height, width), row 0 at the lowest y; looked at before the next frame is requested."""
+    """(height, width), row 0 at the lowest y; only valid until the next frame."""
     windows: Sequence[CellWindow]
     """Where cells may have changed since the frame before."""
     geometry: GridGeometry | None = None
@@ -291,7 +289,7 @@ def write_grids(
 
     A whole grid follows a change at once, but not within `every_ns` of the one before: then it
     comes when that time is over, or at the end with the time of the last change. So at any moment
-    the last whole grid is at most that much after.
+    the last whole grid is at most that old.
 
     Args:
         bag: Has both topics; that of the updates only if they are wanted.
@@ -455,7 +453,7 @@ class EncodedElement:
     at_0: bytes
     """As it is at a multiple of 8."""
     at_4: bytes
-    """As it is 4 bytes after one."""
+    """As it is 4 bytes after a multiple of 8."""
 
 
 class ArrayType:

@@ -1,13 +1,10 @@
-"""The ROS messages of foreign bags: the types of noetic and of Jazzy, and those they left out.
+"""The ROS messages of foreign bags: their types, their bytes, and how new ones are built.
 
-Bytes of ROS messages to values, by the publisher's own definition of the type if there is one.
-
-Two packages may call different things the same: a robot's `DoorMap` with one more field is read by
-its own text, and whoever looks at the values sees what is there.
-
-Single events as messages: where the robot was, and lines for a log panel.
-
-Builds ROS messages, of ROS 1's classes or of ROS 2's: what all kinds of messages share.
+Types are those of noetic and of Jazzy, and those that they left out. Bytes become values by the
+publisher's own definition of the type if there is one. Two packages may call different things the
+same: a robot's `DoorMap` with one more field is read by its own text, and whoever looks at the
+values sees what is there. Messages are built of ROS 1's classes or of ROS 2's; single events
+become poses of the robot, and lines for a log panel.
 """
 
 from __future__ import annotations
@@ -31,7 +28,7 @@ DefinitionForm = Literal["msg", "idl"]
 
 @dataclass(frozen=True, slots=True)
 class MessageType:
-    """A type as a bag or a publisher shows it."""
+    """A type as a bag or a publisher declares it."""
 
     name: str
     """In ROS 2's long form, such as `std_msgs/msg/Bool`; for ROS 1, too."""
@@ -242,7 +239,7 @@ class Messages:
         Args:
             at_ns: Its stamp.
             number: How many messages of its topic came before; ROS 1 has a field for it.
-            frame: What the message is given in.
+            frame: The frame of the message's coordinates.
 
         Raises:
             OutputError: The time cannot be a ROS stamp.

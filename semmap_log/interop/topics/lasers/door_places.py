@@ -1,4 +1,4 @@
-"""The doors of a door map as lasers are queried them."""
+"""The places of a door map's doors, for matching a laser's beams."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NO = frozenset({"", "no", "false", "0", "none"})
 
 
 def places_of(doors: Iterable[Door]) -> DoorPlaces:
-    """Return the places of those that have one; a laser is not queried what is no door."""
+    """Return the places of those that have one; objects that are not doors are left out."""
     placed = [door for door in doors if door.is_placed and door.object_class.is_door]
     lines = [(door.x, door.y, door.theta, door.width) for door in placed]
     return DoorPlaces(
@@ -60,6 +60,6 @@ class DoorsNow:
         return self._places
 
     def state(self, door_id: int, _since_ns: int, _when_ns: int) -> DoorState | None:
-        """Return how a door is, whoever said so; None: it is not there."""
+        """Return a door's state, whoever reported it; None: it is not there."""
         door = self._known.doors.get(door_id)
         return None if door is None else door.state

@@ -1,6 +1,6 @@
 """The lasers of one robot or several: scans wait until TF shows where the laser was.
 
-Whether TF shows where a frame was at a moment: it may come yet, never come, or jump there.
+A frame's place at a moment may come yet, never come, or jump there: see `Uncovered`.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ WAIT_NS = 2 * 10**9
 """A scan that has no place when another comes that is so far from it gets none."""
 MOST_WAITING = 500
 AT_ONCE_BACK_NS = 5 * 10**9
-"""A stamp that is further behind the last one is that of a clock that was set, or of a bag that
+"""A stamp that is further before the last one is that of a clock that was set, or of a bag that
 begins again."""
 
 
@@ -141,7 +141,7 @@ class Lasers:
             self._links[got.topic].take(got.message, got.received_ns)
 
     def spread(self, robot: str, when_ns: int) -> tuple[float, float]:
-        """Return how sure a robot was of its place: m and rad; NaN where it did not tell."""
+        """Return how sure a robot was of its place: m and rad; NaN where it gave none."""
         own = self._spreads.get(robot) or self._spreads.get("") or Spreads()
         return own.at(when_ns)
 
@@ -315,7 +315,7 @@ FASTEST_M_S, FASTEST_RAD_S = 2.5, 2.5
 
 
 class Uncovered(NamedTuple):
-    """A moment at which it is not given where a frame was."""
+    """A moment at which a frame's place is unknown."""
 
     frame: str
     parent: str
@@ -326,7 +326,7 @@ class Uncovered(NamedTuple):
 
     @property
     def may_come(self) -> bool:
-        """Return whether later transforms can see it."""
+        """Return whether later transforms can still supply it."""
         return self.off_ns > 0 and not self.is_gap
 
     def __str__(self) -> str:

@@ -1,10 +1,8 @@
-"""A scan whose moments the tree of frames covers in, the scan on the map out.
+"""A laser's message in, the scan on the map out, once the tree of frames covers its moments.
 
-Where the robot is, by a topic: instead of TF from the map, and how sure it is of it.
-
-A sensor_msgs/PointCloud2, cut at a band of heights, as the beams of a planar laser.
-
-What a sensor_msgs/LaserScan measured, in the laser's own frame; or why it cannot be used.
+A sensor_msgs/LaserScan is read in the laser's own frame, or refused with the reason. A
+sensor_msgs/PointCloud2, cut at a band of heights, becomes the beams of a planar laser. The robot's
+place comes from TF, or from a topic of poses with their uncertainty.
 """
 
 from __future__ import annotations
@@ -33,7 +31,7 @@ LEVEL_TILT = math.radians(1.5)
 LOWEST_M, HIGHEST_M = 0.05, 2.0
 """Over the floor a door's leaf is; what a tilted beam meets elsewhere is no door."""
 REACH_M = 6.0
-"""A beam that did not come back is queried how high it is so far away."""
+"""Distance at which the height of a beam without an echo is checked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,7 +310,7 @@ LONGEST_S = 1.0
 ANGLES_OFF = 0.02
 """By how much `angle_max` may differ from where the last beam points, rad; or 2.5 increments."""
 UNLIMITED_M = 100.0
-"""`range_max` of a laser that shows none (infinity)."""
+"""`range_max` of a laser that reports none (infinity)."""
 
 
 @dataclass(frozen=True, slots=True)

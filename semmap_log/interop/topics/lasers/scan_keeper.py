@@ -1,12 +1,8 @@
-"""Keeps the scans of the visits that end, with the door's line as it was.
+"""What a recorder or an import does with scans: visits to doors, and the commits they become.
 
-What a recorder does with scans as they come: it looks through those that came together.
-
-What became of scans and visits, in words: for an import, a dry run, the end of a recording.
-
-What visits to doors came to, and what is odd about it: numbers for who runs the robot.
-
-Visits to doors, as the commits that they become.
+Scans that come together are matched together. The scans of visits that ended are kept, with the
+door's line as it was. What became of scans and visits, and what is odd about them, is reported in
+words, for an import, a dry run, or the end of a recording.
 """
 
 from __future__ import annotations
@@ -123,7 +119,7 @@ def counts_of(lasers: Lasers, sightings: LaserSightings) -> Iterator[str]:
 def oddities_of(
     lasers: Lasers, sightings: LaserSightings, when: Callable[[int], str]
 ) -> Iterator[str]:
-    """Yield what is odd, next to what was complained about message by message, and next to doors.
+    """Yield warnings besides those about single messages and about doors.
 
     Args:
         lasers: Where scans came from.
@@ -161,7 +157,7 @@ class VisitTally:
 
     doors: dict[DoorId, DoorFigures] = field(default_factory=dict)
     again: int = 0
-    """Visits that only said again what was told from the same stand: of them no more is counted."""
+    """Visits that only repeated a report from the same place: nothing else of them is kept."""
     nearest: tuple[float, int] = (math.inf, 0)
     """How near the robot came to the middle of a door, m, and to which."""
     glass: set[DoorId] = field(default_factory=set)
@@ -245,7 +241,7 @@ class VisitTally:
             yield warning.about(name_of(warning.door_id))
 
     def nothing_met(self, level: int) -> str:
-        """Return why no door was met, as far as it can be given."""
+        """Return why no door was met, as far as it is known."""
         metres, door_id = self.nearest
         if not self.levels:
             return "the log had no door with a place at the time of the scans"
@@ -270,7 +266,7 @@ KEEP_NS = 60 * 10**9
 WAY_NS = 3 * 10**9
 """So far apart are the places that are kept of a robot's way through a visit."""
 LATE_NS = 10 * 10**9
-"""So far the scans of one laser may be behind those of another."""
+"""By how much the scans of one laser may lag those of another."""
 
 
 class DoorsOverTime(Protocol):
@@ -280,7 +276,7 @@ class DoorsOverTime(Protocol):
         """Return those of a moment; the same object as before where nothing changed."""
 
     def state(self, door_id: int, since_ns: int, when_ns: int) -> DoorState | None:
-        """Return how a door is by then, by what was stated after `since_ns`; None: nothing was."""
+        """Return a door's state at a moment, by reports after `since_ns`; None: there are none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,7 +299,7 @@ def source_of(visit: Visit) -> str:
 
 
 def is_laser(source: str) -> bool:
-    """Return whether a commit's source is a laser of which visits are given so."""
+    """Return whether a commit's source is a laser whose visits were recorded."""
     return source.startswith("scan:") and source.endswith(f" {METHOD}")
 
 
@@ -313,7 +309,7 @@ class LaserSightings:
 
     doors: DoorsOverTime
     robot: str = ""
-    """Who saw it, where a scan does not tell."""
+    """Who saw it, if a scan has no robot."""
     tally: VisitTally = field(default_factory=VisitTally)
     keeper: ScanKeeper | None = None
     """What keeps the scans of all visits; None: nobody does."""
@@ -321,7 +317,7 @@ class LaserSightings:
     _tracks: dict[str, _Track] = field(default_factory=dict)
     """Of each robot."""
     _said: dict[DoorId, tuple[int, DoorState]] = field(default_factory=dict)
-    """Door -> when a visit told of it last, and what."""
+    """Door -> the time and the state of the last visit to it."""
 
     def take(self, scans: Sequence[RobotScan]) -> Iterator[VisitCommit]:
         """Look at scans, in the order in which they were placed; yield what ended."""
@@ -367,7 +363,7 @@ class LaserSightings:
                 yield VisitCommit(visit, events, note, way)
 
     def _is_told(self, visit: Visit) -> bool:
-        """Tell whether a visit says only what was told from the same stand, and still is told."""
+        """Return whether a visit only repeats a report from the same place that still holds."""
         if not visit.told_ns:
             return False
         at_ns, said = self._said.get(visit.door_id, (visit.told_ns, visit.state))
@@ -453,7 +449,7 @@ Places = Mapping[int, tuple[DoorLine, int]]
 
 
 class ScanKeeper:
-    """Is told of all scans, and of each visit once it has ended."""
+    """Receives all scans, and each visit once it has ended."""
 
     def __init__(
         self,
@@ -467,7 +463,7 @@ class ScanKeeper:
         Args:
             writer: Takes them.
             known: Keys of visits that are kept already: see `visit_key`.
-            tell: Told once that nothing can be written, and nothing more is kept; None: that is
+            tell: Called once if nothing can be written, and nothing more is kept; None: that is
                 an error.
         """
         self._writer: KeptScansWriter | None = writer
@@ -493,7 +489,7 @@ class ScanKeeper:
         """Keep visits that have ended; one ends before its door changes.
 
         Raises:
-            OutputError: They cannot be written, and nobody wants to be given instead.
+            OutputError: They cannot be written, and there is no callback for the error.
         """
         for visit in visits:
             if visit_key(visit) not in self._known:

@@ -64,7 +64,7 @@ class Asker(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KernelQuestion:
-    """A question, who asked it, and by what its answer is to be known."""
+    """A question, its sender, and the mark by which its answer is recognised."""
 
     asker: Asker
     kernel: str
@@ -96,7 +96,7 @@ def ask_id_of(expression: tuple[Expression, ...]) -> AskId:
 
 
 def question_of(expression: tuple[Expression, ...]) -> AskedQuestion:
-    """Return what is queried.
+    """Return the question.
 
     Raises:
         QuestionError: It cannot be understood.
@@ -133,7 +133,7 @@ def refusal(ask_id: AskId, problem: str) -> tuple[Expression, ...]:
 
 
 def command_ids(kernel: str, words: Sequence[Expression], now_ns: int) -> tuple[bytes, bytes]:
-    """Return the command ids of an action that is queried for: of this minute, and of the last.
+    """Return the command ids of a requested action: of this minute, and of the last.
 
     Args:
         kernel: Who asks.
@@ -163,9 +163,9 @@ class KernelQuestions:
 
         Args:
             oracle: Knows the answers.
-            doors: What is queried.
-            say: Is told of errors of our own.
-            clock_ns: Tells which action comes again soon.
+            doors: What the questions are about.
+            say: Called with errors of our own.
+            clock_ns: The time, by which actions that are soon repeated are recognised.
         """
         self._oracle = oracle
         self._doors = doors
@@ -206,7 +206,7 @@ class KernelQuestions:
             self._own_problem(question, error)
 
     def forget(self, asker: Asker) -> None:
-        """Drop what one has asked that was not begun: nobody hears the answer."""
+        """Drop a sender's questions that were not begun: nobody receives the answers."""
         with self._mutex:
             for key in [key for key in self._queues if key[0] == id(asker)]:
                 self._queues[key].clear()
@@ -230,7 +230,7 @@ class KernelQuestions:
         self._pool.shutdown()
 
     def _take(self, question: KernelQuestion) -> None:
-        """Answer at once what takes no time, unless the same kernel has asked more before."""
+        """Answer at once what takes no time, unless older questions of that kernel wait."""
         key = id(question.asker), question.kernel
         with self._mutex:
             queue = self._queues.get(key)
@@ -258,7 +258,7 @@ class KernelQuestions:
         return answer is not None
 
     def _work(self, key: tuple[int, str]) -> None:
-        """Answer the next question of one kernel; those after it wait for other kernels' turns."""
+        """Answer the next question of one kernel; its others wait for other kernels' turns."""
         with self._mutex:
             if not self._queues[key]:
                 del self._queues[key]
@@ -288,7 +288,7 @@ class KernelQuestions:
             question.asker.wake()  # what waited for the answer may go
 
     def _own_problem(self, question: KernelQuestion, error: Exception) -> None:
-        """Answer that we have failed, and tell who runs the server how."""
+        """Answer that we have failed, and report the error to whoever runs the server."""
         self._say(f"{question.asked.question.name}: {traceback.format_exc()}")
         question.refuse(f"{type(error).__name__}: {error}")
 

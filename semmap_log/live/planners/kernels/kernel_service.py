@@ -1,6 +1,6 @@
-"""Serves OPRS kernels by way of their message passer, and finds it again when it has gone.
+"""Serves OPRS kernels through their message passer, and reconnects when that has gone.
 
-One connection to the message passer while it lasts: facts go out, questions come in.
+A session is one connection to the passer: facts go out, questions come in.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Patience:
 
 
 class KernelSession:
-    """Serves the kernels at a passer until it goes, or until stopped stop."""
+    """Serves the kernels at a passer until it goes, or until it is stopped."""
 
     def __init__(
         self,
@@ -83,14 +83,14 @@ class KernelSession:
         say: Callable[[str], object],
         patience: Patience,
     ) -> None:
-        """Tell nobody anything yet.
+        """Prepare a session; nothing is sent yet.
 
         Args:
             connection: To the passer; it is closed with the session.
             name: Ours.
-            kernels: Who is reported of the doors.
-            questions: Answers what is queried.
-            say: Is told of messages that nobody understands.
+            kernels: Who receives the doors.
+            questions: Answers the questions.
+            say: Called with messages about what cannot be understood.
             patience: With the passer.
         """
         self._connection = connection
@@ -107,7 +107,7 @@ class KernelSession:
         self._ends: list[tuple[float, int, KernelQuestion]] = []
         self._end_count = 0
         self._is_held = False
-        """Whether there may be something to tell that was not, as something else goes first."""
+        """Whether there may be news that was not sent, as something else goes first."""
         self._heard_s = self._asked_s = self._told_s = time.monotonic()
         self._selector = selectors.DefaultSelector()
         self._waker, self._woken = socket.socketpair()
@@ -122,7 +122,7 @@ class KernelSession:
             self._waker.send(b"!")
 
     def run(self, stop: Callable[[], bool], changed: Callable[[], DoorMap | None]) -> None:
-        """Serve until stopped stop.
+        """Serve until stopped.
 
         Args:
             stop: Called at each turn.
@@ -238,7 +238,7 @@ class KernelSession:
             raise ExpressionError("expected (ASK id (QUESTION ...)) or (FACTS).")
 
     def _may_tell(self, now_s: float) -> bool:
-        """Return whether kernels may be reported of the doors now, or something else goes first."""
+        """Return whether the doors may be sent to kernels now; else something else goes first."""
         is_slow = self._connection.waiting_bytes >= MOST_WAITING_BYTES
         is_later = self._questions.is_acting and now_s < self._told_s + ANSWER_FIRST_S
         self._is_held = is_slow or is_later
@@ -286,7 +286,7 @@ LASTING_S = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Kernels:
-    """Where kernels are found, and who is reported of the doors."""
+    """Where kernels are found, and which of them receive the doors."""
 
     passer: TcpAddress
     name: str
@@ -317,7 +317,7 @@ class Kernels:
 
 
 class KernelService:
-    """Tells kernels of the doors, and answers them, until it is closed."""
+    """Sends the doors to kernels, and answers them, until it is closed."""
 
     def __init__(
         self,
@@ -332,10 +332,10 @@ class KernelService:
 
         Args:
             oracle: Knows the answers.
-            doors: What kernels are reported of.
+            doors: What is sent to kernels.
             kernels: Who, and where.
-            say: Is told when the passer comes and goes, and of what cannot be understood.
-            clock_ns: Tells which action comes again soon.
+            say: Called when the passer comes or goes, and about what cannot be understood.
+            clock_ns: The time, by which actions that are soon repeated are recognised.
         """
         self._doors = doors
         self._kernels = kernels
@@ -343,7 +343,7 @@ class KernelService:
         self._questions = KernelQuestions(oracle, doors, say=say, clock_ns=clock_ns)
         self._session: KernelSession | None = None
         self._said = ""
-        """What went wrong last: it is given once."""
+        """What went wrong last: it is reported once."""
         self._has_changed = threading.Event()
         self._ending = threading.Event()
         self._failure: Exception | None = None
@@ -352,7 +352,7 @@ class KernelService:
 
     @property
     def failure(self) -> Exception | None:
-        """Why no kernel is given anything any more; None: they are."""
+        """Why nothing is sent to kernels any more; None: it is."""
         return self._failure
 
     def wake(self) -> None:

@@ -1,4 +1,4 @@
-"""What goes over the wire to OPRS's message passer (`mp-oprs`) and back; no socket.
+"""The connection to OPRS's message passer (`mp-oprs`), its frames, and the facts sent to kernels.
 
 All integers have four bytes, big-endian; a string is its length in bytes and the bytes.
 
@@ -7,25 +7,21 @@ All integers have four bytes, big-endian; a string is its length in bytes and th
     multicast   3, count, text, recipient ...
     received    sender, text
 
-A connection to OPRS's message passer, as one of its clients.
+The connection never keeps the passer waiting: the passer has one thread, and stands still for all
+its kernels while a client does not take what it is given, or sends half of something. So incoming
+bytes are always read, and what goes out is whole messages, of which the system gets as much as it
+takes.
 
-It never keeps the passer waiting: the passer has one thread, and stands still for all its kernels
-while a client does not take what it is given, or sends half of something. So what comes is always
-taken, and what goes out is whole messages, of which the system gets as much as it takes.
-
-Which kernels are there, and what each of them is given; no socket.
-
-The passer shows nobody who comes or goes. It says `(unknown K1)` to who sends K1 something in
-vain, and does all in order. So a kernel is sent `(DOOR_MAP SEMMAP)`, and we a message to ourselves:
-once that is back, and nothing was reported about the kernel, it is there, and is given all.
-
-The doors as facts that kernels know.
+The passer does not report who comes or goes. It answers `(unknown K1)` to whoever sends to a K1
+that is not there, and does all in order. So we send `(DOOR_MAP SEMMAP)` to a kernel, and a message
+to ourselves: if that is back and no `(unknown K1)` came, the kernel is there, and all facts are
+sent.
 
     (DOOR_STATE DOOR_3 OPEN)           or CLOSED UNKNOWN MOVING OFFLINE, or REMOVED
     (DOOR_PROBABILITY DOOR_3 0.75)     its P(open) in the map; NIL: it has none any more
     (DOOR_NAME DOOR_3 "main door")     NIL: it has none any more
     (DOOR_MAP SEMMAP)                  all facts follow, if they were not requested
-    (DOOR_FACTS SEMMAP 5)              all facts of five doors have been given, by SEMMAP
+    (DOOR_FACTS SEMMAP 5)              all facts of five doors have been sent, by SEMMAP
 
 A door has a fact of each kind at most: `declare ff` in a kernel lets the new one replace the old.
 """
@@ -137,7 +133,7 @@ class PasserConnection:
         return self._received.messages()
 
     def close(self) -> None:
-        """Leave: the passer is given, and what it still sends is taken until it lets go."""
+        """Leave: say so to the passer, and read what it still sends until it disconnects."""
         end_s = time.monotonic() + CLOSE_S
         with contextlib.suppress(OSError):
             self.put(goodbye())
@@ -185,7 +181,7 @@ ECHO = Atom("SEMMAP_ECHO")
 
 @dataclass(slots=True)
 class _Kernel:
-    """One that is to be reported of the doors."""
+    """One that is to receive the doors."""
 
     is_present: bool = False
     echo: int | None = None
@@ -195,14 +191,14 @@ class _Kernel:
 
 
 class ToldKernels:
-    """Tells kernels of the doors, over one connection."""
+    """Sends the doors to kernels, over one connection."""
 
     def __init__(self, name: str, kernels: Iterable[str], put: Callable[[bytes], object]) -> None:
         """Know none of them to be there.
 
         Args:
             name: Ours.
-            kernels: Who is to be given.
+            kernels: The recipients.
             put: Sends a frame.
         """
         self._name = name
@@ -212,7 +208,7 @@ class ToldKernels:
         self._echoes = 0
 
     def take(self, doors: DoorMap) -> None:
-        """Return what is new to all that are there."""
+        """Send what is new to all kernels that are there."""
         news = self._facts.take(doors)
         present = [name for name, kernel in self._kernels.items() if kernel.is_present]
         if present:
@@ -251,13 +247,13 @@ class ToldKernels:
             kernel.next_call_s = max(kernel.next_call_s, now_s + FIRST_PAUSE_S)
 
     def is_there(self, name: str) -> None:
-        """Hear that a kernel has said something: it need not wait to be called."""
+        """Note that a kernel has sent something: call it at once."""
         kernel = self._kernels.get(name)
         if kernel is not None and not kernel.is_present:
             kernel.next_call_s = 0.0
 
     def tell_all(self, name: str) -> None:
-        """Tell one that is there all facts, and that these were all."""
+        """Send all facts to a kernel that is there, and that these were all."""
         if (kernel := self._kernels.get(name)) is not None:
             kernel.is_present, kernel.echo, kernel.pause_s = True, None, FIRST_PAUSE_S
         self._send([name], [*self._facts.all(), self._facts.complete(self._name)])
@@ -418,7 +414,7 @@ REMOVED = Atom("REMOVED")
 
 
 class DoorFacts:
-    """The facts of all doors, as they were given last."""
+    """The facts of all doors, as they were sent last."""
 
     def __init__(self) -> None:
         self._changes = ChangedDoors()
@@ -449,10 +445,10 @@ class DoorFacts:
         ]
 
     def complete(self, name: str) -> Fact:
-        """Return the fact that all were given.
+        """Return the fact that all were sent.
 
         Args:
-            name: Of who shows them.
+            name: The sender's.
         """
         return Atom("DOOR_FACTS"), Atom(name), len(self._told)
 

@@ -7,8 +7,8 @@ r"""S-expressions as OPRS kernels send and take them.
 
 What is written is read back as the same, floats to their last digit, and is safe for a kernel: on
 one line, without control characters, and with no text that ends in a backslash. A kernel runs what
-stands after a line's end as its commands; and to it `\"` may always be the end of a text or not,
-so that after a last backslash another text would stand open, outside of all quotes.
+follows a line's end as commands. For it, `\"` may or may not end a text, so that what follows a
+last backslash would be outside of all quotes.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def sendable(text: str) -> str:
     r"""Return a text that is other people's words as one that can be written.
 
     What a kernel could not take is written visibly, NUL as `\u0000`; a text that is too long ends
-    in `…`, and one that ends in a backslash in a blank after it.
+    in `…`, and one that ends in a backslash gets a blank after it.
     """
     if len(text) > MOST_TEXT:
         text = text[:MOST_TEXT]

@@ -42,7 +42,7 @@ MOST_CLIENTS = 1000
 ACTIONS_AT_ONCE = 8
 """They share the syncs of their commits."""
 TURN_S = 0.01
-"""In each turn the clients that have asked share so long; a line of each is answered anyway."""
+"""In each turn, waiting clients share this time; a line of each is answered in any case."""
 SHORT_LINE = 2**10
 """Bytes of a line that is read at once; to read a longer one may take milliseconds."""
 MOST_KNOWN_LINES = 4096
@@ -76,8 +76,8 @@ class AskServer:
             oracle: Knows the answers.
             listener: Where clients come.
             token: What each has to give first; None: nothing.
-            say: Is told of errors of our own.
-            most_clients: More are given to come later.
+            say: Called with errors of our own.
+            most_clients: Others have to come back later.
         """
         self._oracle = oracle
         self._listener = listener
@@ -88,7 +88,7 @@ class AskServer:
         self._ready: dict[Connection, None] = {}
         """Clients with lines that were not looked at yet, though they could be."""
         self._unheard: set[Connection] = set()
-        """Clients that wait for an answer, and have asked more: none of their events is watched."""
+        """Clients that wait for an answer, and have more to ask: their events are not watched."""
         self._check_unheard_s = 0.0
         self._deadlines = Deadlines()
         self._slice_s = TURN_S
@@ -102,7 +102,7 @@ class AskServer:
         self._reading = Turns("ask-reading", rest=1.0)
         self._look_ups = Turns("ask-look-up")
         self._forecasts = Turns("ask-forecast")
-        """What is likely takes many times longer to tell than what was so."""
+        """What is likely takes many times longer to compute than what was so."""
         self._turns = (self._reading, self._look_ups, self._forecasts)
         self._waker, self._woken = socket.socketpair()
         self._is_woken = False
@@ -288,7 +288,7 @@ class AskServer:
             connection.is_leaving = True
 
     def _send_off(self, connection: Connection) -> None:
-        """Let go of a client that has not stated in time who it is."""
+        """Disconnect a client that has not given its token in time."""
         connection.answer(write_error(_NO_TOKEN))
         connection.is_leaving = True
         self._serve(connection, 0)
@@ -326,7 +326,7 @@ class AskServer:
         self._post(connection, said)
 
     def _refusal(self, of: Line | Exception, error: Exception) -> bytes:
-        """Return the answer where there is none; tell who runs the server where we have failed."""
+        """Return the answer where there is none; report it to the server's console if we failed."""
         if isinstance(error, (SemmapError, OSError)):
             return _problem(of, str(error))
         self._say(traceback.format_exc())
@@ -402,7 +402,7 @@ class AskServer:
 
 
 def _problem(of: Line | Exception, problem: str) -> bytes:
-    """Return the answer to a line that has none, in the form that it was queried in."""
+    """Return the answer to a line that has none, in the form of the question."""
     if isinstance(of, (Line, LineError)):
         return write_error(problem, is_json=of.is_json, given_id=of.given_id)
     return write_error(problem)

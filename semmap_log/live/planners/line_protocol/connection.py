@@ -1,10 +1,8 @@
-"""One client of a server of questions: bytes in, lines out of them, and answers that wait.
+"""A server's clients: which are accepted, what each sends and gets, and whose turn it is.
 
-When clients are to be given that their time is over.
-
-Work of many clients, done in one thread by turns: who has had least of its time comes first.
-
-Who is let in: so many clients, as long as files can be opened; the others are given why not.
+Clients are accepted up to a number, as long as files can be opened; the others get the reason. Of a
+client, bytes come in, lines go out, and answers may wait; deadlines say when its time is over. The
+work of many clients is done in one thread by turns: the client that had least of its time is next.
 """
 
 from __future__ import annotations
@@ -68,7 +66,7 @@ class Deadlines:
 
 
 Work = Iterator[object]
-"""Does one part each time that it is requested the next; at its end it is done."""
+"""Does one part at each `next`; at its end it is done."""
 
 
 class Turns:
@@ -169,7 +167,7 @@ class Admission:
         self._most_clients = most_clients
         self._most_files = _allow_files(most_clients + OTHER_FILES)
         self._spare: int | None = os.open(os.devnull, os.O_RDONLY)
-        """Given up where no more can be opened, to tell who waits."""
+        """Closed when no more files can be opened, so as to answer one who waits."""
 
     def admitted(self, present: int) -> Iterator[socket.socket]:
         """Yield who comes in now.
@@ -203,7 +201,7 @@ class Admission:
             self._spare = None
 
     def _refuse_by_spare(self) -> None:
-        """Tell one client that no more files can be open."""
+        """Send one client the answer that no more files can be open."""
         self.close()
         with contextlib.suppress(OSError):
             connected, _ = self._listening.accept()
@@ -213,7 +211,7 @@ class Admission:
 
 
 def _refuse(connected: socket.socket, problem: str) -> None:
-    """Tell a client why it is not let in."""
+    """Send a client the reason why it is not accepted."""
     with connected, contextlib.suppress(OSError):
         connected.setblocking(False)
         connected.send(write_error(problem))
@@ -238,7 +236,7 @@ def _allow_files(count: int) -> int:
 
 CHUNK_BYTES = 2**14
 MOST_ANSWERS_BYTES = 2**16
-"""A client that does not take its answers is queried nothing more while so many wait."""
+"""No more questions are read from a client while so many of its answers wait."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -377,7 +375,7 @@ class Connection:
             del self._answers[:sent]
 
     def is_abandoned(self) -> bool:
-        """Return whether nobody is there any more to take an answer, as far as the system knows."""
+        """Return whether nobody is left to receive an answer, as far as the system knows."""
         poll = select.poll()
         poll.register(self.socket, 0)
         return any(events & (select.POLLHUP | select.POLLERR) for _, events in poll.poll(0))
@@ -398,7 +396,7 @@ def peer_of(connected: socket.socket) -> str:
 
 
 def _notice_silence(connected: socket.socket) -> None:
-    """Have the system find out when a machine is gone that said no good-bye: in some minutes."""
+    """Have the system detect within minutes that a machine has gone without closing."""
     connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for name, value in {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 20, "TCP_KEEPCNT": 6}.items():
         if (option := getattr(socket, name, None)) is not None:  # macOS has others

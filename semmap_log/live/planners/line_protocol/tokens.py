@@ -1,6 +1,6 @@
 """The secret by which a server knows its clients, where others than its user can reach it.
 
-A client of a server of questions.
+`AskClient` is the other end: it connects, gives the secret, and sends questions.
 """
 
 from __future__ import annotations

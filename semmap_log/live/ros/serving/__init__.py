@@ -1,1 +1,1 @@
-"""The thesis's server: goals in, results and the door map out; ROS only after `ros_node`."""
+"""The thesis's server: goals in, results and the door map out; ROS only through `ros_node`."""

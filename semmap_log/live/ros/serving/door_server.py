@@ -77,7 +77,7 @@ class DoorServer:
             open_log: Opens it, now and again after a write that failed.
             saver: Writes the files of SaveDoorDB.
             level: Number or name: where doors come that goals add; None: the only one.
-            changed: Called with after each commit, and when the log was opened again.
+            changed: Called after each commit, and when the log was reopened.
 
         Raises:
             LogError: As `open_log`.
@@ -89,7 +89,7 @@ class DoorServer:
         self._opening = threading.Lock()
         self._log = open_log()
         self._broken: LogPoisonedError | None = None
-        """Why the log that is open cannot be written, where it could not be opened again."""
+        """Why the log that is open cannot be written, if it could not be reopened."""
         self._is_closed = False
 
     @property
@@ -126,7 +126,7 @@ class DoorServer:
         content: bytes,
         lost: Callable[[], str] = lambda: "Nothing of it is stored",
     ) -> int | None:
-        """Append what `make` gives, as one commit that lasts; where a write fails, open again.
+        """Append what `make` gives, as one durable commit; if a write fails, reopen the log.
 
         Args:
             make: Looks at the log and gives the events; nobody appends in between. Not called for
@@ -134,7 +134,7 @@ class DoorServer:
             note: Who, with what, why.
             command_id: 16 bytes; a command that is stored already is not stored again.
             content: Digest of what the command asks for.
-            lost: Says what became of it where the log was opened again and does not have it.
+            lost: Returns what became of it if the log was reopened and does not have it.
 
         Returns:
             The number of its first event; None: it needed none.
@@ -163,7 +163,7 @@ class DoorServer:
             self._log.close()
 
     def _do(self, work: _Work, ask: Ask) -> Any:
-        """Return the result's value, once what was requested is done and lasts.
+        """Return the result's value, once the request is done and durable.
 
         Raises:
             SemmapError: It is not done; the message says why.
@@ -187,7 +187,7 @@ class DoorServer:
         return int(added.door_id)
 
     def _usable_log(self) -> DoorLogWriter:
-        """Return the log, opened again if the last try to do so failed.
+        """Return the log; reopen it if the last try to do so failed.
 
         Raises:
             LogPoisonedError: It fails again.
@@ -205,7 +205,7 @@ class DoorServer:
         error: LogPoisonedError,
         lost: Callable[[], str],
     ) -> int:
-        """Open the log again, and return the first event of a command whose write failed.
+        """Reopen the log, and return the first event of a command whose write failed.
 
         Raises:
             LogError: The log cannot be opened; whether the goal is stored is not known.
@@ -305,7 +305,7 @@ def when_ns(log: DoorLogWriter) -> int | None:
     """Return when a command of now happens; None: when it is recorded.
 
     Where the clock went back, that would be before what happened last, and the map would stay as
-    it was though the client is given otherwise. So it happens then.
+    it was, contrary to the client's answer. So the event gets that time.
     """
     latest_ns = log.state.latest_happened_ns
     return latest_ns if latest_ns > log.now_ns() else None

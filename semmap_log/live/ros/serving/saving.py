@@ -1,10 +1,8 @@
-"""The thesis's SaveDoorDB: a YAML of the doors, in one folder and nowhere else.
+"""The thesis's goals, checked, and its SaveDoorDB: a YAML of the doors, in one folder only.
 
-Whoever is in the ROS network may send the goal, so its file name is a stranger's. Each part of it
+Whoever is in the ROS network may send the goal, so its file name is not trusted. Each part of it
 is opened from the part before (`O_NOFOLLOW`), and the file is named within the folder that was
 opened last: whoever exchanges a folder for a link meanwhile gains nothing.
-
-The thesis's goals as they are meant: fields that count, checked, before anybody acts on them.
 """
 
 from __future__ import annotations
@@ -44,8 +42,8 @@ class DoorSaver:
         """Choose where.
 
         Args:
-            root: The folder; its own name may be a link. None: one next to the log, named as it
-                is with `_saved` after, which is made when it is needed.
+            root: The folder; its own name may be a link. None: one next to the log, with its name
+                and the suffix `_saved`, which is made when it is needed.
             log_folder: Where nothing is written.
             default_prob: Stands for probabilities that were not given; None: their lines are left
                 out.
@@ -123,7 +121,7 @@ class DoorSaver:
             os.close(descriptor)
 
     def _check_place(self, folder: Path, name: str, file_name: str) -> None:
-        """Return if a file may be put there: nothing is, or a file; and no log is next to it."""
+        """Check that a file may be put there: there is nothing or a file, and no log next to it."""
         try:
             mode = (folder / name).lstat().st_mode
         except FileNotFoundError:

@@ -1,13 +1,12 @@
-"""Topics that a server offers while it runs: made when something is first said on them.
+"""Topics that a server offers while it runs: made when something is first sent on them.
 
-The doors as a server offers them: the thesis's DoorMap, and markers for RViz, at each change.
-
-The stops of the robot's patrol that are left, as a geometry_msgs/PoseArray in frame `map`.
+They are the doors at each change, as the thesis's DoorMap and as markers for RViz, and the stops of
+the robot's patrol that are left, as a geometry_msgs/PoseArray in frame `map`.
 
 The round is the log's: `PatrolStarted` begins one, planned from that moment on; `PatrolFinished`
-ends it. A log that has no rounds has one from the server's start on. What the log shows after that
-changes the stops as `FollowedRound` says. When the round is over, the array is empty until the log
-has the start of another.
+ends it. A log that has no rounds has one from the server's start on. Later events change the stops
+as `FollowedRound` says. When the round is over, the array is empty until the log has the start of
+another.
 """
 
 from __future__ import annotations
@@ -104,7 +103,7 @@ class ServedDoors:
         self._has_sent = True
 
     def _take_levels(self, doors: DoorMap) -> tuple[set[int], bool]:
-        """Take in new levels and their heights; return the new ones, and if any is drawn again."""
+        """Take in new levels and their heights; return the new ones, and whether any is redrawn."""
         levels = levels_of(doors) | self._levels.keys() or {0}
         elevations = {n: level.elevation for n, level in doors.levels.items()}
         heights = heights_of(LatestDoors(elevations=elevations), dict.fromkeys(levels))
@@ -155,7 +154,7 @@ class ServedPlan:
         Args:
             topics: Where the messages go.
             log: Gives the log with all that is written.
-            warn: Called with why a round cannot be planned.
+            warn: Called with the reason why a round cannot be planned.
             wish: What to visit.
         """
         self._topics = topics
@@ -258,7 +257,7 @@ class ServedTopics:
         self._publishers: dict[BagTopic, Publisher] = {}
 
     def offer(self, topic: BagTopic) -> None:
-        """Let subscribers find a topic before anything is stated on it.
+        """Let subscribers find a topic before anything is sent on it.
 
         Raises:
             RosError: Its type is not installed.
@@ -305,7 +304,7 @@ class LevelNames:
 
 
 class ChangedDoors:
-    """Tells which doors are another than in the map before; that costs what the change does."""
+    """Finds the doors that differ from the map before; the cost is that of the change."""
 
     def __init__(self) -> None:
         self._seen: DoorsPresent | None = None

@@ -1,16 +1,16 @@
 """The server on a ROS node: the doors on topics at each change, and the thesis's four actions.
 
-The doors as grids that stock planners take: no plugin of ours is needed in the robot.
-
-On `semmap/costmap` floor and doors together: in place of `/map` for costmap_2d's StaticLayer. On
-`semmap/door_layer` the doors alone: 100 where one is closed, 0 where one is open, -1 elsewhere.
-Nav2's KeepoutFilter takes that as its mask: it writes what is dearer than the costmap, passes over
--1, and frees by 0 only what the costmap does not know. A second StaticLayer with `use_maximum`
-does the same. Values between, 1 to 99, come with belief and inflation (`CostmapOptions`); a
-StaticLayer takes them as costs where its `trinary_costmap` is false, else for free.
+It also offers the doors as grids that stock planners take: no plugin of ours is needed in the
+robot. On `semmap/costmap` floor and doors together: in place of `/map` for costmap_2d's
+StaticLayer. On `semmap/door_layer` the doors alone: 100 where one is closed, 0 where one is open,
+-1 elsewhere. Nav2's KeepoutFilter takes that as its mask: it writes what is dearer than the
+costmap, skips -1, and frees by 0 only what the costmap does not know. A second StaticLayer with
+`use_maximum` does the same. Values between, 1 to 99, come with belief and inflation
+(`CostmapOptions`); a StaticLayer takes them as costs where its `trinary_costmap` is false, else as
+free.
 
 A door outside the grid, where no floor plan sets its size, makes a larger grid: StaticLayer takes
-the new size over.
+over the new size.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Doors(Protocol):
 @knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class ServeOptions:
-    """What is offered next to the thesis's topic and actions."""
+    """What is offered besides the thesis's topic and actions."""
 
     costmap: bool = False
     floors: dict[int, FloorMap] = field(default_factory=dict)
@@ -86,7 +86,7 @@ class ServeOptions:
 
 
 class Server:
-    """Offers the doors; its `wake` is to be reported of each change."""
+    """Offers the doors; `wake` is to be set after each change."""
 
     def __init__(
         self, node: RosNode, doors: Doors, wake: threading.Event, options: ServeOptions
@@ -133,11 +133,11 @@ class Server:
             )
 
     def run(self, stop: Callable[[], bool], ready: Callable[[], None] = lambda: None) -> None:
-        """Serve until stopped stop, or until ROS ends.
+        """Serve until stopped, or until ROS ends.
 
         Args:
-            stop: Asked again and again.
-            ready: Called with once the map and all actions are offered.
+            stop: Called again and again.
+            ready: Called once the map and all actions are offered.
 
         Raises:
             RosError: A type is not installed.
@@ -215,7 +215,7 @@ class ServedCostmaps:
             topics: Where the messages go.
             names: Of the topics of levels.
             floor_of: Gives a level's floor plan, as of a door map.
-            warn: Called with, once each, why a level has no grid.
+            warn: Called with the reason, once each, why a level has no grid.
             floors: Floor plans that count instead.
             options: What doors cost; all levels are shown.
         """
@@ -265,7 +265,7 @@ class ServedCostmaps:
             self._warn(f"no new costmap of level {level}: {problem}")
 
     def _plan_event(self, doors: DoorMap, level: int) -> int | None:
-        """Return what shows a level's floor plan from another."""
+        """Return a number that identifies a level's floor plan."""
         known = doors.levels.get(level)
         return None if known is None or level in self._floors else known.floor_map_event
 

@@ -1,6 +1,6 @@
 """The thesis's file of doors at the server's start: it fills a log, or agrees with it.
 
-A log that another process writes, or nobody: its doors are offered, and no goal is taken.
+A log that the server does not write is only followed: its doors are offered, and no goal is taken.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def _replace(
 def _is_known(
     log: DoorLogWriter, table: DoorTable, level: str | None, default_prob: float | None
 ) -> bool:
-    """Return whether the log took the file in, as it is, or saved one that says the same."""
+    """Return whether the log took the file in, as it is, or saved an equal one."""
     ids = (command_id_of(table.path, ImportOptions(level=level)), _replace_id(table.path))
     if any(log.find_command(each) for each in ids):
         return True
@@ -194,7 +194,7 @@ class DoorFollower:
 
         Args:
             path: The log's folder.
-            changed: Called with when there is something new, and when following failed.
+            changed: Called when there is something new, and when following failed.
             poll_s: How often to look.
 
         Raises:

@@ -44,7 +44,7 @@ def _node(context: LaunchContext) -> list[Node]:
             output="screen",
             respawn=True,
             respawn_delay=2.0,
-            # It starts again whatever the exit code; what does not mend itself waits, told once.
+            # Restarted whatever the exit code; after a lasting error it reports once and waits.
             additional_env={"SEMMAP_RESPAWNED": "1"},
         )
     ]
