@@ -1,9 +1,8 @@
-"""How likely doors are open, for people: a row a door, and beneath what must not be overlooked.
+"""Draw tables of door beliefs, for the terminal and for notebooks.
 
-What a notebook shows of a log, of door maps, timelines, differences and beliefs.
-
-The tables are those that commands print. Where a value does not know the building's time zone,
-times are in UTC; long ones are cut, and say so.
+A row is a door; below the table stands what a reader must not overlook. Notebooks show logs, door
+maps, timelines, differences and beliefs by the same tables that commands print. Times are in UTC
+where a value does not know the building's time zone. Long tables are cut, with a note.
 """
 
 from __future__ import annotations

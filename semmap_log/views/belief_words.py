@@ -1,6 +1,7 @@
-"""Beliefs in words: numbers short enough for a table, and what must be stated next to them.
+"""Format beliefs and the steps of a patrol round as text.
 
-A patrol round under way as lines: after an event, where the robot goes next.
+Numbers are short enough for a table, with the caveats that belong next to them. For a round under
+way, a line after each event names the robot's next stop.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def step_row(step: RoundStep, tz: str) -> tuple[str, ...]:
 
 
 def step_line(step: RoundStep, tz: str) -> str:
-    """Return a step in words: when, what was given, where to go, P then, and why."""
+    """Return a step in words: when, what was reported, where to go, P then, and why."""
     begun = f"{format_short(step.at_ns, tz)}  {printable(step.because)}"
     if step.stop is None:
         return f"{begun}. {OVER[0].upper()}{OVER[1:]}."
@@ -100,7 +101,7 @@ def _end(probability: float) -> str:
 
 
 def why_unknown(evidence: EvidenceSummary) -> str:
-    """Return why nothing is reported about a door."""
+    """Return why there is no belief about a door."""
     if evidence.is_empty:
         return "never seen"
     said = f"{counted(evidence.counts.words, 'event')} about its state"
@@ -135,10 +136,10 @@ def labels_in(told: Sequence[BeliefTexts]) -> list[str]:
 
 
 def never_seen_lines(told: Sequence[BeliefTexts]) -> list[str]:
-    """Return what must be reported about the hours in which nobody looked.
+    """Return the notes on hours in which nobody looked at the doors.
 
-    Of a few doors, or where they are alike, for each; else the hours in which none of them was
-    ever seen.
+    For a few doors, or where doors are alike, one note each; otherwise only the hours in which none
+    of the doors was ever seen.
     """
     alike: dict[bytes, list[str]] = {}
     for each, label in zip(told, labels_in(told), strict=True):

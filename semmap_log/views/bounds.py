@@ -1,7 +1,4 @@
-"""Rectangles around what a plan shows.
-
-The rooms that a view of a log tints and names.
-"""
+"""Compute the bounding rectangle of a plan, and the rooms that a view tints and names."""
 
 from __future__ import annotations
 
@@ -68,7 +65,7 @@ class Bounds:
         )  # fmt: skip
 
     def holds(self, other: Bounds) -> bool:
-        """Return whether another rectangle lies in this one; the empty one does."""
+        """Return whether another rectangle lies within this one; the empty one always does."""
         return self.including(other) == self
 
     @property

@@ -1,15 +1,10 @@
-"""A table in its two forms: drawn in a terminal for people, and a row a line for programs.
+"""Render one table in several forms: drawn for people, as lines for programs, and as HTML.
 
-Drawn, columns that do not fit are left out, the least important first, and named; where not even
+Drawn, columns that do not fit are left out, the least important first, and named. Where not even
 the important ones fit, the cells of a row stand below each other, all of them. As lines, every
-column is there at any width, under a name that never changes; cells are separated by a tab, so that
-`cut -f` takes them.
-
-Tables for people as HTML: the same cells that a terminal shows, texts escaped.
-
-Heads and texts next to each other, or a text below its head where it has no room next to it.
-
-A table of names and values.
+column is present at any width, under a name that never changes; cells are separated by a tab, so
+that `cut -f` takes them. HTML shows the same cells as a terminal, with texts escaped. Tables of
+names and values place a text next to its head, or below it where there is no room.
 """
 
 from __future__ import annotations
@@ -92,11 +87,11 @@ class BesideLayout:
     indent: int
     """Of a text below its head."""
     readable: int
-    """A text is folded next to its head where it has so many columns there."""
+    """The least number of columns in which a text is folded next to its head."""
 
 
 def beside_or_below(pairs: Sequence[Pair], width: int, layout: BesideLayout) -> Group:
-    """Return pairs in that width, all their texts whole; texts next to a head stand in line."""
+    """Return pairs in that width, no text cut; texts next to heads are aligned."""
     heads = max((w for p in pairs if (w := cell_len(p.head)) <= width // 2), default=0)
     room = width - heads - layout.gap
 
@@ -113,7 +108,7 @@ def beside_or_below(pairs: Sequence[Pair], width: int, layout: BesideLayout) -> 
 
 
 def _has_room(text: str, room: int, readable: int) -> bool:
-    """Return whether a text fits: on one line, or folded at its spaces so that it reads well."""
+    """Return whether a text fits, on one line or folded legibly at its spaces."""
     if cell_len(text) <= room:
         return True
     return room >= readable and all(cell_len(word) <= room for word in text.split())
@@ -149,7 +144,7 @@ BELOW = BesideLayout(gap=GAP, indent=0, readable=16)
 
 @dataclass(frozen=True, slots=True)
 class CellValue:
-    """A cell that is drawn as one text and given to programs as another."""
+    """A cell with one text for people and another for programs."""
 
     drawn: str | Text
     told: str
@@ -193,7 +188,7 @@ class ColumnTable:
     columns: list[TableColumn]
     gap: int = GAP
     has_head: bool = True
-    """False for the pages of a long table after the first."""
+    """False for all pages of a long table but the first."""
     rows: list[tuple[tuple[Cell, ...], str]] = field(default_factory=list)
     """Cells, and the style of their row."""
 
@@ -300,7 +295,7 @@ class ColumnTable:
         return table
 
     def _draw_below(self, places: list[int], width: int) -> Group:
-        """Return the cells of each row below each other, after the heads of their columns."""
+        """Return the cells of each row below each other, each after the head of its column."""
         pairs: list[Pair] = []
         for number, (cells, style) in enumerate(self.rows):
             if number or not self.has_head:

@@ -1,6 +1,6 @@
-"""What an event says, in a few words, without the time and the door's name.
+"""Describe an event in a few words, without its time and the door's name.
 
-Names in a picture whose fonts lack letters of some: a whole name, or what stands for it.
+Also names in a picture whose fonts lack some of their letters: the whole name, or a substitute.
 """
 
 from __future__ import annotations
@@ -155,13 +155,13 @@ def _opening(event: DoorObserved) -> str:
 
 
 HasShape = Callable[[str], bool]
-"""Tells whether the fonts of a picture have a shape for a character."""
+"""Returns whether the fonts of a picture have a shape for a character."""
 
 
 def drawable_name(name: str, stand_in: str, has_shape: HasShape) -> str:
     """Return a name as it can be drawn; what stands for it if a letter is missing.
 
-    Of a name in part drawn nobody could tell which door it is: two rooms may differ in just the
+    A name drawn in part would not identify a door: two rooms may differ in just the
     letters that are missing. Other signs, such as emoji, are left out.
     """
     composed = unicodedata.normalize("NFC", name)

@@ -1,6 +1,6 @@
-"""How a log is, in words: for `verify`, `recover` and `info`. Fits 80 columns.
+"""Describe the health of a log, for `verify`, `recover` and `info`; fits 80 columns.
 
-A sensor's accuracies for people: each door's, all together, and what to type with them.
+Also a sensor's accuracies for people: each door's, all doors together, and the command to set them.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def verification_report(found: Verification, signed: Sequence[Text] = ()) -> Ren
 
     Args:
         found: That.
-        signed: What is reported about its signatures, in lines; empty: they were not checked.
+        signed: Lines about its signatures; empty: they were not checked.
     """
     if found.exit_code == 5:
         return Group(*(plain_text(f"{f.path}: {f.text}") for f in found.findings))
@@ -259,7 +259,7 @@ def recovery_report(found: RecoveryPlan, done: Recovered | None) -> RenderableTy
 
     Args:
         found: What was found.
-        done: What was done about it; None: nothing, it was only asked.
+        done: What was done about it; None: nothing, this was only a check.
     """
     name = plain_text(str(found.path))
     if not found.has_to_do:

@@ -1,10 +1,8 @@
-"""What a join is, for people: which doors are one, which are not, and where logs differ.
+"""Tables of joins, proposed doors and rooms, for people.
 
-Proposed doors for people: a row each, numbered as in their picture.
-
-The rooms of a log for people: a row a room, its doors and where they lead.
-
-Rooms in words: what a room and a door are called, and what is odd about a level's rooms.
+A join: which doors are one, which are not, and where logs differ. Proposed doors: a row each,
+numbered as in their picture. Rooms: a row each, with its doors and where they lead, and what is odd
+about a level's rooms.
 """
 
 from __future__ import annotations
@@ -161,7 +159,7 @@ def proposal_to_json(number: int, proposal: Proposal, name: str) -> dict[str, An
 
 
 MOST_DOORS, MOST_ROOMS = 2, 3
-"""So many are drawn by name; programs are given all."""
+"""So many are drawn by name; programs get all of them."""
 
 
 def room_table(plan: RoomPlan, words: RoomWords) -> ColumnTable:

@@ -1,11 +1,8 @@
-"""Labels on a plan: what they say, and where they go so that none covers another.
+"""A costmap as a picture for people, with labels that never cover each other.
 
-A costmap as a picture for people: legend, doors with their ids, a scale bar, y up as in the map.
-
-Shades stand for costs (`costmap_shading`); a door's state is given by the stroke as well as by its
-colour: closed is a thick line, open a thin one in a wide gap, unknown is dashed.
-
-What stands next to a costmap's picture: what shades and strokes mean, how long a metre is.
+The picture has a legend, doors with their ids and a scale bar; y points up as in the map. Shades
+stand for costs (`palette`). A door's state shows in its stroke as well as its colour: closed is a
+thick line, open a thin one in a wide gap, unknown is dashed.
 """
 
 from __future__ import annotations
@@ -44,9 +41,9 @@ TICKS_EVERY_PX = 90
 LABEL_PX = 13
 MOST_LABEL_PX = 240
 MOST_COLUMNS = 3
-"""Of names, next to the legend."""
+"""Columns of names, next to the legend."""
 MOST_NAMES = 40
-"""Of more doors than that, names would hide the map: they stand next to it."""
+"""With more doors, names would hide the map; they then stand next to it."""
 STROKE_PX = 10
 
 
@@ -199,7 +196,7 @@ def _draw_doors(draw: ImageDraw, view: _View, doors: Sequence[DoorMark]) -> list
     """Draw the doors that are on the map, then their labels, so that no stroke hides a number.
 
     Returns:
-        What could not be stated on the map: the names of doors that only have their number there.
+        The labels that did not fit on the map: names of doors that only have their number there.
     """
     lines = []
     for door in doors:
@@ -231,7 +228,7 @@ def _full_label(door: DoorMark) -> str:
 def _draw_label(
     draw: ImageDraw, places: LabelPlaces, door: DoorMark, line: tuple[Point, Point], *, named: bool
 ) -> bool:
-    """Draw a door's number, and its name where there is room; return whether all of it is there."""
+    """Draw a door's number, and its name if there is room; return whether both were drawn."""
     (x0, y0), (x1, y1) = line
     middle = (x0 + x1) / 2, (y0 + y1) / 2
     across = math.atan2(y1 - y0, x1 - x0) + math.pi / 2
@@ -249,7 +246,7 @@ def _draw_label(
 
 
 def _draw_box(draw: ImageDraw, box: Box, text: str, middle: Point, colour: Rgb) -> None:
-    """Draw a label, and where it is not next to its door, a line to it."""
+    """Draw a label, and a line to its door if it is not next to it."""
     left, top, right, bottom = box
     nearest = min(max(middle[0], left), right), min(max(middle[1], top), bottom)
     if math.dist(middle, nearest) > NEAR_PX[-1] + 4:
@@ -349,7 +346,7 @@ def _plain(character: str) -> str:
 
 @lru_cache(1024)
 def _has_shape(character: str) -> bool:
-    """Return whether the font has a shape of its own for it."""
+    """Return whether the font has a shape of its own for a character."""
     mask = font(14).getmask
     return character == " " or (
         character.isprintable() and bytes(mask(character)) != bytes(mask("\U0010fffd"))
@@ -498,5 +495,5 @@ def _beside(at: Point, size: tuple[int, int], distance: float, angle: float) -> 
 
 
 def without_level(name: str, level: str) -> str:
-    """Return a door's name without the level in front, which is given by the plan it is on."""
+    """Return a door's name without its level prefix, which the plan already shows."""
     return name.removeprefix(level).lstrip(" ._-:/") or name

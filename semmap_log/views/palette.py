@@ -1,15 +1,10 @@
-"""Every colour that is drawn, in one place; the report's page has its own paper in `page.css`.
+"""All colours that are drawn, in one place; the report's page has its own paper in `page.css`.
 
-Probabilities as colours: dark is surely closed, bright surely open, for all eyes and in grey.
-
-The colours are those of matplotlib's viridis, so that terminal, plot and viewer agree.
-
-Which tint each room of a level is drawn in: rooms next to each other get different ones.
-
-A costmap's cells as shades for people: clear on a grey print and for colour-blind eyes.
-
-Light is cheap, dark is dear: free is white, inflation runs from pale to deep violet, inscribed is
-darker than all of it, lethal is black. Unknown is hatched, as no cost is.
+Probabilities run from dark (surely closed) to bright (surely open), in matplotlib's viridis, for
+all eyes and in grey; terminal, plot and viewer agree. Adjacent rooms of a level get different
+tints. A costmap's shades are clear on a grey print and for colour-blind eyes: free is white,
+inflation runs from pale to deep violet, inscribed is darker than all of it, lethal is black.
+Unknown is hatched, as no cost is.
 """
 
 from __future__ import annotations
@@ -53,7 +48,7 @@ def ink_on(colour: Rgb) -> Rgb:
 
 
 BESIDE_CELLS = 9
-"""Rooms so near to each other are next to each other: a wall lies between."""
+"""Rooms within this distance are adjacent: only a wall lies between them."""
 MOST_CELLS = 4_000_000
 
 Image = NDArray[np.uint8]
@@ -101,7 +96,7 @@ def room_tints(labels: NDArray[np.int64]) -> dict[RoomId, int]:
 
 
 def _beside(labels: NDArray[np.int64]) -> dict[RoomId, set[RoomId]]:
-    """Return the rooms next to each room: a few cells away along a row or a column."""
+    """Return the rooms adjacent to each room: a few cells away along a row or a column."""
     found: dict[RoomId, set[RoomId]] = {int(room): set() for room in np.unique(labels) if room}
     for gap in range(1, BESIDE_CELLS + 1):
         for one, other in ((labels[gap:], labels[:-gap]), (labels[:, gap:], labels[:, :-gap])):
@@ -117,7 +112,7 @@ Grid = NDArray[np.uint8] | NDArray[np.int8]
 
 HATCH_PX = 8
 LEVELS = 24
-"""Of the violet: as many as an eye can see, and few enough that the file stays small."""
+"""Of the violet: as many as an eye can distinguish, few enough that the file stays small."""
 
 
 def costs_of(grid: Grid) -> NDArray[np.uint8]:
@@ -272,7 +267,7 @@ COST_DOORS: dict[DoorState, Rgb] = {
     DoorState.OPEN: (0x00, 0x72, 0xB2),
     DoorState.UNKNOWN: (0x80, 0x60, 0x00),
 }
-"""After Okabe and Ito, who chose colours that colour-blind eyes tell apart."""
+"""After Okabe and Ito, who chose colours that colour-blind eyes can distinguish."""
 WEEK_UNKNOWN: Rgb = (70, 74, 82)
 WEEK_AXES: Rgb = (225, 228, 233)
 
@@ -290,7 +285,7 @@ ROOM_TINTS: tuple[Rgb, ...] = (
     (0x8D, 0xB7, 0xE0), (0xE3, 0xC7, 0x8A), (0x9F, 0xCF, 0xB0), (0xD0, 0xA9, 0xD6),
     (0xE0, 0xA6, 0x9E), (0xA9, 0xC9, 0xCF), (0xC9, 0xCC, 0x95), (0xB5, 0xB0, 0xE3),
 )  # fmt: skip
-"""Of rooms, pale, so that doors stand out; rooms next to each other get different ones."""
+"""Of rooms, pale, so that doors stand out; adjacent rooms get different ones."""
 PLOT_ROOM_NAME = "#333333"
 PLOT_LIFT = "#7a3fa0"
 

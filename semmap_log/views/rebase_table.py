@@ -1,6 +1,7 @@
-"""What a new map does to the doors, for people: how well points fit, and where doors go.
+"""Tables of a rebase and of a planned trip, for people.
 
-A planned trip, for people: the doors on the way, and what to do if one is shut.
+A rebase: how well the points fit the new map, and where doors go. A trip: the doors on the way,
+and what to do if one is shut.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def moved_doors_table(plan: RebasePlan) -> ColumnTable:
 
 
 def rebase_notes(plan: RebasePlan) -> Iterator[str]:
-    """Yield what is to be reported about doors that stay, and of those that were measured."""
+    """Yield notes on doors that stay, and on those that were measured."""
     measured = [door for door in plan.doors if door.is_measured]
     if measured:
         worst = max(measured, key=lambda door: -1 if math.isnan(door.off_m) else door.off_m)

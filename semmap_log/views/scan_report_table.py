@@ -1,6 +1,7 @@
-"""What a laser saw of the doors, for people: a row a door, and what should be looked at.
+"""Tables of a scan report and of query answers, for people.
 
-The answer of a query for people: times by the log's clocks, numbers to the right.
+A scan report has a row for each door, and names those that need a look. A query's answer shows
+times by the log's clocks, and aligns numbers to the right.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ MOST_NAMED = 12
 
 
 def scan_report_table(report: ScanReport) -> RenderableType:
-    """Return a row a door, in 80 columns, and after it what is odd."""
+    """Return a table of a row a door, in 80 columns, followed by notes on what is odd."""
     table = ColumnTable([
         TableColumn("door", "door", least=12),
         TableColumn("visits", "visits", right=True),

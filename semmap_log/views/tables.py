@@ -303,7 +303,7 @@ def _counted_by_class(door_map: DoorMap) -> Iterator[tuple[str, int]]:
 
 
 def _personal_words(personal: PersonalData) -> Iterator[tuple[str, str]]:
-    """Yield what of a log reports of persons, in words."""
+    """Yield the parts of a log that are about persons, in words."""
     if personal.notes:
         said = f"{personal.notes:,}, {personal.reasons:,} of them with a reason"
         yield "notes", f"{said}; by {_most(personal.actors)}"
@@ -430,7 +430,7 @@ def class_in(objects: Objects, door_id: DoorId | None) -> ObjectClass:
 
 
 def words_of_entry(entry: HistoryEntry, of: ObjectClass = DOOR) -> Text:
-    """Return what an event says, how late it was given, what was before, and what took it back."""
+    """Return an event in words: its content, its delay, the value before, and its retraction."""
     said = words_of(entry.event, of)
     late_ns = entry.recorded_ns - entry.happened_ns
     if late_ns > LATE_NS:

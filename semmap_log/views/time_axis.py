@@ -1,8 +1,8 @@
 """Ticks of a time axis by a building's clocks, and their labels: none covers another.
 
 Each tick is what its label says: a time of day, or the first moment of a day, a month, a year.
-Where clocks are turned back, a tick that comes a second time shows how far it is ahead of UTC. The
-report's page does the same with `page/ticks.js`; a test holds the two together.
+Where clocks are turned back, a tick that comes a second time shows its offset from UTC. The
+report's page does the same in `page/ticks.js`; a test keeps the two equal.
 """
 
 from __future__ import annotations
@@ -103,9 +103,9 @@ def time_ticks(
     Args:
         start_ms: Where the axis begins, milliseconds since the Unix epoch.
         end_ms: Where it ends.
-        clock: Whose time is given.
+        clock: The clock of the labels.
         letters: How long it is, in widths of a letter.
-        short: Days are given without their weekday, months without their year but in January.
+        short: Label days without their weekday, and months other than January without their year.
         anchor: The part of a label that stands before its tick: 0, or .5 if they are centred.
     """
     length_ms = max(end_ms - start_ms, 1)

@@ -1,12 +1,9 @@
-"""A door's timeline for people: a row an interval, and how much of the time it was open.
+"""Tables of a door's timeline, best times, explanation and evaluation, for people.
 
-A sighting holds only for a time: how much of an interval the door was not seen has its own column.
-
-When to go to a door, for people.
-
-Why a door was in a state, for people: a fact a row, in whole words, all on one screen.
-
-Evaluations for people: a row an estimator, the best figures marked; then a row a door.
+A timeline has a row for each interval, and how much of the time the door was open. A sighting holds
+only for a time: a separate column shows how much of an interval the door was not seen. An
+explanation has a row for each fact, all on one screen. An evaluation has a row for each estimator,
+with the best figures marked, then a row for each door.
 """
 
 from __future__ import annotations
@@ -135,10 +132,10 @@ When = Callable[[int], str]
 
 
 def explanation_table(told: Explanation, *, tz: str) -> RenderableType:
-    """Return what a log reports of a door at a moment.
+    """Return a table that explains a door's state at a moment.
 
     Args:
-        told: The answer.
+        told: The explanation.
         tz: IANA zone of the times.
     """
     rows = _Rows(told, tz)
@@ -154,7 +151,7 @@ def explanation_table(told: Explanation, *, tz: str) -> RenderableType:
 
 
 class _Rows:
-    """Names and values; times are drawn short, and given to programs in full."""
+    """Names and values; times are short when drawn, and complete for programs."""
 
     def __init__(self, told: Explanation, tz: str) -> None:
         self.table: PairTable = pairs()
@@ -164,14 +161,14 @@ class _Rows:
         self._day = format_short(told.time_ns, tz).partition(" ")[0]
 
     def add(self, name: str, value: Callable[[When], Text], *, under: str = "") -> None:
-        """Add a row; one under another is given by both names."""
+        """Add a row; programs see a row under another by both names."""
         drawn, full = value(self.drawn), value(lambda ns: format_local(ns, self._tz))
         told_name = f"{under}: {name}" if under else name
         label = f"  {name}" if under and name else name
         add_pair(self.table, label, CellValue(drawn, full.plain), told_name=told_name)
 
     def add_state(self, name: str, known: StateReason) -> None:
-        """Add a state, what began it, and what told it last."""
+        """Add a state, the event that began it, and the last event that reported it."""
         told = self._told
         self.add(name, lambda when: _state(known, told, when))
         if known.begun_by is None or known.last is None:
@@ -186,7 +183,7 @@ class _Rows:
             )
 
     def drawn(self, ns: int) -> str:
-        """Return a time: without the date on the day that is queried."""
+        """Return a time, without its date on the day of the queried moment."""
         day, _, clock = format_short(ns, self._tz).partition(" ")
         return clock if day == self._day else f"{day} {clock}"
 
@@ -199,7 +196,7 @@ class _Rows:
 
 
 def _class_told(told: Explanation) -> ObjectClass:
-    """Return what a log shows something of."""
+    """Return the class of the object that the explanation is about."""
     door = told.true.door or told.believed.door
     return DOOR if door is None else door.object_class
 
@@ -226,7 +223,7 @@ def _state(known: StateReason, told: Explanation, when: When) -> Text:
 
 
 def _coloured(state: DoorState, of: ObjectClass, said: str = "") -> Text:
-    """Return a state, or what is reported about it, in its colour; what is appended has none."""
+    """Return a state, or its description, in its colour; text that is appended has none."""
     return Text.assemble((said or of.word(state), STATE_COLOURS.get(state, OTHER_STATE_COLOUR)))
 
 
@@ -295,7 +292,7 @@ def _was_told_late(late: HistoryEntry, when: When) -> Text:
 
 
 def _add_otherwise(rows: _Rows, told: Explanation) -> None:
-    """Add the events nearest to the moment that tell another state."""
+    """Add the events nearest to the moment that report another state."""
     if told.true.state is None:
         return
     if not told.otherwise:

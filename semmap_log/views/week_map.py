@@ -165,7 +165,7 @@ def _tell(
 
 
 def _cell_width(width: int, wanted: int, *, beside: int) -> int:
-    """Return how many columns of text a cell may take, where so many are next to the cells."""
+    """Return how many columns of text a cell may take, with `beside` columns next to the cells."""
     return max(1, min(wanted, (width - beside) // HOURS))
 
 

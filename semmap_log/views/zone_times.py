@@ -1,9 +1,8 @@
-"""The page's clock: whole milliseconds, and a zone's offsets so that no browser needs its own.
+"""The page's clock: whole milliseconds, and a zone's offsets, so that no browser needs its own.
 
-What counts from a nanosecond on counts from the next whole millisecond on: so at each whole
-millisecond the page shows just what a replay of that moment does.
-
-What to do with a log that has no events yet: told wherever there would be nothing to see.
+A change at a nanosecond counts from the next whole millisecond on, so that at each whole
+millisecond the page shows just what a replay of that moment returns. It also holds the hint for a
+log that has no events yet.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ class Span:
         return first_ms(ns) - self.begin_ms
 
     def widened(self, ms: int) -> Span:
-        """Return the same with so much more before and after."""
+        """Return the span widened by `ms` at both ends."""
         return Span(self.begin_ms - ms, self.end_ms + ms)
 
 

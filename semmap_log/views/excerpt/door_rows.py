@@ -1,8 +1,7 @@
-"""Rows of door changes as pictures take them: where they begin, whose they are, what counts.
+"""Rows of door changes for drawing: where they begin, whose they are, which of them count.
 
-One door's events as rows to draw: where it becomes something else. Pure numpy.
-
-What objects look like on a floor plan: a door is a line, others may be areas or points.
+One door's events become rows at which it changes. On a floor plan a door is a line; other objects
+may be areas or points. Pure numpy.
 """
 
 from __future__ import annotations
@@ -63,7 +62,8 @@ class DoorPicture:
 class DoorFold:
     """Follows one door and remembers only its last values.
 
-    A door that is not there is not drawn; what is reported of it then is, once it comes.
+    A door that is not in the map is not drawn; what is reported about it then is shown once it is
+    added.
     """
 
     def __init__(self) -> None:
@@ -111,7 +111,7 @@ class DoorFold:
         return before
 
     def _presence(self, changes: Changes) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Tell for each row whether the door is there since, and whether it was there before."""
+        """Return for each row whether the door exists after it, and whether it existed before."""
         sets = np.flatnonzero((changes["sets"] & THERE) != 0)
         brings = np.append(self.is_there, ~of_presence(changes[sets], Presence.GOES))
         place = np.searchsorted(sets, np.arange(len(changes)), "right")
@@ -123,7 +123,7 @@ class DoorFold:
 
 
 def _differs(rows: Changes, before: Changes, names: Iterable[str]) -> NDArray[np.bool_]:
-    """Return which rows have other values than the rows before them; NaN is like NaN."""
+    """Return which rows differ in value from the rows before them; NaN equals NaN."""
     found = np.zeros(len(rows), np.bool_)
     for name in names:
         one, other = before[name], rows[name]
@@ -142,7 +142,7 @@ class ObjectShape:
 
     object_class: ObjectClass = DOOR
     outline: Corners = ()
-    """Of a polygon, in its own frame, metres; empty: nobody has said."""
+    """Of a polygon, in its own frame, metres; empty: unknown."""
 
     @property
     def is_line(self) -> bool:
@@ -263,7 +263,7 @@ class DoorLifetime:
     removed: Stamp = NEVER
 
     def covers(self, changes: Changes) -> NDArray[np.bool_]:
-        """Tell for each row whether the door was there; the adding counts in, the removal out."""
+        """Return for each row whether the door exists, from its addition up to its removal."""
         return ~is_before(changes, self.added) & is_before(changes, self.removed)
 
 

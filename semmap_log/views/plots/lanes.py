@@ -77,7 +77,7 @@ class Lanes:
         *,
         progress: Progress | None = None,
     ) -> Lanes:
-        """Return what a log shows, as it is known today.
+        """Return the lanes of a log, as they are known today.
 
         Args:
             log: The log.
@@ -192,7 +192,7 @@ def _spans(start_ns: Times, end_ns: Times) -> list[tuple[float, float]]:
 
 
 def _as_seen(timeline: Timeline, lanes: Lanes) -> tuple[Times, Times, NDArray[np.uint8]]:
-    """Return start, end and state of what can be given apart in a lane; of a lapse + `LAPSED`."""
+    """Return start, end and state of what a lane can resolve; lapses have `LAPSED` added."""
     if len(timeline) + len(timeline.lapse_start_ns) <= MOST_INTERVALS:
         return _with_lapses(timeline)
     edges = np.linspace(lanes.start_ns, lanes.end_ns, MOST_INTERVALS + 1).astype(np.int64)

@@ -1,10 +1,8 @@
-"""The one place that imports matplotlib; without it, says how to get it.
+"""The one place that imports matplotlib; if it is missing, the error says how to install it.
 
-The rooms of floor plans as a picture: tinted, named, with the doors between them.
-
-Reliability diagrams: what came where so much was stated, and how often that was stated.
-
-A floor plan's cells as a picture can show them: of a large one, blocks of cells.
+It also draws the rooms of floor plans (tinted, named, with the doors between them), a floor plan's
+cells (of a large plan, blocks of cells), and reliability diagrams: how often outcomes came true at
+each forecast probability, and how often it was forecast.
 """
 
 from __future__ import annotations
@@ -96,7 +94,7 @@ def new_figure(width: float, height: float, **how: Any) -> Any:
 
 
 def save_figure(figure: Any, path: Path) -> None:
-    """Write a figure, whole or not at all; the name shows the format.
+    """Write a figure, whole or not at all, in the format that the name's suffix names.
 
     Raises:
         FormatError: The name ends in neither .png nor .svg.
@@ -127,7 +125,7 @@ def _add_letters(figure: Any) -> None:
 
 
 def letters_of(path: Path) -> HasShape:
-    """Return what says whether a picture of that name has a shape for a character.
+    """Return a function that checks whether a picture of that name can draw a character.
 
     In an .svg a letter stays a letter: who shows it takes a font that has it.
     """
@@ -136,7 +134,7 @@ def letters_of(path: Path) -> HasShape:
 
 @cache
 def has_shape(character: str) -> bool:
-    """Return whether a font that is here has a shape for a character."""
+    """Return whether an available font has a shape for a character."""
     return any(font.get_char_index(ord(character)) for font in _fonts())
 
 
@@ -177,7 +175,8 @@ def draw_rooms(
         plan: Of a moment.
         level: Only that level; None: all.
         title: Above all.
-        letters: Tells whether a letter has a shape; a room with another is called by its number.
+        letters: Returns whether a letter has a shape; a room whose name has one without a shape is
+            labelled with its number.
     """
     levels = [each for each in plan.levels if level in (None, each)]
     spans = [_span(plan.levels[each]) for each in levels]
@@ -269,8 +268,8 @@ LEAST_AREA, MOST_AREA = 6.0, 120.0
 def plot_calibration(evaluation: Evaluation, path: Path, *, name: str) -> None:
     """Draw a panel for each estimator into a .png or .svg.
 
-    On the diagonal as much came as was stated. The bars below, and the area of the dots, tell how
-    many of the forecasts said so.
+    On the diagonal, outcomes came as often as forecast. The bars below, and the area of the dots,
+    show how many forecasts lie in each bin.
 
     Args:
         evaluation: What came of it; the diagrams are of all doors together, the figures their mean.
@@ -342,7 +341,7 @@ def _draw(panel: Any, found: Reliability) -> None:
 
 
 def _draw_counts(panel: Any, found: Reliability, most: float) -> None:
-    """Draw how many forecasts lie in each bin, on a scale on which few are seen next to many."""
+    """Draw how many forecasts lie in each bin, on a scale that shows small counts next to large."""
     edges = np.arange(BINS) / BINS
     panel.bar(edges, found.count, 1 / BINS, align="edge", color=PLOT_BARS, edgecolor="white",
               linewidth=0.5)  # fmt: skip

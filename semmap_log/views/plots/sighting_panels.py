@@ -1,4 +1,4 @@
-"""Visits to doors as small pictures next to each other: beams, the line, the leaf drawn in."""
+"""Visits to doors as a grid of small pictures: beams, the door's line, the fitted leaf."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ MOST_OF_ONE, MOST_OF_EACH = 24, 6
 """Visits that are drawn of a door that is alone, and of each of several."""
 MOST_DOORS = 40
 AROUND_M = 1.6
-"""What is shown around a door, next to its width."""
+"""What is shown around a door, beyond its width."""
 MOST_BEAMS = 80
 """So many lines of beams are drawn in a picture; more would be one area."""
 WORD_LETTERS, SMALL_LETTERS, BIG_LETTERS = 50, 33, 22
@@ -187,7 +187,7 @@ def _draw(panel: Any, kept: KeptVisit, tz: str, palette: Palette) -> None:
 
 
 def _write(panel: Any, kept: KeptVisit, tz: str, palette: Palette) -> None:
-    """Write above a picture what is stated, when, and on what grounds."""
+    """Write the verdict, its time and its grounds above a picture."""
     said, visit = verdict(kept.visit), kept.visit
     text = _part(palette.text_of_state(visit.state))
     lines: list[tuple[str, float, float, dict[str, Any]]] = [

@@ -1,12 +1,9 @@
-"""A log as one page: everything in it, nothing around it, the same bytes for the same log.
+"""Write a log as one self-contained page: the same bytes for the same log.
 
-The last changes in words: when, which door, what; who and why.
-
-Fills the page: HTML, CSS and JavaScript are files next to this one, the data is JSON.
-
-Nothing in the data can become part of the page: it is a block that no browser runs, in it `<`, `>`
-and `&` are spelt out, and the scripts show text as text. The page's own policy forbids it to load
-anything, and any script but its own.
+HTML, CSS and JavaScript are files next to this one; the data is JSON, and includes the last changes
+in words: when, which door, what, who and why. Nothing in the data can become part of the page: it
+is a block that no browser runs, in which `<`, `>` and `&` are escaped, and the scripts show text as
+text. The page's own policy forbids it to load anything, and any script but its own.
 """
 
 from __future__ import annotations
@@ -127,8 +124,8 @@ def report_data(
 ) -> dict[str, Any]:
     """Return all that the page shows, as JSON holds it.
 
-    Times are milliseconds after `begin` (which is since the Unix epoch), where nothing else is
-    said; lengths metres, frame `map`.
+    Unless noted, times are milliseconds after `begin` (which is since the Unix epoch); lengths are
+    in metres, in frame `map`.
     """
     log = excerpt.log
     now = log.replay(at=excerpt.last_ns())
@@ -209,7 +206,7 @@ def _lapses(excerpt: Excerpt, span: Span) -> dict[DoorId, dict[str, Any]]:
 
 
 def _annotations(excerpt: Excerpt, now: DoorMap) -> dict[DoorId, dict[str, str]]:
-    """Return what is reported about the doors when the page ends; of removed ones only the name."""
+    """Return the doors' annotations at the page's end; of removed doors only the name."""
     names = excerpt.log.state_in(Scope(at_ns=excerpt.last_ns())).names()
     said = {door_id: {"name": name} for door_id, name in names.items()}
     return said | {door_id: dict(door.annotations) for door_id, door in now.doors.items()}
@@ -236,7 +233,7 @@ def _shapes(excerpt: Excerpt) -> Mapping[DoorId, ObjectShape]:
 def rounds_of(log: DoorLog, span: Span) -> list[list[Any]]:
     """Return [from when, till when, what it is called, who drove] for each round of the page.
 
-    Times are None where nobody told them.
+    Unknown times are None.
     """
 
     def when(ns: int | None) -> int | None:
@@ -286,7 +283,7 @@ UNKNOWN = -1
 
 
 def beliefs_of(excerpt: Excerpt, tz: str, doors: Collection[DoorId]) -> dict[DoorId, Any]:
-    """Return, for the doors in the map when the page ends, what can be reported about them.
+    """Return the beliefs about the doors that are in the map at the page's end.
 
     `p` is [P(open), low, high] (90 % interval), or null; then `why` says why. `week` has P(open)
     in percent for 168 hours from Monday's first on, or null where too little is known at all.
@@ -323,7 +320,7 @@ def changes_of(
 
     Args:
         log: Where from.
-        told: Rows of `STAMP`, of events that are given whatever they say.
+        told: Rows of `STAMP`, of events that are listed whatever they report.
         page_doors: The doors, with their changes of state.
         span: Of the page.
     """

@@ -1,15 +1,10 @@
 """One pass over a log's events: what the page needs of them, in a few columns.
 
-Of each report of a state 22 bytes are kept, of each pose 20; the rest is rare.
-
-What became of each door, coded so that a page can hold a week of hundreds of them.
-
-States are never thinned: at each whole millisecond the page shows what a replay does. Sightings
-that only repeat a state move nothing but `last seen`; of very many, some are left out.
-
-Each robot's track, with as few points as it takes: a point every 25 cm is more than eyes see.
-
-Between two points the robot went straight, at one speed; after the last of a run it stands.
+Of each report of a state 22 bytes are kept, of each pose 20; the rest is rare. States are never
+thinned: at each whole millisecond the page shows what a replay returns. Sightings that only repeat
+a state move nothing but `last seen`; of very many, some are left out. A robot's track has as few
+points as it takes, since a point every 25 cm is more than eyes see: between two points the robot
+went straight, at one speed; after the last point of a run it stands.
 """
 
 from __future__ import annotations
@@ -83,7 +78,7 @@ class DrawnTrack:
     """[level, then for each point tenths of seconds, x and y in decimetres]; each point but the
     first as the difference from the one before."""
     robots: list[int]
-    """Of each run, the place of its robot among those that the log reports of."""
+    """For each run, the index of its robot among the log's robots."""
     within_m: float
     """So far at most a pose lies off it."""
 
@@ -112,7 +107,7 @@ def track_of(
 
 
 def _runs(poses: Rows, plans: Mapping[int, Sequence[int]]) -> list[Rows]:
-    """Cut where the level or its plan changes, or nothing was given for long; robot by robot."""
+    """Cut where the level or its plan changes, or no pose came for long; robot by robot."""
     poses = poses[np.argsort(poses["robot"], kind="stable")]
     jumps = np.diff(poses["robot"].astype(np.int32)) != 0
     jumps |= np.diff(poses["level"].astype(np.int32)) != 0
@@ -190,7 +185,7 @@ class PageDoor:
 
     @property
     def changes(self) -> Rows:
-        """Rows of `STAMP`: the events that told of another state than the one before."""
+        """Rows of `STAMP`: the events that reported another state than the one before."""
         rows = self.states[1:][np.diff(self.states["state"].astype(np.int16)) != 0]
         stamps = np.empty(len(rows), STAMP)
         stamps["folds_ns"], stamps["number"] = rows["folds_ns"], rows["number"]
@@ -222,7 +217,7 @@ def placed_on(rest: Changes) -> set[int]:
 
 
 def bring_home(rest: Changes, poses: Rows, home: int | None) -> None:
-    """Put what is reported about level 0 where that is shown: see `excerpt.levels`."""
+    """Move what is on level 0 to the level on which it is shown: see `excerpt.shown_levels`."""
     for rows in (rest, poses):
         rows["level"][rows["level"] == 0] = home or 0
 
@@ -266,7 +261,7 @@ def _story(before: Door | None, rest: Changes, states: Rows) -> PageDoor | None:
     door_id = int(rest["door_id"][0])
     first, behind = np.searchsorted(states["door_id"], [door_id, door_id + 1]).tolist()
     said = np.concatenate([_opening_state(before), states[first:behind]])
-    # What is known of a door that was there when the page begins was told before it begins.
+    # What is known of a door that exists when the page begins was reported before it begins.
     born = ALWAYS if life.added[1] < 0 else life.added
     return PageDoor(
         DoorId(door_id),
@@ -290,7 +285,7 @@ def _first_stamp(rows: Changes) -> Stamp:
 
 
 def _opening_state(before: Door | None) -> Rows:
-    """Return the row that reports of the state in which a door was when the page begins."""
+    """Return the row with a door's state when the page begins."""
     if before is None:
         return np.empty(0, STATE_CHANGE)
     seen_ns = before.last_seen_ns or 0
@@ -346,7 +341,7 @@ def _step_ms(times: list[Rows], states: list[Rows]) -> int:
 
 
 def _kept(times: Rows, states: Rows, step_ms: int) -> Rows:
-    """Return what stays: each change, the last state, and of repeats the first in each step."""
+    """Return which rows stay: each change, the last state, and the first repeat in each step."""
     kept = np.ones(len(times), np.bool_)
     if step_ms and len(times):
         steps = times // step_ms
@@ -382,9 +377,9 @@ def coded_life(page_door: PageDoor, span: Span) -> dict[str, Any]:
 
 
 def _place(row: Any, shape: ObjectShape, span: Span) -> list[Any]:
-    """Return [from when, level, x and y of its start, of its end]; nothing behind: unplaced.
+    """Return [from when, level, x and y of its start, of its end]; no coordinates: unplaced.
 
-    Of what is no line, x and y of each of its corners, the first once more at the end.
+    An object that is not a line has x and y of each corner, with the first repeated at the end.
     """
     since, level = span.since_begin(int(row["folds_ns"])), int(row["level"])
     x, y, theta, width = (float(row[name]) for name in ("x", "y", "theta", "width"))
@@ -406,13 +401,13 @@ POSE = np.dtype([("folds_ns", "i8"), ("level", "u2"), ("x", "f4"), ("y", "f4"), 
 STAMP = np.dtype([("folds_ns", "i8"), ("number", "i8")])
 
 MOST_CHANGES = 200
-"""So many of the last changes are given in words."""
+"""So many of the last changes are listed in words."""
 TOLD = tuple(
     kind
     for kind in KINDS
     if not (kind.effect.is_sighting or kind in (PatrolStarted, PatrolFinished, RobotPose))
 )
-"""Kinds that are given whatever they say; sightings are where they report of another state."""
+"""Kinds that are always listed; sightings are listed where they report another state."""
 
 Rows = NDArray[Any]
 

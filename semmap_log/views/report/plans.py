@@ -47,13 +47,13 @@ def shown_levels(
 ) -> list[dict[str, Any]]:
     """Return the levels with something on them, numbers ascending; at least one.
 
-    A level that was mapped again is as on its last plan, `since` then; `earlier` are the others.
+    A level that was mapped again has its last plan, valid from `since`; `earlier` holds the others.
 
     Args:
         excerpt: The part of the log.
         now: The map at its end.
         content: What is shown.
-        home: Where level 0 is shown, and what is reported about it is already; None: nowhere.
+        home: The level on which level 0 is shown, its content already moved there; None: nowhere.
     """
     used = {int(n) for door in content.told for n in np.unique(door.picture.placements["level"])}
     used |= set(np.unique(content.poses["level"]).tolist())
@@ -76,7 +76,7 @@ def shown_levels(
 
 
 def begins_of_plans(levels: Iterable[Mapping[str, Any]], span: Span) -> dict[int, list[int]]:
-    """Return, for each level that was mapped again, from when on each later plan is, ns."""
+    """Return, for each level that was mapped again, when each later plan begins, ns."""
     return {
         level["level"]: [
             (plan["since"] + span.begin_ms) * MS_NS for plan in [*level["earlier"][1:], level]

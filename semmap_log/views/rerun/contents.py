@@ -1,8 +1,8 @@
 """The first pass over a log: what a recording of it will show.
 
 Names, lifetimes and bounds must be known before the first row is drawn: a door may get its name
-long after its first event, and a late event may tell that it had been removed. The pass keeps a few
-numbers a door, whatever the log's length.
+long after its first event, and a late event may report its removal. The pass keeps a few numbers a
+door, whatever the log's length.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class RecordingContents:
         self._pass.take(batch)
 
     def is_late(self, batch: EventBatch) -> bool:
-        """Tell whether an event about a door counts before one that was taken, or is before it."""
+        """Return whether an event of a door sorts before one of its events that was already taken."""
         return any(
             not self._pass.doors.get(DoorId(int(rows["door_id"][0])), NEW).goes_on(rows)
             for rows in by_door(door_changes(batch))
@@ -76,7 +76,7 @@ class RecordingContents:
         """Return it, once all was taken; names and floor plans are those that the log has now."""
         pass_ = self._pass
         if not self._is_whole:
-            self._is_whole = True  # behind this, nothing is taken back any more
+            self._is_whole = True  # from here on, nothing is retracted any more
             for one in taken_back(self._excerpt):
                 pass_.take_back(one)
         state = self._excerpt.log.state_in(Scope(at_ns=self._excerpt.last_ns()))
@@ -166,7 +166,7 @@ class _Found:
                 self.removed = stamp
 
     def goes_on(self, changes: Changes) -> bool:
-        """Return whether all of this door's next rows count after those taken, in their order."""
+        """Return whether all of this door's next rows come after those already taken, in order."""
         first = int(changes["folds_ns"][0]), int(changes["number"][0])
         return first >= self.latest and bool((np.diff(changes["folds_ns"]) >= 0).all())
 
@@ -237,7 +237,7 @@ class _Pass:
                 found.is_plain &= _values(state.door(door_id)) == _values(found.before)
 
     def take_back(self, what: TakenBack) -> None:
-        """Take what is known of doors after a retraction."""
+        """Update the doors to what is known after a retraction."""
         state = self._excerpt.log.state_in(Scope(event=what.edge.number))
         for door_id in what.doors & self.doors.keys():
             self.doors[door_id].know(KnownDoor.of(state, door_id, what.edge))

@@ -1,11 +1,9 @@
-"""What the costmap of a recording needs to know of each door, kept until the end. Pure numpy.
-
-Which cells of the costmap's door layer each door shows, and from when. Pure numpy.
+"""Which cells of the costmap's door layer each door shows, and from when. Pure numpy.
 
 Of several doors on a cell the one with the greatest id has it, whatever its state (an unknown one
 erases): so a door shows the cells of its line that no door with a greater id lies on. That changes
-when it is put elsewhere, or another one is. What is no line, such as an area, lies above all that
-are: it shows all of its cells where it blocks, and nothing where it does not.
+when it, or another door there, is moved. An object that is not a line, such as an area, lies above
+all lines: it shows all of its cells where it blocks, and none where it does not.
 """
 
 from __future__ import annotations

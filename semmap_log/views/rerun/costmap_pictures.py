@@ -1,11 +1,8 @@
-"""The costmap's door layer into a rerun recording: a small picture a door, of costs.
+"""The costmap's door layer in a rerun recording: a small picture of costs for each door.
 
-A whole grid at each change would be gigabytes; a door's cells are some twenty. The pictures hold
-the costs themselves, so that hovering over a cell shows them, and get their colours from a context.
-
-A door's pictures in the costmap's layer: which cells it shows at which cost, and from when.
-
-They change with its state, and with where it and those on its cells are put. Pure numpy.
+A whole grid at each change would be gigabytes; a door's cells are some twenty. A picture changes
+with its door's state, and with where it and the doors on its cells are. It holds the costs
+themselves, so that hovering over a cell shows them, and gets its colours from a context.
 """
 
 from __future__ import annotations
@@ -182,10 +179,10 @@ NOTHING_WRITTEN = -2
 
 
 class CostmapWriter:
-    """Takes what happens to doors, and writes the layers of all levels when told that it is all.
+    """Collects what happens to doors, and writes the layers of all levels at the end.
 
-    More may come after it, if none of it is late. A level whose floor map is turned against its
-    grid has no costmap. One that was mapped again has a layer on each of its plans.
+    More events may come after that, if none of them is late. A level whose floor map is rotated
+    against its grid has no costmap. One that was mapped again has a layer on each of its plans.
     """
 
     def __init__(self, writer: RowWriter, scene: Scene, palette: Palette) -> None:
@@ -305,7 +302,7 @@ class _Part:
 
     geometry: GridGeometry
     path: EntityPath
-    """After that of the layer."""
+    """Relative to that of the layer."""
     happened: Sequence[TimeSpan] | None
     """None: at all times."""
     recorded: Sequence[TimeSpan] | None
@@ -348,7 +345,7 @@ def _floors(level: SceneLevel) -> dict[int, FloorMap]:
 
 
 def has_costmap(scene: Scene, level: SceneLevel) -> bool:
-    """Return whether a level has a layer to show: doors, and no floor map that is turned."""
+    """Return whether a level has a layer to show: doors, and no rotated floor map."""
     floors = [level.floor] if level.plans.is_one else list(_floors(level).values())
     is_upright = any(floor is None or floor.origin_theta == 0 for floor in floors)
     return is_upright and any(level.level in door.lines for door in scene.doors.values())

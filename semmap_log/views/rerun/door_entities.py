@@ -1,9 +1,7 @@
-"""Doors into a rerun recording: each is one entity with its line, its lane and its curves.
+"""Doors in a rerun recording: each is one entity with its line, its lane and its curves.
 
-Along `happened` its events count in the order in which they happened, as far as they are not taken
-back today; along `recorded` and `event` as the log learnt of them, until they were taken back.
-
-Draws one door into a rerun recording, along some of its timelines.
+Along `happened` its events count in the order in which they happened, unless they are retracted
+today; along `recorded` and `event` as the log learnt of them, until they were retracted.
 """
 
 from __future__ import annotations

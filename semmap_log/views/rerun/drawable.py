@@ -1,13 +1,13 @@
-"""Text that the rerun viewer can draw, and names that can be part of an entity path.
+"""Text that the rerun viewer can draw, names that can be part of an entity path, and event lines.
 
 The viewer has one font (Inter) and no other to fall back on: a character outside it is drawn as a
 box on the screen, and ends a headless viewer with a panic. The font has Latin, Greek and Cyrillic
 letters; no Chinese, Japanese or Korean ones, no Arabic, Hebrew, Thai or Indian ones, and few
-emoji. So a name with such a letter gives way to a number, and in other text they become boxes.
+emoji. So a name with such a letter gives way to a number, and in other text such letters become
+boxes.
 
-Events as lines of text: when, which door, what; who and why.
-
-What a recording without doors says in their place: what to do.
+An event is a line of text: when, which door, what, who and why. A recording without doors shows a
+hint on what to do instead.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class EventLine:
 
 
 class EventLines:
-    """Puts events into words; remembers each door's state, to tell changes from repeats."""
+    """Describes events in words; remembers each door's state, to separate changes from repeats."""
 
     def __init__(self, scene: Scene, excerpt: Excerpt, commits: Iterable[Commit]) -> None:
         self._scene = scene
@@ -255,7 +255,7 @@ def drawable_name(name: str, stand_in: str) -> str:
 
 
 def is_drawable_name(name: str) -> bool:
-    """Return whether a name can be drawn, so that nothing needs to stand for it."""
+    """Return whether a name can be drawn without a substitute."""
     return drawable_name(name, "") != ""
 
 
@@ -273,8 +273,8 @@ def path_part(text: str) -> str:
 def unique_parts(names: Iterable[tuple[int, str]], what: str = "door") -> dict[int, str]:
     """Return a path part for each (number, name): readable, and each a different one.
 
-    A name that nothing is left of becomes `<what>_<number>`; where two would be the same, in any
-    case of letters, all but the first get their number after.
+    A name without any usable character becomes `<what>_<number>`. Where two would be equal,
+    ignoring case, all but the first get their number appended.
     """
     parts: dict[int, str] = {}
     taken: set[str] = set()
@@ -285,7 +285,7 @@ def unique_parts(names: Iterable[tuple[int, str]], what: str = "door") -> dict[i
 
 
 def free_part(number: int, name: str, taken: Collection[str], what: str = "door") -> str:
-    """Return the path part for a name, with the number after if it is taken (case folded)."""
+    """Return the path part for a name, with the number appended if it is taken (case folded)."""
     part = path_part(name) or f"{what}_{number}"
     while part.casefold() in taken:
         part = f"{part}_{number}"

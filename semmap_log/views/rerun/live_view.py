@@ -1,13 +1,11 @@
-"""A log in a viewer while another process writes to it: first its history, then what comes.
+"""Show a log in a viewer while another process writes to it: first its history, then new commits.
 
 A commit that fits into what is shown (a sighting, a pose, a belief) becomes some more rows. One
-that changes what had been written already (it is late, takes something back, adds, names, moves or
+that changes what had been written already (it is late, retracts something, adds, names, moves or
 removes a door) cannot be taken out of a viewer: the history is written again, as another recording,
-which takes the first one's place. So what is shown is always what `save_rrd` would write.
+which replaces the first. So the viewer always shows what `save_rrd` would write.
 
-The rerun viewer in a browser of this machine: a page, and the port its recordings come from.
-
-Whether what comes can be shown after what is shown already.
+The viewer may also run in a browser of this machine: a page, and the port its recordings come from.
 """
 
 from __future__ import annotations
@@ -82,13 +80,13 @@ def follow_in_viewer(
     forget: Callable[[str], None] | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """Send a log to a viewer, then each commit as it comes, until stopped stop.
+    """Send a log to a viewer, then each commit as it comes, until `stop` returns true.
 
     Args:
         log: The log; it is refreshed.
         url: The viewer's address.
         shown: What of it, and how.
-        stop: Asked some ten times a second.
+        stop: Called some ten times a second; true ends the view.
         forget: Called with the id of a recording that another one has replaced.
         progress: Called with how far the first reading is.
 
@@ -177,13 +175,13 @@ class _Tail:
         _deliver(self._recording)
 
     def go_on(self, stop: Callable[[], bool]) -> None:
-        """Send what comes, until stopped stop, or something comes that does not fit."""
+        """Send each new commit, until `stop` returns true or a commit does not fit."""
         log = self._source.excerpt.log
         for followed in log.follow(poll_s=POLL_S, stop=lambda: stop() or self._is_over()):
             self._waiting.append(followed)
 
     def _is_over(self) -> bool:
-        """Send what came since the last look; return whether some of it does not fit."""
+        """Send what came since the last poll; return whether some of it does not fit."""
         commits, self._waiting = self._waiting, []
         if commits and not self.is_outdated:
             self.is_outdated = not self._send(commits)
@@ -206,7 +204,7 @@ class _Tail:
 
 @dataclass(slots=True)
 class _Commits:
-    """The commits of a log, and after them those that come."""
+    """The commits of a log, followed by new ones as they come."""
 
     known: Iterator[Commit]
     coming: deque[Commit] = field(default_factory=deque)
@@ -306,7 +304,7 @@ explores should not outgrow it again at once."""
 
 
 def fits(batch: EventBatch, contents: RecordingContents, scene: Scene) -> bool:
-    """Tell whether the next events can be shown as more rows of a scene; the contents take them in.
+    """Return whether the next events fit a scene as more rows; the contents take them in.
 
     Args:
         batch: The next events.

@@ -1,6 +1,6 @@
-"""Rerun's own program as a process of ours: on this machine only, and gone when we are done.
+"""Run rerun's own program as a child process, on this machine only and no longer than ours.
 
-The rerun viewer: a window for a person, or a picture without any screen.
+The viewer is a window for a person, or makes a picture without any screen.
 """
 
 from __future__ import annotations
@@ -202,7 +202,7 @@ class Viewer:
     def picture(self, view: str | None = None) -> bytes:
         """Return what is shown, as PNG: the window, or the view of that name."""
         view_id = None if view is None else self.show(view)
-        # Nothing tells when all is drawn; so it is when a picture is the same as the one before.
+        # Nothing reports when all is drawn; so it is when a picture equals the one before.
         deadline = time.monotonic() + SETTLE_S
         earlier, picture = b"", b"-"
         while picture != earlier and time.monotonic() < deadline:
@@ -261,7 +261,7 @@ def _is_laid_out(state: Any) -> bool:
 
 
 LOCAL = "127.0.0.1"
-"""Rerun listens on every interface unless told otherwise; a building's log is nobody else's."""
+"""Rerun listens on every interface by default; a building's log is nobody else's."""
 
 POLL_S = 0.2
 END_S = 10.0
@@ -285,7 +285,7 @@ class RerunProcess:
         return f"rerun+http://{LOCAL}:{self.port}/proxy"
 
     def has_ended(self) -> bool:
-        """Return whether it runs no more: its window was closed, or it failed."""
+        """Return whether it has ended: its window was closed, or it failed."""
         return self.process.poll() is not None
 
     def wait_for(self, what: str, done: Callable[[], bool], *, most_s: float) -> None:
@@ -293,7 +293,7 @@ class RerunProcess:
 
         Args:
             what: What is waited for, as the end of `The rerun viewer did not …`.
-            done: Tells whether it is so.
+            done: Returns whether it is so.
             most_s: How long to wait.
 
         Raises:
@@ -308,7 +308,7 @@ class RerunProcess:
             time.sleep(POLL_S)
 
     def ended_well(self) -> bool:
-        """Return whether it ends by itself, now or in a moment, as when a person closes its window.
+        """Return whether it ends normally, now or in a moment, as when a person closes its window.
 
         Raises:
             ViewerError: It ended otherwise.
@@ -322,12 +322,12 @@ class RerunProcess:
         return True
 
     def is_listening(self, port: int | None = None) -> bool:
-        """Return whether a port of it (else: its own) takes connections by now."""
+        """Return whether a port (default: its own) accepts connections yet."""
         with socket.socket() as probe:
             return probe.connect_ex((LOCAL, port or self.port)) == 0
 
     def failure(self) -> ViewerError:
-        """Return why it ended, as far as it stated."""
+        """Return why it ended, as far as its output shows."""
         return explained(self.log.read_text(errors="replace"), self.process.poll())
 
 
@@ -344,7 +344,7 @@ def running(arguments: Sequence[str], env: Mapping[str, str]) -> Iterator[RerunP
         with log.open("wb") as stderr:
             process = subprocess.Popen(  # noqa: S603 - rerun's own binary, with our arguments
                 command,
-                env={**env, "TMPDIR": folder},  # what it leaves behind there goes with the folder
+                env={**env, "TMPDIR": folder},  # what it leaves there goes with the folder
                 stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr,
                 start_new_session=True,  # Ctrl-C is for us; we end it when we are done with it
             )  # fmt: skip

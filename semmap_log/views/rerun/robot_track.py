@@ -1,11 +1,8 @@
-"""The robot into a rerun recording: an arrow where it is, and its track after it.
+"""The robot in a rerun recording: an arrow where it is, and the track that it leaves.
 
-Each robot has a track of its own, if the log is of several.
-
-In a long recording poses that hardly differ from the ones before are left out: see `thinning`.
-Along `recorded` poses that were taken back stay where they are.
-
-Floor plans into a rerun recording: dark pictures under the doors, in metres.
+Each robot has a track of its own, if the log has several. In a long recording poses that hardly
+differ from the ones before are left out: see `scene`. Along `recorded` poses that were retracted
+stay where they are. Floor plans are dark pictures under the doors, in metres.
 """
 
 from __future__ import annotations
@@ -141,7 +138,7 @@ class _RobotTrack:
         self._last, self._has_last = poses[-1:].copy(), True
 
     def _leave_old_plans(self, level: SceneLevel, scene: Scene) -> None:
-        """Let the robot vanish when another plan comes: it told its place on the one before."""
+        """Hide the robot when another plan comes: its place was reported on the one before."""
         for timelines, eras in eras_along(level):
             for row in since_of(eras, scene)[1:]:
                 path = _pose_path(level, self._name)

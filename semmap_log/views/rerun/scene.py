@@ -1,23 +1,18 @@
 """What a recording of a log shows: its doors and levels, with their names, paths and bounds.
 
-Rows into a rerun recording: by columns, at most 4096 rows a call, on our three timelines.
+Rows are written by columns, at most 4096 rows a call, on our three timelines. Along `happened` an
+event stands where it happened, along `recorded` where its commit was recorded (a commit is known as
+a whole), along `event` at its number. `rr.log` takes a millisecond a row and adds timelines of its
+own; columns are 50 times faster and 10 times smaller. Chunks beyond 4096 rows make rerun's own
+tools slow.
 
-Along `happened` an event stands where it happened, along `recorded` where its commit was recorded:
-a commit is known as a whole. Along `event` it stands at its number.
+Up to `FULL_UP_TO` events a recording holds everything. Beyond, what no eye would see is left out:
+sightings that only repeat what a door is have no line in the event log, and poses that hardly
+differ from the one before are missing from the robot's track. A change of a state is never left
+out, nor anything of lanes, plans and curves.
 
-`rr.log` takes a millisecond a row and adds timelines of its own; columns are 50 times faster and 10
-times smaller. Chunks beyond 4096 rows make rerun's own tools slow.
-
-What a long recording leaves out, since no eye would see it: pure numpy.
-
-Up to `FULL_UP_TO` events it holds everything. Beyond, sightings that only repeat what a door is
-have no line in the event log, and poses that hardly differ from the one before are left out of
-the robot's track. A change of a state is never left out, nor anything of lanes, plans and curves.
-
-What was known of a door as its events were recorded: late ones, and ones that were taken back.
-
-Recorded late, an event sets only what nothing newer has set by then. What a retraction does comes
-out of the project's own fold: from there on a door goes on from what `state_at` says of it.
+Recorded late, an event sets only what nothing newer has set by then. The effect of a retraction
+comes from the project's own fold: from there on a door continues from what `state_at` returns.
 """
 
 from __future__ import annotations
@@ -139,7 +134,7 @@ class RowWriter:
 
         Args:
             path: The entity.
-            rows: When it vanishes; they are written after all that is shown until then.
+            rows: When it vanishes; written after all rows that are shown until then.
             timelines: On which.
             returns: When it shows something again. At the same time as one of these, but before
                 it, nothing vanishes.
@@ -260,7 +255,7 @@ class RepeatFinder:
     def _restless(self, changes: Changes) -> Changes:
         """Return those of a door with late events, or ones that were taken back.
 
-        Between two sightings that are alike nothing else may have been reported of.
+        Between two equal sightings there must be no report of anything else.
         """
         door_id = int(changes["door_id"][0])
         disturbed_ns = self._disturbed[door_id]
@@ -357,11 +352,11 @@ class Scene:
     doors: Mapping[DoorId, SceneDoor]
     levels: Mapping[int, SceneLevel]
     home_of_0: int | None
-    """Where poses of level 0 are drawn: see `excerpt.levels`."""
+    """Where poses of level 0 are drawn: see `excerpt.shown_levels`."""
     robot_level: int | None
-    """Where the robot is at the end; None: it never told, or nobody knows on which level."""
+    """Where the robot is at the end; None: it never reported a pose, or its level is unknown."""
     robots: tuple[str, ...]
-    """Those that the log reports of."""
+    """The robots in the log."""
     events: int
     """That stand on any of its timelines."""
     commits: NDArray[np.int64]
@@ -388,7 +383,7 @@ class KnownDoor:
     row: Changes
     """One row, which sets everything."""
     stamps: Mapping[int, Stamp]
-    """Bit of `sets` -> the event that had said so."""
+    """Bit of `sets` -> the event that had set it."""
 
     @property
     def is_there(self) -> bool:

@@ -1,8 +1,8 @@
-"""Sightings by a laser into a rerun recording: of each door the latest visit at the cursor.
+"""Sightings by a laser in a rerun recording: for each door the latest visit at the cursor.
 
-From when a visit ended, until the next one has, a view of the door shows its beams by what became
-of them, the way of the laser, the door's line, the leaf where it most likely stands, and what was
-reported about it. They stand along `happened` alone.
+From the end of a visit until the end of the next, a view of the door shows its beams by their
+outcome, the path of the laser, the door's line, the leaf where it most likely stands, and the
+verdict. All of it stands along `happened` alone.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ MOST_VISITS = 400
 MOST_POINTS, MOST_BEAMS = 1000, 60
 """Of a visit."""
 AROUND_M = 2.0
-"""What is shown around a door, next to its width."""
+"""What is shown around a door, beyond its width."""
 ASIDE_POINTS, TOLD_POINTS = 1.0, 2.2
 """Radius of where a beam ended, points of the screen."""
 AT_ONCE = 64
@@ -80,13 +80,13 @@ class SightingsShown:
 def sightings_to_show(
     reader: VisitReader, excerpt: Excerpt, scene: Scene, chosen: Collection[DoorId] | None
 ) -> SightingsShown | None:
-    """Return what there is to be shown of the scans that are kept next to a log; None: nothing.
+    """Return what to show of the scans that are kept next to a log; None: nothing.
 
     Args:
         reader: Reads the visits that are kept.
         excerpt: The part of the log.
         scene: What is shown of it.
-        chosen: Doors that were requested; None: those with most visits.
+        chosen: Requested doors; None: those with most visits.
     """
     problems: list[str] = []
     by_door: defaultdict[DoorId, list[KeptVisit]] = defaultdict(list)

@@ -1,12 +1,8 @@
-"""What a visit says, in a few words under or over its picture.
+"""Visits to doors as pictures: their captions, their geometry, and which of them to draw.
 
-A visit as it lies around its door: where beams ended, where the laser went, how the leaf stands.
-
-In the frame of the door: its line runs along from 0 to its width; across is positive to the left.
-
-Which doors and visits are drawn of all that a report is about, with their scans.
-
-Which of many visits a person should look at.
+Geometry lies in the frame of the door: its line runs along from 0 to its width; across is positive
+to the left. It holds where beams ended, where the laser went, and how the leaf stands. Of many
+visits, those that a person should look at are chosen.
 """
 
 from __future__ import annotations
