@@ -1,4 +1,4 @@
-"""Many logs, where they lie: sent to a store, brought back, joined, and asked at once.
+"""Many logs, where they lie: sent to a store, brought back, joined, and queried at once.
 
 `semmap_log.fleet(...)` is `jobs.fleet_run.fleet`: the package can be called.
 """

@@ -33,5 +33,5 @@ def answer_name(place: str, log_id: str, head: str) -> str:
 
 
 def answers_of(log_id: str, folder: Path) -> Iterator[Path]:
-    """Yield the answers of a log, whatever was queried, and those that were not finished."""
+    """Yield the answers of a log to all questions, including unfinished ones."""
     yield from sorted(folder.glob(f"*/*-{log_id[:_DIGITS]}-*{SUFFIX}*"))

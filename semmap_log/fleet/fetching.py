@@ -43,17 +43,17 @@ class Fetched:
 
 
 def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetched:
-    """Bring a shipped log to a disk; it has its name only once it is whole and verified.
+    """Download a shipped log; it gets its name only once it is complete and verified.
 
     Args:
-        url: Where it lies.
-        folder: What is to be made; nothing may be there.
-        progress: Called with how many bytes have come.
+        url: Where the log lies.
+        folder: The folder to create; nothing may be there.
+        progress: Called with the number of bytes received.
 
     Raises:
         LogExistsError: There is something there.
         NotALogError: There is no shipped log at the URL.
-        CorruptLogError: A segment is not what the manifest shows, or the log is not whole.
+        CorruptLogError: A segment differs from the manifest, or the log is incomplete.
         LogAccessError: The store does not let us.
         OutputError: The disk does not.
     """
@@ -103,7 +103,7 @@ def _check_room(url: UrlPath, folder: Path, size: int) -> None:
 
 
 def _write_lists(folder: LogFolder, manifest: Manifest) -> None:
-    """Write what a log has next to its segments: its mark, and metadata.yaml for other tools."""
+    """Write the files next to a log's segments: its mark, and metadata.yaml for other tools."""
     write_mark(folder, manifest.mark)
     write_bag_metadata(folder, map(statistics_of, LogReader(folder).segments))
 
@@ -126,7 +126,7 @@ def _bring(
     """Write a segment's bytes into a file, and return how many have come in all.
 
     Raises:
-        CorruptLogError: They are not what the manifest shows.
+        CorruptLogError: They differ from the manifest.
     """
     status = ObjectStatus(segment.name, segment.size, "")
     come, total = done

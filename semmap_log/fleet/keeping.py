@@ -68,7 +68,7 @@ def remove_shipped(
         log: The log's folder.
         store: Where it was shipped to.
         before_ns: Only segments go in which all was recorded before this, nanoseconds UTC.
-        progress: Called with how many bytes were read back.
+        progress: Called with the number of bytes read back.
 
     Raises:
         LogLockedError: Somebody is writing.
@@ -220,17 +220,17 @@ class ShippingCheck:
     manifest: Manifest | None
     """What lies there; None: nothing was shipped yet."""
     to_send: ObjectCount
-    """Closed segments that a shipping would send."""
+    """Closed segments that a shipment would send."""
     is_list_old: bool
-    """Whether a shipping would write a manifest again, though perhaps no segment."""
+    """Whether a shipment would write a new manifest, though perhaps no segment."""
     waits_events: int
     """Events of the live segment, which is sent once it is closed."""
     is_probed: bool
-    """Whether it was found that the store honours conditions: only where there is what to send."""
+    """Whether the store was checked to honour conditions: only if there is something to send."""
     superseded: ObjectCount | None
-    """Segments that lie there, and that the manifest does not name; None: it cannot be listed."""
+    """Segments that lie there and that the manifest does not name; None: listing is impossible."""
     problems: tuple[str, ...]
-    """What the manifest names and is not there, or is of another size."""
+    """Objects that the manifest names and that are missing, or have another size."""
 
     @property
     def exit_code(self) -> int:
@@ -241,10 +241,10 @@ class ShippingCheck:
 
 
 def check_shipping(log: Path, place: UrlPath | ObjectStore) -> ShippingCheck:
-    """Return what a shipping of a log would send, and whether what was shipped is still there.
+    """Return what a shipment of a log would send, and whether what was shipped is still there.
 
-    Nothing is sent; where there is something to send, the store is queried whether it honours
-    conditional writes, as a shipping does first: by a byte that is put twice, and removed.
+    Nothing is sent. If there is something to send, the check includes whether the store honours
+    conditional writes, as a shipment does first: a byte is put twice, and removed.
 
     Args:
         log: The log's folder.

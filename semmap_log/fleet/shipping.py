@@ -1,8 +1,8 @@
-"""A log sent to a store: closed segments once, named by their content, then a manifest of them.
+"""Ship a log to a store: each closed segment once, named by its content, then a manifest of them.
 
-Stopped at any request, the store holds the log as it was there before, or as it is now; begun
-again, what is there is found. Two that ship at once do not harm each other: of two manifests one
-takes the place of the one before, and the other begins again.
+Interrupted at any request, the store holds the log as it was there before, or as it is now; the
+next run finds what is already there. Two shipments at once do not harm each other: one manifest
+replaces the previous one, and the other shipment begins again.
 
 The order (content first, then one pointer by compare-and-swap) is that of Delta Lake and Iceberg.
 """
@@ -72,7 +72,7 @@ def ship(log: Path, place: UrlPath | ObjectStore, progress: Progress | None = No
     Args:
         log: The log's folder.
         place: Where it is to lie: `s3://bucket/logs/tug1`.
-        progress: Called with how many bytes of the segments are sent, or were there.
+        progress: Called with the number of bytes of the segments that are sent, or were there.
 
     Raises:
         LogError: Another log lies there; or one that has gone another way since; or the store does
@@ -182,7 +182,7 @@ class _Shipping:
         return manifest_entry(segment, name, sha256)
 
     def _holds(self, name: str, size: int, sha256: str) -> bool:
-        """Return whether the object that lies there has these bytes: read, not believed."""
+        """Return whether the object in the store has these bytes, by reading it."""
         status = self.store.status(name)
         if status.size != size:
             return False
@@ -236,7 +236,7 @@ def since_when(kept: KeptManifest) -> tuple[Superseded, ...]:
 
 
 def is_ahead(there: Manifest, closed: Sequence[Segment]) -> bool:
-    """Tell whether more lies there than is closed here: what was closed last is being continued."""
+    """Return whether the store holds more than is closed here: the last segment was reopened."""
     return not closed or end_of(closed[-1]) < there.mark.next_event
 
 
@@ -252,8 +252,8 @@ def check_same_way(url: UrlPath, segments: Sequence[Segment], there: Manifest) -
 
     Args:
         url: Where, for messages.
-        segments: All of this log, a live one included: a writer that begins again continues a small
-            closed segment, and what was shipped of it is in the live one then.
+        segments: All of this log, a live one included: a writer that reopens the log continues a
+            small closed segment, and what was shipped of it is then in the live one.
         there: What lies there.
 
     Raises:
@@ -298,7 +298,7 @@ def shipped_before(closed: Sequence[Segment], there: Manifest) -> dict[str, Ship
 
 
 def _is_copy(one: ShippedSegment, segment: Segment) -> bool:
-    """Return whether an object is a copy of a segment: it has the same, and lacks the same."""
+    """Return whether an object copies a segment: same content, with the same parts missing."""
     theirs = (one.size, one.head, one.header.trimmed)
     return theirs == (segment.size, segment.head, segment.header.trimmed)
 

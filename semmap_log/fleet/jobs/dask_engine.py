@@ -43,7 +43,7 @@ class DaskEngine:
                 "distributed.comm.timeouts.connect": f"{ANSWERS_WITHIN_S}s",
             }
         )
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # outcomes tell what it tells
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # outcomes report the same
         if scheduler and ":" not in scheduler:
             raise EngineError(f"no Dask scheduler at {scheduler}: {_EXPECTED}")
         try:

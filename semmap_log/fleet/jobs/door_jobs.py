@@ -1,18 +1,12 @@
-"""Jobs that ask about doors: the map of a moment, openings by hour, how likely they are open.
+"""The jobs of a fleet run, its kept answers, and how logs are handed to an engine.
 
-Jobs that look after logs: what each holds, and whether it is as it was written.
+Jobs on doors: the map of a moment, openings by hour, how likely doors are open. Jobs on logs: what
+each contains, and whether it is as it was written. Small logs go to an engine a few at a time,
+since it takes milliseconds to hand one out; long ones in parts.
 
-Answers of earlier runs, so that a run that was cut goes on, and one that is repeated is short.
-
-They lie where `answer_places` says. One checked file an answer: a line of JSON, and a table in
-Arrow's stream format.
-
-Which engine asks the logs, and how much of it.
-
-Logs handed to an engine, and their answers as they come.
-
-Small logs are asked a few at a time, since an engine takes milliseconds to hand one out; long ones
-in parts.
+Answers are kept, so that an interrupted run continues and a repeated one is short. They lie where
+`answer_places` says. Each answer is one checked file: a line of JSON, and a table in Arrow's stream
+format.
 """
 
 from __future__ import annotations
@@ -111,7 +105,7 @@ class OpeningsJob:
     """How often each door was opened in each hour (UTC) in which it was.
 
     An opening is the beginning of an interval of a door's timeline in which it is OPEN, where it
-    was last known to be CLOSED. So it is a lower bound: what no sensor saw is not given.
+    was last known to be CLOSED. So it is a lower bound: openings that no sensor saw do not count.
     """
 
     name: ClassVar[str] = "openings"
@@ -131,7 +125,7 @@ class OpeningsJob:
         return self.ask_part(log, 0, 1, log.last_event())
 
     def parts(self, events: int) -> int:
-        """Return how many parts of the doors are queried apart."""
+        """Return in how many parts the doors are queried separately."""
         return max(1, -(-events // PART_EVENTS))
 
     def ask_part(self, log: DoorLog, part: int, parts: int, last_event: int) -> Told:
@@ -431,7 +425,7 @@ def ask_logs(engine: Engine, job: Job, questions: Sequence[LogQuestion]) -> Iter
 def _in_parts(
     engine: Engine, job: Job, long: Sequence[tuple[AskedLog, int]]
 ) -> Iterator[LogAnswer]:
-    """Yield the answers of logs that are queried in parts: asked log, and how many parts."""
+    """Yield the answers of logs that are queried in parts; `long` holds (log, number of parts)."""
     parts = [
         LogQuestion(asked.place, part=n, parts=count, last_event=asked.events - 1)
         for asked, count in long
@@ -457,8 +451,8 @@ def _asked(
 ) -> Iterator[tuple[LogQuestion, LogAnswer]]:
     """Yield what workers answer.
 
-    What was with a worker whenever one died is queried once more, each alone: only so it is known
-    which it was. Once no worker answers in time, none is waited for again.
+    When a worker dies, each log that a worker then had is queried once more, alone: only this shows
+    which one is to blame. Once no worker answers in time, none is waited for again.
     """
     size = min(max(len(questions) // BATCHES, 1), MOST_IN_A_BATCH)
     batches = [questions[at : at + size] for at in range(0, len(questions), size)]
@@ -491,7 +485,7 @@ def _late(question: LogQuestion, late: NoAnswer) -> LogAnswer:
 
 
 def _given_up(asked: AskedLog, late: AskedLog) -> LogAnswer:
-    """Return the answer of a long log whose parts are not queried, since another log was late."""
+    """Return the answer of a long log whose parts are skipped, since another log was late."""
     return LogAnswer(replace(asked, outcome=late.outcome, text=late.text))
 
 

@@ -1,4 +1,4 @@
-"""Many logs, asked at once.
+"""Query many logs at once.
 
 import semmap_log as sl
 
@@ -69,7 +69,7 @@ class Fleet:
         self._engine: Engine | None = None
 
     def __enter__(self) -> Self:
-        """Start the engine, or join its cluster, for all that is queried inside."""
+        """Start the engine, or join its cluster, for all queries in the block."""
         self._engine = self._choice.open()
         return self
 
@@ -97,7 +97,7 @@ class Fleet:
         Args:
             at: What was true then, with all that is known today; None: at each log's end.
             known_at: Only what had been recorded by then, whole commits.
-            progress: Called with how far the run is.
+            progress: Called with the progress of the run.
 
         Raises:
             MomentError: A time cannot be read, by any log.
@@ -135,7 +135,7 @@ class Fleet:
             out: A folder that each worker sees, or a URL.
             delta: Commit what is there at the end as a table of Delta's, at `out`.
             iceberg: The same as a table of Iceberg's: `catalog.namespace.table`; empty: as none.
-            progress: Called with how far the run is.
+            progress: Called with the progress of the run.
         """
         place = place_of(out)
         lake = str(place.absolute() if isinstance(place, Path) else place)  # of any worker's folder
@@ -156,7 +156,7 @@ class Fleet:
             projection: Of a module that the workers have, too. Where it has `merge`, long logs
                 are folded in parts. Its `name` and `version` decide whether an answer of an
                 earlier run is still one.
-            progress: Called with how far the run is.
+            progress: Called with the progress of the run.
         """
         job = FoldJob(projection)
         found = self.ask(job, progress=progress)

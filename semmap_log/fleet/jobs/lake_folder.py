@@ -62,7 +62,7 @@ LAKE_FILE_FIELDS = (
     pa.field("events", pa.int64(), nullable=False),
     pa.field("bytes", pa.int64(), nullable=False),
 )
-"""What an export reports of a file."""
+"""What an export reports about each file."""
 
 
 class LakeFile(NamedTuple):

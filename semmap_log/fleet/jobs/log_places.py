@@ -1,15 +1,13 @@
 """Which logs are meant: paths and URLs, folders of logs, patterns, and files that list them.
 
-The job that copies events to a lake: Parquet files, a folder a month, a file a log.
-
-Hive's way to name folders: DuckDB, Spark, polars and pandas read OUT as one table with a column
+It also holds the job that exports events to a lake: Parquet files, a folder a month, a file a log.
+Folders are named as by Hive: DuckDB, Spark, polars and pandas read OUT as one table with a column
 `month`, of the time when an event happened (UTC). `happened_ns` and `recorded_ns` are whole
-nanoseconds, which some tables' own times are not. A file is made once, and named by what is in it.
+nanoseconds, which some tables' own times are not. A file is written once, and named by its content.
 
-Exported files as one table of a lake: Delta's or Iceberg's, committed once, at the end of a run.
-
-The files stay where they are. What an earlier run has put into the table and this one has not (a
-log has grown since) is taken out by the same commit: a reader sees the lake as it was, or as it is.
+At the end of a run, the exported files can be committed as one table, of Delta's or Iceberg's. The
+files stay where they are. Files that an earlier run put into the table and this one did not (a log
+has grown since) are removed by the same commit: a reader sees the lake before it, or after it.
 """
 
 from __future__ import annotations
@@ -90,7 +88,7 @@ def _meant(text: str) -> Iterator[Path | UrlPath]:
         yield from _matching(place)
         return
     is_log, below = _look(place)
-    # Of a place without anything its own error is told, by who asks it.
+    # An empty place raises its own error when it is opened.
     yield from (place / name for name in below) if below and not is_log else (place,)
 
 
@@ -118,7 +116,7 @@ def _matching(pattern: Path | UrlPath) -> Iterator[Path | UrlPath]:
 def _look(place: Path | UrlPath) -> tuple[bool, Sequence[str]]:
     """Return whether a log lies right there, and name the folders in which others may.
 
-    Of a web server it is believed.
+    On a web server the log is assumed to be there.
     """
     if isinstance(place, Path):
         if not place.is_dir() or _has_segments(place):

@@ -1,6 +1,6 @@
 """Which doors and levels of the logs are one in the building, and what they are called there.
 
-Which levels of the logs are one in the building: by their names, else by their numbers.
+Levels match by their names, else by their numbers.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class BuildingDoor:
 
     @property
     def is_shared(self) -> bool:
-        """True if several logs report of it."""
+        """True if several logs contain it."""
         return len({each.log for each in self.doors}) > 1
 
 
@@ -60,9 +60,9 @@ class DoorPlan:
     ids: Mapping[str, tuple[NDArray[np.int64], NDArray[np.int64]]]
     """Log -> its door ids, ascending, and those in the building."""
     adding: frozenset[tuple[str, int]]
-    """(log, event): the addings that stay such; others of a building's door are updates."""
+    """(log, event): the additions that stay such; others of a building's door become updates."""
     removing: frozenset[tuple[str, int]]
-    """(log, event): the removals that count: the first after the last adding."""
+    """(log, event): the removals that count: the first after the last addition."""
     levels: LevelPlan
     is_alone: bool
     """One log alone stays as it is."""
@@ -73,7 +73,7 @@ class DoorPlan:
 
     @property
     def unmatched(self) -> list[BuildingDoor]:
-        """The doors of which one log alone shows."""
+        """The doors that only one log contains."""
         return [door for door in self.doors if not door.is_shared]
 
 
@@ -158,7 +158,7 @@ def _told(
 
 
 def _same(first: DoorRow, second: DoorRow) -> bool:
-    """Return whether a row came again by another join, and not in one table."""
+    """Return whether a row is repeated by another join, not within one table."""
     return first.line == second.line == 0
 
 

@@ -1,7 +1,7 @@
 """What becomes of the events of a log in the view of a join.
 
 Doors and levels get the building's numbers, poses its frame, rounds numbers of their own, and
-retractions reach the same events. What a log cannot report of the building (geometry without a
+retractions reach the same events. What does not hold for the building (geometry without a
 transform, the floor map of a level that another log draws) is left out.
 """
 
@@ -227,7 +227,7 @@ class EventTranslation:
         return self._update(placed, Changed(knows))
 
     def _is_own(self, door_id: int) -> bool:
-        """Return whether no other door, of this log or another, is that of the building."""
+        """Return whether no other door, of any log, is the same door of the building."""
         return np.count_nonzero(self._building == door_id) == 1 and not self._is_shared(door_id)
 
     def _is_shared(self, door_id: int) -> bool:

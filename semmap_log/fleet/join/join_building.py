@@ -1,13 +1,9 @@
-"""Writes the events of several logs as one, by the ordinary writer, as they were recorded.
+"""Write the events of several logs as one log, by the ordinary writer, as they were recorded.
 
-Where logs do not agree about a door that they share, and which doors may be one by geometry.
-
-Where the history of a join begins: where that of all of its logs has begun.
-
-Where logs that are joined disagree about a door while the sightings of one were thinned.
-
-A log that was thinned keeps the first and the last of sightings that repeat each other. If another
-log saw the door otherwise in between, its state until the last of them cannot be known any more.
+The history of a join begins where those of all its logs have begun. Logs may disagree about a door
+that they share; doors whose geometry is close are proposed as one. A log that was thinned keeps the
+first and the last of sightings that repeat each other: if another log saw the door otherwise in
+between, its state until the last of them is unknown.
 """
 
 from __future__ import annotations
@@ -88,9 +84,9 @@ def build_join(
         joined: The logs.
         plan: What their doors are in the building.
         folder: Where; nothing is there.
-        seed: What ids and salts follow from, the log's own, too.
-        names_origin: Each commit's reason names log, event and head that it comes from.
-        progress: Called with how many of the events are done.
+        seed: The source of all ids and salts, including the log's own.
+        names_origin: Each commit's reason names the log, event and head that it comes from.
+        progress: Called with the number of events done.
 
     Raises:
         LogExistsError: Something is there.
@@ -215,7 +211,7 @@ Ends = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True, slots=True)
 class DoorConflict:
-    """What two logs say of one door; the later event counts, whoever told it."""
+    """What two logs say of one door; the later event counts, whichever log has it."""
 
     door: BuildingDoor
     what: str
@@ -346,9 +342,10 @@ def horizon_of(joined: JoinedLogs, plan: DoorPlan) -> int:
 
 
 def _taken_back(reader: LogReader) -> Iterator[tuple[int, int]]:
-    """Yield of each retraction when its commit was recorded, and that of the first it reaches.
+    """Yield for each retraction when it was recorded, and when the first event it reaches was.
 
-    None from before a log's own horizon reaches what is queried; what is gone matters no more.
+    Retractions from before the log's own horizon are left out: they only reach events that are gone
+    already.
     """
     for one in retractions_behind(reader, reader.horizon - 1):
         reached = Window(first_event=one.first_event, before_event=one.last_event + 1)
@@ -406,7 +403,7 @@ def _others(rows: dict[str, NDArray[np.void]], name: str) -> NDArray[np.void]:
 
 
 def _states_of(log: JoinedLog, plan: DoorPlan) -> NDArray[np.void]:
-    """Return the states that a log reports of the building's doors, by door and time."""
+    """Return the states of the building's doors in a log, by door and time."""
     reader = log.opened
     hidden = reader.retractions()
     window = Window(kinds=bits_of_kinds(STATE_KINDS), first_event=reader.horizon or None)

@@ -1,8 +1,7 @@
 """The logs of a join, open: each once, under a name of its own.
 
-The file of a join, `X.join.json`: which logs, where each map lies, which doors are one.
-
-The table that says which doors of which logs are one: `--doors matches.csv`.
+The file of a join, `X.join.json`, defines which logs, where each map lies, and which doors are one.
+A table may also say which doors of which logs are one: `--doors matches.csv`.
 """
 
 from __future__ import annotations
@@ -193,7 +192,7 @@ def _folder(log: JoinedLog) -> str:
 
 
 def _plain(name: str) -> str:
-    """Return a name that can stand before a source, and next to others."""
+    """Return a name that can precede a source, and stand next to other names."""
     return name.replace(BEHIND_ROBOT, "-").replace(BETWEEN_ROBOTS.strip(), "-").strip()
 
 

@@ -48,7 +48,7 @@ FOLDER = "joined"
 TEMPORARY = "semmap-log-joined-"
 """How the name of a folder for a view begins that is not kept."""
 LOGS_NAME = ".logs"
-"""In a view: the file that reports of which logs it is, an id a line."""
+"""In a view: the file that lists the ids of its logs, one a line."""
 
 Frames = Mapping[str, tuple[float, float, float]]
 
@@ -94,7 +94,7 @@ def _build_beside(joined: JoinedLogs, path: Path, seed: bytes) -> None:
 
 
 def seed_of(joined: JoinedLogs) -> bytes:
-    """Return what shows a view from all others: the definition, and each log's head."""
+    """Return the hash that identifies a view: of the definition and each log's head."""
     told = [
         VIEW_VERSION,
         joined.reference.name,
@@ -125,7 +125,7 @@ def views_of(log_ids: AbstractSet[str], cache: Path) -> list[Path]:
 
 
 def is_view_of(log_ids: AbstractSet[str], view: Path) -> bool:
-    """Return whether a view may be of one of these logs: one that is being made does not tell."""
+    """Return whether a view may be of one of these logs; an unfinished view may be of any."""
     try:
         return not log_ids.isdisjoint((view / LOGS_NAME).read_text("ascii").split())
     except (OSError, ValueError):
@@ -135,7 +135,7 @@ def is_view_of(log_ids: AbstractSet[str], view: Path) -> bool:
 _views: weakref.WeakValueDictionary[tuple[bytes, Path | None], JoinedView] = (
     weakref.WeakValueDictionary()
 )
-"""Those that are being read: asked twice, a view is made once."""
+"""The views that are being read: requested twice, a view is made once."""
 
 
 def view_of(joined: JoinedLogs, cache: Path | None = None) -> JoinedView:
@@ -171,7 +171,7 @@ def join(
     """Return several robots' logs of one building as one log to read.
 
     Doors of the same level and name, unique in each log, are one, and those that the table says.
-    All others are called `robot/door`. Of each field the latest event counts, whoever told it.
+    All others are called `robot/door`. For each field the latest event counts, from whichever log.
 
     Args:
         logs: Paths or URLs; or name -> path or URL. Their order means nothing.

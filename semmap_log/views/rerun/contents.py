@@ -66,7 +66,7 @@ class RecordingContents:
         self._pass.take(batch)
 
     def is_late(self, batch: EventBatch) -> bool:
-        """Return whether an event of a door sorts before one of its events that was already taken."""
+        """Return whether an event sorts before an event of the same door that was already taken."""
         return any(
             not self._pass.doors.get(DoorId(int(rows["door_id"][0])), NEW).goes_on(rows)
             for rows in by_door(door_changes(batch))
