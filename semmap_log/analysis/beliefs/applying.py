@@ -1,6 +1,6 @@
-"""Write what is believed into the map: the thesis's `open_prob` and `closed_prob`, from evidence.
+"""Write beliefs into the map as the thesis's `open_prob` and `closed_prob`.
 
-The updates set no state, and are themselves no evidence: what is believed afterwards is the same.
+The updates set no state, and are themselves no evidence: beliefs are the same afterwards.
 """
 
 from __future__ import annotations
@@ -58,8 +58,7 @@ def apply_probabilities(
 ) -> Applied:
     """Append P(open) and P(closed) of all doors that are known and differ, as one commit.
 
-    They hold from the moment that is queried from on. Asked again without new evidence, nothing is
-    written.
+    They hold from the queried moment on. Repeated without new evidence, it writes nothing.
 
     Args:
         log: The log to ask, and to write to.

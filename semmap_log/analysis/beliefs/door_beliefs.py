@@ -1,10 +1,7 @@
 """How likely each door is open at a moment, how sure that is, and on what evidence.
 
-A door's typical week: how likely it is open in each of 168 hours, and which nobody has seen.
-
-What every question about beliefs begins with: a moment, what was learnt by then, doors.
-
-On what a belief about a door rests, in numbers.
+Also a door's typical week: how likely it is open in each of 168 hours, and which hours nobody has
+seen. Every query begins with a moment, what was learnt by then, and the doors.
 """
 
 from __future__ import annotations
@@ -135,17 +132,17 @@ def typical_weeks(
 ) -> TypicalWeeks:
     """Return the typical week of each door, ids ascending.
 
-    It rests on the reports about that door alone: whatever else is written since, and however late
-    one asks, it stays the same. How likely a door is open in the hours to come is another question:
-    see `probabilities`.
+    It rests on the reports about that door alone: it stays the same whatever else is written since,
+    and however late the query is. For how likely a door is open in the hours to come, see
+    `probabilities`.
 
     Args:
         log: Whose doors.
-        at: The moment asked from, with all that is known today of what had happened by then.
+        at: The moment of the query, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
             too. Without either that is the log's end.
-        as_happened: As if each event had been recorded when it happened, whatever was imported or
-            told later: see `belief_query.ask`.
+        as_happened: As if each event had been recorded when it happened, even if it was imported or
+            recorded later: see `ask`.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these (id, name, or level/name); None: all that are in the map then.
         progress: Called with how far the reading is.
@@ -181,7 +178,7 @@ def typical_week(asked: BeliefQuery, door: Door) -> TypicalWeek:
 
 
 NEAR_NS = 24 * HOUR_NS
-"""So far ahead the last sightings still tell something; beyond, only habits do."""
+"""So far ahead the last sightings still matter; beyond, only habits do."""
 
 NOW, LATER = "filter", "schedule"
 
@@ -257,11 +254,11 @@ def probabilities(
 
     Args:
         log: Whose doors.
-        at: The moment asked from, with all that is known today of what had happened by then.
+        at: The moment of the query, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
             too. Without either that is the log's end.
-        as_happened: As if each event had been recorded when it happened, whatever was imported or
-            told later: see `belief_query.ask`.
+        as_happened: As if each event had been recorded when it happened, even if it was imported or
+            recorded later: see `ask`.
         horizon_ns: How long after it.
         estimator: None: `filter` up to a day ahead, `schedule` beyond.
         tz: IANA zone of the building's clocks; None: the log's.
@@ -286,7 +283,7 @@ def probabilities(
 
 
 def belief(asked: BeliefQuery, door: Door, horizon_ns: int = 0) -> DoorBelief:
-    """Return what is believed of one door, so long after the moment that is queried from."""
+    """Return the belief about one door, `horizon_ns` after the queried moment."""
     time_ns = asked.known_ns + horizon_ns
     said = asked.predict(door, np.array([time_ns]))
     return DoorBelief(
@@ -304,17 +301,17 @@ def belief(asked: BeliefQuery, door: Door, horizon_ns: int = 0) -> DoorBelief:
 
 
 FEWEST_WORDS = 30
-"""Of so few nobody can see how often a sensor errs: what would judge it is not even loaded."""
+"""Fewer cannot show how often a sensor errs; the code that would judge it is not even loaded."""
 AS_HAPPENED = (
     "for what would have been believed had each event been recorded when it happened, ask "
     '--at "{then}" --as-happened (in Python: as_happened=True)'
 )
-"""What to do where beliefs are requested, and what the log reports of that time came later."""
+"""The advice for a query about a time whose events were recorded later."""
 
 
 @dataclass(frozen=True, slots=True)
 class BeliefQuery:
-    """What is known at a moment, and the doors that are queried."""
+    """What is known at a moment, and the queried doors."""
 
     beliefs: Beliefs
     estimator: str
@@ -324,7 +321,7 @@ class BeliefQuery:
     door_map: DoorMap
     """The doors as they were known then."""
     doors: list[Door]
-    """Those queried, ids ascending."""
+    """The queried doors, ids ascending."""
 
     def by(self, estimator: str) -> BeliefQuery:
         """Return the same by another estimator, from the same evidence.
@@ -381,9 +378,9 @@ def ask(
         at: The moment, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits. Without `at` it is the moment,
             too; without either that is the log's end.
-        as_happened: As if each event had been recorded when it happened: what was given later, as
-            by an import, counts from then on, names and annotations, too. What is retracted today
-            was never there.
+        as_happened: As if each event had been recorded when it happened: events recorded later, as
+            by an import, count from then on, including names and annotations. Events that are
+            retracted today do not count.
         estimator: Its name.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these; None: all that are in the map then.
@@ -436,7 +433,7 @@ def _door_then(
     """Return the door that is meant, among those that were known then.
 
     Raises:
-        UnknownDoorError: There was none; it says so if one was reported later.
+        UnknownDoorError: There was none; the message mentions one that was recorded later.
     """
     try:
         return log.resolve_in(door, log.scope(at, known_at), door_map)
@@ -504,5 +501,5 @@ class EvidenceSummary:
 
     @property
     def is_empty(self) -> bool:
-        """True for a door of which nobody ever said whether it is open."""
+        """True for a door that was never reported open or closed."""
         return self.counts.last_seen_ns is None

@@ -49,8 +49,8 @@ MOST_SAMPLES = 2**21
 AT_ONCE = 2**16
 
 ForecastReader = Callable[[str, str, Trials, Probabilities], None]
-"""Takes a protocol's name, an estimator's, what was asked of one door, and what it said: P(outcome
-1) of each."""
+"""Takes the names of a protocol and an estimator, the trials of one door, and P(outcome 1) of
+each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +78,9 @@ class Evaluation:
     left_out: Mapping[DoorId, str]
     """Doors with too little known time, and how much they have."""
     reliability: Mapping[str, Reliability]
-    """Estimator -> what came where so much was stated, all doors together."""
+    """Estimator -> outcomes by forecast probability, all doors together."""
     sensor_doubts: Sequence[SensorDoubt] = ()
-    """Sensors that are not as accurate as declared: forecasts, and what they are held against, are
+    """Sensors that are not as accurate as declared: forecasts, and what they are compared with, are
     off alike."""
 
     @property
@@ -117,7 +117,7 @@ def evaluate(
         since: Only the known time from then on; what was before still teaches.
         until: Only the known time before then.
         tz: IANA zone of the building's clocks; default: the log's.
-        progress: Called with (done, in all), in forecasts of a door by an estimator.
+        progress: Called with (done, in all); the unit is the forecasts of a door by an estimator.
 
     Raises:
         EstimatorError: No door has enough known time, or visits; a patrol of a log without truth.
@@ -150,9 +150,9 @@ def evaluate_all(
         since: From then on.
         until: Before then.
         tz: The clocks'.
-        progress: Told how far it is.
-        read_forecasts: Told the forecasts themselves, once a door, estimator and protocol: an
-            evaluation holds their figures only.
+        progress: Called with the progress.
+        read_forecasts: Called with the forecasts themselves, once a door, estimator and protocol;
+            an evaluation contains their figures only.
     """
     warn_of_clock(log)
     evidence = log.fold(EvidenceProjection())
@@ -242,19 +242,19 @@ class _Test:
     stretches: Mapping[DoorId, StateIntervals]
     """Of a truth: when each door is known."""
     ask: Callable[[DoorId, Protocol], Trials]
-    """Makes what is queried a door again each time: kept for all doors it would fill memory."""
+    """Returns the trials of a door, made each time: kept for all doors they would fill memory."""
     read_forecasts: ForecastReader | None
     doors: dict[DoorId, tuple[int, int]] = field(default_factory=dict)
-    """How many samples teach, and when the first one after them is."""
+    """How many samples are for training, and when the first one after them is."""
     left_out: dict[DoorId, str] = field(default_factory=dict)
     scores: dict[DoorId, dict[str, Scores]] = field(default_factory=dict)
     reliability: dict[str, Reliability] = field(default_factory=dict)
 
     def take(self, door_ids: Sequence[DoorId], where: str) -> None:
-        """Split what is queried of each door; leave out doors with too little.
+        """Split each door's trials into training and test; leave out doors with too few.
 
         Raises:
-            EstimatorError: That leaves none.
+            EstimatorError: No door is left.
         """
         least = LEAST_SAMPLES if self.is_truth else LEAST_VISITS
         for door_id in door_ids:
@@ -286,7 +286,7 @@ class _Test:
             self.read_forecasts(self.name, name, trials, p)
 
     def _tests(self, door_id: DoorId, training: int) -> Trials:
-        """Return what is queried a door after the part that teaches."""
+        """Return a door's trials after the training part."""
         trials = self.ask(door_id, self.protocol).only(slice(training, None))
         if self.is_truth and self.protocol.needs_known:
             before_ns = trials.times_ns - (self.protocol.horizon_ns or 0)
@@ -294,7 +294,7 @@ class _Test:
         return trials
 
     def evaluation(self) -> Evaluation:
-        """Return what came of it."""
+        """Return the evaluation."""
         doors = [
             DoorEvaluation(door_id, training, _count(self.scores[door_id]), self.scores[door_id])
             for door_id, (training, _) in self.doors.items()

@@ -1,4 +1,4 @@
-"""Why a door was in a state at a moment, found out in its log.
+"""Explain from a log why a door was in a state at a moment.
 
 import semmap_log as sl
 
@@ -43,8 +43,8 @@ def explain(
         at: The moment; of an event, when it counts; default: the log's end.
         known_at: What had been recorded by then was known; default: by the moment itself. Without
             `at` it is the moment, too.
-        near_ns: From so long before the moment to so long after it events are given that say
-            otherwise; before it, at the least since the state began.
+        near_ns: How long before and after the moment to list events that report another state;
+            before it, at least back to the beginning of the state.
         progress: Called with how far the reading is.
 
     Raises:
@@ -105,7 +105,7 @@ def _taken_back(true: StateReason, believed: StateReason) -> HistoryEntry | None
 def _otherwise(
     log: DoorLog, door_id: DoorId, state: DoorState | None, span_ns: tuple[int, int]
 ) -> Iterator[HistoryEntry]:
-    """Yield the events of a time, both ends included, that tell another state."""
+    """Yield the events of a time, both ends included, that report another state."""
     if state is None:
         return
     found = log.history(door_id, Moment(ns=span_ns[0]), Moment(ns=span_ns[1] + 1))

@@ -1,6 +1,6 @@
-"""How forecasts are put to the test: which part of a log teaches, and what is known when.
+"""How forecasts are tested: which part of a log is for training, and what is known when.
 
-Visits that a robot would have made to doors whose states are known, with a sensor that errs.
+It also simulates the visits of a robot with an imperfect sensor to doors whose states are known.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ MOST_S = 100 * 366 * DAY_S
 @knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class Protocol:
-    """What is known at each forecast. Without any of the choices: what was known at the split.
+    """What is known at each forecast. By default, what was known at the split.
 
     `prequential`: the days that were over, up to the last local midnight. `horizon_ns`: all up to
-    so long before the forecast, which is requested where the state was known then; and with
-    `prequential` the days that were over then. `patrol`: up to the forecast itself, but only what
-    that patrol read.
+    so long before the forecast, and only forecasts where the state was known then; together with
+    `prequential`, the days that were over then. `patrol`: all up to the forecast itself, but only
+    what that patrol read.
     """
 
     split: float = 0.7

@@ -1,9 +1,8 @@
 """A sensor's two accuracies, from times in which the true state is known.
 
-Sensors that are not as accurate as declared: said whenever somebody asks what to believe.
-
-The numbers stay those of what is declared. What is learnt from the readings alone may be the door:
-only who knows the true state can see, and declares what `calibrate` finds.
+Queries about beliefs report sensors that are not as accurate as declared; the numbers still use the
+declared accuracies. What readings alone suggest may be due to the door: only who knows the true
+state can decide, and declares what `calibrate` finds.
 """
 
 from __future__ import annotations
@@ -221,7 +220,7 @@ def warn_of_sensors(
     Args:
         log: Where the evidence is from.
         evidence: What is known.
-        door_ids: The doors that are queried.
+        door_ids: The queried doors.
         until_ns: What comes after does not count.
     """
     found = sensor_doubts(evidence, door_ids, until_ns)

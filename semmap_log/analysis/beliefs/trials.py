@@ -68,7 +68,7 @@ class StateIntervals:
 
 @dataclass(frozen=True, slots=True)
 class Trials:
-    """What is queried one door, in order of time."""
+    """The forecasts to make for one door, with their outcomes, in order of time."""
 
     door_id: DoorId
     times_ns: Times
@@ -111,7 +111,7 @@ def truth_trials(door_id: DoorId, stretches: StateIntervals, step_ns: int) -> Tr
 def reading_trials(
     known: DoorEvidence, since_ns: int | None = None, until_ns: int | None = None
 ) -> Trials:
-    """Return what the sensors read at each visit to a door, to be given from what was before it."""
+    """Return the sensor readings at each visit to a door, each to be forecast from those before."""
     chosen = known.is_visit.copy()
     if since_ns is not None:
         chosen &= known.seen_ns >= since_ns
@@ -129,7 +129,7 @@ def reading_trials(
 
 
 def holds_truth(evidence: Evidence, door_ids: Sequence[DoorId]) -> bool:
-    """Return whether a log knows states all through, more often than it was reported of visits."""
+    """Return whether a log has at least as many stretches of known state as visits."""
     known = [evidence.door(door_id) for door_id in door_ids]
     stretches = sum(len(one.start_ns) for one in known)
     return stretches > 0 and stretches >= sum(int(one.is_visit.sum()) for one in known)

@@ -1,15 +1,11 @@
-"""In which order to go: exact where that can be, else the best that is found.
+"""Find the best order of stops: exactly where that is possible, else by local search.
 
-Orders that a search starts from: each next stop the one that is best by itself.
-
-Better orders of many stops: pieces of an order are turned round or moved, while that helps.
-
-2-opt and or-opt for the mean time to visit. What an order costs that is put together from pieces
-of another follows from three numbers of each piece: how long it takes, the sum of its P, and what
-it would cost by itself (M. Silva et al., Eur. J. Oper. Res. 221, 2012). So a step looks at all
-moves at once.
-
-The best order of few stops whose probabilities do not change: Held and Karp's, for latency.
+Few stops whose probabilities do not change are ordered exactly: Held and Karp's algorithm, for
+latency. A search starts from greedy orders, in which each next stop is the best by itself. It then
+reverses or moves pieces of an order while that helps: 2-opt and or-opt for the mean time to visit.
+The cost of an order that is put together from pieces of another follows from three numbers of each
+piece: how long it takes, the sum of its P, and what it would cost by itself (M. Silva et al., Eur.
+J. Oper. Res. 221, 2012). So a step looks at all moves at once.
 """
 
 from __future__ import annotations
@@ -200,7 +196,7 @@ class _Round:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Piece:
-    """Pieces of a path, many at once: the numbers that tell what a path of them costs."""
+    """Pieces of a path, many at once: the numbers that give the cost of a path made of them."""
 
     takes_s: Reals
     weight: Reals
@@ -213,7 +209,7 @@ class _Piece:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pieces:
-    """A path, and sums along it, from which each of its pieces is given without a loop."""
+    """A path, and sums along it, from which each of its pieces follows without a loop."""
 
     round: _Round
     path: Orders
@@ -256,7 +252,7 @@ class _Pieces:
         return _Piece(takes_s, weight, cost, self.path[high], self.path[low])
 
     def cost_of(self, pieces: list[_Piece]) -> Reals:
-        """Return the cost of paths of these pieces, one behind the other."""
+        """Return the cost of paths of these pieces, one after the other."""
         now_s, cost = pieces[0].takes_s, pieces[0].cost
         for before, piece in pairwise(pieces):
             arrives_s = now_s + self.round.onward_s[before.last, piece.first]
@@ -324,7 +320,7 @@ def _turned(pieces: _Pieces, low: Places, high: Places) -> _Moves:
 def _swapped(
     pieces: _Pieces, low: Places, middle: Places, high: Places, is_turned: tuple[bool, bool]
 ) -> _Moves:
-    """Return the moves that let two pieces, one behind the other, change places."""
+    """Return the moves that swap two consecutive pieces."""
     first, second = ((pieces.backward if turned else pieces.forward) for turned in is_turned)
     path = [
         _head(pieces, low), second(middle + 1, high), first(low, middle), _tail(pieces, high)

@@ -1,15 +1,9 @@
-"""How likely doors let a robot in while it is on a round, and which of them are worth a try.
+"""How likely doors let a robot in during a round, and which of them are worth a try.
 
-What was learnt of doors, as the chances of a round.
-
-What is believed at the moment that a plan starts from.
-
-P(a door lets a robot in) where the robot may ask: learnt from who went through, or gave up.
-
-A door that is shut may open for who asks, and one that is locked does not. P(open) cannot see the
-two apart; what became of earlier tries can.
-
-How often a door was open when it was looked at, at such hours of such days.
+The chances come from what was learnt of doors by the moment that a plan starts from. Where the
+robot may ask, P(a door lets it in) is learnt from earlier tries: a shut door may open for who asks,
+a locked one does not, and P(open) cannot distinguish the two. A stop also shows how often its door
+was open when it was looked at, at such hours of such days.
 """
 
 from __future__ import annotations
@@ -39,13 +33,13 @@ from semmap_log.core.model.moments import DAY_NS, HOUR_NS, SECOND_NS, Moment
 from semmap_log.log.door_log.door_log import DoorLog, Time
 
 STEP_S = 300.0
-"""Between two times at which P is requested."""
+"""Between two times at which P is computed."""
 LONGEST_S = 12 * 3600.0
 """Of a round: from then on P stays as it is."""
 
 
 def round_times_s(longest_s: float) -> NDArray[np.float64]:
-    """Return the times of a round at which P is requested, from its start on, seconds."""
+    """Return the times of a round at which P is computed, from its start on, seconds."""
     count = math.ceil(min(longest_s, LONGEST_S) / STEP_S) + 1
     return np.arange(count, dtype=np.float64) * STEP_S
 
@@ -166,7 +160,7 @@ class PassingProjection(BeliefProjection):
 def passings_in(batch: EventBatch) -> EventBatch:
     """Return a batch's tries as sightings that cannot err: passed is OPEN, gave up is CLOSED.
 
-    Next to these there is only when doors came and went.
+    The only other events are additions and removals of doors.
     """
     kinds = (DoorAdded, DoorRemoved, DoorPassed)
     places = np.sort(np.concatenate([batch.where(kind) for kind in kinds]))
@@ -339,7 +333,7 @@ def looks_then(
         known_ns: Later looks do not count.
     """
     known = KnownTime.of(evidence.up_to(known_ns))
-    # Of sightings that follow on each other the last one tells how the visit ended.
+    # Of consecutive sightings the last one shows how the visit ended.
     ends = np.append(np.diff(known.seen_ns) >= REPEATS_NS, True)[: len(known.seen_ns)]
     in_stretches, are_open = _hours(known, known_ns)
     times_ns = np.concatenate([known.seen_ns[ends], in_stretches])

@@ -1,6 +1,6 @@
 """A trip through a log's building: how long it takes, and what to do at doors that are shut.
 
-Which doors a trip can lead through: those on a way that comes to no room twice.
+A trip can only lead through doors on a way that enters no room twice.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from semmap_log.errors import PlanError
 from semmap_log.log.door_log.door_log import DoorLog, Time
 
 ASKED_P = 0.5
-"""P(a shut door opens for who asks) where nobody has tried; it is stated."""
+"""P(a shut door opens for who asks) where nobody has tried; the answer says that it is assumed."""
 LEAST_SHUT = 0.001
 LONGEST_TRIP_S = 3600.0
 """P is looked up for so long ahead."""
@@ -291,7 +291,7 @@ class _Trip:
         return wait_s(self._query, door_id, arrives_ns, most_s=self._patience_s, is_shut=True)
 
     def _answers(self, row: int, p_open: float) -> float:
-        """Return P(a shut door opens for who asks), by how often tries ended behind it."""
+        """Return P(a shut door opens for who asks), from how often tries got through."""
         if self._asked is None:
             return 0.0
         if not self._asked.is_known[row]:

@@ -1,12 +1,8 @@
-"""What a patrol is to be like, and what was planned of it.
+"""A planned patrol: its options, its targets, its stops, and the ways between them.
 
-Which ways the robot takes from stop to stop of a planned patrol.
-
-What a patrol shall visit: rooms by their doors, or doors themselves.
-
-Places as people name them: `2.5,1.5`, `2.5,1.5,L1`, a door, or a room.
-
-How long a robot takes between places of a log's building; where there is no plan, in a line.
+Targets are rooms by their doors, or doors themselves. Places are given as people name them:
+`2.5,1.5`, `2.5,1.5,L1`, a door, or a room. Travel times between places come from the floor plan, or
+from a straight line where there is no plan.
 """
 
 from __future__ import annotations
@@ -244,7 +240,7 @@ def _room(ways: WaysBetween, room: RoomId, name: str) -> WantedTarget | None:
 
 
 def _is_alone(ways: WaysBetween, room: RoomId) -> bool:
-    """Return whether a room has no doors but those to the outside."""
+    """Return whether all doors of a room lead to the outside."""
     graph = ways.plan.graph
     return all(graph.doorways[door].beyond(room) == OUTSIDE for door in graph.doors_of(room))
 

@@ -36,7 +36,7 @@ class PlannedTry:
 
 
 class PatrolRound:
-    """The order of a round, made again when a door is other than expected, and only then.
+    """The order of a round, recomputed only when a door is not as expected.
 
     A target is visited once one of its doors let the robot in. If one does not, another of its
     doors is tried, too; each once.
@@ -73,7 +73,7 @@ class PatrolRound:
         self.left_out = [target for target in targets if not self._untried[target]]
         self._order = self._first_order()
         self.replans = 0
-        """How often the order was made again."""
+        """How often the order was recomputed."""
 
     def plan(self) -> list[PlannedTry]:
         """Return the order from now on, as far as the budget goes."""
@@ -129,8 +129,8 @@ class PatrolRound:
     def learn(self, door: int, p_passes: NDArray[np.float64]) -> None:
         """Take in another P of a door that the robot has not come to yet.
 
-        The order is made again only where the door is now expected to be otherwise when the robot
-        comes to it. One that was left out joins the round once it is expected to let it in.
+        The order is recomputed only if the door is now expected to be otherwise when the robot
+        reaches it. A door that was left out joins the round once it is expected to let it in.
 
         Args:
             door: Which.
@@ -155,7 +155,7 @@ class PatrolRound:
             self._replan()
 
     def is_left(self, door: int) -> bool:
-        """Return whether a door may still be gone to: it was not tried, nor its target visited."""
+        """Return whether a door is still open to try: not tried yet, and its target not visited."""
         return door in self._skipped or door in self._untried.get(self._target_of[door], ())
 
     def copied(self) -> PatrolRound:
@@ -214,7 +214,7 @@ class PatrolRound:
         return order if exchanged is order else self._ordered(exchanged)
 
     def _replan(self) -> None:
-        """Order again what is left, from the order so far on and by value."""
+        """Order the remaining stops again, starting from the present order and by value."""
         self.replans += 1
         if len(self._order) > 1:
             self._order = self._ordered(self._by_better_doors(self._order))

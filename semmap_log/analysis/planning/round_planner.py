@@ -1,12 +1,8 @@
-"""One round: its plan from what is believed, and a plan again while the robot is under way.
+"""Plan a patrol from what is believed: in which order to visit rooms or doors, and why.
 
-A log's patrol: in which order to visit rooms or doors, what to expect there, and why.
-
-Where a log's robot was last.
-
-What is reported of doors while a robot is on its round, and what that makes of their chances.
-
-Why a stop is where it is, and why another is none, in words.
+The plan says what to expect at each stop, why a stop is where it is, and why another was left out.
+It starts where the robot was last. Reports on doors during the round change their chances, and the
+plan is made again while the robot is under way.
 """
 
 from __future__ import annotations
@@ -167,7 +163,7 @@ def _start_place(
 
 
 def _was_mapped_anew(log: DoorLog, level: int, since_ns: int, at: Moment | None) -> bool:
-    """Return whether a level got another floor map since: places of before are none on it."""
+    """Return whether a level got another floor map since, on which older places are invalid."""
     since = Moment(ns=max(since_ns, log.horizon_ns()))
     then, now = (log.replay(at=moment).levels.get(level) for moment in (since, at))
     known = None if then is None else then.floor_map_event
@@ -392,7 +388,7 @@ class RoundPlanner:
         )  # fmt: skip
 
     def _wait_s(self, door_id: DoorId, arrives_ns: int) -> float | None:
-        """Return the expected wait until the door is open, where the estimator shows."""
+        """Return the expected wait until the door is open, if the estimator provides it."""
         if not self._open.is_known[self._row[door_id]]:
             return None
         return wait_s(self._query, door_id, arrives_ns)
@@ -435,25 +431,25 @@ class LastPoseProjection:
 
 @dataclass(slots=True)
 class RoundNews:
-    """What was known at a round's start, and what was given since."""
+    """What was known at a round's start, and what was reported since."""
 
     query: BeliefQuery
     passing: Beliefs | None
     """Of P(passes); None: the robot does not ask."""
     start_ns: int
     times_s: NDArray[np.float64]
-    """(k,), of the round: at these P is requested."""
+    """(k,), times of the round at which P is computed."""
     mean: NDArray[np.float64]
     """(k,), P of the doors on average, for one of which too little is known."""
 
     def take_in(self, batch: EventBatch) -> None:
-        """Take in what is reported of doors."""
+        """Take in reports on doors."""
         self.query.beliefs.evidence.apply(batch)
         if self.passing is not None:
             self.passing.evidence.apply(passings_in(batch))
 
     def learn_anew(self, log: DoorLog, event: int) -> None:
-        """Learn from a log again, up to an event, which took some of it back."""
+        """Learn from a log again, up to an event that retracted some of it."""
         estimator, tz = self.query.estimator, self.query.clock.tz
         beliefs = log.fold(BeliefProjection(estimator, tz), event=event)
         self.query = replace(self.query, beliefs=beliefs)
@@ -476,7 +472,7 @@ class RoundNews:
 
 
 CHANGES_BY = 0.15
-"""P at arrival is given next to that at the start where they differ by so much."""
+"""P at arrival is shown next to P at the start where they differ by so much."""
 HOUR_S = 3600.0
 
 

@@ -1,13 +1,11 @@
-"""A round to be ordered: its stops, the times between them, and how likely each lets one in.
+"""The tasks to plan: a round to order, and a trip through doors that may be shut.
 
-What to do on a trip: which door next, and at one that is shut to wait, to ask, or to go round.
-
-Doors are found open or shut when one comes to them (the Canadian traveller's problem; C.
-Papadimitriou, M. Yannakakis, Theor. Comput. Sci. 84, 1991). What was found stays so for the trip;
-of few doors all that can be found is gone through, so that the expected time is the least there
-is.
-
-A trip through doors that may be shut: where they are, and what is known of each.
+A round has stops, the times between them, and how likely each lets the robot in. A trip has doors,
+where they are, and what is known of each; its policy decides which door is next, and whether to
+wait, ask or go round at one that is shut. Doors are found open or shut on arrival (the Canadian
+traveller's problem; C. Papadimitriou, M. Yannakakis, Theor. Comput. Sci. 84, 1991), and stay so for
+the trip. With few doors all possible findings are enumerated, so that the expected time is the
+minimum.
 """
 
 from __future__ import annotations
@@ -204,7 +202,7 @@ class ShutDoorChoice:
 
 
 class TripPolicy:
-    """The best choices of a trip, worked out where they are requested."""
+    """The best choices of a trip, computed on request."""
 
     def __init__(self, task: TripTask) -> None:
         """Take a trip.
@@ -356,12 +354,12 @@ class TripTask:
 
     @staticmethod
     def sides(door: int) -> tuple[int, int]:
-        """Return the places before and behind a door."""
+        """Return the places on both sides of a door."""
         return 2 + 2 * door, 3 + 2 * door
 
     @staticmethod
     def door_at(place: int) -> int:
-        """Return the door that a place is next to."""
+        """Return the door that a place belongs to."""
         return (place - 2) // 2
 
     @staticmethod

@@ -1,8 +1,8 @@
 """What an estimator is: it learns from evidence, and makes forecasts of any time.
 
 Every forecast has two times: the one it is of, and the one up to which evidence counts. So one
-object answers what was known then, an evaluation asks for a million pairs at once, and what is
-recorded later changes none of them.
+object answers what was known at any time, an evaluation requests a million pairs at once, and later
+recordings change none of them.
 """
 
 from __future__ import annotations
@@ -68,4 +68,4 @@ class Estimator(Protocol):
         """What the command line calls it."""
 
     def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntModel:
-        """Return what the evidence teaches; the work may wait until it is requested."""
+        """Return what the evidence teaches; the work may wait until the first request."""

@@ -39,7 +39,7 @@ class Forecast:
     """(n,), False: the evidence is below the stated amount, and `p_open` is what doors are like
     of which nothing is known."""
     effective_days: Probabilities
-    """(n,), days of evidence about that time of day after it, old ones discounted."""
+    """(n,), days of evidence about that time of day that it rests on, old ones discounted."""
 
     @classmethod
     def of(
@@ -122,7 +122,7 @@ class Forecast:
 
 
 def _wilson(share: Probabilities, few: Probabilities) -> tuple[Probabilities, Probabilities]:
-    """Return both ends of Wilson's score interval: wide beside 0 and 1, too, where little was seen.
+    """Return both ends of Wilson's score interval: wide near 0 and 1, too, where little was seen.
 
     E. B. Wilson, J. Am. Stat. Assoc. 22, 1927.
 

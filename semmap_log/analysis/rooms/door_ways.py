@@ -1,10 +1,8 @@
 """Ways through doors and lifts, from place to place, where each door can be shut.
 
-The nodes are the cells before and behind each door. Within a connected part of the floor their
-distances are measured once; a door that is not shut joins its two nodes, a lift those before its
-doors. So what is queried with other doors shut costs no new look at the floor.
-
-Distances between spots on connected parts of floors, measured once and kept.
+The nodes are the cells on both sides of each door. Within a connected part of the floor the
+distances between them are measured once and kept. A door that is not shut joins its two nodes, a
+lift those before its doors. So a query with other doors shut needs no new look at the floor.
 """
 
 from __future__ import annotations
@@ -43,7 +41,7 @@ class _Node:
 
     level: int
     spot: Spot
-    """Its own cell: 0 m next to it."""
+    """Its own cell, at a distance of 0 m."""
     to_door_m: float
     """From there to the middle of the door."""
 

@@ -1,26 +1,18 @@
-"""The rooms of one level: its floor plan with the doors drawn in, cut into regions.
+"""The rooms of a log at a moment: its floor plans, cut into regions by the doors.
 
-The rule, for every plan: occupied cells are walls, and each door a stroke 0.1 m thick, open or
+The rule, for every plan: occupied cells are walls, and each door is a stroke 0.1 m thick, open or
 shut; what they leave falls into 4-connected regions. A region at the border of the plan is the
 outside, one below 1 m² a shaft, any other a room. Unknown cells are floor here: only walls and
 doors cut. So rooms need walls all around: one whose floor ends in the unknown, as a laser's map may
 have it, is part of the outside.
 
-The rooms of a log at a moment: its floor plans then, cut by the doors that it had then.
+Which rooms lie on a door's two sides: seven probes start on the middle 60 % of the door's line and
+go straight away from it, at most a metre, to the first cell of a room or of the outside; the
+majority decides. A door that does not hang in a wall separates no rooms.
 
-Which rooms lie on a door's two sides.
-
-Seven probes start on the middle 60 % of the door's line and go straight away from it, at most a
-metre, to the first cell of a room or of the outside; most of them decide.
-
-Whether a door hangs in a wall: one that does not keeps no two rooms apart.
-
-A point in each room that is far from its walls: where a robot may stand, and a name be written.
-
-Rooms are eaten from their walls inward, a cell at a time, by turns with and without the corners,
-so that what is left last is about the middle of the widest circle that lies in the room.
-
-Lines with a thickness, taken from a grid: what a shut door takes of the floor.
+Each room has a point far from its walls, where a robot may stand and a name be written. Rooms are
+eroded from their walls inward, a cell at a time, alternately with and without the corners, so that
+the last cells lie about the middle of the widest circle in the room.
 """
 
 from __future__ import annotations
@@ -75,7 +67,7 @@ class RoomPlan:
         """Return that levels have no floor plan, as the end of a sentence about them.
 
         Args:
-            levels: Those that are queried; None: all.
+            levels: The queried levels; None: all.
         """
         chosen = self.later.keys() if levels is None else self.later.keys() & set(levels)
         if not chosen:
@@ -507,11 +499,11 @@ def _blocks(
 def _span(
     ends: tuple[float, float], half_m: float, axis: tuple[float, float, int]
 ) -> tuple[int, int]:
-    """Return the first cell of an axis that a line can touch, and the one behind the last.
+    """Return the first cell of an axis that a line can touch, and the one after the last.
 
     Args:
         ends: Of the line, along that axis.
-        half_m: How far it reaches next to itself.
+        half_m: Half its thickness.
         axis: Where its first cell begins, metres a cell, how many cells it has.
     """
     origin, cell_m, count = axis

@@ -19,8 +19,8 @@ TURNED_RIGHT = {RIGHT: DOWN, DOWN: LEFT, LEFT: UP, UP: RIGHT}
 def room_outline(rooms: LevelRooms, room_id: RoomId) -> list[list[Point]]:
     """Return a room's rings, metres, closed; the outer one first.
 
-    It goes counterclockwise, holes the other way round. Only corners are given, so that a straight
-    wall is one line.
+    The outer ring runs counterclockwise, holes clockwise. Only corners are listed, so that a
+    straight wall is one line.
     """
     mask, column, row = _cut_out(rooms, room_id)
     grid = rooms.geometry

@@ -1,6 +1,6 @@
 """The rows of an answer for programs that do not know Arrow: JSON, CSV, tables.
 
-The answer of a query as a file, written whole or not at all.
+A query's answer is written to a file whole or not at all.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from semmap_log.errors import FormatError
 
 
 def write_answer(answer: pa.Table, out: Path) -> None:
-    """Write an answer to a file whose name shows its format.
+    """Write an answer to a file, in the format that the file's suffix names.
 
     Raises:
-        FormatError: It shows none.
+        FormatError: The suffix names no format.
         OutputError: It cannot be written; what was there is whole.
     """
     write = writer_for(out)
@@ -42,7 +42,7 @@ def writer_for(out: Path) -> Callable[[pa.Table, Path], None]:
     """Return what writes an answer to a file of that name.
 
     Raises:
-        FormatError: It shows no format.
+        FormatError: The suffix names no format.
     """
     write = _WRITERS.get(out.suffix.lower())
     if write is None:
@@ -146,7 +146,7 @@ def plain_values(column: pa.ChunkedArray) -> list[Any]:
         return [None if value is None else _map(value) for value in column.to_pylist()]
     try:
         return [_value(value) for value in column.to_pylist()]
-    except (OverflowError, ValueError):  # a time that Python cannot tell, such as infinity
+    except (OverflowError, ValueError):  # a time that Python cannot represent, such as infinity
         return [_far_time(value) for value in column]
 
 

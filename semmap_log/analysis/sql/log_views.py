@@ -1,20 +1,11 @@
-"""The views of a log: each is made when a query scans it, of what the query's filter can match.
+"""The views of a log: their columns, and their rows, made when a query scans them.
 
-Rows that Python makes one by one, as Arrow tables.
+A scan reads only the parts of a log that the query's filter can match: its doors, its kinds, its
+chunks. The views are `events`, what lasts and what was written (states of doors, rounds, poses,
+changes, commits), and the doors at a moment with the beliefs about them.
 
-The rows of the view `events`, of what a query asks for.
-
-What lasts, and what was written, as rows: states of doors, rounds, poses, changes, commits.
-
-What the views hold: their columns, in order, with what each means. Data only.
-
-The doors at a moment, and what is believed of them, as rows.
-
-What goes on while a query has rows made: what went wrong, and whether anybody still waits.
-
-DuckDB calls us on threads of its own, and passes on of our errors no more than the text.
-
-Which parts of a log a query's filter can match: its doors, its kinds, its chunks.
+DuckDB calls us on threads of its own, and passes on only the text of our errors. So an error is
+kept here, as is whether anybody still waits for the rows.
 """
 
 from __future__ import annotations
@@ -360,7 +351,7 @@ VIEWS: Mapping[str, tuple[Column, ...]] = {
     "patrols": PATROLS,
     "poses": POSES,
 }
-"""Of each view but `events`, its columns."""
+"""The columns of each view but `events`."""
 
 ANNOTATIONS = Column("annotations", "map", "what is said of it in words: key -> value")
 """The last column of doors."""
@@ -370,7 +361,7 @@ FUNCTIONS: Mapping[str, tuple[Column, ...]] = {
     "doors_known_at": DOORS,
     "beliefs": BELIEFS,
 }
-"""Of what is queried a moment."""
+"""The columns of each function of a moment."""
 
 
 TEXTS = pa.map_(pa.string(), pa.string())
@@ -392,7 +383,7 @@ def belief_table(log: DoorLog, at: Time, horizon: str | None = None) -> pa.Table
 
     Args:
         log: Whose doors.
-        at: The moment asked from.
+        at: The moment of the query.
         horizon: How long after it, such as `2h`.
 
     Raises:
@@ -451,7 +442,7 @@ class RowMaking:
             try:
                 self._check_wanted()
                 return make(asked)
-            except Exception as error:  # noqa: BLE001 - told by `failure`
+            except Exception as error:  # noqa: BLE001 - reported by `failure`
                 raise self._noted(error) from None
 
         return made
@@ -466,13 +457,13 @@ class RowMaking:
                     yield table
             except GeneratorExit:
                 raise  # the query has all that it wants
-            except Exception as error:  # noqa: BLE001 - told by `failure`
+            except Exception as error:  # noqa: BLE001 - reported by `failure`
                 raise self._noted(error) from None
 
         return found
 
     def _noted(self, error: Exception) -> Exception:
-        """Keep what went wrong, and return what DuckDB is reported of it.
+        """Keep an error, and return what DuckDB sees of it.
 
         It is kept without its frames, which would hold DuckDB, and DuckDB us, for ever.
         """
@@ -491,7 +482,7 @@ class RowMaking:
 
 
 MOST_DOORS = 16
-"""So many are requested one by one; for more, all events are read sooner."""
+"""So many are read one by one; for more, reading all events is faster."""
 
 BOUNDED = ("event", "happened", "happened_ns", "recorded", "recorded_ns")
 """Columns by which parts of a log can be left out."""
@@ -561,7 +552,7 @@ def _bounds(part: LogPart, asked: ScanRequest) -> Iterator[Guarantee]:
 
 
 def _joined(parts: Iterable[LogPart]) -> list[tuple[int, int]]:
-    """Return ranges of events, the end of each after its last; neighbours are one."""
+    """Return half-open ranges of events; adjacent ones are joined."""
     found: list[tuple[int, int]] = []
     for part in parts:
         if found and found[-1][1] == part.first_event:

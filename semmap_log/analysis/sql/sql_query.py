@@ -1,11 +1,8 @@
 """A query in SQL about one log, or several: as a relation of DuckDB, or as a whole table.
 
-Only one SELECT is taken, in a DuckDB of its own that is closed to all but the logs' views. What a
-relation raises while it is read is DuckDB's; `table_of_query` says it in our words.
-
-A DuckDB in memory with the views of some logs, closed to all else: no files, no settings.
-
-Which views there are, and their columns, in words: for who named another.
+Only one SELECT is allowed, in a DuckDB in memory with the logs' views, closed to all else: no
+files, no settings. Errors while a relation is read are DuckDB's; `table_of_query` raises them in
+our words. An error about an unknown name lists the views and their columns.
 """
 
 from __future__ import annotations
@@ -156,7 +153,7 @@ class Query:
         return done["table"]
 
     def _in_our_words(self, error: Exception) -> Exception:
-        """Return the error of a view that could not be made, else what DuckDB said, and ours."""
+        """Return the error of a view that could not be made, else DuckDB's with our hints."""
         ours = self._making.taken_failure()
         if isinstance(ours, SemmapError):
             return ours
@@ -226,12 +223,12 @@ ASKING_NODES = {"SELECT_NODE", "SET_OPERATION_NODE", "RECURSIVE_CTE_NODE", "CTE_
 
 
 def _check_only_reads(connection: duckdb.DuckDBPyConnection, query: str) -> None:
-    """Return if no part of a SELECT writes: a COPY may stand in a CTE.
+    """Check that no part of a SELECT writes: a COPY may stand in a CTE.
 
-    Without files to reach it could not be done; where they are allowed, DuckDB would do it.
+    Without access to files DuckDB refuses this; where they are allowed, it would do it.
 
     Raises:
-        SqlError: One does, or the parts cannot be given.
+        SqlError: One does, or the parts are unknown.
     """
     ((said,),) = connection.execute("SELECT json_serialize_sql(?)", [query]).fetchall()
     parsed = json.loads(said)
@@ -321,7 +318,7 @@ class _Function(NamedTuple):
 
 
 class _KnownThen:
-    """The doors as they were known; it says once if they were only told of later."""
+    """The doors as they were known; it warns once if they were only recorded later."""
 
     def __init__(self, log: DoorLog) -> None:
         self._log = log

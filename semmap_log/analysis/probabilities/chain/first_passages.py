@@ -1,9 +1,9 @@
 """How likely a door that is closed is opened within the hour, by hour of the week; or the reverse.
 
 Not how often it changes: openings come in bursts, and who waits at a closed door waits through the
-long closings more often than through the short ones. Where the state is known, each half hour is
-asked whether the door was in the other state before the next. Of what is seen in visits, the modes
-that explain it tell (`hour_looks`); both together say in which mode each hour is (`hour_modes`).
+long closings more often than through the short ones. Where the state is known, each half hour
+counts as a trial: did the door change before the next? Visits count through the modes that explain
+them (`looks`); both together show in which mode each hour is (`hour_modes`).
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ LEARNT_FROM_D = 182
 ROUNDS = 3
 """So often what was seen in an hour is explained by the hours before and after it."""
 DRAWS = 16
-"""So often days are drawn again, to see how far a wait rests on a few of them."""
+"""So often days are resampled, to see how far a wait rests on a few of them."""
 TOGETHER = 1 / 3
-"""So much of what single hours leave open hangs together; found on simulated doors."""
+"""The correlation of the uncertainty of single hours; found on simulated doors."""
 
 
 class Passages:
     """How soon doors in the other state pass to this one."""
 
     def __init__(self, told: Reals, days: Days, mode_per_h: Reals) -> None:
-        """Take what was given.
+        """Take the observations.
 
         Args:
             told: (days, 24, modes): log-likelihood of what was seen in each hour.
@@ -133,7 +133,7 @@ class Days(NamedTuple):
         return cls(first, 0.5 ** (np.arange(last - first, -1, -1) / HALF_LIFE_D))
 
     def sums(self, hour: Times, told: Reals) -> Reals:
-        """Return (days, 24, k): what was reported of each hour, (n, k), added up."""
+        """Return (days, 24, k): the values of each hour, (n, k), added up."""
         place = hour - self.first * 24
         inside = place >= 0
         found = np.zeros((len(self.old) * 24, told.shape[1]))
@@ -167,7 +167,7 @@ def _known(
 
 
 def _with_visits(told: Reals, days: Days, evidence: DoorEvidence, clock: LocalClock) -> Reals:
-    """Return (days, 24, modes): what was given, and what visits tell."""
+    """Return (days, 24, modes): the log-likelihoods given, plus those from visits."""
     none = slice(0)
     alone = replace(
         evidence, start_ns=evidence.start_ns[none], end_ns=evidence.end_ns[none],

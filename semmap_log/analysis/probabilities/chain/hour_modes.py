@@ -28,10 +28,10 @@ PRIOR = likely_paces(1 / PER_H)
 PRIOR_HOURS = 0.2
 """So many hours of a day that prior counts."""
 LIKE = np.array([4.0, 1.0, 1.0, 1.0])
-"""How often an hour is as at that hour of such days, of any day, as the hours next to it, or in a
-mode of its own: so many hours each counts before any is known."""
+"""Prior counts, in hours, of what an hour resembles: that hour of such days, of any day, the
+adjacent hours, or none of these (a mode of its own)."""
 BESIDE = 0.5
-"""How much the hours next to one say about it."""
+"""The weight of adjacent hours."""
 ROUNDS = 15
 _OWN = 3
 _SUCH_DAYS = slice(WORKING_DAYS), slice(WORKING_DAYS, None)

@@ -1,6 +1,6 @@
 """A door's evidence as a chain takes it: looks at certain times, and what each saw.
 
-How well modes explain what was looked at, hour by hour.
+It also measures how well modes explain the looks, hour by hour.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class HourLooks:
 
 
 def _through(gap_h: Reals, llr: Reals, begins: NDArray[np.intp]) -> Reals:
-    """Return (2, 2, hours, modes): from the weight of a state before an hour to that after it."""
+    """Return (2, 2, hours, modes): transitions from the state before each hour to that after it."""
     lasts = np.diff(np.append(begins, len(llr)))
     found = np.zeros((2, 2, len(begins), len(hour_modes.SHARE)))
     found[0, 0] = found[1, 1] = 1.0
@@ -84,7 +84,7 @@ Times = NDArray[np.int64]
 Places = NDArray[np.intp]
 
 LOOK_NS = HOUR_S * SECOND_NS // 2
-"""Where the state is known all through, a look each half hour shows it: the pace of a patrol."""
+"""Where the state is known throughout, a look each half hour sees it: the pace of a patrol."""
 CERTAIN_LLR = float(np.log(MOST_ACCURACY / (1 - MOST_ACCURACY)))
 _ROUNDING = 1e-9
 
@@ -119,7 +119,7 @@ class Looks:
 
 
 def is_certain(llr: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which readings, or stretches, leave no doubt."""
+    """Return which readings, or stretches, are certain."""
     return np.abs(llr) > CERTAIN_LLR - _ROUNDING
 
 
@@ -171,12 +171,12 @@ def _half_hours_ns(
 
 
 def seen_between(evidence: DoorEvidence, first: Places, behind: Places) -> NDArray[np.float64]:
-    """Return what sightings of some looks add up to, nats, (n,).
+    """Return the sum of each look's sightings, nats, (n,).
 
     Args:
         evidence: Of the door.
         first: (n,), the first sighting of each.
-        behind: (n,), the one after the last; as much as `first`: 0.
+        behind: (n,), the one after the last; equal to `first`: no sighting, 0.
     """
     alone = np.clip(evidence.llr, -CERTAIN_LLR, CERTAIN_LLR)
     certain = is_certain(alone)
@@ -211,7 +211,8 @@ def _ends_look(evidence: DoorEvidence) -> NDArray[np.bool_]:
 def _last_known(evidence: DoorEvidence) -> NDArray[np.bool_]:
     """Return the stretches after which the state is not known: their ends are looks, too.
 
-    Where the next stretch begins at once the change is none: rates are those at the pace of looks.
+    Where the next stretch begins at once, the change does not count as a look of its own: rates
+    are those at the pace of looks.
     """
     goes_on = np.append(evidence.start_ns[1:] == evidence.end_ns[:-1], evidence.holds_on)
     return np.asarray(~goes_on[: len(evidence.end_ns)], np.bool_)

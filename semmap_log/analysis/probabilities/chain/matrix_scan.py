@@ -1,14 +1,13 @@
-"""Products of many 2 x 2 matrices, one after another, without a loop over all of them.
+"""A door as a hidden Markov chain in continuous time, by products of many 2 x 2 matrices.
 
-The sequence is cut into blocks that are multiplied side by side; then their products are chained.
-It is the two-level form of a parallel prefix sum (Blelloch 1990). Where the cuts are does not
-depend on how many matrices follow, so that what stands at a place is the same to the last digit.
+The chain has two states. Looks come at arbitrary times and are never certain: they count by their
+likelihood. This is the continuous-time form of the hidden Markov models of Meyer-Delius et al.
+(AAAI 2012) for cells that change.
 
-A door as a hidden Markov chain in continuous time: two states, seen now and then.
-
-The state is never seen for sure, and at any times: looks weigh on it by their likelihood. This is
-the continuous-time form of the hidden Markov models of Meyer-Delius et al. (AAAI 2012) for cells
-that change.
+Products are taken without a loop over all matrices. The sequence is cut into blocks that are
+multiplied side by side; then their products are chained. It is the two-level form of a parallel
+prefix sum (Blelloch 1990). Where the cuts are does not depend on how many matrices follow, so that
+the result at each place is the same to the last digit.
 """
 
 from __future__ import annotations
@@ -102,7 +101,7 @@ def states(matrices: Matrices, first: NDArray[np.float64]) -> NDArray[np.float64
 
     Returns:
         (2, n, chains): matrix i x ... x matrix 0 x first, each scaled to the sum 1. It is the same
-        whatever matrices come after i.
+        whatever matrices follow i.
     """
     found = np.empty((2, *matrices.shape[2:]))
     for start, end, length in _parts(matrices.shape[2]):
@@ -170,7 +169,7 @@ def _total(matrices: Matrices) -> NDArray[np.float64]:
 def _chained(
     products: Matrices, first: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (2, blocks, chains): the vector before each block, scaled; and after the last."""
+    """Return (2, blocks, chains): the scaled vector before each block; and that after the last."""
     found = np.empty((2, *products.shape[2:]))
     here = first
     for block in range(products.shape[2]):

@@ -1,9 +1,9 @@
-"""Ways in which a door goes on: it follows its hours, or is left closed, or open; at several paces.
+"""Ways in which a door behaves: it follows its hours, or is left closed, or open; at several paces.
 
-Each regime is a hidden Markov chain of two states with a long run and a pace of its own. All of
-them see what is seen; how far each is believed, the likelihood of that decides: multiple models
-(Magill, IEEE Trans. Autom. Control 10, 1965), with the fixed share of `averaging`, for a door that
-was left closed is used again. Nothing is fitted: what holds of all doors is given here.
+Each regime is a hidden Markov chain of two states, with a long-run share and a pace of its own. All
+of them see the same looks; their likelihoods decide how far each is believed: multiple models
+(Magill, IEEE Trans. Autom. Control 10, 1965), with the fixed share of `habits`, since a door that
+was left closed is used again. Nothing is fitted: the constants here hold for all doors.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LEFT_P = 0.97
 LEFT_SHARE = 0.25
 """How likely it is before anything is known that it is left, closed or open."""
 LEFT_LASTS_H = 48.0
-"""It is used again after so long, on average, after what was seen last."""
+"""It is used again after so long, on average, since it was last seen."""
 
 PACE_H = np.append(PACES_H, [LEFT_PACE_H, LEFT_PACE_H])
 """(regimes,): first those that follow the schedule, then left closed, then left open."""
@@ -68,7 +68,7 @@ def stays(gap_ns: Times, age_ns: Times) -> Reals:
     """Return (n, regimes): how far a forecast is not yet the schedule's.
 
     Args:
-        gap_ns: (n,), since it was given.
+        gap_ns: (n,), since the last belief.
         age_ns: (n,), since the door was really seen.
     """
     return np.where(IS_LEFT, still_left(age_ns)[:, None], kept(gap_ns))

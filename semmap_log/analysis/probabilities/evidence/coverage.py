@@ -1,6 +1,6 @@
-"""When a door was looked at: the hours of the week that were ever seen, and those that never were.
+"""When a door was looked at: the hours of the week that were seen, and those that never were.
 
-A patrol by day shows nothing of the night; whoever reads a probability must be given so.
+A patrol by day shows nothing of the night, and a reader of a probability must know that.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Sightings as visits: what a sensor says again and again in one pass is one proof, not many.
+"""Reports about doors as compact rows, and sightings grouped into visits.
 
-What events said about how doors are, as compact rows: the store that evidence is made of.
+The rows are the store that evidence is made of. What a sensor says again and again in one pass is
+one proof, not many.
 """
 
 from __future__ import annotations
@@ -149,7 +150,7 @@ class Sensors(NamedTuple):
 
 
 class Reports:
-    """What was stated about all doors, in any order."""
+    """The reports about all doors, in any order."""
 
     def __init__(self) -> None:
         self._rows = np.empty(0, REPORT)
@@ -206,7 +207,7 @@ class Reports:
         return distinct(self._rows["door_id"][: self._count])
 
     def about(self, door_id: DoorId) -> Rows:
-        """Return what is said of a door, in the order of the fold: by time, then by number."""
+        """Return the reports about a door, in the order of the fold: by time, then by number."""
         behind = self._rows[self._index.count : self._count]
         if len(behind) > max(_FEW, self._index.count // 4):
             self._index = _Index(self._rows["door_id"][: self._count])
@@ -218,11 +219,11 @@ class Reports:
         return _that_count(self._rows.take(places[order]))
 
     def newer(self, count: int) -> NDArray[np.uint32]:
-        """Return which doors the reports after the first `count` are about."""
+        """Return the doors of the reports after the first `count`."""
         return distinct(self._rows["door_id"][count : self._count])
 
     def latest(self, door_ids: NDArray[np.integer[Any]], until_ns: int, most: int) -> Rows:
-        """Return what was reported about some doors up to a time, by door, then time, then number.
+        """Return the reports about some doors up to a time, by door, then time, then number.
 
         Args:
             door_ids: The doors.
@@ -305,7 +306,7 @@ class Reports:
 
 
 def _that_count(rows: Rows) -> Rows:
-    """Return reports without sightings that a thinning reports of, and that are still there."""
+    """Return the reports, without records of thinned sightings that are still in the log."""
     is_told = rows["kind"] == SightingsThinned.kind
     if not is_told.any():
         return rows

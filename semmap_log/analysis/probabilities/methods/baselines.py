@@ -1,6 +1,6 @@
-"""What better methods are held against: the constant, and plain tables by hour of day or week.
+"""What better methods are compared with: the constant, and plain tables by hour of day or week.
 
-They take what was read for true, know of no sensor's errors, and count all days the same.
+They take readings for true, know of no sensor's errors, and count all days the same.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class HourTable:
     def learn(
         self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock
     ) -> LearntByDoor[DoorHours]:
-        """Return the tables of all doors; each is made when it is requested."""
+        """Return the tables of all doors, each computed on request."""
         return LearntByDoor(evidence, lambda door: DoorHours(door, clock, self.period_s))
 
 

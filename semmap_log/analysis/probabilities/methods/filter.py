@@ -1,8 +1,8 @@
 """`filter`: what was seen lately, and the schedule, weighed by how fast the door forgets.
 
-What is believed now decays toward how the door is at such hours, by several `regimes` at once:
-paces, and a door that is left closed, or open. How far each is believed at the lead that is queried
-for, the door's own past says (`belief_history`).
+The present belief decays toward how the door is at such hours, by several `regimes` at once:
+paces, and a door that is left closed, or open. The door's own past decides how far each is believed
+at the requested lead (`belief_history`).
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class DoorFilter:
             for now in (belief.weight, belief.maybe)
         )
         p_open = tends_to + (weight * (each - tends_to[:, None])).sum(1)
-        # What is not known: which regime it is; what the schedule should say; what it said before.
+        # Unknown are the regime, what the schedule should forecast, and what it forecast before.
         stays = weight * regimes.stays(gap_ns, age_ns)
         variance *= _leaned(np.maximum(1 - stays.sum(1), 0), gap_ns)
         variance += (maybe * (each - p_open[:, None]) ** 2).sum(1)

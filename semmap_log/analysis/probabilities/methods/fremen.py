@@ -39,7 +39,7 @@ SATURATION = 0.01
 LEARNS_EVERY_NS = HOUR_S * SECOND_NS
 """A model is that of the last full hour before what is known ends."""
 MOST_HOURS = 100_000
-"""Eleven years: of doors of which something was learnt in more hours only the models that are asked
+"""Eleven years: of doors of which something was learnt in more hours only the models that are used
 for are made."""
 CHUNK = 65_536
 """Forecasts made at a time, to bound memory."""

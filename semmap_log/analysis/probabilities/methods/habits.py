@@ -1,16 +1,15 @@
 """A door's habits: P(open) by hour and weekday, as each local midnight would have had it.
 
 Each table is shrunk toward a coarser one: the hour of a weekday to that of working days or
-weekends, that to the hour of any day, that to the hours next to it, and all to the mean. Weights
-are in days: an hour that was open through once is one observation, however often it was looked at.
-Old days count less, by several half-lives at once; which table is right, `averaging` finds out.
+weekends, that to the hour of any day, that to the adjacent hours, and all to the mean. Weights are
+in days: an hour that was open throughout is one observation, however often it was looked at. Old
+days count less, by several half-lives at once.
 
-Which of a door's habits to believe: Bayesian averaging by how well each foretold the past.
-
-The weights are those of Herbster and Warmuth's fixed share (Machine Learning 32, 1998) over
-tempered likelihoods: a table that was right gains, and none is ever lost, for habits drift. What
-foretells tomorrow best need not foretell next month: weights are kept for several leads, each
-scored by tables as old as its forecasts are.
+Bayesian averaging decides which table to believe, by how well each forecast the past. The weights
+are those of Herbster and Warmuth's fixed share (Machine Learning 32, 1998) over tempered
+likelihoods: a table that was right gains, and none is ever lost, since habits drift. What forecasts
+tomorrow best need not forecast next month: weights are kept for several leads, each scored by
+tables as old as its forecasts are.
 """
 
 from __future__ import annotations
@@ -31,9 +30,9 @@ Weights = NDArray[np.float64]
 LEADS_D = np.array([0, 1, 3, 7, 14, 28, 56])
 """Days from the midnight up to which is known to the day that is foretold."""
 RATE = 0.25
-"""A known hour counts as a quarter of an independent observation: hours of a day hang together."""
+"""A known hour counts as a quarter of an independent observation: a day's hours are correlated."""
 SHARE = 0.02
-"""So much of the weight is handed out again each day."""
+"""The share of the weight that is redistributed each day."""
 
 
 def weights(habits: Habits, tables: DayTables, lead_d: int) -> Weights:
@@ -52,7 +51,7 @@ def weights(habits: Habits, tables: DayTables, lead_d: int) -> Weights:
 def foretold(
     habits: Habits, tables: DayTables, worth: Weights, mean: Weights, lead_d: int
 ) -> Weights:
-    """Return (days, 24): what the tables said of each day, on average, so many days before it.
+    """Return (days, 24): the tables' average forecast of each day, made `lead_d` days before it.
 
     Args:
         habits: As of `weights`; so are `tables` and `lead_d`.
@@ -105,7 +104,7 @@ def shared_anew(before: Weights, gain: Weights, start: Weights, share: Weights |
         before: Their weights before, which add up to 1.
         gain: Log-likelihood of what came, by each.
         start: What weights are like where nothing is known.
-        share: How much is handed out again, by that.
+        share: How much is redistributed, by that.
     """
     gained = before * np.exp(gain - gain.max(-1, keepdims=True))
     gained /= gained.sum(-1, keepdims=True)
@@ -164,7 +163,7 @@ PRIOR_DAYS = 0.1
 HOUR_DAYS, WEEK_DAYS = 2.0, 4.0
 """How many days the coarser table counts, where a finer one has evidence of its own."""
 NEIGHBOURS_H = 1.5
-"""The hours next to one count e^(-distance / that)."""
+"""Other hours count e^(-distance / that)."""
 ROWS_AT_ONCE = 128
 
 
@@ -180,8 +179,8 @@ class WeekCells(NamedTuple):
 class KindTables(NamedTuple):
     """Tables of a week of all half-lives and kinds: table i x kinds + k is of half-life i, kind k.
 
-    What a kind says of several hours stands there once: (rows, half-lives), then hours of a day,
-    and day types or weekdays before them, where it shows these apart.
+    Values that are equal for several hours are stored once: (rows, half-lives), then hours of a
+    day, and before them day types or weekdays, if the kind distinguishes these.
     """
 
     kinds: Sequence[Tables]
@@ -388,7 +387,7 @@ def _shrunk(sums: Tables, prior: Tables) -> tuple[KindTables, KindTables]:
 def _level(
     opened: Tables, known: Tables, coarser: Tables, weight_days: float
 ) -> tuple[Tables, Tables]:
-    """Return a table shrunk to the hours next to each, and these to a coarser table; and its days.
+    """Return a table shrunk toward adjacent hours, these toward a coarser table, and its days.
 
     Where an hour was never seen, its neighbours speak for it, and far from all of them the day.
     """
@@ -409,7 +408,7 @@ def _by_day_type(table: Tables) -> Tables:
 
 
 def _day(table: Tables, weekday: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return which of the days that a table shows apart weekdays are: day types, or themselves."""
+    """Return the index of weekdays in a table: their day types, or the weekdays themselves."""
     return weekday if table.shape[2] == DAYS_IN_WEEK else weekday // WORKING_DAYS
 
 

@@ -2,9 +2,9 @@
 
 A door that was opened a minute ago will soon be closed; one that stood open all morning will not.
 The chain forgets how it came to its state; this corrects its forecasts by how far the door was off
-its schedule during the last hour, four hours and day. How much each counts, some time ahead, is
-fitted by ridge regression toward what the chain says, again at each midnight: the sums of the days
-before are all that it takes.
+its schedule during the last hour, four hours and day. The weight of each, some time ahead, is
+fitted by ridge regression toward the chain's forecast, at each midnight; it only takes sums over
+the days before.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ STEP_H = 24 / STEPS_A_DAY
 SPANS_H = np.array([1.0, 4.0, 24.0])
 """Over how long deviations are averaged, with weights that fall off."""
 AHEAD_H = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
-"""For these times ahead it is fitted; between them, and to nothing at 0 and after them, a line."""
+"""Fitted for these times ahead; linear between them, and toward zero at 0 and beyond them."""
 RIDGE_H = 10.0
 """The chain's own word counts as much as so many hours in which the door was fully off."""
 
@@ -70,7 +70,7 @@ class Memory:
 
     @computed_once
     def _past(self) -> _Past:
-        """Return all deviations, and the sums that tell what they were worth."""
+        """Return all deviations, and the sums that show their worth."""
         grid_ns, left_out_d = _steps(self._evidence)
         held, is_open = held_at(self._evidence, grid_ns)
         expected = self._schedule.p_open(grid_ns, grid_ns)

@@ -93,7 +93,7 @@ def sensor_doubts(
 
     Args:
         evidence: Of the log.
-        door_ids: The doors that are queried.
+        door_ids: The queried doors.
         until_ns: What comes after does not count.
     """
     rows, sensors = evidence.readings(door_ids, until_ns, most=MOST_READINGS)
