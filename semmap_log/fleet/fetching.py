@@ -30,12 +30,12 @@ from semmap_log.store.reading.segment_reading import statistics_of
 from semmap_log.store.verification import Verification
 
 PART_BYTES = 2**23
-"""So much is in memory at once."""
+"""Bytes in memory at once."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fetched:
-    """A log that was brought back."""
+    """A downloaded log."""
 
     manifest: Manifest
     bytes: int
@@ -51,11 +51,11 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
         progress: Called with the number of bytes received.
 
     Raises:
-        LogExistsError: There is something there.
+        LogExistsError: The folder exists already.
         NotALogError: There is no shipped log at the URL.
         CorruptLogError: A segment differs from the manifest, or the log is incomplete.
-        LogAccessError: The store does not let us.
-        OutputError: The disk does not.
+        LogAccessError: The store denies access.
+        OutputError: The disk cannot be written.
     """
     if os.path.lexists(folder):
         raise LogExistsError(f"{folder}: exists; fetch into a new folder.")
@@ -89,7 +89,7 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
 
 
 def _check_room(url: UrlPath, folder: Path, size: int) -> None:
-    """Check that a log of this size can lie on the disk.
+    """Check that the disk has room for a log of this size.
 
     Raises:
         OutputError: It cannot.
@@ -109,7 +109,7 @@ def _write_lists(folder: LogFolder, manifest: Manifest) -> None:
 
 
 def _check_whole(url: UrlPath, verified: Verification) -> None:
-    """Check that what came is a good log.
+    """Check that the downloaded log is undamaged.
 
     Raises:
         CorruptLogError: It is not.
@@ -123,7 +123,7 @@ def _bring(
     store: ObjectStore, segment: ShippedSegment, target: Path, done: tuple[int, int],
     progress: Progress | None,
 ) -> int:  # fmt: skip
-    """Write a segment's bytes into a file, and return how many have come in all.
+    """Write a segment's bytes into a file, and return the total number of bytes received.
 
     Raises:
         CorruptLogError: They differ from the manifest.

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 END_S = 30.0
-"""So long `close` waits for what is being sent."""
+"""How long `close` waits for what is being sent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class ShippingPauses:
     settle_s: float = 10.0
     """After a segment was closed: it is compacted first, and then sent once, not twice."""
     first_retry_s: float = 5.0
-    """After something went wrong; each time twice as long, up to:"""
+    """After an error; each time twice as long, up to:"""
     longest_retry_s: float = 600.0
 
 
@@ -118,7 +118,7 @@ class ShipBeside:
         return self._status
 
     def start(self) -> None:
-        """Begin to look at the folder, in a thread of its own."""
+        """Start watching the folder, in a thread of its own."""
         self._thread.start()
 
     def close(self, *, end_s: float | None = None) -> ShippingStatus:
@@ -163,7 +163,7 @@ class ShipBeside:
         return is_last or now_s >= self._next_s
 
     def _closed(self) -> _Closed:
-        """Return what changes when a segment is closed, or compacted; None: none is closed."""
+        """Return a value that changes when a segment is closed or compacted; None: none is."""
         with suppress(OSError):
             marks = tuple(listed_marks(self._folder))
             if not marks:
@@ -215,7 +215,7 @@ def _changed(
 
 
 def _url(place: str | UrlPath) -> UrlPath:
-    """Return the URL that is meant.
+    """Return the URL of a place.
 
     Raises:
         NotALogError: It is none.

@@ -65,7 +65,7 @@ def plot_log(
     doors: Collection[DoorId | str] | None,
     progress: Progress | None,
 ) -> Any:
-    """Return what `DoorLog.plot` does.
+    """Return the figure of `DoorLog.plot`.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -76,7 +76,7 @@ def plot_log(
 
 
 def plot_timeline(timeline: Timeline, *, name: str, tz: str) -> Any:
-    """Return what `Timeline.plot` does.
+    """Return the figure of `Timeline.plot`.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -218,7 +218,7 @@ def _names_its_level(belief: DoorBelief) -> bool:
 
 
 def _numbers(belief: DoorBelief) -> tuple[Cell, ...]:
-    """Return P(open) as it is drawn, then alone and with its interval, and P(closed)."""
+    """Return P(open) as drawn, then alone and with its interval, and P(closed)."""
     if not belief.is_known:
         return Text("UNKNOWN", style=OTHER_STATE_COLOUR), *[ABSENT] * 4
     state = DoorState.OPEN if belief.p_open >= LIKELY else DoorState.CLOSED

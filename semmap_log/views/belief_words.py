@@ -26,7 +26,7 @@ STEP_ROW = (
     "event", "happened", "because", "target", "door_id", "door", "p", "low", "high", "arrives",
     "left", "why",
 )  # fmt: skip
-"""What `step_row` says, for programs."""
+"""The columns of `step_row`, for programs."""
 OVER = "the round is over"
 
 
@@ -71,11 +71,11 @@ def _stop_in_words(stop: PlannedStop, tz: str) -> str:
 MOST_GROUPS = 3
 CARRIED_OVER = "what is said of an hour never seen is carried over from other hours"
 MOST_NAMED = 6
-"""So many doors are called by name; `--json` has all."""
+"""So many doors are listed by name; `--json` has all."""
 
 
 def short_number(probability: float) -> str:
-    """Return a probability in two digits: `.83`; `<.01` and `>.99` where they would be none."""
+    """Return a probability in two digits: `.83`; `<.01` and `>.99` at the ends."""
     if probability < 0.005:
         return "<.01"
     if probability >= 0.995:
@@ -89,7 +89,7 @@ def interval(low: float, high: float) -> str:
 
 
 def with_interval(probability: float, low: float, high: float) -> str:
-    """Return a probability with its interval: `.83 (.71-.92)`; without, where both say the same."""
+    """Return a probability with its interval: `.83 (.71-.92)`; without, if they are the same."""
     said = short_number(probability)
     if short_number(low) == short_number(high):
         return said
@@ -122,7 +122,7 @@ class BeliefTexts(Protocol):
 
     @property
     def level_name(self) -> str:
-        """What its level is called."""
+        """Name of its level."""
 
     @property
     def evidence(self) -> EvidenceSummary:
@@ -130,7 +130,7 @@ class BeliefTexts(Protocol):
 
 
 def labels_in(told: Sequence[BeliefTexts]) -> list[str]:
-    """Return what the doors are called: level/name where several of them bear the name."""
+    """Return the doors' labels: level/name where several of them have the same name."""
     labels = told_apart((each.door, each.level_name) for each in told)
     return [labels.get(each.door.door_id, each.door.label) for each in told]
 
@@ -156,7 +156,7 @@ def never_seen_lines(told: Sequence[BeliefTexts]) -> list[str]:
 
 
 def named(labels: Sequence[str]) -> str:
-    """Return what some doors are called; of many, the first ones and how many more."""
+    """Return the labels of some doors; of many, the first ones and the number of the others."""
     names = ", ".join(map(printable, labels[:MOST_NAMED]))
     more = len(labels) - MOST_NAMED
     return f"{names} and {more} more" if more > 0 else names

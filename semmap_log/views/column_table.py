@@ -23,9 +23,9 @@ from rich.text import Text
 from semmap_log.core.texts import counted
 
 WIDTH = 120
-"""Of what is drawn in letters."""
+"""Columns of text."""
 MOST_ROWS = 60
-"""More are counted: a notebook keeps what it shows."""
+"""Rows to show; more are only counted, since a notebook stores what it shows."""
 STYLE = "text-align: {side}; vertical-align: top; white-space: pre-line"
 
 
@@ -155,29 +155,29 @@ Cell = str | Text | CellValue
 
 @dataclass(frozen=True, slots=True)
 class TableColumn:
-    """A column: how it is called, and how it is drawn."""
+    """A column: its names, and how it is drawn."""
 
     name: str = ""
     """Its head for programs; empty: it is only drawn."""
     head: str | None = None
-    """Its head where it is drawn; None: it is not."""
+    """Its head when drawn; None: it is not drawn."""
     right: bool = False
-    """Numbers: their ends stand below each other."""
+    """Aligned to the right, for numbers."""
     least: int | None = None
-    """It may fold its texts, down to this width; None: they stay on one line."""
+    """The least width to which its texts may fold; None: they stay on one line."""
     most: int | None = None
     """It folds texts that are wider."""
     width: int | None = None
     """Always as wide as this, so that the pages of a long table line up; longer texts fold."""
     ratio: int | None = None
-    """Its part of what the others leave."""
+    """Its share of the remaining width."""
     yields: int = 0
-    """Columns of the greatest number are left out first, together, where a terminal is too narrow;
+    """In a narrow terminal, columns of the greatest number are left out first, together;
     0: never."""
 
     @property
     def is_drawn(self) -> bool:
-        """True unless it is for programs alone."""
+        """False for a column that is for programs alone."""
         return self.head is not None
 
 
@@ -222,7 +222,7 @@ class ColumnTable:
         return self._draw(needs, spare), out
 
     def _fitting(self, places: list[int], width: int) -> dict[int, int]:
-        """Return those of the columns that fit, or that never yield, and what they need."""
+        """Return the columns that fit, or are never left out, and the width that they need."""
         needs = {place: self._need(place) for place in places}
         order = sorted(
             (p for p in places if self.columns[p].yields), key=self._yields, reverse=True
@@ -254,9 +254,9 @@ class ColumnTable:
         return max((cell_len(line) for text in texts for line in text.split("\n")), default=0)
 
     def _widths(self, needs: dict[int, int], spare: int) -> dict[int, int]:
-        """Return how wide those columns are that fold: what they need, and their part of the rest.
+        """Return the widths of the columns that fold: what they need, and their share of the rest.
 
-        The narrow ones get it first. Rich would take it from the wide ones, also what they need.
+        Narrow columns come first. Rich would shrink wide ones below what they need.
         """
         folding = {p for p in needs if self.columns[p].least is not None}
         folding -= {p for p in folding if self.columns[p].ratio is not None}
@@ -313,7 +313,7 @@ class ColumnTable:
 
 @dataclass(frozen=True, slots=True)
 class TextPicture:
-    """What a terminal shows as a picture, and programs read as a table."""
+    """A picture for the terminal, and a table for programs."""
 
     drawn: Callable[[int], RenderableType]
     """Of the width of the terminal."""
@@ -386,5 +386,5 @@ def pairs(rows: Iterable[tuple[str, Cell]] = ()) -> PairTable:
 
 
 def add_pair(table: PairTable, name: str, value: Cell, *, told_name: str | None = None) -> None:
-    """Add a name and a value; where the drawn name says too little alone, programs get another."""
+    """Add a name and a value; programs get another name if the drawn one is too short alone."""
     table.add(name if told_name is None else CellValue(name, told_name), value)

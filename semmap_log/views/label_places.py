@@ -65,13 +65,13 @@ def costmap_png(
 ) -> bytes:
     """Return a PNG; the same bytes for the same arguments.
 
-    Its sides are below 3,200 pixels: of a larger grid the dearest cell of each block shows.
+    Its sides are below 3,200 pixels: a larger grid shows the greatest cost of each block.
 
     Args:
         grid: uint8 costs, or int8 map values; (height, width), row 0 at the lowest y.
         geometry: Where the cells lie.
-        doors: Drawn on top, with their labels; what lies off the map is cut off.
-        title: One line, such as what is shown and of which moment.
+        doors: Drawn on top, with their labels, and clipped to the map.
+        title: One line, such as the subject and the moment.
 
     Raises:
         CostmapError: The grid has another shape than its geometry.
@@ -105,7 +105,7 @@ def costmap_png(
 
 
 def _scale(geometry: GridGeometry) -> int:
-    """Return pixels a cell; or, below 0, cells a pixel."""
+    """Return pixels per cell; or, if negative, cells per pixel."""
     longest = max(geometry.width, geometry.height)
     if longest > MOST_PX:
         return -math.ceil(longest / MOST_PX)
@@ -142,7 +142,7 @@ class _View:
         )
 
     def clipped(self, start: Point, end: Point) -> tuple[Point, Point] | None:
-        """Return the part of a line that is on the map, give or take a stroke's width, or None."""
+        """Return the part of a line on the map, with a stroke's width to spare, or None."""
         first, last = 0.0, 1.0
         for a, b, most in zip(start, end, (self.width, self.height), strict=True):
             if not (math.isfinite(a) and math.isfinite(b - a)):
@@ -220,7 +220,7 @@ def _draw_doors(draw: ImageDraw, view: _View, doors: Sequence[DoorMark]) -> list
 
 
 def _full_label(door: DoorMark) -> str:
-    """Return a door's number and its name; without the name where letters of it are missing."""
+    """Return a door's number and its name, without a name that lacks letters."""
     name = door.name or ""
     return drawable(f"{door.door_id} {'' if lacks_letters(name) else name}".rstrip())
 
@@ -256,7 +256,7 @@ def _draw_box(draw: ImageDraw, box: Box, text: str, middle: Point, colour: Rgb) 
 
 
 def _columns(notes: list[str], view: _View) -> tuple[list[str], list[list[str]]]:
-    """Return what stands below the legend, and columns of what has no room there."""
+    """Return the notes below the legend, and columns of those that have no room there."""
     rows = (view.canvas_height - 2 * MARGIN_PX) // NOTE_PX
     below = max(1, (view.canvas_height - MARGIN_PX - NOTES_BELOW_PX) // NOTE_PX)
     room = below + MOST_COLUMNS * rows
@@ -333,7 +333,7 @@ def lacks_letters(text: str) -> bool:
 
 
 def fitted(draw: ImageDraw, text: str, room_px: float, size: int) -> str:
-    """Return as much of a drawable text as has room."""
+    """Return as much of a drawable text as fits."""
     while len(text) > 3 and draw.textlength(text, font(size)) > room_px:
         text = text.removesuffix("...")[:-1].rstrip() + "..."
     return text
@@ -386,7 +386,7 @@ def in_metres(length: float) -> str:
 
 
 def _swatch(cost: int | None) -> Image:
-    """Return a sample of a cost; None: of all costs of inflation, the dear to the right."""
+    """Return a sample of a cost; None: of all inflation costs, increasing to the right."""
     from PIL.Image import fromarray
 
     width, height = _SWATCH
@@ -428,13 +428,13 @@ Box = tuple[int, int, int, int]
 
 
 class LabelPlaces:
-    """Gives out places in a picture, one label after the other: near first, then farther away."""
+    """Assigns places in a picture, one label after the other: near ones first."""
 
     def __init__(self, width: int, height: int) -> None:
         self._taken = np.zeros((height, width), np.bool_)
 
     def keep_clear(self, start: Point, end: Point, *, margin: int) -> None:
-        """Let no label come nearer than `margin` pixels to a line."""
+        """Keep labels at least `margin` pixels away from a line."""
         steps = max(1, math.ceil(math.dist(start, end) / max(1, margin)))
         for share in np.linspace(0, 1, steps + 1):
             x, y = (int(a + share * (b - a)) for a, b in zip(start, end, strict=True))
@@ -444,13 +444,13 @@ class LabelPlaces:
     def place(
         self, at: Point, size: tuple[int, int], *, across: float, distances: tuple[int, ...]
     ) -> Box | None:
-        """Return a free place for a label, and take it.
+        """Reserve a free place for a label, and return it.
 
         Args:
-            at: What it labels.
+            at: The point to label.
             size: (width, height) of the label.
-            across: The direction in which to look first, and then its opposite; radians, y down.
-            distances: How far away it may be, pixels; the first at which there is room.
+            across: The first direction to try, then its opposite; radians, y down.
+            distances: The distances to try in order, pixels.
 
         Returns:
             The nearest place that is free; None where there is none.
@@ -472,7 +472,7 @@ class LabelPlaces:
 
 
 def _turns(across: float) -> list[float]:
-    """Return directions all around: to both sides first, then ever farther from there."""
+    """Return directions all around: both sides first, then increasingly far from these."""
     quarter = DIRECTIONS // 4
     aside = [0, *(sign * step for step in range(1, quarter + 1) for sign in (1, -1))]
     return [

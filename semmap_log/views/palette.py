@@ -28,7 +28,7 @@ from semmap_log.analysis.rooms.level_rooms import LevelRooms
 from semmap_log.core.model.doors import DoorState, reduced
 
 COLOUR_MAP = "viridis"
-"""What matplotlib calls it."""
+"""Its name in matplotlib."""
 
 
 def shade(probability: float) -> Rgb:
@@ -57,13 +57,13 @@ Image = NDArray[np.uint8]
 def rooms_image(rooms: LevelRooms, *, alpha: int = 255, most_cells: int = MOST_CELLS) -> Image:
     """Return the rooms in their tints: (rows, columns, RGBA), row 0 at the lowest y.
 
-    What is no room is left out. Of a plan with more cells each second, third … is drawn: it covers
+    Cells outside rooms are left out. Of a larger plan only each second, third … cell is drawn, over
     the same area.
 
     Args:
-        rooms: A level's.
+        rooms: The rooms of a level.
         alpha: How much a tint covers, 0..255.
-        most_cells: How large the picture may be.
+        most_cells: The largest number of cells of the picture.
     """
     labels = sampled(rooms, most_cells)
     tint_of = room_tints(labels)
@@ -116,9 +116,9 @@ LEVELS = 24
 
 
 def costs_of(grid: Grid) -> NDArray[np.uint8]:
-    """Return the grid as costs; map values (int8) as the least cost that is published so.
+    """Return the grid as costs; map values (int8) as the least cost that is published as such.
 
-    A map value that is none (below -1, above 100) is lethal, as the static layer takes it.
+    An invalid map value (below -1, above 100) is lethal, as in the static layer.
     """
     if grid.dtype == np.uint8:
         return np.asarray(grid, np.uint8)
@@ -134,7 +134,7 @@ def shaded(costs: NDArray[np.uint8], scale: int) -> NDArray[np.uint8]:
 
     Args:
         costs: (height, width), row 0 at the lowest y.
-        scale: Pixels a cell; or, below 0, so many cells a pixel: the dearest of them shows, so that
+        scale: Pixels per cell; or, if negative, cells per pixel: their greatest cost shows, so that
             no wall and no door is lost.
 
     Returns:
@@ -153,7 +153,7 @@ def shaded(costs: NDArray[np.uint8], scale: int) -> NDArray[np.uint8]:
 
 
 def _dearest(costs: NDArray[np.uint8], cells: int) -> NDArray[np.uint8]:
-    """Return one cost for each block of cells; what lies beyond the edge is unknown."""
+    """Return one cost for each block of cells; beyond the edge it is unknown."""
     height, width = costs.shape
     # Unknown is the least of all: a block that knows anything shows it.
     ranked = costs + np.uint8(1)
@@ -204,14 +204,14 @@ class Palette:
     label: Rgb = (255, 255, 255)
     """Of names on the plan: in the viewer, on a chip that is dark or grey, as the theme has it."""
     plain_text: Rgb = (0x8A, 0x90, 0x9C)
-    """Of a line about no state: grey enough for white and for black."""
+    """Of a line without a state: a grey for white and black backgrounds."""
 
     def of_state(self, state: DoorState) -> Rgb:
-        """Return what a door in that state is drawn with; MOVING and OFFLINE draw as unknown."""
+        """Return the colour of a door in a state; MOVING and OFFLINE have that of unknown."""
         return self._by_state((self.unknown, self.open, self.closed), state)
 
     def text_of_state(self, state: DoorState | None) -> Rgb:
-        """Return the colour of a line of text about that state, or about none."""
+        """Return the colour of a line of text about a state, or without one."""
         if state is None:
             return self.plain_text
         return self._by_state((self.unknown_text, self.open_text, self.closed_text), state)

@@ -29,7 +29,7 @@ MOST_NAMED = 10
 
 
 def pairs_table(fit: MapFit) -> ColumnTable:
-    """Return a row for each pair, in the order of the file: how far the fit leaves it off."""
+    """Return a row for each pair, in the order of the file: its residual after the fit."""
     table = ColumnTable([
         TableColumn("pair", "pair", least=SHORTEST_NAME),
         TableColumn("old_x", "old x", right=True, yields=1),
@@ -107,7 +107,7 @@ def _off(door: MovedDoor) -> str:
 
 
 def trip_table(trip: DoorTrip) -> RenderableType:
-    """Return a row a door on the way, the expected time, and what it rests on."""
+    """Return a row a door on the way, the expected time, and its basis."""
     table = ColumnTable([
         TableColumn("door_id", "id", right=True),
         TableColumn("door", "door", least=SHORTEST_NAME),
@@ -155,7 +155,7 @@ def _in_words(stop: TripStop, choice: ShutDoorChoice) -> str:
 
 
 def _time(seconds: float) -> Cell:
-    """Return the time to the goal; one that is none is absent."""
+    """Return the time to the goal; an infinite one is absent."""
     if not math.isfinite(seconds):
         return ABSENT
     return CellValue(_duration(seconds), f"{seconds:.0f}")

@@ -27,7 +27,7 @@ from semmap_log.views.tables import ABSENT
 MARK = "!"
 """Of a door that a warning is about."""
 MOST_NAMED = 12
-"""Doors that were not met are named up to so many."""
+"""Up to so many doors that were not met are listed by name."""
 
 
 def scan_report_table(report: ScanReport) -> RenderableType:
@@ -50,7 +50,7 @@ def scan_report_table(report: ScanReport) -> RenderableType:
 
 
 def warning_lines(report: ScanReport) -> list[str]:
-    """Return what should be looked at, the doors by their names."""
+    """Return the warnings, with the doors' names."""
     about = [warning.about(report.label(warning.door_id)) for warning in report.warnings]
     return [printable(line) for line in (*about, *report.oddities)]
 
@@ -127,7 +127,7 @@ def _is_number(type_: pa.DataType) -> bool:
 
 
 def _times(column: pa.ChunkedArray, tz: str) -> list[Cell] | None:
-    """Return instants as people and programs read them; None: the column has none."""
+    """Return instants for people and for programs; None: the column has none."""
     ns = instants_ns(column)
     if ns is None:
         return None

@@ -25,19 +25,19 @@ DAY_MS = 86_400_000
 
 
 def first_ms(ns: int) -> int:
-    """Return the first whole millisecond that does not come before an instant."""
+    """Return the first whole millisecond at or after an instant."""
     return -(-ns // MS_NS)
 
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """What the slider goes over, milliseconds since the Unix epoch, both ends included."""
+    """The span of the slider, milliseconds since the Unix epoch, both ends included."""
 
     begin_ms: int
     end_ms: int
 
     def since_begin(self, ns: int) -> int:
-        """Return from when on something counts, milliseconds after the begin."""
+        """Return when an instant begins to count, milliseconds after the begin."""
         return first_ms(ns) - self.begin_ms
 
     def widened(self, ms: int) -> Span:
@@ -91,7 +91,7 @@ NOT_IN_THIS_PART = (
 
 
 def how_to_begin(log: DoorLog) -> str | None:
-    """Return what to type to fill an empty log; None: it has events."""
+    """Return the commands that fill an empty log; None: it has events."""
     if log.last_event() >= 0:
         return None
     line = partial(_line, log)

@@ -53,7 +53,7 @@ from semmap_log.log.replay.replay import Scope
 from semmap_log.store.verification import Severity
 
 PART_EVENTS = 1_000_000
-"""So many events of a log are held at once: some 60 bytes each while they are put in order."""
+"""Events of a log in memory at once: some 60 bytes each while they are sorted."""
 
 DOOR_FIELDS = (
     pa.field("door_id", pa.uint32(), nullable=False),
@@ -117,7 +117,7 @@ class OpeningsJob:
     )
 
     def parameters(self) -> str:
-        """Return that there are none."""
+        """Return the parameters: there are none."""
         return ""
 
     def ask(self, log: DoorLog) -> Told:
@@ -129,7 +129,7 @@ class OpeningsJob:
         return max(1, -(-events // PART_EVENTS))
 
     def ask_part(self, log: DoorLog, part: int, parts: int, last_event: int) -> Told:
-        """Return the rows of the doors whose number leaves the rest `part`."""
+        """Return the rows of the doors whose number modulo `parts` is `part`."""
         scope = Scope(event=None if last_event < 0 else last_event)
         labels = labels_ever(log.state_in(scope))
         doors = [door for door in labels if door % parts == part] if parts > 1 else None
@@ -181,7 +181,7 @@ class ProbabilitiesJob:
     )
 
     def parameters(self) -> str:
-        """Return the moment, how far ahead, and by which estimator."""
+        """Return the moment, the horizon and the estimator."""
         name = self.estimator or default_estimator(self.horizon_ns)
         return f"at={self.at!r} known_at={self.known_at!r} {self.horizon_ns} {name}"
 
@@ -207,7 +207,7 @@ def _counts(*names: str) -> tuple[pa.Field, ...]:
 
 @dataclass(frozen=True, slots=True)
 class InfoJob:
-    """What each log holds, as `info` says it of one."""
+    """What each log contains, as `info` reports it for one."""
 
     name: ClassVar[str] = "info"
     holds: ClassVar[Holds] = Holds.with_head
@@ -221,7 +221,7 @@ class InfoJob:
     )
 
     def parameters(self) -> str:
-        """Return that there are none."""
+        """Return the parameters: there are none."""
         return ""
 
     def ask(self, log: DoorLog) -> Told:
@@ -258,11 +258,11 @@ class VerifyJob:
     )
 
     def parameters(self) -> str:
-        """Return that there are none."""
+        """Return the parameters: there are none."""
         return ""
 
     def ask(self, log: DoorLog) -> Told:
-        """Return one row, and the worst that was found."""
+        """Return one row, and the worst finding."""
         found = verify(log.path)
         told = [each for each in found.findings if each.severity is not Severity.NOTE]
         worst = told[0] if told else None
@@ -283,14 +283,14 @@ class VerifyJob:
 
 FORMAT = 1
 MOST_BYTES = 2**28
-"""Of an answer that is kept; a longer one is not."""
+"""Of an answer; a longer one is not kept."""
 
 
 class KeptAnswers:
     """The answers to one question."""
 
     def __init__(self, folder: Path, job: Job) -> None:
-        """Look what is there.
+        """List the answers that are there.
 
         Raises:
             OutputError: The folder cannot be made.
@@ -309,12 +309,12 @@ class KeptAnswers:
         self._files = {path.name.split("-", 1)[0]: path for path in self.folder.glob(f"*{SUFFIX}")}
 
     def of(self, places: Iterable[str]) -> dict[str, LogAnswer]:
-        """Return the answers of these logs, as far as they are there, whole."""
+        """Return the complete answers that are there for these logs."""
         found = ((place, self.get(place)) for place in places)
         return {place: kept for place, kept in found if kept is not None}
 
     def get(self, place: str) -> LogAnswer | None:
-        """Return the answer of a log; None: there is none that is whole."""
+        """Return the answer of a log; None: there is no complete one."""
         path = self._files.get(digits_of(place))
         if path is None:
             return None
@@ -332,9 +332,9 @@ class KeptAnswers:
             return None
 
     def keep(self, answer: LogAnswer) -> None:
-        """Keep an answer in the place of the log's last one.
+        """Keep an answer, which replaces the log's last one.
 
-        Where that fails, or the answer is too long, the log is queried again by the next run.
+        If that fails, or the answer is too long, the next run queries the log again.
         """
         assert answer.table is not None
         asked = answer.asked
@@ -354,7 +354,7 @@ class KeptAnswers:
                 before.unlink(missing_ok=True)
 
     def finish(self) -> None:
-        """Say that a run has come to its end: what holds for one run only is not kept."""
+        """Mark the end of a run: answers that hold for one run only are dropped."""
         if self._holds is Holds.within_a_run:
             for path in self._files.values():
                 with suppress(OSError):
@@ -368,21 +368,21 @@ WORKER_MEMORY = "1GiB"
 
 @dataclass(frozen=True, slots=True)
 class EngineChoice:
-    """Which engine, and how much of it."""
+    """Which engine to use, and how large."""
 
     name: str = "dask"
     """One of `ENGINES`."""
     scheduler: str = ""
-    """Address of a cluster that runs; empty: one of this machine is started, and ended."""
+    """Address of a running cluster; empty: one of this machine is started, and ended."""
     workers: int | None = None
-    """Of a cluster that is started; None: as many as there are cores."""
+    """Workers of a cluster that is started; default: one a core."""
     memory: str = WORKER_MEMORY
-    """Of each such worker at most; beyond, it is ended, and its question is given up."""
+    """Memory limit of each such worker; beyond it the worker is ended, its question given up."""
     timeout_s: float = TIMEOUT_S
-    """Where no worker answers for so long, the logs that are left are given up."""
+    """If no worker answers for so long, the remaining logs are given up."""
 
     def open(self) -> Engine:
-        """Start it, or join the cluster.
+        """Start the engine, or join the cluster.
 
         Raises:
             EngineError: There is no such engine, or nobody answers at the address.

@@ -52,7 +52,7 @@ class FleetAnswer:
     logs: tuple[AskedLog, ...]
     """What became of each log, in the order of the request."""
     table: pa.Table
-    """The answers of those that gave one, in the same order; `log` is the place of each row's."""
+    """The answers of those that gave one, in the same order; column `log` is the log's place."""
 
     @property
     def bad(self) -> tuple[AskedLog, ...]:
@@ -62,7 +62,7 @@ class FleetAnswer:
 
 @dataclass(frozen=True, slots=True)
 class FoldAnswer(FleetAnswer):
-    """What a projection makes of many logs."""
+    """A projection's states of many logs."""
 
     states: dict[str, Any]
     """Log -> its state."""
@@ -90,7 +90,7 @@ class LogOutcome(str, Enum):
     newer = "newer"
     """A later version of this program has written the requested data."""
     refused = "refused"
-    """The store or the disk does not let us, or does not answer."""
+    """The store or the disk denies access, or does not answer."""
     failed = "failed"
     """The question itself failed on it."""
     worker_died = "worker died"
@@ -140,7 +140,7 @@ TIME = pa.timestamp("ns", "UTC")
 
 
 class Holds(Enum):
-    """For how long an answer is one."""
+    """How long an answer is valid."""
 
     with_head = "as long as the log has the same head"
     within_a_run = "until a run has come to its end: it is about the bytes themselves"
@@ -164,7 +164,7 @@ class Job(Protocol):
     """A question. It goes to workers as a pickle."""
 
     name: ClassVar[str]
-    """As the command line says it."""
+    """The name on the command line."""
     fields: ClassVar[tuple[pa.Field, ...]]
     """The columns of its tables, after `LOG_FIELDS`."""
     holds: ClassVar[Holds]
@@ -195,7 +195,7 @@ class PartedJob(Protocol):
         """
 
     def joined(self, answers: Sequence[Any]) -> Told:
-        """Return the answer of the whole log, of those of its parts in order."""
+        """Return the answer of the whole log from those of its parts, in order."""
 
 
 def schema_of_job(job: Job) -> pa.Schema:
@@ -216,7 +216,7 @@ def table_of_log(job: Job, asked: AskedLog, told: Told) -> pa.Table:
 
 
 def _array(values: Sequence[Any], of: pa.DataType) -> pa.Array:
-    """Return a column; of texts that name files, only UTF-8."""
+    """Return a column; texts that name files are made valid UTF-8."""
     try:
         return pa.array(values, of)
     except UnicodeEncodeError:
@@ -237,7 +237,7 @@ class FoldJob:
     fields: ClassVar[tuple[pa.Field, ...]] = (pa.field("state", pa.binary(), nullable=False),)
 
     def parameters(self) -> str:
-        """Return whose it is, and its version: see `Projection`."""
+        """Return the projection's name and version: see `Projection`."""
         cls = type(self.projection)
         return f"{cls.__module__}:{name_of(self.projection)} {version_of(self.projection)}"
 
@@ -246,7 +246,7 @@ class FoldJob:
         return Told({"state": [self.dump(log.fold(self.projection))]})
 
     def parts(self, events: int) -> int:
-        """Return how many ranges of events are folded apart: one, if it cannot merge them."""
+        """Return how many ranges of events are folded separately: one, if it cannot merge them."""
         can_merge = isinstance(self.projection, Mergeable)
         return max(1, -(-events // PART_EVENTS)) if can_merge else 1
 
@@ -268,7 +268,7 @@ class FoldJob:
         """Return a state as bytes.
 
         Raises:
-            CheckpointError: It is none that can be.
+            CheckpointError: It cannot be stored.
         """
         if isinstance(self.projection, Dumping):
             return self.projection.dump(state)
@@ -312,7 +312,7 @@ class LogQuestion:
 
     place: str
     known_head: str = ""
-    """Of the log, when it answered before: with the same one it need not answer again."""
+    """The head of the log at its earlier answer: if unchanged, it need not answer again."""
     part: int = 0
     parts: int = 0
     """0: query the whole log, or answer that it must be queried in parts."""
@@ -322,7 +322,7 @@ class LogQuestion:
 
 @dataclass(frozen=True, slots=True)
 class LogAnswer:
-    """What a worker gives back."""
+    """What a worker returns."""
 
     asked: AskedLog
     table: pa.Table | None = None
@@ -338,7 +338,7 @@ class LogAnswer:
 def answers(job: Job, questions: Sequence[LogQuestion]) -> list[LogAnswer]:
     """Return the answers of several logs, in order, or what became of them.
 
-    Nothing is raised that one log alone can cause.
+    An error that one log causes is its answer, and is not raised.
     """
     return [_answer(job, question) for question in questions]
 
@@ -387,7 +387,7 @@ def _answered(job: Job, question: LogQuestion, reader: LogReader, asked: AskedLo
 
 
 def _described(asked: AskedLog, reader: LogReader) -> AskedLog:
-    """Return what is known of a log that was opened."""
+    """Return the description of an opened log."""
     last, segments, info = reader.last_commit(), reader.segments, reader.info
     return replace(
         asked,

@@ -154,7 +154,7 @@ class EventTranslation:
         return made if self._plan.is_alone else made + list(self._names(made, added))
 
     def _names(self, made: Iterable[Event], added: dict[DoorId, int]) -> Iterator[Event]:
-        """Yield the names of doors that came, and are not named by the same commit."""
+        """Yield the names of added doors that the same commit does not name."""
         named = {e.door_id for e in made if isinstance(e, DoorAnnotated) and e.key == _NAME}
         for door_id, happened_ns in added.items():
             if door_id not in named:
@@ -167,7 +167,7 @@ class EventTranslation:
                 )
 
     def _becomes(self, event: Event, number: int) -> Iterable[Event]:
-        """Return what an event is in the view: nothing, itself, or a few."""
+        """Return the events of the view for an event: none, itself, or several."""
         if isinstance(event, DoorEvent):
             place = int(np.searchsorted(self._own, event.door_id))
             if place == len(self._own) or self._own[place] != event.door_id:
@@ -256,7 +256,7 @@ class EventTranslation:
         return [self._placed(event)] if event.changed & Changed.POSE else [event]
 
     def _placed(self, event: Any) -> Any:
-        """Return an adding or an update with its pose in the building's frame, or without."""
+        """Return an addition or an update with its pose in the building's frame, or without one."""
         level = self._plan.levels.of(self._log.name, event.level)
         if self._log.frame is None:
             return replace(event, level=level, x=NAN, y=NAN, theta=NAN, width=NAN)

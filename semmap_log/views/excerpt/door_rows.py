@@ -50,13 +50,13 @@ class DoorPicture:
     states: Changes
     """One a state."""
     placements: Changes
-    """One a place; NaN: it has none."""
+    """One row a place; NaN: it has no place."""
     probabilities: Changes
-    """One a point of the curves; NaN where not given."""
+    """One row a point of the curves; NaN where not given."""
     removals: Changes
-    """From then on it is not in the map."""
+    """When it leaves the map."""
     returns: Changes
-    """From then on it is in the map, or again."""
+    """When it enters the map, or returns to it."""
 
 
 class DoorFold:
@@ -79,7 +79,7 @@ class DoorFold:
         """Return what the next events draw.
 
         Args:
-            changes: In the order in which they count; none sets what it does not win.
+            changes: In the order in which they count; none sets a value that a newer one has set.
         """
         rows = changes.copy()
         before = self._fill_forward(rows)
@@ -158,7 +158,7 @@ class ObjectShape:
             return _seen_from(placements, np.array([*corners, corners[0]])).astype(np.float32)
 
     def points(self, placements: Changes) -> NDArray[np.float64]:
-        """Return the points between which it lies, (points, x and y), metres, frame `map`."""
+        """Return the corners of its extent, (points, x and y), metres, frame `map`."""
         if self.outline:
             return _seen_from(placements, np.array(self.outline)).reshape(-1, 2)
         start = np.stack([placements["x"], placements["y"]], -1)
@@ -167,7 +167,7 @@ class ObjectShape:
         return np.concatenate([start, start + width[:, None] * along])
 
     def drawn(self, placement: Any) -> DoorLine:
-        """Return what it draws into a costmap, where it draws something; at no cost."""
+        """Return its line or outline in a costmap, without a cost of its own."""
         x, y, theta, width = (float(placement[name]) for name in ("x", "y", "theta", "width"))
         width = width if self.is_line else 0.0
         corners: Corners = ()
@@ -177,7 +177,7 @@ class ObjectShape:
         return DoorLine(x, y, theta, width, NO_INFORMATION, corners)
 
     def costs(self) -> NDArray[np.uint8]:
-        """Return what each state of it costs where it is: uint8 (256,)."""
+        """Return the cost of each of its states: uint8 (256,)."""
         costs = np.full(256, NO_INFORMATION, np.uint8)
         costs[: len(DoorState)] = [cost_of_state(state, self.object_class) for state in DoorState]
         if not self.is_line:
@@ -189,7 +189,7 @@ AS_A_DOOR = ObjectShape()
 
 
 def shapes_of(state: DoorMapState) -> Mapping[DoorId, ObjectShape]:
-    """Return the shapes of all objects that are no doors, removed ones too."""
+    """Return the shapes of all objects other than doors, removed ones included."""
     objects = state.objects()
     said = state.since_added(OUTLINE) if objects else {}
     return {i: ObjectShape(one, _outline(said.get(i, ""))) for i, one in objects.items()}
@@ -233,7 +233,7 @@ class RecordingEdge:
 
 
 def opening_changes(doors: Iterable[Door], begin: RecordingEdge) -> Changes:
-    """Return one row a door that sets all of it to what it is: how a recording begins in midst."""
+    """Return one row a door with its full state, to begin a recording amid the log."""
     listed = list(doors)
     opening = np.zeros(len(listed), CHANGE)
     opening["kind"], opening["sets"] = DoorAdded.kind, EVERYTHING
@@ -257,7 +257,7 @@ def sorted_by_stamp(changes: Changes) -> Changes:
 
 @dataclass(frozen=True, slots=True)
 class DoorLifetime:
-    """From when to when a door is in the map, with all that is known."""
+    """When a door is in the map, with all that is known."""
 
     added: Stamp = NEVER
     removed: Stamp = NEVER

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 
 def home_of_0(levels: Iterable[int]) -> int | None:
-    """Return the level on which level 0 is shown; None: on none, since nobody knows on which.
+    """Return the level on which level 0 is shown; None: unknown, so it is not shown.
 
     Args:
         levels: Those that have a name, a floor map, or at some time a door with a place.

@@ -139,7 +139,7 @@ def _of_events(excerpt: Excerpt, numbers: Sequence[int]) -> Stamps:
 
 
 def _from_begin(eras: list[Era], time: str, since_ns: int | None) -> list[Era]:
-    """Leave out what was over when the excerpt begins, or was replaced at the same time."""
+    """Leave out eras that ended before the excerpt, or were replaced at the same time."""
     eras = [era for era, after in zip(eras, [*eras[1:], None], strict=True)
             if after is None or int(after[0][time][0]) > int(era[0][time][0])]  # fmt: skip
     over = [since_ns is not None and int(era[0][time][0]) < since_ns for era in eras[1:]]
@@ -173,10 +173,10 @@ def _floor(excerpt: Excerpt, number: int) -> FloorMap:
 
 @dataclass(frozen=True, slots=True)
 class Excerpt:
-    """What a view shows of a log, along each timeline from `since` on and before `until`.
+    """The part of a log that a view shows, along each timeline from `since` on and before `until`.
 
     Along `happened` these are the events that happened then, with all that is known today; along
-    `recorded` and `event` those recorded then, also what was taken back later. Most are both.
+    `recorded` and `event` those recorded then, including later retracted ones. Most are both.
     """
 
     log: DoorLog
@@ -236,7 +236,7 @@ class Excerpt:
 
     @property
     def retractions(self) -> Retractions:
-        """What was taken back, as known today."""
+        """The retractions, as known today."""
         return self.log.retractions()
 
     def is_retracted(self, numbers: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -289,7 +289,7 @@ class Excerpt:
         return self.log.state_in(Scope(known_at_ns=max(self.since_ns - 1, 0)))
 
     def number_before(self) -> int:
-        """Return the number of the last event that was known then; -1: none."""
+        """Return the number of the last event known then; -1: none."""
         if self.since_ns is None:
             return -1
         known = self.log.limit_of(Scope(known_at_ns=max(self.since_ns - 1, 0)))

@@ -67,7 +67,7 @@ DPI = 120
 MOST_PIXELS = 2**16 - 1
 """A side of a picture, as far as matplotlib goes: thousands of lanes are drawn smaller."""
 SVG_STYLE = {"svg.hashsalt": "semmap-log", "svg.fonttype": "none"}
-"""So that the same plot is the same file, and its words can be searched."""
+"""Settings that make equal plots equal files, with searchable text."""
 MORE_FONTS = (
     "Noto Sans CJK SC", "Noto Sans CJK JP", "Source Han Sans SC", "WenQuanYi Zen Hei",
     "WenQuanYi Micro Hei", "PingFang SC", "Hiragino Sans", "Microsoft YaHei", "Malgun Gothic",
@@ -118,7 +118,7 @@ def save_figure(figure: Any, path: Path) -> None:
 
 
 def _add_letters(figure: Any) -> None:
-    """Let words be written in fonts that are here, where the usual one lacks their letters."""
+    """Use available fonts for text whose letters the usual font lacks."""
     families = _families()
     for words in figure.findobj(text.Text) if len(families) > 1 else []:
         words.set_fontfamily(families)
@@ -127,7 +127,7 @@ def _add_letters(figure: Any) -> None:
 def letters_of(path: Path) -> HasShape:
     """Return a function that checks whether a picture of that name can draw a character.
 
-    In an .svg a letter stays a letter: who shows it takes a font that has it.
+    In an .svg a letter stays a letter: the program that shows it chooses a font that has it.
     """
     return _has_any_shape if path.suffix == ".svg" else has_shape
 
@@ -229,7 +229,7 @@ def _draw_door(panel: Any, plan: RoomPlan, door: Door) -> None:
 
 
 def _draw_name(panel: Any, room: Room, letters: HasShape, points_a_metre: float) -> None:
-    """Write a room's name as large as it fits, about; else its number."""
+    """Write a room's name about as large as fits; else its number."""
     name = printable(drawable_name(room.name or "", "", letters))
     side_pt = room.area_m2**0.5 * points_a_metre
     size = min(NAME_PT, side_pt / (LETTER_EM * max(len(name), 1)))
@@ -272,9 +272,9 @@ def plot_calibration(evaluation: Evaluation, path: Path, *, name: str) -> None:
     show how many forecasts lie in each bin.
 
     Args:
-        evaluation: What came of it; the diagrams are of all doors together, the figures their mean.
+        evaluation: The evaluation; diagrams are of all doors together, figures their mean.
         path: The file; what is there is replaced once the new one is whole.
-        name: What the log is called.
+        name: The log's name.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -375,7 +375,7 @@ def _short(count: int) -> str:
 
 
 MOST_CELLS = 4_000_000
-"""A picture has less than that; what is more only takes memory."""
+"""A picture has fewer; more would only take memory."""
 
 
 def plan_cells(
@@ -383,8 +383,8 @@ def plan_cells(
 ) -> tuple[NDArray[np.int8], tuple[float, float, float, float]]:
     """Return cells, the lowest y first, and what they cover: x0, x1, y0, y1, metres.
 
-    Of a plan with more cells each stands for a block, and is as its most occupied one: no wall is
-    lost.
+    Of a larger plan each cell stands for a block, and shows its most occupied one, so that no wall
+    is lost.
 
     Args:
         floor: The plan.

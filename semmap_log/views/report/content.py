@@ -69,12 +69,12 @@ if TYPE_CHECKING:
 
 
 BESIDE_MS = 8 * DAY_MS
-"""The week of a moment reaches so far beyond the first and the last one."""
+"""The time zone's offsets reach so far beyond the page's span: to the week around a moment."""
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """A page, and what is on it."""
+    """A page, and the size of its content."""
 
     html: str
     doors: int
@@ -102,7 +102,7 @@ def report(
         doors: Only these doors; the robot and its rounds stay.
         tz: IANA zone of all times; None: the log's.
         palette: Colours of the states.
-        progress: Called with how far the reading is: (bytes done, bytes in all).
+        progress: Called with the progress of reading: (bytes done, bytes in all).
 
     Raises:
         MomentError: A time or the zone cannot be read, or `since` comes after `until`.
@@ -171,7 +171,7 @@ def report_data(
 
 
 def _span(excerpt: Excerpt, found: PageEvents) -> Span:
-    """Return what the slider goes over: never beyond `until`, and never nothing."""
+    """Return the slider's span: never beyond `until`, and never empty."""
     begin_ns = excerpt.since_ns if excerpt.since_ns is not None else found.first_ns or 0
     end_ms = first_ms(found.last_ns if found.last_ns is not None else begin_ns)
     if (last_ns := excerpt.last_ns()) is not None:
@@ -226,12 +226,12 @@ def _door(
 
 
 def _shapes(excerpt: Excerpt) -> Mapping[DoorId, ObjectShape]:
-    """Return what each object is that is no door when the page ends, and its outline."""
+    """Return the class and outline at the page's end of each object that is not a door."""
     return shapes_of(excerpt.log.state_in(Scope(at_ns=excerpt.last_ns())))
 
 
 def rounds_of(log: DoorLog, span: Span) -> list[list[Any]]:
-    """Return [from when, till when, what it is called, who drove] for each round of the page.
+    """Return [start, end, name, robot] for each round of the page.
 
     Unknown times are None.
     """
@@ -279,7 +279,7 @@ def health_of(summary: LogSummary, tz: str) -> dict[str, Any]:
 
 
 UNKNOWN = -1
-"""Stands for an hour that nobody has seen."""
+"""Marks an hour that nobody has seen."""
 
 
 def beliefs_of(excerpt: Excerpt, tz: str, doors: Collection[DoorId]) -> dict[DoorId, Any]:
@@ -319,7 +319,7 @@ def changes_of(
     """Return the last changes, the latest first.
 
     Args:
-        log: Where from.
+        log: The log.
         told: Rows of `STAMP`, of events that are listed whatever they report.
         page_doors: The doors, with their changes of state.
         span: Of the page.
@@ -337,7 +337,7 @@ def changes_of(
 
 
 def _entries(log: DoorLog, numbers: Rows) -> Iterator[HistoryEntry]:
-    """Yield the events of these numbers, ascending, with who and why: in one reading."""
+    """Yield the events of these numbers, ascending, with who and why, in one pass."""
     if not len(numbers):
         return
     finder = log.said_finder()
@@ -378,7 +378,7 @@ def filled(data: dict[str, Any], *, title: str, palette: Palette) -> str:
     """Return the page.
 
     Args:
-        data: What it shows; only what JSON holds.
+        data: The content, as JSON values.
         title: For the browser's tab.
         palette: Colours of the states and of the robot.
     """

@@ -59,7 +59,7 @@ from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.zone_times import MS_NS, Span
 
 TOLERANCE_M = 0.3
-"""So far at most a pose lies off the line that stands for it."""
+"""The largest distance of a pose from the line that replaces it."""
 ROUNDING_M = 0.2
 """What decimetres and tenths of seconds add to that, for a robot of 2 m/s."""
 MOST_POINTS = 50_000
@@ -72,7 +72,7 @@ DM = 10
 
 @dataclass(frozen=True, slots=True)
 class DrawnTrack:
-    """What the page draws of the robot's way."""
+    """The robots' tracks as the page draws them."""
 
     runs: list[list[int]]
     """[level, then for each point tenths of seconds, x and y in decimetres]; each point but the
@@ -80,18 +80,18 @@ class DrawnTrack:
     robots: list[int]
     """For each run, the index of its robot among the log's robots."""
     within_m: float
-    """So far at most a pose lies off it."""
+    """The largest distance of a pose from it."""
 
 
 def track_of(
     poses: Rows, span: Span, plans: Mapping[int, Sequence[int]] = MappingProxyType({})
 ) -> DrawnTrack:
-    """Return the track of poses that are in the order of their times.
+    """Return the track of poses, which are sorted by time.
 
     Args:
-        poses: Where robots were.
-        span: What the page shows.
-        plans: Level -> when it got another floor plan, ns: over that, nobody drove.
+        poses: The robots' poses.
+        span: The span of the page.
+        plans: Level -> when it got another floor plan, ns; no track crosses that.
     """
     if not len(poses):
         return DrawnTrack([], [], TOLERANCE_M + ROUNDING_M)
@@ -118,7 +118,7 @@ def _runs(poses: Rows, plans: Mapping[int, Sequence[int]]) -> list[Rows]:
 
 
 def telling(run: Rows, tolerance_m: float) -> list[int]:
-    """Return the places of the poses that a robot going straight through the others would miss.
+    """Return the indices of the poses that straight lines between the others would miss.
 
     From a kept pose on, each further one allows some speeds, along x and along y; once the next
     lies outside of them, the one before it is kept. (A swing filter: Elmeleegy et al., VLDB 2009.)
@@ -167,7 +167,7 @@ def _coded(run: Rows, span: Span) -> list[int]:
 
 
 MOST_STATES = 100_000
-"""Of more sightings than that, in all, repeats are left out."""
+"""With more sightings in all, repeats are left out."""
 SHORTEST_STEP_MS = 60_000
 
 
@@ -199,12 +199,12 @@ class PageDoor:
 
 
 def brought_by(found: PageEvents, before: Mapping[DoorId, Door], since_ns: int) -> Changes:
-    """Return what brings, places or removes doors, also those that are there when it begins.
+    """Return rows that add, place or remove doors, including doors that exist at the begin.
 
     Args:
         found: The events.
         before: The doors just before the first of them.
-        since_ns: When that is.
+        since_ns: The time of the first.
     """
     opening = opening_changes(before.values(), RecordingEdge(since_ns, -1, -1))
     return np.concatenate([opening, found.rest])
@@ -232,9 +232,9 @@ def page_doors(
 
     Args:
         found: The events.
-        rest: What brings, places or removes doors: `brought_by`.
+        rest: Rows that add, place or remove doors, from `brought_by`.
         before: The doors just before the first of them.
-        shapes: Of what is no door.
+        shapes: Of objects that are not doors.
     """
     told = [
         _story(before.get(DoorId(int(mine["door_id"][0]))), mine, found.states)
@@ -248,7 +248,7 @@ def page_doors(
 
 
 def _story(before: Door | None, rest: Changes, states: Rows) -> PageDoor | None:
-    """Return one door's story; None: it never was in the map.
+    """Return one door's history; None: it never was in the map.
 
     Args:
         before: As it was when the page begins; None: not there by then.
@@ -328,7 +328,7 @@ def _counting_ms(rows: Rows, span: Span) -> Rows:
 
 
 def _step_ms(times: list[Rows], states: list[Rows]) -> int:
-    """Return the least step at which what is kept is not too much; 0: all is kept."""
+    """Return the least step at which few enough sightings are kept; 0: all are kept."""
     if sum(map(len, times)) <= MOST_STATES:
         return 0
     changes = sum(int(np.count_nonzero(np.diff(s))) for s in states)
@@ -356,9 +356,9 @@ def _deltas(times: Rows) -> list[int]:
 
 
 def coded_life(page_door: PageDoor, span: Span) -> dict[str, Any]:
-    """Return when a door came and went, where it was, and the probabilities that were set.
+    """Return a door's lifetime, places, and the probabilities that were set.
 
-    Of what is no door, what its states are called, too.
+    For other objects, also the names of the states.
     """
     removed, shape = page_door.life.removed, page_door.shape
     words = [shape.object_class.word(state).capitalize() for state in DoorState]
@@ -414,7 +414,7 @@ Rows = NDArray[Any]
 
 @dataclass(slots=True)
 class PageEvents:
-    """What was found, in the order in which it counts: by (folds_ns, number)."""
+    """The findings in the order in which they count: by (folds_ns, number)."""
 
     states: Rows
     """Rows of `STATE_CHANGE`, by door first."""

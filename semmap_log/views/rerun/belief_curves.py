@@ -59,7 +59,7 @@ from semmap_log.views.rerun.week_pictures import write_weeks
 
 BELIEF = "belief"
 NO_MEANS = rr.components.AggregationPolicy.Off
-"""Else the viewer draws points that are less than a pixel apart as their mean: half a jump."""
+"""Otherwise the viewer draws points less than a pixel apart as their mean: half a jump."""
 MOST_CURVES = 8
 """Doors with a curve, a tab each; doors that were requested all have one."""
 MOST_CURVE_DAYS = 1_000
@@ -82,11 +82,11 @@ class BeliefsShown:
 def beliefs_to_show(
     excerpt: Excerpt, scene: Scene, chosen: Collection[DoorId] | None
 ) -> BeliefsShown | None:
-    """Return what can be shown of beliefs; None: of no door was enough known.
+    """Return the beliefs to show; None: too little was known of every door.
 
     Args:
         excerpt: The part of the log.
-        scene: What it shows.
+        scene: What the recording shows.
         chosen: Requested doors, all of which have curves; None: the liveliest have.
     """
     now = ask(excerpt.log, at=None, estimator=default_estimator(), tz=None, doors=None)
@@ -176,7 +176,7 @@ NO_ROUND = ""
 """A gap in the lane."""
 
 Value = tuple[RecordingEdge, str]
-"""From when on a lane says what."""
+"""When a lane's text changes, and to what."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +237,7 @@ class _Driving:
     def set(
         self, edge: RecordingEdge, patrol: int, driven: Round | None, robots: Iterable[str]
     ) -> None:
-        """Let a round be driven from then on; None: no longer, or not at all.
+        """Set what is driven of a round from then on; None: no longer, or not at all.
 
         Args:
             edge: When.
@@ -294,7 +294,7 @@ def _on_recorded(
 def _learnings(
     by_patrol: Mapping[int, Sequence[HistoryEntry]], excerpt: Excerpt
 ) -> list[tuple[RecordingEdge, int]]:
-    """Return when the log learnt something of which patrol, in that order."""
+    """Return when the log learnt something of each patrol, in order."""
     known = excerpt.retractions
     learnt = [(RecordingEdge(e.folds_ns, e.number, e.recorded_ns), patrol)
               for patrol, entries in by_patrol.items() for e in entries]  # fmt: skip
@@ -311,7 +311,7 @@ def _learnings(
 def _known(
     entries: Sequence[HistoryEntry], excerpt: Excerpt, number: int
 ) -> Iterator[HistoryEntry]:
-    """Yield what was known of a patrol up to an event, as if nothing was taken back since."""
+    """Yield what was known of a patrol up to an event, ignoring later retractions."""
     numbers = np.array([entry.number for entry in entries], np.int64)
     hidden = in_ranges(numbers, excerpt.retractions.up_to(number).ranges)
     for entry, is_hidden in zip(entries, hidden.tolist(), strict=True):
@@ -347,7 +347,7 @@ Times = NDArray[np.int64]
 
 
 def times_of_curve(evidence: DoorEvidence, first_ns: int, last_ns: int) -> Times:
-    """Return when to ask for a belief, ascending, from `first_ns` to `last_ns`."""
+    """Return the times to compute a belief at, ascending, from `first_ns` to `last_ns`."""
     step_ns = max(EVERY_NS, (last_ns - first_ns) // MOST_STEPS)
     jumps = np.concatenate([evidence.start_ns, evidence.end_ns, evidence.seen_ns])
     asked = np.concatenate([
@@ -378,7 +378,7 @@ def curve(times_ns: Times, p_open: NDArray[np.float64], is_known: NDArray[np.boo
 
 
 def telling(times_ns: Times, values: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the places of the points that a line through the others would miss.
+    """Return the indices of the points that a line through the others would miss.
 
     From a kept point on, each further one allows some slopes; once the next point lies outside of
     them all, the one before it is kept. (A swing filter: Elmeleegy et al., VLDB 2009.)

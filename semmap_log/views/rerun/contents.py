@@ -46,7 +46,7 @@ NOWHERE = RecordingEdge(-1, -1, -1)
 
 
 def find_scene(excerpt: Excerpt) -> Scene:
-    """Return what a recording of that part of a log has to show."""
+    """Return what a recording of a part of a log has to show."""
     taken = RecordingContents(excerpt)
     for batch in excerpt.read():
         taken.take(batch)
@@ -73,7 +73,7 @@ class RecordingContents:
         )
 
     def scene(self) -> Scene:
-        """Return it, once all was taken; names and floor plans are those that the log has now."""
+        """Return the scene of all events taken; names and floor plans are those of today."""
         pass_ = self._pass
         if not self._is_whole:
             self._is_whole = True  # from here on, nothing is retracted any more
@@ -100,7 +100,7 @@ class RecordingContents:
 
 @dataclass(slots=True)
 class _Found:
-    """What the pass knows of a door."""
+    """The pass's data about a door."""
 
     before: Door | None = None
     known: list[KnownDoor] = field(default_factory=list)
@@ -150,7 +150,7 @@ class _Found:
         self._live(changes[happened & ((changes["sets"] & THERE) != 0)])
 
     def know(self, known: KnownDoor) -> None:
-        """Take what it goes on from along `recorded`."""
+        """Take a state from which it continues along `recorded`."""
         self.known.append(known)
         self.is_ever_there |= known.is_there
         if known.is_placed:
@@ -178,7 +178,7 @@ class _Found:
 
     @property
     def life(self) -> DoorLifetime:
-        """When it is there; a removal before its adding was of no door."""
+        """When it is in the map; a removal before its addition was of no door."""
         return DoorLifetime(self.added, self.removed if self.removed > self.added else NEVER)
 
     @property
@@ -197,11 +197,11 @@ def _stamps(changes: Changes) -> Iterable[Stamp]:
 
 
 NEW = _Found()
-"""A door that nothing was heard of yet."""
+"""A door without any event yet."""
 
 
 class _Pass:
-    """What is gathered over all batches."""
+    """The data gathered over all batches."""
 
     def __init__(self, excerpt: Excerpt) -> None:
         self._excerpt = excerpt
@@ -209,7 +209,7 @@ class _Pass:
         self.bounds: dict[int, Bounds] = {}
         """Of the doors, by the level."""
         self.robot_bounds: dict[int, Bounds] = {}
-        """Of the robot's ways; level 0 is not yet where it is shown."""
+        """Of the robots' tracks; level 0 is not yet mapped to where it is shown."""
         self.robot_last: tuple[int, int | None] = (-1, None)
         """Happened time and level of the robot's latest pose."""
         self.events = 0

@@ -49,7 +49,7 @@ from semmap_log.views.rerun.scene import (
 PICTURE = np.dtype(
     [("number", "i8"), ("folds_ns", "i8"), ("recorded_ns", "i8"), ("patch", "i4"), ("cost", "u1")]
 )
-"""From when a door shows which of its patches at which cost; patch `NO_PATCH`: it shows nothing."""
+"""When a door shows which of its patches, at which cost; patch `NO_PATCH`: nothing."""
 NO_PATCH = -1
 
 Pictures = NDArray[np.void]
@@ -67,18 +67,18 @@ class DoorPatches:
         return DoorPatches(self.patches, self.pictures[self.pictures["number"] > number])
 
     def within(self, spans: Sequence[TimeSpan], *, recorded: bool) -> DoorPatches:
-        """Return what shows in some spans of time alone: it comes and goes with them.
+        """Return the pictures limited to some spans of time.
 
         Args:
             spans: Their beginnings and ends, times ascending.
-            recorded: The pictures are in the order of recording; else in that of happening.
+            recorded: Whether the pictures are in the order of recording; else in that of happening.
         """
         parts = [_within(self.pictures, span, recorded=recorded) for span in spans]
         return DoorPatches(self.patches, np.concatenate([self.pictures[:0], *parts]))
 
 
 class TimeSpan(NamedTuple):
-    """From when on something shows, and when it is over; rows of `STAMPS`."""
+    """When something begins and ends to show; rows of `STAMPS`."""
 
     since: NDArray[np.void]
     """One row."""
@@ -117,7 +117,7 @@ def patches_along(
         doors: Id -> its rows, in the order in question.
         level: The level.
         geometry: Of the layer.
-        recorded: In the order of recording; else in that of happening.
+        recorded: Whether in the order of recording; else in that of happening.
     """
     order = recorded_order if recorded else happened_order
     for door, versions in versions_of(doors, level, geometry, order).items():
@@ -172,7 +172,7 @@ def _changes_of_look(pictures: Pictures, *, recorded: bool) -> Pictures:
 COSTMAP = "costmap"
 
 ORDER_OF_LINES, ORDER_OF_AREAS = -5.0, -4.9
-"""What lies on the floor is above what stands in walls."""
+"""Objects on the floor are above those in walls."""
 
 NOTHING_WRITTEN = -2
 """Less than any event's number; -1 is what a recording begins with."""
@@ -201,7 +201,7 @@ class CostmapWriter:
                 self._has_news = True
 
     def finish(self) -> None:
-        """Write what is new of all layers."""
+        """Write the new pictures of all layers."""
         if not self._has_news:
             return
         joined = {

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 
 INFO, WARN, DEBUG = "INFO", "WARN", "DEBUG"
-"""INFO: the map is another than before; WARN: look here; DEBUG: it stayed as it was."""
+"""INFO: the map changed; WARN: look here; DEBUG: it did not change."""
 
 LAST_NUMBER = 2**63
 
@@ -107,14 +107,14 @@ class EventLines:
             yield EventLine(number, t, recorded.recorded_ns, event.kind, importance, text, state)
 
     def _shown(self, times_ns: NDArray[np.int64]) -> list[str]:
-        """Return what the clocks of the building show then: `2026-03-01T14:02:00`."""
+        """Return the time on the building's clocks: `2026-03-01T14:02:00`."""
         seconds = times_ns // SECOND_NS
         wall = (seconds + self._clock.offset_s(seconds)).astype("M8[s]")
         shown: list[str] = np.datetime_as_string(wall, unit="s").tolist()
         return shown
 
     def _offsets(self, times_ns: NDArray[np.int64]) -> list[str]:
-        """Return how far those clocks are ahead of UTC then: ` UTC+2`."""
+        """Return the offset of those clocks from UTC then: ` UTC+2`."""
         return [f" {from_utc(s)}" for s in self._clock.offset_s(times_ns // SECOND_NS).tolist()]
 
     def _is_repeat(self, batch: EventBatch, changes: Changes) -> NDArray[np.bool_]:
@@ -156,7 +156,7 @@ class EventLines:
         return INFO if is_news or sets & PLACING else DEBUG
 
     def _remember(self, event: DoorEvent, state: DoorState | None, stamp: Stamp) -> bool:
-        """Keep the door's state; return whether it is another than before."""
+        """Store the door's state; return whether it changed."""
         if state is None:
             return False
         latest_ns, known = self._states.get(event.door_id, (-1, None))
@@ -203,7 +203,7 @@ NOTHING = "nothing"
 
 
 def write_nothing(writer: RowWriter, excerpt: Excerpt, scene: Scene) -> None:
-    """Write why there are no doors, if there are none."""
+    """Write a hint if there are no doors."""
     if scene.doors:
         return
     said = how_to_begin(excerpt.log) or NOT_IN_THIS_PART
@@ -250,7 +250,7 @@ def drawable(text: str) -> str:
 
 
 def drawable_name(name: str, stand_in: str) -> str:
-    """Return a name as the viewer can draw it; what stands for it if a letter is missing."""
+    """Return a name as the viewer can draw it, or its substitute if a letter is missing."""
     return event_words.drawable_name(name, stand_in, _is_drawn)
 
 
@@ -262,8 +262,8 @@ def is_drawable_name(name: str) -> bool:
 def path_part(text: str) -> str:
     """Return the text as part of an entity path that the viewer shows without escapes.
 
-    Letters, digits, `.`, `-` and `_` stay, as many as a lane's head has room for; whatever else is
-    between them becomes one `_`. Nothing stays of a name that the viewer cannot draw.
+    Letters, digits, `.`, `-` and `_` stay, as many as fit into a lane's head; anything between them
+    becomes one `_`. A name that the viewer cannot draw becomes empty.
     """
     kept = [character if character.isalnum() or character in ".-_" else " "
             for character in drawable_name(text, "")]  # fmt: skip

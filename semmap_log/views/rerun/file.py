@@ -148,7 +148,7 @@ class Converter:
         return LeftOut(self._lines.left_out, self._robot.left_out)
 
     def finish(self) -> None:
-        """Write what still waits, and let curves go on to the end of the scene."""
+        """Write what is pending, and extend the curves to the end of the scene."""
         self._doors.finish()
         if self._beliefs is not None:
             write_beliefs(self.writer, self._beliefs, self._scene, self._palette)
@@ -189,7 +189,7 @@ PIECE_BYTES = 2**20
 
 @contextmanager
 def piped_to(path: Path) -> Iterator[PipeToFile]:
-    """Hand out a pipe whose bytes go to the file; all of them are there when the block ends.
+    """Provide a pipe whose bytes go to the file; all are written when the block ends.
 
     Raises:
         OSError: The file cannot be written.
@@ -224,7 +224,7 @@ class PipeToFile:
             raise self._error
 
     def close(self) -> None:
-        """Wait for the last byte; whoever wrote has closed the inlet by now."""
+        """Wait for the last byte; the writing end is closed by now."""
         os.close(self._sink)
         self._thread.join()
         os.close(self._source)
@@ -245,7 +245,7 @@ LINE = np.dtype([
 
 
 class EventsWriter:
-    """Lets each kind's lines wait until they make a good chunk, then writes them."""
+    """Buffers each kind's lines until they fill a chunk, then writes them."""
 
     def __init__(self, writer: RowWriter, lines: EventLines, palette: Palette) -> None:
         self._writer = writer

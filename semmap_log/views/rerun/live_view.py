@@ -53,12 +53,12 @@ from semmap_log.views.rerun.scene import Scene, SceneDoor, SceneLevel
 
 POLL_S = 0.1
 SEND_S = 60.0
-"""What has not arrived by then will not: the viewer has gone, or is stuck."""
+"""Data that has not arrived by then will not: the viewer has gone, or is stuck."""
 
 
 @dataclass(frozen=True, slots=True)
 class LiveViewOptions:
-    """What of a log is shown, and how."""
+    """Which part of a log is shown, and how."""
 
     since: Time = None
     """From then on; None: from the log's start."""
@@ -68,7 +68,7 @@ class LiveViewOptions:
     costmap: bool = True
     """With the costmap's door layer."""
     beliefs: bool = True
-    """With what could be believed when the following began."""
+    """With the beliefs at the start of following."""
 
 
 def follow_in_viewer(
@@ -85,10 +85,10 @@ def follow_in_viewer(
     Args:
         log: The log; it is refreshed.
         url: The viewer's address.
-        shown: What of it, and how.
+        shown: Which part of it, and how.
         stop: Called some ten times a second; true ends the view.
         forget: Called with the id of a recording that another one has replaced.
-        progress: Called with how far the first reading is.
+        progress: Called with the progress of the first reading.
 
     Raises:
         CorruptLogError: The log is damaged, or was exchanged for another state of itself.
@@ -116,7 +116,7 @@ def follow_in_viewer(
 
 @dataclass(slots=True)
 class _Source:
-    """What all recordings of one following show."""
+    """What all recordings of one live view show."""
 
     excerpt: Excerpt
     shown: LiveViewOptions
@@ -124,7 +124,7 @@ class _Source:
     has_learnt: bool = False
 
     def learn(self, scene: Scene) -> None:
-        """Find out what can be believed: once, for it takes seconds."""
+        """Compute the beliefs: once, since it takes seconds."""
         if self.shown.beliefs and not self.has_learnt:
             self.beliefs = beliefs_to_show(self.excerpt, scene, self.shown.doors)
         self.has_learnt = True
@@ -146,7 +146,7 @@ class _Tail:
         self, source: _Source, contents: RecordingContents, scene: Scene, recording: Any
     ) -> None:
         self.is_outdated = False
-        """Something came that does not fit."""
+        """A commit came that does not fit."""
         self._source, self._contents, self._scene = source, contents, scene
         self._recording = recording
         self._commits = _Commits(source.excerpt.log.commits())
@@ -216,7 +216,7 @@ class _Commits:
 
 
 def _deliver(recording: Any) -> None:
-    """Return once all that was written is in the viewer.
+    """Wait until all that was written is in the viewer.
 
     Raises:
         ViewerError: It does not take it.
@@ -243,7 +243,7 @@ Theme = Literal["light", "dark"]
 
 @dataclass(frozen=True, slots=True)
 class WebViewer:
-    """A web server of rerun's, and what it serves."""
+    """A web server of rerun's, and its addresses."""
 
     program: RerunProcess
     page_port: int
@@ -308,8 +308,8 @@ def fits(batch: EventBatch, contents: RecordingContents, scene: Scene) -> bool:
 
     Args:
         batch: The next events.
-        contents: Of all that came before.
-        scene: What is shown of that.
+        contents: The contents of all earlier events.
+        scene: What is shown of these.
     """
     if any(kind in batch for kind in NEVER_FIT) or contents.is_late(batch):
         return False
@@ -320,7 +320,7 @@ def fits(batch: EventBatch, contents: RecordingContents, scene: Scene) -> bool:
 
 
 def with_room(scene: Scene) -> Scene:
-    """Return the scene with room around plans that have no walls to say where they end."""
+    """Return the scene with room around plans whose extent no wall limits."""
     levels = {
         n: level if level.floor is not None else replace(level, bounds=_grown(level.bounds))
         for n, level in scene.levels.items()
@@ -329,7 +329,7 @@ def with_room(scene: Scene) -> Scene:
 
 
 def _look(scene: Scene) -> tuple[list[SceneDoor], list[SceneLevel], int | None]:
-    """Return all of a scene that is drawn once; not how much happened, nor how far it reaches."""
+    """Return all of a scene that is drawn once, without counts and extents."""
     doors = [replace(door, state_changes=0) for door in scene.doors.values()]
     levels = [
         replace(level, floor=None, plans=NO_PLANS, bounds=Bounds())

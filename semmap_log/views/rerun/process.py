@@ -29,13 +29,13 @@ SETTLE_S = 20.0
 """A picture that still changes after this long is taken as it is."""
 REPAINT_S = 0.5
 EMPTY_S = 2.0
-"""So long it has to be without any timeline, all being loaded, to be taken for an empty log's."""
+"""A loaded recording without a timeline for so long is taken for that of an empty log."""
 
 T = TypeVar("T")
 
 
 def open_viewer(rrd: Path, *, at_ns: int | None = None, timeline: str = "happened") -> None:
-    """Show a recording in a window; return when it is closed.
+    """Show a recording in a window, until it is closed.
 
     Args:
         rrd: The recording.
@@ -133,7 +133,7 @@ def headless(
 
 @dataclass(frozen=True, slots=True)
 class Viewer:
-    """A viewer that runs, and the line to it."""
+    """A running viewer, and the connection to it."""
 
     program: RerunProcess
 
@@ -143,7 +143,7 @@ class Viewer:
         return self.program.url
 
     def wait_until_loaded(self) -> None:
-        """Return once a recording and its layout are there; that of an empty log has no more."""
+        """Wait until a recording and its layout are loaded; an empty log's has no more."""
         bare_since: float | None = None
 
         def is_loaded() -> bool:
@@ -160,10 +160,10 @@ class Viewer:
         self.program.wait_for("load the recording", is_loaded, most_s=LOAD_S)
 
     def wait_until_closed(self) -> None:
-        """Return when the window is closed.
+        """Wait until the window is closed.
 
         Raises:
-            ViewerError: It was not a person who closed it.
+            ViewerError: It ended otherwise than by a person.
         """
         if self.program.process.wait() != 0:
             raise self.program.failure()
@@ -189,7 +189,7 @@ class Viewer:
         self.ask(lambda client: client.set_time(timeline, play_state="paused", **where))
 
     def show(self, view: str) -> str:
-        """Let a view have all the room, and return its id; what is in brackets may be left out."""
+        """Maximise a view, and return its id; the part in brackets may be left out."""
         ids = {each.name: each.view_id for each in self.state().views}
         short = {name.partition(" (")[0]: view_id for name, view_id in ids.items()}
         if (view_id := ids.get(view, short.get(view))) is None:
@@ -211,14 +211,14 @@ class Viewer:
         return picture
 
     def forget(self, recording_id: str) -> None:
-        """Let go of a recording that was sent to it; one that it does not have is no matter."""
+        """Close a recording that was sent to it; ignore one that it does not have."""
         old = [each.store_id for each in self.state().recordings
                if str(each.store_id).endswith(f":{recording_id}")]  # fmt: skip
         if old:
             self.ask(lambda client: client.close(store_ids=old))
 
     def ask(self, question: Callable[[Any], T]) -> T:
-        """Return the viewer's answer; ask again while it is too busy to give one."""
+        """Return the viewer's answer; repeat the request while it is too busy."""
         from rerun.experimental import ViewerClient
 
         answers: list[T] = []
@@ -289,11 +289,11 @@ class RerunProcess:
         return self.process.poll() is not None
 
     def wait_for(self, what: str, done: Callable[[], bool], *, most_s: float) -> None:
-        """Return once something is so.
+        """Wait until a condition holds.
 
         Args:
             what: What is waited for, as the end of `The rerun viewer did not …`.
-            done: Returns whether it is so.
+            done: Returns whether it holds.
             most_s: How long to wait.
 
         Raises:
@@ -356,9 +356,9 @@ def running(arguments: Sequence[str], env: Mapping[str, str]) -> Iterator[RerunP
 
 @contextmanager
 def reserved_port() -> Iterator[int]:
-    """Hand out a port that nobody listens on; on Linux nobody else gets it within the block.
+    """Reserve a free port; on Linux nobody else gets it within the block.
 
-    There it stays bound, and rerun may listen on it all the same, as both say SO_REUSEADDR.
+    There it stays bound, and rerun may still listen on it, since both set SO_REUSEADDR.
     """
     with socket.socket() as holder:
         holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -370,7 +370,7 @@ def reserved_port() -> Iterator[int]:
 
 
 def explained(log: str, code: int | None = None) -> ViewerError:
-    """Return what rerun's own words mean, or else its exit code."""
+    """Return an error that explains rerun's own message, or else its exit code."""
     if re.search("graphics adapter|render context", log):
         return ViewerError(
             "The rerun viewer found no graphics driver. Without a GPU, a software one will do: "

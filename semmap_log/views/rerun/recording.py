@@ -65,7 +65,7 @@ LOOK_BACK_NS = 86_400 * 10**9
 
 @dataclass(frozen=True, slots=True)
 class RrdSummary:
-    """What was written, and what it took."""
+    """What was written, and at what cost."""
 
     events: int
     seconds: float
@@ -73,7 +73,7 @@ class RrdSummary:
     left_out: LeftOut
     """What no eye would see: see `scene`."""
     sightings_left_out: int = 0
-    """Visits whose scans are kept, and not shown."""
+    """Visits whose scans are kept but not shown."""
     problems: tuple[str, ...] = ()
     """Errors in reading the scans that are kept next to the log."""
 
@@ -105,11 +105,11 @@ def save_rrd(
             opens at the end): pass it to `open_viewer` or `screenshot`.
         palette: Colours.
         costmap: With the costmap's door layer, cell for cell.
-        beliefs: With what the robot could believe of doors of which enough is known: a typical
-            week of each, and a curve of those chosen, or of the liveliest.
+        beliefs: With beliefs about doors of which enough is known: a typical week of each, and a
+            curve of those chosen, or of the liveliest.
         scans: Reads the scans that are kept next to the log (`interop`'s `kept_visits`), which get
             a view a door; None: without.
-        progress: Called with how far the reading is: (bytes done, bytes in all).
+        progress: Called with the progress of reading: (bytes done, bytes in all).
 
     Raises:
         MissingExtraError: rerun is not installed.
@@ -169,7 +169,7 @@ def _front_level(
 
 
 def _robot_level(log: DoorLog, at: Time) -> int | None:
-    """Return the level where the robot was at a moment; None: nobody knows."""
+    """Return the level where the robot was at a moment; None: unknown."""
     at_ns = log.instant(at)
     assert at_ns is not None
     last_ns, level = -1, None
@@ -260,7 +260,7 @@ def layout(
 
 
 def _column(parts: Sequence[tuple[View | None, float]]) -> View | None:
-    """Return the views that there are, one above the other, each with its share of the height."""
+    """Return the existing views one above the other, each with its share of the height."""
     there = [(view, share) for view, share in parts if view is not None]
     if len(there) < 2:
         return there[0][0] if there else None
@@ -427,7 +427,7 @@ def _rounds(rounds: Sequence[Lane], axis: Any) -> View | None:
 
 
 def _lanes(scene: Scene, chosen: Sequence[DoorId] | None, axis: Any) -> View:
-    """Return the lanes of all doors; where these are many, those to look at first before."""
+    """Return the lanes of all doors; if there are many, the liveliest in a tab before."""
     if not scene.doors:
         return rrb.TextDocumentView(origin=f"/{NOTHING}", name="No doors")
     everything = _lane_view(axis, "Door states (UTC)", [f"+ /{ROOT}/**"])
@@ -476,7 +476,7 @@ def _time_axis(scene: Scene, *, goes_on: bool) -> Any:
 
 
 def _event_log(scene: Scene, tz: str) -> View:
-    """Return the events in words; its name says what its times are on the axes, which are UTC."""
+    """Return the event log; its name shows the offset of its times from the axes, which are UTC."""
     offsets = offsets_in(scene, tz)
     here = tz if offsets == [tz] else f"{tz}, {' and '.join(offsets)}"
     return rrb.TextLogView(

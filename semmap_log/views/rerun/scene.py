@@ -62,7 +62,7 @@ class RowWriter:
 
         Args:
             recording: Rerun's.
-            excerpt: Says which events stand on which timelines.
+            excerpt: Determines which events stand on which timelines.
             commits: Number of the first event of each commit, ascending.
         """
         self._recording = recording
@@ -71,7 +71,7 @@ class RowWriter:
         self._last_commit = np.full(1, -1)
 
     def note_commits(self, numbers: NDArray[np.int64], recorded_ns: NDArray[np.int64]) -> None:
-        """Take in where commits begin that have come since, from events in order."""
+        """Take in where new commits begin, from events in order."""
         bases = recorded_ns - numbers  # the same in all of a commit, and in no other
         starts = numbers[np.append(self._last_commit, bases)[:-1] != bases]
         known = int(self._commits[-1]) if len(self._commits) else -1
@@ -122,7 +122,7 @@ class RowWriter:
     def one(
         self, path: EntityPath, row: Rows, archetypes: Sequence[Any], timelines: Sequence[str]
     ) -> None:
-        """Write what an entity is from one row on, as `static` takes it."""
+        """Write an entity's properties from one row on, as `static` takes them."""
         batches = [each for one in archetypes for each in one.as_component_batches()]
         columns = [each.partition([len(each.as_arrow_array())]) for each in batches]
         self.rows(path, row, lambda _: columns, timelines)
@@ -130,14 +130,14 @@ class RowWriter:
     def clear(
         self, path: EntityPath, rows: Rows, timelines: Sequence[str], *, returns: Rows
     ) -> None:
-        """Let the entity vanish at these rows; what is static of it stays for its return.
+        """Hide the entity at these rows; its static part stays for its return.
 
         Args:
             path: The entity.
             rows: When it vanishes; written after all rows that are shown until then.
             timelines: On which.
-            returns: When it shows something again. At the same time as one of these, but before
-                it, nothing vanishes.
+            returns: When it shows something again. A row at the same time as one of these, but
+                before it, hides nothing.
         """
         if not len(rows):
             return
@@ -155,7 +155,7 @@ class RowWriter:
         return is_back
 
     def _times(self, timeline: str, rows: Rows) -> NDArray[np.int64]:
-        """Return where rows stand; what was committed together became known together."""
+        """Return the times of rows; events of one commit became known together."""
         if timeline == HAPPENED:
             return np.asarray(rows["folds_ns"])
         if timeline == EVENT:
@@ -203,7 +203,7 @@ class LeftOut:
     """Poses that hardly differ from the one before."""
 
     def __str__(self) -> str:
-        """Return it in words; empty: everything is there."""
+        """Return the omissions in words; empty: nothing was left out."""
         parts = []
         if self.repeats:
             parts.append(f"{counted(self.repeats, 'line')} of sightings that repeat a state")
@@ -218,7 +218,7 @@ def is_long(scene: Scene) -> bool:
 
 
 class RepeatFinder:
-    """Finds the sightings that see what was known already."""
+    """Finds the sightings that repeat what was known already."""
 
     def __init__(self, doors: Mapping[DoorId, SceneDoor]) -> None:
         self._disturbed = {int(i): door.disturbed_ns for i, door in doors.items()
@@ -253,7 +253,7 @@ class RepeatFinder:
         return repeats
 
     def _restless(self, changes: Changes) -> Changes:
-        """Return those of a door with late events, or ones that were taken back.
+        """Return the repeats of a door with late or retracted events.
 
         Between two equal sightings there must be no report of anything else.
         """
@@ -299,11 +299,11 @@ EVENTS = "events"
 
 @dataclass(frozen=True, slots=True)
 class SceneDoor:
-    """A door that turns up in the recording."""
+    """A door in the recording."""
 
     door_id: DoorId
     label: str
-    """What people call it, as the viewer can draw it."""
+    """Its label, as the viewer can draw it."""
     short_label: str
     """The same without the name of its level."""
     path: EntityPath
@@ -314,16 +314,16 @@ class SceneDoor:
     before: Door | None
     """As it was when the recording begins; None: not in the map by then."""
     known: Sequence[KnownDoor] = field(compare=False)
-    """From where it goes on along `recorded`: at the beginning, if that is in midst of the log, and
-    after each retraction of one of its events."""
+    """States from which it continues along `recorded`: at the beginning, if that is amid the log,
+    and after each retraction of one of its events."""
     state_changes: int
     has_probabilities: bool
     shape: ObjectShape
     is_plain: bool
-    """All its events came in the order in which they count, and none was taken back: along every
-    timeline it is the same."""
+    """All its events came in the order in which they count, and none was retracted: it is the same
+    along every timeline."""
     disturbed_ns: NDArray[np.int64] = field(compare=False)
-    """When late events and ones that were taken back set its state, ascending."""
+    """When late and retracted events set its state, ascending."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -342,7 +342,7 @@ class SceneLevel:
     doors: int
     has_robot: bool
     plans: LevelPlans = NO_PLANS
-    """All plans that it is drawn on, from when on each; `floor` is the last of them."""
+    """All plans that it is drawn on, each with its begin; `floor` is the last of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -402,7 +402,7 @@ class KnownDoor:
 
     @classmethod
     def of(cls, state: DoorMapState, door_id: DoorId, since: RecordingEdge) -> KnownDoor:
-        """Return what a fold of what was known has of a door."""
+        """Return a door's state in a fold of what was known."""
         row = np.zeros(1, CHANGE)
         since.stamp(row)
         row["door_id"], row["sets"] = door_id, EVERYTHING
@@ -422,8 +422,8 @@ def as_recorded(changes: Changes, known: Sequence[KnownDoor]) -> Changes:
     """Return a door's rows in the order of recording, each setting only what it won then.
 
     Args:
-        changes: Its events, numbers ascending, also those that were taken back later.
-        known: From where the door goes on from something else: at the beginning, and after each
+        changes: Its events, numbers ascending, including later retracted ones.
+        known: The states from which the door continues: at the beginning, and after each
             retraction of one of its events; numbers ascending.
     """
     cuts = np.searchsorted(changes["number"], [one.row["number"][0] for one in known], "right")
@@ -435,7 +435,7 @@ def as_recorded(changes: Changes, known: Sequence[KnownDoor]) -> Changes:
 
 
 def _winning(changes: Changes, first: Mapping[int, Stamp]) -> Changes:
-    """Return rows that set only what nothing before them has set with a greater stamp.
+    """Return rows without values that an earlier row has set with a greater stamp.
 
     Args:
         changes: Numbers ascending.

@@ -37,7 +37,7 @@ from semmap_log.views.sightings.visit_words import (
 
 SIGHTINGS = "sightings"
 MOST_DOORS = 24
-"""So many have a view; who wants to see others asks for them."""
+"""Doors with a view by default; others have one on request."""
 MOST_VISITS = 400
 """Of a door; of more, those that are worth a look."""
 MOST_POINTS, MOST_BEAMS = 1000, 60
@@ -64,7 +64,7 @@ class SightingsShown:
     left_out: int
     """Visits that are kept, and not shown."""
     problems: tuple[str, ...]
-    """Files that end in midst, or are of another log."""
+    """Files that are truncated, or of another log."""
     read_visits: VisitReader
     """Reads them again, with their scans."""
 
@@ -115,7 +115,7 @@ def sightings_to_show(
 
 
 def sighting_path(door: SceneDoor) -> EntityPath:
-    """Return the entity of what was seen of a door, on the level where it was put last."""
+    """Return the entity of a door's sightings, on the level where it was put last."""
     return (*door.path[:-2], SIGHTINGS, door.path[-1])
 
 
@@ -226,7 +226,7 @@ class _DoorPen:
         self, rows: Any, part: str, strips: Sequence[Sequence[Points]],
         colours: NDArray[np.uint32] | None = None,
     ) -> None:  # fmt: skip
-        """Write strips of each visit; of a visit with none, that there are none."""
+        """Write strips of each visit, or an empty set for a visit with none."""
         counts = np.array([len(of_visit) for of_visit in strips], np.uint32)
         flat = [strip.astype(np.float32) for of_visit in strips for strip in of_visit]
         of_each = None if colours is None else np.repeat(colours, counts)
@@ -240,7 +240,7 @@ class _DoorPen:
         self.writer.rows(self._entity(part), rows, columns, [HAPPENED])
 
     def _points(self, rows: Any, pairs: Sequence[tuple[KeptVisit, DoorScene]]) -> None:
-        """Write where beams ended, in the colours of what became of them."""
+        """Write where beams ended, in the colours of their fates."""
         look = np.array([
             self.palette.plain_text, BEAM_SHORT, self.palette.closed, self.palette.open,
             self.palette.plain_text,
