@@ -35,14 +35,14 @@ State = Literal["open", "closed"]
 
 MOST_WINDOWS = 5
 ABOUT_THE_SAME = 0.05
-"""Hours whose probability is not more than that below the best are as good as it."""
+"""Hours whose probability is at most so far below the best count as equally good."""
 WORTHLESS = 0.25
-"""Hours that are more than that below the best of all are no good."""
+"""Hours that are further below the best of all are excluded."""
 
 
 @dataclass(frozen=True, slots=True)
 class LikelyHours:
-    """Some hours in a row in which a door is likely in the state, and how likely, on average."""
+    """Consecutive hours in which a door is likely in the state, with their mean probability."""
 
     start_ns: int
     """The next time that it begins; of one that is under way, now."""
@@ -97,7 +97,7 @@ def best_time(
     """Return when a door is likeliest in a state.
 
     Args:
-        log: Whose door.
+        log: The log of the door.
         door: Id, name, or level/name.
         state: `open` or `closed`.
         at: The moment of the query, with all that is known today of what had happened by then.
@@ -209,7 +209,7 @@ def best_runs(
 ) -> list[slice]:
     """Return disjoint runs of cells, the best first; of cells about as good, the earlier first.
 
-    A run goes as far as its cells are about as good.
+    A run extends as far as its cells are about as good.
 
     Args:
         probability: (n,), in order of time.

@@ -50,11 +50,11 @@ class WeekPattern:
     low: Cells
     high: Cells
     is_known: NDArray[np.bool_]
-    """False: the door was never seen then, or too little at all; the numbers are carried over."""
+    """False: the door was never seen then, or too little in all; the numbers are carried over."""
 
     @classmethod
     def of(cls, said: Forecast, is_seen: NDArray[np.bool_]) -> WeekPattern:
-        """Return a forecast as cells; those never seen are not known."""
+        """Return a forecast as cells; those never seen are unknown."""
         return cls(said.p_open, said.low, said.high, said.is_known & is_seen)
 
     def taken(self, cells: Any) -> WeekPattern:
@@ -79,7 +79,7 @@ class WeekPattern:
 
 @dataclass(frozen=True, slots=True)
 class TypicalWeek:
-    """What a week is like at a door, as known at a moment."""
+    """A door's typical week, as known at a moment."""
 
     door: Door
     level_name: str
@@ -137,7 +137,7 @@ def typical_weeks(
     `probabilities`.
 
     Args:
-        log: Whose doors.
+        log: The log of the doors.
         at: The moment of the query, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
             too. Without either that is the log's end.
@@ -184,7 +184,7 @@ NOW, LATER = "filter", "schedule"
 
 
 def default_estimator(horizon_ns: int = 0) -> str:
-    """Return the name of the estimator that is taken for a time so far ahead."""
+    """Return the name of the default estimator for a time so far ahead."""
     return NOW if horizon_ns <= NEAR_NS else LATER
 
 
@@ -205,8 +205,8 @@ class DoorBelief(ShownAsTable):
     """Of the 90 % interval of P(open)."""
     high: float
     is_known: bool
-    """False: the evidence is below what it takes, and the numbers are what doors are like of
-    which nothing is known."""
+    """False: the evidence is insufficient, and the numbers are those of a door of which nothing is
+    known."""
     evidence: EvidenceSummary
 
     def __repr__(self) -> str:
@@ -253,7 +253,7 @@ def probabilities(
     """Return how likely each door is open, ids ascending.
 
     Args:
-        log: Whose doors.
+        log: The log of the doors.
         at: The moment of the query, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
             too. Without either that is the log's end.
@@ -324,7 +324,7 @@ class BeliefQuery:
     """The queried doors, ids ascending."""
 
     def by(self, estimator: str) -> BeliefQuery:
-        """Return the same by another estimator, from the same evidence.
+        """Return the query with another estimator and the same evidence.
 
         Raises:
             EstimatorError: There is no such estimator.
@@ -333,7 +333,7 @@ class BeliefQuery:
         return replace(self, beliefs=learnt, estimator=estimator)
 
     def as_of(self, known_ns: int) -> BeliefQuery:
-        """Return the same as known at another moment, later knowledge of the doors' names kept."""
+        """Return the query as of another moment, but with the same knowledge of doors' names."""
         return replace(self, known_ns=known_ns)
 
     def evidence(self, door: Door) -> EvidenceSummary:
@@ -346,7 +346,7 @@ class BeliefQuery:
         return EvidenceSummary.of(evidence, counts, self.clock)
 
     def sensor_doubts(self, log: DoorLog) -> list[SensorDoubt]:
-        """Return the sensors that are not as accurate as declared, having warned of each."""
+        """Return the sensors that are not as accurate as declared, and warn of each."""
         if len(self.beliefs.evidence) < FEWEST_WORDS:
             return []
         from semmap_log.analysis.beliefs.sensor_calibration import warn_of_sensors
@@ -355,7 +355,7 @@ class BeliefQuery:
         return warn_of_sensors(log, self.beliefs.evidence, asked, self.known_ns)
 
     def predict(self, door: Door, times_ns: NDArray[np.int64]) -> Forecast:
-        """Return what is expected of a door at some times, as known at the moment."""
+        """Return the forecast of a door at some times, as known at the moment."""
         known_ns = np.full(len(times_ns), self.known_ns)
         return self.beliefs.predict(door.door_id, times_ns, known_ns)
 
@@ -374,7 +374,7 @@ def ask(
     """Learn from what had happened by a moment, or was known then.
 
     Args:
-        log: Whose doors.
+        log: The log of the doors.
         at: The moment, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits. Without `at` it is the moment,
             too; without either that is the log's end.
@@ -430,7 +430,7 @@ def _when_all_is_told_at_once(log: DoorLog, at: Moment, known_at: Moment) -> Mom
 def _door_then(
     log: DoorLog, door: DoorId | str, door_map: DoorMap, at: Moment, known_at: Moment
 ) -> DoorId:
-    """Return the door that is meant, among those that were known then.
+    """Return a door, among those that were known then.
 
     Raises:
         UnknownDoorError: There was none; the message mentions one that was recorded later.
@@ -457,7 +457,7 @@ def learn(
     doors: Collection[DoorId] | None = None,
     progress: Progress | None = None,
 ) -> Beliefs:
-    """Return what a log's doors are believed to be.
+    """Return the beliefs about a log's doors.
 
     Args:
         log: The log.
@@ -465,7 +465,7 @@ def learn(
         known_at: Only what had been recorded by then, whole commits.
         estimator: A method, or its name: see `semmap_log.analysis.probabilities.belief_fold`.
         tz: IANA zone of hours and weekdays; None: the log's.
-        doors: Learn of these alone, which an index makes quick; no door teaches of another.
+        doors: Learn of these alone, which an index makes quick; doors are independent.
         progress: Called with how far the reading is.
 
     Raises:
@@ -487,11 +487,11 @@ class EvidenceSummary:
     """What a belief rests on."""
 
     coverage: Coverage
-    """On which hours of the week the evidence lies."""
+    """The hours of the week in which the evidence lies."""
     known_ns: int
     """For how long its state was known without a look, since it had been set."""
     counts: Counts
-    """Words about its state, sightings among them, visits, and when it was last seen."""
+    """Reports of its state, sightings among them, visits, and when it was last seen."""
 
     @classmethod
     def of(cls, evidence: DoorEvidence, counts: Counts, clock: LocalClock) -> EvidenceSummary:

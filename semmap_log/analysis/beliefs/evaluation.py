@@ -43,7 +43,7 @@ from semmap_log.log.door_log.door_log import DoorLog, Time
 LEAST_SAMPLES = (200, 100)
 """A door with fewer samples to learn from, or to be forecast, is left out."""
 LEAST_VISITS = (20, 10)
-"""The same where visits are what is forecast."""
+"""The same where visits are forecast."""
 MOST_SAMPLES = 2**21
 """Of a door: four years of minutes. Where more is known, forecasts lie farther apart."""
 AT_ONCE = 2**16
@@ -72,8 +72,8 @@ class Evaluation:
 
     protocol: Protocol
     is_truth: bool
-    """They were held against a state that was known all through; False: against what the sensor
-    read next."""
+    """True: compared with a state that was known throughout; False: with the sensor's next
+    reading."""
     doors: Sequence[DoorEvaluation]
     left_out: Mapping[DoorId, str]
     """Doors with too little known time, and how much they have."""
@@ -106,15 +106,15 @@ def evaluate(
 ) -> Evaluation:
     """Return how good the estimators' forecasts of a log's doors are.
 
-    Where the log mostly knows states all through, they are the truth. Where it mostly holds
-    visits, there is none, and the next visit's reading is forecast from what was before it.
+    If the log mostly knows states throughout, they are the truth. If it mostly contains visits,
+    there is no truth, and each visit's reading is forecast from the evidence before it.
 
     Args:
         log: Where the doors are from.
         estimators: Methods, of different names.
-        protocol: What is known when.
-        doors: Only these; default: all that something is known of.
-        since: Only the known time from then on; what was before still teaches.
+        protocol: What is known at each forecast.
+        doors: Only these; default: all with evidence.
+        since: Only the known time from then on; earlier evidence still counts for training.
         until: Only the known time before then.
         tz: IANA zone of the building's clocks; default: the log's.
         progress: Called with (done, in all); the unit is the forecasts of a door by an estimator.
@@ -140,16 +140,16 @@ def evaluate_all(
     progress: Progress | None = None,
     read_forecasts: ForecastReader | None = None,
 ) -> dict[str, Evaluation]:
-    """Return what `evaluate` does for several protocols, having learnt only once for all.
+    """Return evaluations by several protocols, as `evaluate`, but learn only once for all.
 
     Args:
-        log: As there; so are the others.
+        log: The log; see `evaluate` for all arguments.
         estimators: Methods.
         protocols: By names.
-        doors: Which.
+        doors: Only these.
         since: From then on.
         until: Before then.
-        tz: The clocks'.
+        tz: The zone of the clocks.
         progress: Called with the progress.
         read_forecasts: Called with the forecasts themselves, once a door, estimator and protocol;
             an evaluation contains their figures only.
@@ -203,7 +203,7 @@ def _run(
     clock: LocalClock,
     progress: Progress | None,
 ) -> None:
-    """Let each estimator learn from each source, and make all forecasts that go by it."""
+    """Let each estimator learn from each source, and make all forecasts based on it."""
     done, total = 0, len(estimators) * sum(len(test.doors) for test in tests.values())
     for patrol in {test.protocol.patrol: None for test in tests.values()}:
         known = _source(patrol, evidence, tests, stretches)
@@ -233,7 +233,7 @@ def _source(
 
 @dataclass
 class _Test:
-    """A protocol while its forecasts are made."""
+    """The state of a protocol while its forecasts are made."""
 
     name: str
     protocol: Protocol

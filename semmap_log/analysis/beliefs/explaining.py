@@ -125,7 +125,7 @@ def _speaks_against(entry: HistoryEntry, state: DoorState) -> bool:
 
 
 def _retractions(log: DoorLog, entries: Iterable[HistoryEntry | None]) -> dict[int, HistoryEntry]:
-    """Return those that took back some of these events, by their numbers."""
+    """Return the retractions of some of these events, by their numbers."""
     numbers = {each.retracted_by for each in entries if each is not None}
     return {number: log.entry(number) for number in numbers if number is not None}
 
@@ -141,7 +141,7 @@ def _belief(
 
 
 def _next(log: DoorLog, door_id: DoorId, time_ns: int) -> NextChange | None:
-    """Return what changes the door after a moment: its state, or whether it is there."""
+    """Return the next change of a door after a moment: of its state, or its existence."""
     found = log.timeline(door_id, since=Moment(ns=time_ns))
     for interval in found:
         if interval.start_ns > time_ns:

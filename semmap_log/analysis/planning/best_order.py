@@ -29,13 +29,13 @@ def best_order(
 ) -> Orders:
     """Return the order of all stops with the least mean time to visit; deterministic.
 
-    Of up to `MOST_EXACT` stops whose P does not change it is the best there is. Otherwise it is
-    the best of searches from three orders and more: by value, nearest first, and as the stops are
-    given; where P changes, or a budget ends the round, it is judged at the times of arrival.
+    For up to `MOST_EXACT` stops whose P does not change it is optimal. Otherwise it is the best of
+    searches from three or more orders: by value, nearest first, and as the stops are given. If P
+    changes, or a budget ends the round, orders are evaluated at the times of arrival.
 
     Args:
         task: The stops.
-        given: Orders to start from, too, such as the rest of a plan under way.
+        given: Additional orders to start from, such as the rest of a plan under way.
         sweeps: See `best_from`.
     """
     if task.is_fixed and len(task) <= MOST_EXACT:
@@ -59,7 +59,7 @@ def best_from(task: RoundTask, starts: list[Orders], *, sweeps: int = MOST_SWEEP
 
 
 def _improved(task: RoundTask, start: Orders) -> Orders:
-    """Return a better order by P as it is when one comes to each stop in the order before."""
+    """Return a better order, by P at each stop's arrival in the previous order."""
     if task.is_fixed:
         return improved(task, start)
     best = start
@@ -79,7 +79,7 @@ def _as_arrived(task: RoundTask, order: Orders) -> RoundTask:
 
 
 def _swept(task: RoundTask, order: Orders, sweeps: int) -> Orders:
-    """Return the order that no single move makes better, each judged at the times of arrival."""
+    """Return an order that no single move improves, evaluated at the times of arrival."""
     best = float(task.cost(order[None])[0])
     for _ in range(sweeps):
         near = _near(order)
@@ -94,7 +94,7 @@ def _swept(task: RoundTask, order: Orders, sweeps: int) -> Orders:
 
 
 def _near(order: Orders) -> Orders:
-    """Return the orders in which one stop is moved, or a piece turned round."""
+    """Return the orders in which one stop is moved, or a piece reversed."""
     count = len(order)
     places = np.arange(count)
     moved = []
@@ -113,7 +113,7 @@ Values = NDArray[np.float64]
 
 
 def greedy_order(task: RoundTask) -> Orders:
-    """Return the stops, always on to the one of most P for the time that it takes.
+    """Return the greedy order by P per time.
 
     P is that at the time of arrival.
     """
@@ -127,7 +127,7 @@ def greedy_order(task: RoundTask) -> Orders:
 
 
 def nearest_order(task: RoundTask) -> Orders:
-    """Return the stops, always on to the nearest one that is left."""
+    """Return the greedy order by distance."""
     return _by(task, lambda _stops, leg_s, _p: -leg_s)
 
 
@@ -155,7 +155,7 @@ _GAINS = 1e-9
 
 
 def improved(task: RoundTask, order: Orders) -> Orders:
-    """Return an order that no such move makes better: the same for the same arguments.
+    """Return an order that no such move improves; deterministic.
 
     Args:
         task: P as at the start, no budget.
@@ -178,7 +178,7 @@ def improved(task: RoundTask, order: Orders) -> Orders:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Round:
-    """A task with its start and its end as stops that weigh nothing."""
+    """A task with its start and its end as stops of weight 0."""
 
     onward_s: Reals
     weights: Reals
@@ -201,7 +201,7 @@ class _Piece:
     takes_s: Reals
     weight: Reals
     cost: Reals
-    """If one were at its first stop at time 0."""
+    """Cost with arrival at its first stop at time 0."""
     first: Places
     """The stop."""
     last: Places
@@ -302,7 +302,7 @@ def _kinds(count: int) -> Iterator[_Kind]:
 
 
 def _with_best_move(pieces: _Pieces, kind: _Kind) -> _Pieces:
-    """Return the path after the best move of a kind; the same where none gains anything."""
+    """Return the path after the best move of a kind; unchanged if none gains anything."""
     moves = kind(pieces)
     best = int(moves.costs.argmin())
     if pieces.cost - float(moves.costs[best]) <= _GAINS * max(pieces.cost, 1.0):
@@ -312,7 +312,7 @@ def _with_best_move(pieces: _Pieces, kind: _Kind) -> _Pieces:
 
 
 def _turned(pieces: _Pieces, low: Places, high: Places) -> _Moves:
-    """Return the moves that turn a piece round."""
+    """Return the moves that reverse a piece."""
     path = [_head(pieces, low), pieces.backward(low, high), _tail(pieces, high)]
     return _Moves(pieces.cost_of(path), low, high, high, (True, False))
 
@@ -343,10 +343,10 @@ MOST_EXACT = 12
 def exact_order(task: RoundTask) -> Orders:
     """Return the order with the least mean time to visit.
 
-    Each leg delays all that is not visited yet: it costs its time, and the time spent at the stop
-    before, times the sum of P of what is left. That depends on which stops were visited and on the
-    last one, not on their order (M. Held, R. Karp, J. SIAM 10, 1962). Of orders as good, the same
-    one is taken every time.
+    Each leg delays all stops not visited yet: its cost is its time, and the time spent at the stop
+    before, times the sum of P of the remaining stops. That depends on which stops were visited and
+    on the last one, not on their order (M. Held, R. Karp, J. SIAM 10, 1962). Ties are broken the
+    same way every time.
 
     Args:
         task: Of at most `MOST_EXACT` stops; P as at the start, no budget.

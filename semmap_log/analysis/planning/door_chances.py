@@ -35,7 +35,7 @@ from semmap_log.log.door_log.door_log import DoorLog, Time
 STEP_S = 300.0
 """Between two times at which P is computed."""
 LONGEST_S = 12 * 3600.0
-"""Of a round: from then on P stays as it is."""
+"""Time of a round from which on P stays constant."""
 
 
 def round_times_s(longest_s: float) -> NDArray[np.float64]:
@@ -53,12 +53,12 @@ def learnt_chances(
     times_s: NDArray[np.float64],
     others: NDArray[np.float64] | None = None,
 ) -> DoorChances:
-    """Return how likely doors are so, at times of a round, by what was known at a moment.
+    """Return the chances of doors at times of a round, by what was known at a moment.
 
     Args:
         beliefs: Of P(open), or P(passes).
-        doors: Which.
-        known_ns: What happened later does not count.
+        doors: The doors.
+        known_ns: Later events do not count.
         start_ns: Of the round.
         times_s: (k,): of the round, `STEP_S` apart.
         others: See `DoorChances.with_stand_ins`.
@@ -89,7 +89,7 @@ def learnt_chances(
 def unseen_s(
     beliefs: Beliefs, doors: Sequence[DoorId], *, known_ns: int, start_ns: int
 ) -> list[float]:
-    """Return for how long nobody has looked at doors when a round begins; inf: nobody ever did."""
+    """Return the time since doors were last seen, at the start of a round; inf: never."""
     seen_ns = [beliefs.evidence.counts(door, known_ns).last_seen_ns for door in doors]
     return [math.inf if at is None else (start_ns - at) / SECOND_NS for at in seen_ns]
 
@@ -99,10 +99,10 @@ def beliefs_at(
 ) -> tuple[BeliefQuery, int]:
     """Return what is known of all doors, and when the plan starts, ns.
 
-    Before the log's end counts only what had happened by then: one does not foretell the past.
+    If it starts before the log's end, later events do not count, since the past is not forecast.
 
     Args:
-        log: Whose doors.
+        log: The log of the doors.
         start: When the plan starts; None: at the log's end.
         estimator: None: as far ahead as that is from the log's end.
         tz: IANA zone; None: the log's.
@@ -128,14 +128,14 @@ def wait_s(
     most_s: float | None = None,
     is_shut: bool = False,
 ) -> float | None:
-    """Return the expected wait until a door is open, from then on; None: nobody knows.
+    """Return the expected wait until a door is open; None: unknown.
 
     Args:
         query: What is known.
         door_id: The door.
         at_ns: From then on.
-        most_s: Who has waited so long goes.
-        is_shut: It is found shut then; else it may be open, which is no wait.
+        most_s: The longest wait.
+        is_shut: It is found shut then; otherwise it may be open, without a wait.
     """
     learnt = query.beliefs.learnt(query.known_ns)
     if not isinstance(learnt, StateModel):
@@ -190,7 +190,7 @@ Probabilities = NDArray[np.float64]
 UNKNOWN_P = 0.5
 """P of a door without evidence, where there is no door with any."""
 MEAN_COUNTS = 2.0
-"""As so many looks the mean of the others counts for a door of which too little is known."""
+"""The weight, in looks, of the other doors' mean for a door of which too little is known."""
 DAY_S = 86_400.0
 
 
@@ -212,11 +212,11 @@ class DoorChances:
     looks_high: NDArray[np.float64]
     """(n,): the upper end of the 90 % interval of the share that is open."""
     unseen_s: NDArray[np.float64]
-    """(n,): for how long nobody has looked at it when the round begins; inf: nobody ever did."""
+    """(n,): time since it was last seen, at the start of the round; inf: never."""
     step_s: float
 
     def with_stand_ins(self, others: Probabilities | None = None) -> DoorChances:
-        """Return the same where a door of which too little is known counts as the others do.
+        """Return chances in which a door of which too little is known counts as the others do.
 
         It is their mean, and its own looks at such hours where there are any; its interval is
         0..1.
@@ -240,7 +240,7 @@ class DoorChances:
         return found
 
     def with_row(self, row: int, of_door: DoorChances) -> DoorChances:
-        """Return the same with what was learnt of one door since; of when it was seen nothing."""
+        """Return chances updated by what was learnt of one door since, but not when it was seen."""
         changed = {}
         for name in ("p_passes", "low", "high", "is_known", "looks", "looks_high"):
             changed[name] = getattr(self, name).copy()
@@ -256,9 +256,9 @@ class DoorChances:
         )
 
     def or_else(self, p_open: DoorChances) -> DoorChances:
-        """Return P(passes) where it is known, else P(open): a door that is open lets one in.
+        """Return P(passes) where it is known, else P(open), since an open door lets the robot in.
 
-        Whether one that is shut would open for who asks is not known then: P may be up to 1.
+        Whether a shut one would open for who asks is unknown then: P may be up to 1.
         """
         stands_in = ~self.is_known & p_open.is_known
         p_passes, low, high = self.p_passes.copy(), self.low.copy(), self.high.copy()
@@ -270,13 +270,13 @@ class DoorChances:
 
 @dataclass(frozen=True, slots=True)
 class SkipRule:
-    """Which doors are left out: those that are shut for all that is known, and were looked at.
+    """Decides which doors are left out: those that are almost surely shut, and were looked at.
 
-    What is not tried is not learnt. So it takes more than a low P: at such hours of such days it
-    was found shut so often that even the upper end of the interval of how often it is open is
-    low. And it takes more than that: who has just seen a door open that mostly is not goes there.
-    A door is looked at again after `again_s`, whatever was found. One that nobody has looked at
-    then is never left out.
+    What is not tried is not learnt. So a low P is not enough: at such hours of such days the door
+    must have been found shut so often that even the upper end of the interval of its open share
+    is low. A door that was just seen open is tried even if it mostly is not. A door is looked at
+    again after `again_s`, whatever was found. One that nobody has looked at then is never left
+    out.
     """
 
     below: float = 0.4
@@ -286,7 +286,7 @@ class SkipRule:
     """P at each time of the round, by the last look, too."""
 
     def seem_shut(self, chances: DoorChances) -> NDArray[np.bool_]:
-        """Return which doors are shut for all that is known."""
+        """Return which doors are almost surely shut."""
         is_unlikely = chances.p_passes.max(axis=1) < self.p_below
         found: NDArray[np.bool_] = (chances.looks_high < self.below) & is_unlikely
         return found
@@ -301,7 +301,7 @@ REACH_H = 3.0
 """To both sides of the time of day."""
 WORKDAYS = 5
 BACK_NS = 28 * DAY_NS
-"""What is older does not count."""
+"""Older looks do not count."""
 
 
 class LooksThen(NamedTuple):
@@ -328,7 +328,7 @@ def looks_then(
 
     Args:
         evidence: What is known of the door.
-        clock: Whose hours and days.
+        clock: The clock of hours and days.
         time_ns: That time.
         known_ns: Later looks do not count.
     """
@@ -347,7 +347,7 @@ def looks_then(
 
 
 def _hours(known: KnownTime, known_ns: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return a time for each hour in which the state was known all through, and that state."""
+    """Return a time for each hour in which the state was known throughout, and that state."""
     times_ns = [np.empty(0, np.int64)]
     states = [np.empty(0, np.bool_)]
     for start, end, state in zip(

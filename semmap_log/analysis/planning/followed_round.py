@@ -39,13 +39,13 @@ from semmap_log.core.model.moments import SECOND_NS, Moment
 from semmap_log.log.door_log.door_log import DoorLog
 
 AT_DOOR_M = 2.0
-"""So near to the middle of a door a robot stands before it."""
+"""The largest distance from a door's middle of a robot that stands before it."""
 OTHER_THEN = "what happened before came later, or was taken back"
 
 
 @dataclass(frozen=True, slots=True)
 class RoundStep:
-    """After an event the robot goes elsewhere, or the round is over."""
+    """A step: after an event the robot goes elsewhere, or the round is over."""
 
     event: int
     """Its number."""
@@ -62,10 +62,10 @@ class RoundStep:
 
 
 class FollowedRound:
-    """A round, and what became of it so far; the same for the same events."""
+    """A round, and its progress so far; deterministic in the events."""
 
     def __init__(self, begun: BegunRound, log: Callable[[], DoorLog]) -> None:
-        """Begin it.
+        """Begin the round.
 
         Args:
             begun: The round.
@@ -83,21 +83,21 @@ class FollowedRound:
 
     @property
     def visited(self) -> list[WantedTarget]:
-        """What was visited, in that order."""
+        """The visited targets, in order."""
         return list(self._visited)
 
     @property
     def not_visited(self) -> list[WantedTarget]:
-        """What of the plan was not visited yet, or will not be any more."""
+        """The planned targets that are not visited, yet or ever."""
         return [target for target in self._targets if target not in self._visited]
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing is left to be done."""
+        """Whether nothing is left to do."""
         return self._is_finished or self._order.next_try() is None
 
     def stops(self) -> list[PlannedStop]:
-        """Return what is left of the plan, in its order."""
+        """Return the remaining stops, in order."""
         return [] if self._is_finished else list(map(self._stop, self._order.plan()))
 
     def next_stop(self) -> PlannedStop | None:
@@ -106,10 +106,10 @@ class FollowedRound:
         return None if planned is None else self._stop(planned)
 
     def take(self, batch: EventBatch) -> list[RoundStep]:
-        """Take in events as they are recorded, and return after which of them something is new.
+        """Take in events as they are recorded, and return the new steps.
 
         Raises:
-            LogError: Some are taken back, and what is left cannot be read.
+            LogError: Some are retracted, and the remaining ones cannot be read.
         """
         known = self._taken
         if Retracted in batch:
@@ -277,7 +277,7 @@ class FollowedRound:
         return math.dist((middle.x, middle.y), (robot.x, robot.y)) <= AT_DOOR_M
 
     def _chosen(self, places: list[int]) -> int:
-        """Return the door by which the robot goes, of some: the one that it was sent to."""
+        """Return the door, of some, by which the robot goes: the one that it was sent to."""
         planned = self._order.next_try()
         return planned.door if planned is not None and planned.door in places else places[0]
 
@@ -301,7 +301,7 @@ class FollowedRound:
 def events_since(
     log: DoorLog, start_ns: int, *, stop: Callable[[], bool] | None = None
 ) -> Iterator[EventBatch]:
-    """Yield what a log has of the time after a moment, then what is recorded, as it comes.
+    """Yield a log's events after a moment, then new ones as they are recorded.
 
     Args:
         log: As it was opened when the round was planned.
@@ -318,12 +318,12 @@ def events_since(
 
 
 def _when(one: RecordedEvent) -> tuple[int, int]:
-    """Return by what events are ordered."""
+    """Return the sort key of events."""
     return min(one.happened_ns, one.recorded_ns), one.number
 
 
 def _places_of(begun: BegunRound) -> dict[DoorId, list[int]]:
-    """Return where a round has each of its doors: once for each target that it leads into."""
+    """Return the places of each door in a round: one for each target that it leads into."""
     places: dict[DoorId, list[int]] = {}
     for place, door in enumerate(begun.doors):
         places.setdefault(door.door.door_id, []).append(place)

@@ -13,12 +13,12 @@ from semmap_log.analysis.planning.best_order import MOST_SWEEPS, best_from, best
 from semmap_log.analysis.planning.round_task import Orders, RoundTask, with_stop
 
 EXPECTED_P = 0.5
-"""A door of at least that P is expected to let the robot in."""
+"""The least P at which a door is expected to let the robot in."""
 
 
 @dataclass(frozen=True, slots=True)
 class PatrolTarget:
-    """What is to be visited: by one of its doors."""
+    """A target, to be visited by one of its doors."""
 
     name: str
     doors: tuple[int, ...]
@@ -27,7 +27,7 @@ class PatrolTarget:
 
 @dataclass(frozen=True, slots=True)
 class PlannedTry:
-    """A door of the plan: when one comes to it, on average, and P then."""
+    """A door of the plan: its mean time of arrival, and P then."""
 
     door: int
     target: PatrolTarget
@@ -57,7 +57,7 @@ class PatrolRound:
             targets: Of different doors.
             skipped: (n,), of the doors: those that are not tried. A target without another is
                 left out.
-            sweeps: See `best_from`: 0 is quicker, and not quite as good.
+            sweeps: See `best_from`: 0 is quicker, but not quite as good.
         """
         self._task = task
         self._sweeps = sweeps
@@ -110,7 +110,7 @@ class PatrolRound:
         Args:
             door: Where the robot is now.
             passed: Whether it let the robot in.
-            now_s: Since the round began, all that was spent there included.
+            now_s: Time since the round began, including all time at the door.
         """
         expected = self._expects(door, self.now_s)
         target = self._target_of[door]
@@ -148,7 +148,7 @@ class PatrolRound:
             self._replan()
 
     def rule_out(self, door: int) -> None:
-        """Take a door out of the round to which the robot has not come: it is there no more."""
+        """Remove a door that the robot has not reached from the round: it no longer exists."""
         self._skipped -= {door}
         if door in self._untried.get(self._target_of[door], ()):
             self._give_up(door)
@@ -159,7 +159,7 @@ class PatrolRound:
         return door in self._skipped or door in self._untried.get(self._target_of[door], ())
 
     def copied(self) -> PatrolRound:
-        """Return the same round, to be gone on with apart from this one."""
+        """Return an independent copy of the round."""
         return copy.copy(self)  # what it holds is replaced, never changed
 
     def _give_up(self, door: int) -> None:
@@ -172,7 +172,7 @@ class PatrolRound:
             self._order = self._with(self._likeliest(others))
 
     def _join(self, door: int) -> None:
-        """Take a door into the round that was left out of it."""
+        """Add a door to the round that was left out of it."""
         target = self._target_of[door]
         self._skipped -= {door}
         self._untried = {**self._untried, target: (*self._untried[target], door)}

@@ -65,7 +65,7 @@ if TYPE_CHECKING:
 
 
 class RoundWish(TypedDict, total=False):
-    """The keywords of `patrol_plan`, which says what each is; `begun_round` takes them, too."""
+    """The keywords of `patrol_plan`, which documents them; `begun_round` takes them, too."""
 
     start_at: str | None
     rooms: Sequence[str]
@@ -92,19 +92,19 @@ share_keywords(RoundWish, _USUAL)
 
 @knows_keywords
 def patrol_plan(log: DoorLog, **wish: Unpack[RoundWish]) -> PatrolPlan:
-    """Return in which order to visit rooms and doors, so that the mean time to visit is least.
+    """Return the order of rooms and doors with the least mean time to visit.
 
     Args:
-        log: Whose building.
+        log: The log of the building.
         start_at: Where the robot starts: `X,Y`, `X,Y,LEVEL`, a room, or a door; None: where the
             log saw it last.
         rooms: Numbers or names of rooms to visit.
         doors: Ids or names of doors to go through; without either: all rooms.
-        start: When; None: at the log's end. Of an earlier time counts only what had happened by
-            then.
+        start: The start; default: the log's end. For an earlier time only events up to then
+            count.
         estimator: None: `filter` up to a day after the log's end, `schedule` beyond.
         tz: IANA zone of the building's clocks; None: the log's.
-        options: What a round is like.
+        options: The options of the round.
         progress: Called with how far the reading is.
 
     Raises:
@@ -118,10 +118,10 @@ def patrol_plan(log: DoorLog, **wish: Unpack[RoundWish]) -> PatrolPlan:
 
 @knows_keywords
 def begun_round(log: DoorLog, **wish: Unpack[RoundWish]) -> BegunRound:
-    """Return the same with what it takes to go on with it: see `FollowedRound`.
+    """Return the plan with all that is needed to continue it: see `FollowedRound`.
 
     Args:
-        log: Whose building.
+        log: The log of the building.
         **wish: The keywords of `patrol_plan`.
 
     Raises:
@@ -178,7 +178,7 @@ A_WAY_S = 30.0
 
 @dataclass(frozen=True, slots=True)
 class AskedRound:
-    """What is believed, and from when on the round is."""
+    """The beliefs, and the start of the round."""
 
     query: BeliefQuery
     start_ns: int
@@ -200,7 +200,7 @@ class RoundDoor:
 
 @dataclass(frozen=True, slots=True)
 class BegunRound:
-    """A plan, and what it takes to go on with it while the robot is under way."""
+    """A plan, and all that is needed to continue it while the robot is under way."""
 
     plan: PatrolPlan
     order: PatrolRound
@@ -213,7 +213,7 @@ class BegunRound:
 
     @property
     def targets(self) -> list[WantedTarget]:
-        """What is to be visited, each once."""
+        """The targets, each once."""
         found: list[WantedTarget] = []
         for door in self.doors:
             if door.target not in found:
@@ -242,10 +242,10 @@ class RoundPlanner:
         self._is_skipped = options.skip.is_skipped(self._chosen)
 
     def begun(self, wanted: Wanted) -> BegunRound:
-        """Return the plan for what is wanted, and its round.
+        """Return the plan for the wanted targets, and its round.
 
         Raises:
-            PlanError: Nothing of it can be visited.
+            PlanError: None of them can be visited.
         """
         targets, left_out = wanted
         entries = [
@@ -338,7 +338,7 @@ class RoundPlanner:
     def _reached(
         self, entries: list[RoundDoor]
     ) -> tuple[list[RoundDoor], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the doors that can be come to, and the times from the start and between them."""
+        """Return the reachable doors, and the times from the start and between them."""
         if not entries:
             return [], np.zeros(0), np.zeros((0, 0))
         places = [entry.place for entry in entries]
@@ -499,7 +499,7 @@ def shut_in_words(chances: DoorChances, rows: Sequence[int]) -> str:
 
 
 def unseen_in_words(seconds: float) -> str:
-    """Return how long nobody has looked at a door."""
+    """Return how long ago a door was last seen."""
     if not math.isfinite(seconds):
         return "never looked at"
     if seconds < HOUR_S:

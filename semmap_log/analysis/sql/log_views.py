@@ -63,7 +63,7 @@ def log_views(log: DoorLog, making: RowMaking) -> dict[str, ScannedTable]:
 
     Args:
         log: The log.
-        making: Takes in what goes wrong while rows are made.
+        making: Records errors while rows are made.
     """
     schemas = {name: query_schema(columns) for name, columns in VIEWS.items()}
     schemas |= {EVENTS: EVENT_SCHEMA, "doors": DOOR_SCHEMA}
@@ -75,7 +75,7 @@ def log_views(log: DoorLog, making: RowMaking) -> dict[str, ScannedTable]:
 
 
 def _readers(log: DoorLog) -> dict[str, Read]:
-    """Return what makes the rows of each view."""
+    """Return the functions that make the rows of each view."""
 
     def doors(_: ScanRequest) -> Iterator[pa.Table]:
         yield door_table(log.replay())
@@ -109,7 +109,7 @@ AT_ONCE = 10_000
 
 
 def query_schema(columns: Sequence[Column], *more: pa.Field) -> pa.Schema:
-    """Return the schema by which queries see columns: times in microseconds, as SQL has them."""
+    """Return the schema that queries see: times in microseconds, as in SQL."""
     fields = [
         field.with_type(pa.timestamp("us", field.type.tz))
         if pa.types.is_timestamp(field.type)
@@ -124,7 +124,7 @@ def made_tables(columns: Sequence[Column], rows: Iterable[Sequence[Any]]) -> Ite
 
     Args:
         columns: In the order of the rows' values.
-        rows: As many as there are; a table is made of a part of them.
+        rows: Any number of rows; each table holds a part of them.
     """
     waiting = iter(rows)
     while part := list(islice(waiting, AT_ONCE)):
@@ -188,12 +188,12 @@ def commit_tables(log: DoorLog) -> Tables:
 
 
 def patrol_tables(log: DoorLog) -> Tables:
-    """Yield the rounds, as they were first heard of."""
+    """Yield the rounds, in the order of their first events."""
     return made_tables(PATROLS, map(_round_row, rounds(log.history(kinds=ROUND_KINDS))))
 
 
 def pose_tables(log: DoorLog, window: Window) -> Tables:
-    """Yield where the robot was, retracted poses left out."""
+    """Yield the robot's poses, without retracted ones."""
     retractions = log.retractions()
     for batch in log.batches_in(window):
         seen = retractions.visible(batch)
@@ -247,7 +247,7 @@ def _round_row(each: Round) -> tuple[Any, ...]:
 
 
 def _as_text(value: Any) -> str | None:
-    """Return a value as JSON would have it, without quotes; NaN is None."""
+    """Return a value as in JSON, without quotes; NaN is None."""
     if value is None or value != value:  # noqa: PLR0124 - NaN
         return None
     return value.name if isinstance(value, DoorState) else str(value)
@@ -268,7 +268,7 @@ DOORS = (
     Column("last_seen", TIME, "when its latest state happened"),
     Column("last_event", "int64", "number of the last event about it"),
 )
-"""Of a door at a moment; and its annotations, as a map."""
+"""The columns of a door at a moment, with its annotations as a map."""
 
 INTERVALS = (
     DOOR,
@@ -382,7 +382,7 @@ def belief_table(log: DoorLog, at: Time, horizon: str | None = None) -> pa.Table
     """Return how likely each door is open, by `BELIEF_SCHEMA`.
 
     Args:
-        log: Whose doors.
+        log: The log of the doors.
         at: The moment of the query.
         horizon: How long after it, such as `2h`.
 
@@ -415,11 +415,11 @@ A = TypeVar("A")
 
 
 class StoppedError(Exception):
-    """Nobody waits for the rows any more."""
+    """The rows are no longer needed."""
 
 
 class RowMaking:
-    """Takes note of what goes wrong in functions that make rows."""
+    """Records errors in functions that make rows."""
 
     def __init__(self) -> None:
         self.failure: Exception | None = None
@@ -427,16 +427,16 @@ class RowMaking:
         self._is_stopped = False
 
     def taken_failure(self) -> Exception | None:
-        """Return what went wrong last, once: raised, it holds frames again."""
+        """Return the last error, once, since it holds frames again when raised."""
         failure, self.failure = self.failure, None
         return failure
 
     def stop(self) -> None:
-        """Have those that make tables end before their next one."""
+        """Stop the functions that make tables before their next one."""
         self._is_stopped = True
 
     def noted(self, make: Callable[[A], pa.Table]) -> Callable[[A], pa.Table]:
-        """Return a function that makes rows, and whose failures are noted."""
+        """Wrap a function that makes rows, to record its failures."""
 
         def made(asked: A) -> pa.Table:
             try:
@@ -448,7 +448,7 @@ class RowMaking:
         return made
 
     def tables(self, read: Read) -> Read:
-        """Return what yields tables, and whose failures are noted."""
+        """Wrap a function that yields tables, to record its failures."""
 
         def found(asked: ScanRequest) -> Iterator[pa.Table]:
             try:
@@ -472,10 +472,10 @@ class RowMaking:
         return RuntimeError(f"{type(error).__name__}: {error}")
 
     def _check_wanted(self) -> None:
-        """Return if somebody waits for rows.
+        """Check that the rows are still needed.
 
         Raises:
-            StoppedError: Nobody does.
+            StoppedError: They are not.
         """
         if self._is_stopped:
             raise StoppedError
@@ -509,7 +509,7 @@ def possible_doors(log: DoorLog, asked: ScanRequest) -> list[DoorId] | None:
 
 
 def possible_windows(log: DoorLog, asked: ScanRequest) -> list[Window]:
-    """Return where the events lie that the filter can match: ranges of numbers, and kinds."""
+    """Return the events that the filter can match, as ranges of numbers, and their kinds."""
     kinds = list(KINDS)
     if asked.filters_by("kind"):
         places = asked.possible([equal("kind", _text(kind.__name__)) for kind in KINDS])
