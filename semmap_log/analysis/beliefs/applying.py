@@ -72,7 +72,7 @@ def apply_probabilities(
         note: Who and why; the default source and reason name estimator, moment and evidence.
         command_id: 16 bytes: the same command, sent again, is stored once.
         expected_event: Number of the last event of the log, as the caller knows it.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         CommandReusedError: Another command is already stored under this id.

@@ -108,7 +108,7 @@ def best_time(
         estimator: For the next hours; None: `filter`.
         tz: IANA zone of the building's clocks; None: the log's.
         most: How many windows of each kind.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         UnknownDoorError: The door was not in the map then.

@@ -145,7 +145,7 @@ def typical_weeks(
             recorded later: see `ask`.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these (id, name, or level/name); None: all that are in the map then.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         UnknownDoorError: One of the doors was not in the map then.
@@ -263,7 +263,7 @@ def probabilities(
         estimator: None: `filter` up to a day ahead, `schedule` beyond.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these (id, name, or level/name); None: all that are in the map then.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         UnknownDoorError: One of the doors was not in the map then.
@@ -384,7 +384,7 @@ def ask(
         estimator: Its name.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these; None: all that are in the map then.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         EstimatorError: There is no such estimator.
@@ -466,7 +466,7 @@ def learn(
         estimator: A method, or its name: see `semmap_log.analysis.probabilities.belief_fold`.
         tz: IANA zone of hours and weekdays; None: the log's.
         doors: Learn of these alone, which an index makes quick; doors are independent.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         EstimatorError: There is no such estimator.

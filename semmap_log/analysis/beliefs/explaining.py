@@ -45,7 +45,7 @@ def explain(
             `at` it is the moment, too.
         near_ns: How long before and after the moment to list events that report another state;
             before it, at least back to the beginning of the state.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         UnknownDoorError: There is no such door, and never was.

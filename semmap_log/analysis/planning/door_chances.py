@@ -106,7 +106,7 @@ def beliefs_at(
         start: When the plan starts; None: at the log's end.
         estimator: None: as far ahead as that is from the log's end.
         tz: IANA zone; None: the log's.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         EstimatorError: There is no such estimator.

@@ -118,7 +118,7 @@ def door_trip(
         asks: Whether the robot may ask for doors.
         patience_s: The longest wait; anything later counts as zero. None: it waits until the door
             is open.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         PlanError: There is no such place, no way from one to the other, no map then, or no

@@ -105,7 +105,7 @@ def patrol_plan(log: DoorLog, **wish: Unpack[RoundWish]) -> PatrolPlan:
         estimator: None: `filter` up to a day after the log's end, `schedule` beyond.
         tz: IANA zone of the building's clocks; None: the log's.
         options: The options of the round.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         PlanError: There is nothing to visit, no such place, no time, or no way.

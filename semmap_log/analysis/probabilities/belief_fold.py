@@ -39,7 +39,7 @@ class Beliefs:
         self.clock = clock
         self.evidence = evidence or Evidence()
         self._learnt: tuple[LearntModel, int, int] | None = None
-        """What was learnt, of how many words, and up to when."""
+        """What was learnt, from how many reports, and up to when."""
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process needs; it learns again itself."""
@@ -127,7 +127,7 @@ class BeliefProjection:
         return state.evidence.dump()
 
     def load(self, data: bytes, /) -> Beliefs:
-        """Return the beliefs of the evidence that `dump` made these bytes of."""
+        """Return beliefs from the evidence in the bytes of `dump`."""
         return Beliefs(self._estimator, self._clock, Evidence.load(data))
 
 
@@ -151,7 +151,7 @@ def by_name(name: str) -> Estimator:
     """Return the estimator of that name; FreMEn of any order: fremen1..fremen84.
 
     Raises:
-        EstimatorError: There is none.
+        EstimatorError: There is no such estimator.
     """
     if name in ESTIMATORS:
         return ESTIMATORS[name]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Probabilities = NDArray[np.float64]
 
 CLIP = 1e-3
-"""No forecast counts as surer in the log-loss, or one surprise would decide it."""
+"""No forecast counts as more certain in the log-loss, or one surprise would decide it."""
 BINS = 10
 """Of equal width, for the reliability diagram and the ECE."""
 

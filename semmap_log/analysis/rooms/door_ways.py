@@ -60,7 +60,7 @@ class _Passage:
 
 
 class DoorWays:
-    """The doors of some levels, and what it costs to go between places."""
+    """The doors of some levels, and the costs of ways between places."""
 
     def __init__(self, floors: Mapping[int, WalkingFloor], lifts: Iterable[Lift] = ()) -> None:
         self._floors = floors
@@ -102,14 +102,14 @@ class DoorWays:
         metre: float = 1.0,
         ride: float = 0.0,
     ) -> NDArray[np.float64]:
-        """Return what the best ways cost: (sources, targets); inf: there is none.
+        """Return the costs of the best ways: (sources, targets); inf: there is no way.
 
         Args:
-            sources: From where.
-            targets: To where.
+            sources: The starts.
+            targets: The ends.
             shut: Doors that let nobody through.
-            metre: What a metre costs.
-            ride: What a lift ride costs.
+            metre: The cost of a metre.
+            ride: The cost of a lift ride.
         """
         starts, ends = self._spots(sources), self._spots(targets)
         nodes = [(node.level, node.spot) for node in self._nodes]
@@ -132,11 +132,11 @@ class DoorWays:
         """Return the corners of a best way, from place to place; None: there is none.
 
         Args:
-            source: From where.
-            target: To where.
+            source: The start.
+            target: The end.
             shut: Doors that let nobody through.
-            metre: What a metre costs.
-            ride: What a lift ride costs.
+            metre: The cost of a metre.
+            ride: The cost of a lift ride.
         """
         start, end = self._spots([source, target])
         if start is None or end is None:
@@ -308,18 +308,18 @@ Part = tuple[int, int]
 """A level, and the label of a connected part of its floor."""
 
 MOST_TOGETHER = 16_000_000
-"""So many costs are worked out together: 64 MB."""
+"""Costs that are computed together: 64 MB."""
 MOST_KEPT = 64_000_000
-"""So many are kept, of fields that start before doors."""
+"""Costs that are kept, of fields that start before doors."""
 
 
 class MeasuredParts:
-    """What has been measured of some floors."""
+    """The measured distances of some floors."""
 
     def __init__(
         self, floors: Mapping[int, WalkingFloor], kept: Mapping[Part, Collection[int]]
     ) -> None:
-        """Nothing yet.
+        """Start without any measurement.
 
         Args:
             floors: By level.

@@ -97,13 +97,13 @@ def rooms_of(
     none: it is named in `levels_without_plan`.
 
     Args:
-        log: Where the plans and the doors are from.
-        at: What was true then, with all that is known today.
+        log: The log of the plans and the doors.
+        at: The moment, with all that is known today.
         known_at: Only what had been recorded by then.
-        event: Only what has a number up to that.
+        event: Only events with numbers up to that.
 
     Raises:
-        CostmapError: A floor plan is turned against its grid.
+        CostmapError: A floor plan is rotated against its grid.
         MomentError: A time cannot be read.
     """
     return room_plan(log, at=at, known_at=known_at, event=event).graph
@@ -113,16 +113,16 @@ def rooms_of(
 def room_plan(
     log: DoorLog, *, at: Time = None, known_at: Time = None, event: int | None = None
 ) -> RoomPlan:
-    """Return the same with where the rooms lie.
+    """Return the rooms with their places on the plans.
 
     Args:
-        log: Where the plans and the doors are from.
-        at: What was true then, with all that is known today.
+        log: The log of the plans and the doors.
+        at: The moment, with all that is known today.
         known_at: Only what had been recorded by then.
-        event: Only what has a number up to that.
+        event: Only events with numbers up to that.
 
     Raises:
-        CostmapError: A floor plan is turned against its grid.
+        CostmapError: A floor plan is rotated against its grid.
         MomentError: A time cannot be read.
     """
     door_map = only_doors(log.replay(at, known_at, event))
@@ -136,7 +136,7 @@ def room_plan(
 
 
 def _later(log: DoorLog, floors: Mapping[int, FloorMap]) -> dict[int, str]:
-    """Return from when on levels have a floor plan that have none among `floors`, in words."""
+    """Return in words when levels without a plan among `floors` get one later."""
     now = log.replay()
     events = {
         level: known.floor_map_event
@@ -153,7 +153,7 @@ def plan_of(door_map: DoorMap, floors: Mapping[int, FloorMap]) -> RoomPlan:
     """Return the rooms of these floor plans, by level, cut by these doors.
 
     Raises:
-        CostmapError: A floor plan is turned against its grid.
+        CostmapError: A floor plan is rotated against its grid.
     """
     placed = placed_on(door_map.doors.values())
     levels: dict[int, LevelRooms] = {}
@@ -256,7 +256,7 @@ def _found(rooms: LevelRooms, doors: Sequence[Door], side: float) -> NDArray[np.
 
 
 def _most(found: NDArray[np.int64]) -> RoomId | None:
-    """Return what most probes found; of several the one that comes first."""
+    """Return the most frequent finding of the probes; of several the first."""
     rooms = Counter(room for room in found.tolist() if room >= OUTSIDE)
     return rooms.most_common(1)[0][0] if rooms else None
 
@@ -318,7 +318,7 @@ def room_points(rooms: LevelRooms) -> dict[RoomId, Point]:
 
 
 def _deepest(labels: Labels) -> dict[RoomId, tuple[int, int]]:
-    """Return the cell of each label that is eaten last; of several the one nearest their mean."""
+    """Return the cell of each label that is eroded last; of several the one nearest their mean."""
     depth = np.zeros(labels.shape, np.int32)
     left = np.pad(labels, 1)
     while left.any():
@@ -367,7 +367,7 @@ def _longest_run(rooms: LevelRooms, room: RoomId) -> tuple[int, int]:
 
 
 STROKE_M = 0.1
-"""How thick a door is drawn; where cells are larger, one cell."""
+"""The thickness of a door's stroke; at least one cell."""
 LEAST_ROOM_M2 = 1.0
 """A region below that is a shaft, or a gap between two walls."""
 OCCUPIED_FROM = 65
@@ -397,7 +397,7 @@ class LevelRooms:
         return int(np.flatnonzero(self.room_of == room_id)[0])
 
     def rooms_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.int64]:
-        """Return the rooms at points, metres; what is off the plan is `OUTSIDE`."""
+        """Return the rooms at points, metres; a point off the plan is in `OUTSIDE`."""
         columns, rows = self.cells_at(x, y)
         found = self.room_of[self.regions.label_at(rows, columns)]
         on_plan = (
@@ -426,7 +426,7 @@ def level_rooms(floor: FloorMap, doors: Iterable[Door], *, first_room: RoomId = 
         first_room: The number of its first room.
 
     Raises:
-        CostmapError: The plan is turned against its grid.
+        CostmapError: The plan is rotated against its grid.
     """
     geometry = GridGeometry.of_floor(floor)
     free = floor.cells < OCCUPIED_FROM
@@ -454,7 +454,7 @@ def _numbered(regions: Regions, geometry: GridGeometry, first_room: RoomId) -> N
 
 Point = tuple[float, float]
 BLOCK_CELLS = 1_000_000
-"""So many cells are looked at together, however long a line is."""
+"""Cells that are processed together, however long a line is."""
 
 
 def clear_stroke(

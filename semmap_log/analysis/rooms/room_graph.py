@@ -238,14 +238,13 @@ class Lift:
 
 @dataclass(frozen=True)
 class RoomGraph:
-    """The rooms of a log's floor plans at a moment, and what joins them.
+    """The rooms of a log's floor plans at a moment, with the doors and lifts that join them.
 
     Attributes:
         rooms: By id, ascending; without the outside.
         doorways: By door, ascending; each door that has a place on a level with a floor plan.
         lifts: By name.
-        levels_without_plan: Levels that have doors and no floor plan: nothing is known of their
-            rooms.
+        levels_without_plan: Levels that have doors but no floor plan: their rooms are unknown.
     """
 
     rooms: Mapping[RoomId, Room]
@@ -269,7 +268,7 @@ class RoomGraph:
     def neighbours(self, room_id: RoomId) -> tuple[RoomId, ...]:
         """Return the rooms that one leads to: through its doors, and by the lifts beyond them.
 
-        From the outside lead the doors of all levels, but no lift.
+        The outside leads to rooms through the doors of all levels, but by no lift.
         """
         doorways = [self.doorways[door_id] for door_id in self.doors_of(room_id)]
         beyond = {room for doorway in doorways if (room := doorway.beyond(room_id)) is not None}

@@ -89,9 +89,9 @@ def _likelihoods(beams: DoorBeams, leaves: Leaves, view: _View, model: ScanModel
 
 
 def _lay(table: Table, met: Table, chance: Table) -> None:
-    """Put a leaf before what rows of the table stand for: a share `met` of each beam ends on it.
+    """Add a leaf to rows of the table: a share `met` of each beam ends on it.
 
-    Of `chance` nothing is left.
+    It overwrites `chance`.
     """
     chance -= table
     chance *= met
@@ -100,7 +100,7 @@ def _lay(table: Table, met: Table, chance: Table) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _View:
-    """What of the mixture does not depend on the leaves; (s, m), or (m,) where shifts do not count.
+    """The part of the mixture that is independent of the leaves; (s, m), or (m,) without shifts.
 
     Distances are in metres beyond where the beam ended.
     """
@@ -115,7 +115,7 @@ class _View:
     wall_at: Table
     """The wall's distance, if the shift puts the beam next to the door; inf: it does not."""
     before: Table
-    """A leaf nearer than that looks like anybody."""
+    """A leaf nearer than that looks like a person."""
     free: Table
     """p, if no leaf is met."""
     peak: Table

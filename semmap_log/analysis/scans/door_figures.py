@@ -25,16 +25,16 @@ class ScanReport:
     """Of those that were visited, ids ascending."""
     warnings: Sequence[DoorWarning]
     not_met: Sequence[DoorId]
-    """Doors that have a place, and were never visited."""
+    """Doors that have a place but were never visited."""
     labels: Mapping[DoorId, str]
-    """What doors are called that have a name."""
+    """The labels of doors that have a name."""
     summary: Sequence[str] = ()
     """What there was of scans."""
     oddities: Sequence[str] = ()
     """What is odd about the scans, apart from the doors."""
 
     def label(self, door_id: DoorId) -> str:
-        """Return what to call a door."""
+        """Return a door's label."""
         return self.labels.get(door_id) or str(door_id)
 
     def warnings_of(self, door_id: DoorId) -> list[DoorWarning]:
@@ -55,11 +55,11 @@ def scan_report(
 
     Args:
         visits: To any doors.
-        labels: What doors are called.
+        labels: The doors' labels.
         placed: Doors that could have been met.
-        glass: Those that are known to be of glass.
-        summary: What there was of scans.
-        oddities: What is odd about them.
+        glass: Doors that are known to be of glass.
+        summary: A summary of the scans.
+        oddities: What is odd about the scans.
     """
     doors = door_figures(visits)
     met = {door.door_id for door in doors}
@@ -105,14 +105,14 @@ class DoorWarning:
     """Without the door: `beams end 0.22 m behind its line on average (12 visits)`."""
 
     def about(self, label: str) -> str:
-        """Return the warning as a line of its own, of a door that is called so."""
+        """Return the warning as a line of its own, with the door's label."""
         return f"door {label}: {self.text}"
 
 
 def door_warnings(
     doors: Iterable[DoorFigures], *, glass: Container[DoorId] = ()
 ) -> list[DoorWarning]:
-    """Return what should be looked at, door by door.
+    """Return the warnings, door by door.
 
     Args:
         doors: The figures of each.
@@ -193,7 +193,7 @@ MOST_AJAR = 0.5
 
 @dataclass(slots=True)
 class Mean:
-    """Of some numbers; of those that are NaN nothing."""
+    """The mean of some numbers, without NaN."""
 
     count: int = 0
     _mean: float = 0.0

@@ -35,7 +35,7 @@ from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.moments import SECOND_NS
 
 ONE_PASSAGE_NS = 5 * 10**9
-"""Two lasers of a robot that cross a line so soon after each other were driven through once."""
+"""Two lasers of a robot that cross a line within this time make one passage."""
 
 
 class DoorWatcher:
@@ -81,18 +81,18 @@ class DoorWatcher:
         return [visit for visit in _sorted(done) if not self._is_told(visit)]
 
     def close(self) -> list[Visit]:
-        """Return the visits that have not ended, as far as they went."""
+        """Return the unfinished visits, and end them."""
         if self._doors is None:
             return []
         return _sorted([v for robot in self._robots.values() for v in robot.end(self._doors)])
 
     def end(self, robot: str) -> list[Visit]:
-        """Return the visits of one robot that have not ended, as far as they went: it is silent."""
+        """Return the unfinished visits of one robot that is silent, and end them."""
         found = self._robots.get(robot)
         return [] if found is None or self._doors is None else _sorted(found.end(self._doors))
 
     def _know(self, doors: DoorPlaces) -> list[Visit]:
-        """Take these doors for those that are there; return the visits to others."""
+        """Replace the doors; return the visits to doors that changed."""
         before = self._doors
         if before is not None and before.places is doors:
             return []
@@ -126,7 +126,7 @@ def _sorted(visits: list[Visit]) -> list[Visit]:
 
 
 AT_ONCE = 64
-"""Scans that are worked on together."""
+"""Scans that are processed together."""
 
 
 class RobotVisits:
@@ -252,13 +252,13 @@ class RobotVisits:
         return done
 
     def _worth(self, door_id: int, view: _View) -> float:
-        """Return how much of a new look at a door a scan is."""
+        """Return a scan's share of a new look at a door."""
         if self._was_away(door_id, view.at.stamp_ns):
             return 1.0
         return min(view.worth, self._looked[door_id].not_seen_since(view.at, self._model))
 
     def _was_away(self, door_id: int, now_ns: int) -> bool:
-        """Return whether the door was out of sight: what is seen of it now is new."""
+        """Return whether the door was out of sight, so that its next sighting is new."""
         seen_ns = self._seen_ns.get(door_id)
         return seen_ns is None or now_ns - seen_ns > self._model.pause_s * SECOND_NS
 
@@ -267,7 +267,7 @@ class RobotVisits:
         return self._was_away(door_id, now_ns) or long_ns > self._model.longest_s * SECOND_NS
 
     def _ended(self, door_id: int, doors: WatchedDoors) -> Visit:
-        """End a visit; return what it says."""
+        """End a visit; return its result."""
         sums, at = self._going.pop(door_id), doors.row_of[door_id]
         leaves = doors.leaves[at]
         verdict = Verdict.of(sums, leaves, self._model, is_glass=bool(doors.glass[at]))
@@ -298,7 +298,7 @@ class RobotVisits:
         )
 
     def _passed(self, laser: str, passage: Passage, doors: WatchedDoors) -> Visit:
-        """Return that the robot drove through."""
+        """Return a visit in which the robot drove through."""
         return Visit(
             door_id=DoorId(int(doors.ids[passage.door])),
             first_ns=passage.first_ns,

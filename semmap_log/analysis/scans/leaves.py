@@ -71,7 +71,7 @@ class Leaves:
     log_prior: NDArray[np.float64]
     """(h,)"""
     standing: NDArray[np.bool_]
-    """(h,) what stops the beams is no leaf, but somebody who stands in an open door."""
+    """(h,) the beams are stopped by a person in an open door, not a leaf."""
     both: NDArray[np.intp]
     """(p, 3) rows: the first is the second, a leaf, before the third, a wall beyond the door."""
 
@@ -117,14 +117,14 @@ class Leaves:
 Segment = tuple[float, float, float, float]
 """x, y of one end, x, y of the other; m, frame `map`."""
 Stand = tuple[Sequence[Leaf], float, float]
-"""Leaves, clear share, how likely within its word."""
+"""Leaves, clear share, probability within its verdict."""
 
 
 @cache
 def leaves_of(kind: str) -> Leaves:
-    """Return the hypotheses for a value of the annotation `kind`; what is not known is hinged.
+    """Return the hypotheses for a value of the annotation `kind`; unknown kinds are hinged.
 
-    Open-RMF's names are known, too: `double_hinged`, `double_sliding`, `single_telescope` ...
+    Open-RMF's names are supported: `double_hinged`, `double_sliding`, `single_telescope` ...
     """
     words = kind.strip().lower()
     for part, stands in _STANDS:
@@ -223,7 +223,7 @@ _STANDS = (("sliding", _sliding), ("telescop", _sliding), ("fold", _folding), ("
 
 
 def _table(stands: Iterable[Stand]) -> Leaves:
-    """Return the arrays of what the hypotheses say."""
+    """Return the hypotheses as arrays."""
     rows = sorted(stands, key=lambda stand: (_has_wall(stand[0]), -len(stand[0])))
     most = max(len(leaves) for leaves, _, _ in rows)
     none = Leaf(0, 0, 0)
@@ -252,7 +252,7 @@ def _has_wall(leaves: Sequence[Leaf]) -> bool:
 
 
 def _prior(clear: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return each hypothesis's probability: a share of its word's, by its weight."""
+    """Return each hypothesis's probability: a share of its verdict's, by its weight."""
     prior = np.zeros(len(clear))
     shut, wide = clear < NEARLY, clear >= CLEAR - 1e-6
     for word, rows in (("shut", shut), ("ajar", ~shut & ~wide), ("open", wide)):

@@ -32,7 +32,7 @@ Times = NDArray[np.int64]
 LEARNT_FROM_D = 182
 """Rates are learnt from the last half year."""
 ROUNDS = 3
-"""So often what was seen in an hour is explained by the hours before and after it."""
+"""Iterations in which an hour is explained by the hours before and after it."""
 DRAWS = 16
 """So often days are resampled, to see how far a wait rests on a few of them."""
 TOGETHER = 1 / 3
@@ -47,8 +47,8 @@ class Passages:
 
         Args:
             told: (days, 24, modes): log-likelihood of what was seen in each hour.
-            days: Which they are.
-            mode_per_h: (modes,): how many an hour pass in each.
+            days: The days of its rows.
+            mode_per_h: (modes,): passages per hour in each.
         """
         self._told = told
         self._days = days
@@ -57,7 +57,7 @@ class Passages:
 
     @computed_once
     def per_h(self) -> Reals:
-        """(7, 24), Monday first: how many an hour pass, of those that have not yet."""
+        """(7, 24), Monday first: the hazard, passages per hour of doors not passed yet."""
         return self._within_the_hour(self._likely)
 
     def interval(self, wait: Callable[[Reals], float]) -> tuple[float, float]:
@@ -80,18 +80,18 @@ class Passages:
 
     @computed_once
     def _drawn(self) -> list[Reals]:
-        """`per_h`, had other days been as likely to be seen."""
+        """`per_h` of resampled days."""
         weights = np.random.default_rng(0).exponential(size=(DRAWS, len(self._days.old)))
         weights *= self._days.old / weights.mean(1, keepdims=True)
         told = (self._days.by_week(self._told, weight) for weight in weights)
         return [self._within_the_hour(likely_modes(of_week)) for of_week in told]
 
     def _within_the_hour(self, likely: Reals) -> Reals:
-        """Return (7, 24): rates by which as many have passed after an hour as are expected to."""
+        """Return (7, 24): rates that give the expected number of passages after an hour."""
         return np.asarray(-np.log(likely @ np.exp(-self._mode_per_h)))
 
     def _quantile(self, part: float) -> Reals:
-        """Return (7, 24): the rates that are not exceeded with that probability."""
+        """Return (7, 24): quantiles of the rates."""
         order = np.argsort(self._mode_per_h, kind="stable")
         likely = self._likely[..., order].reshape(-1, len(order))
         below = np.cumsum(likely, axis=1) - likely / 2
@@ -122,7 +122,7 @@ class Days(NamedTuple):
 
     first: int
     old: Reals
-    """(days,): how much each still counts."""
+    """(days,): the weight of each."""
 
     @classmethod
     def of(cls, evidence: DoorEvidence, clock: LocalClock) -> Days:
@@ -141,7 +141,7 @@ class Days(NamedTuple):
         return found.reshape(-1, 24, told.shape[1])
 
     def by_week(self, told: Reals, weight: Reals) -> Reals:
-        """Return (7, 24, k): days added up, (days, 24, k), each by so much, (days,)."""
+        """Return (7, 24, k): the weighted sum of days, (days, 24, k) and (days,)."""
         weekday = (self.first + np.arange(len(self.old))) % WEEK[0]
         parts = ((weight[weekday == day], told[weekday == day]) for day in range(WEEK[0]))
         return np.stack([np.tensordot(*part, 1) for part in parts])

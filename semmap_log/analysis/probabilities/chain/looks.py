@@ -22,11 +22,11 @@ from semmap_log.core.model.moments import HOUR_NS, SECOND_NS
 Reals = NDArray[np.float64]
 
 HOURS_AT_ONCE = 256
-"""So many hours' steps are worked out together: more would fill memory."""
+"""Hours whose steps are computed together: more would fill memory."""
 
 
 class HourLooks:
-    """What was looked at in each hour, as what it makes of the state before, in each mode."""
+    """The looks of each hour, as the transitions of the state that they imply in each mode."""
 
     def __init__(self, looks: Looks, clock: LocalClock) -> None:
         """Go through looks at a door.
@@ -39,7 +39,7 @@ class HourLooks:
         hour = np.maximum.accumulate(clock.hour_of(looks.times_ns - gap_ns // 2))
         begins = np.flatnonzero(np.diff(hour, prepend=hour[:1] - 1))
         self.hour = hour[begins]
-        """(hours,): which they are, ascending, counted as in `LocalClock.hour_of`."""
+        """(hours,): their numbers, ascending, as in `LocalClock.hour_of`."""
         self._through = _through(gap_ns / HOUR_NS, looks.llr, begins)
 
     def explained(self, likely: Reals | None) -> Reals:
@@ -91,10 +91,10 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Looks:
-    """When something was seen; ascending. Before all of it stands one that saw nothing.
+    """Looks at a door, ascending. The first one saw nothing.
 
-    Sightings of the same five minutes are one look, at the last of them: how many there are costs
-    nothing. One that is certain is a look of its own.
+    Sightings of the same five minutes are one look, at the last of them, so that their number costs
+    nothing. A certain one is a look of its own.
     """
 
     times_ns: Times
@@ -114,7 +114,7 @@ class Looks:
 
     @property
     def sees(self) -> NDArray[np.bool_]:
-        """(n,): something was seen, be it that readings cancelled each other."""
+        """(n,): something was seen, even if readings cancelled each other."""
         return np.asarray((self.llr != 0) | (np.diff(self.sightings, prepend=0) > 0), np.bool_)
 
 
@@ -131,7 +131,7 @@ def looks(
     Args:
         evidence: Of the door.
         clock: Whose half hours.
-        until_ns: And what came after is left out.
+        until_ns: Later evidence is left out.
         blind_from_ns: From then on a look, too, in each half hour in which nothing was seen, and
             none of what came before; None: no such looks.
     """

@@ -25,7 +25,7 @@ CLOSED, OPEN = 0, 1
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """From each look to the next: how likely the door is open there; of some chains."""
+    """Transitions from each look to the next, of some chains."""
 
     from_closed: Reals
     """(n, chains): P(open at look i | closed at the one before)."""
@@ -38,7 +38,7 @@ class Steps:
 
 
 def filtered(steps: Steps, llr: Reals, first: Reals) -> tuple[Reals, Reals]:
-    """Return P(open) at each look by what was seen up to there, and at the one before.
+    """Return P(open) at each look, from the looks up to it and from those before it.
 
     Args:
         steps: Of chains.
@@ -89,11 +89,11 @@ each is long."""
 
 
 MOST_STEPS = 8192
-"""So many are multiplied side by side: more would fill memory."""
+"""Matrices that are multiplied side by side: more would fill memory."""
 
 
 def states(matrices: Matrices, first: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what the matrices make of vectors, one after another.
+    """Apply the matrices to vectors, one after another, and return all results.
 
     Args:
         matrices: (2, 2, n, chains), none negative; step i of a chain is `matrices[:, :, i, chain]`.

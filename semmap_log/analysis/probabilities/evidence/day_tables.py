@@ -147,7 +147,7 @@ def _readings(evidence: DoorEvidence, place: NDArray[np.int64], places: int) -> 
 Days = NDArray[np.int64]
 
 LONGEST_GAP_D = 84
-"""So many days of which nothing is known all have rows of their own."""
+"""Gaps of up to so many days have a row for each day."""
 
 
 class Lag(NamedTuple):
@@ -214,7 +214,7 @@ class DayRows:
         return DayRows(self.midnights[: count + 1], self.is_gap[:count])
 
     def before(self, lead_d: int) -> Lag:
-        """Return what stands for the midnight so many days before each row's."""
+        """Return the midnight so many days before each row's."""
         days = self.days - lead_d
         row = self.row(days)
         return Lag(row, np.where((row >= 0) & self.is_gap[row], days - self.days[row], 0))
@@ -224,7 +224,7 @@ class DayRows:
         return np.searchsorted(self.midnights, days, "right") - 1
 
     def place(self, hours: NDArray[np.int64]) -> NDArray[np.intp]:
-        """Return the place of each hour, (n,), of those that the rows have: 24 x row + hour."""
+        """Return the index of each hour, (n,), in the rows: 24 x row + hour."""
         return 24 * self.row(hours // 24) + hours % 24
 
     def hours(self, clock: LocalClock) -> Hours:

@@ -38,7 +38,7 @@ class DoorEvidence:
     door_id: DoorId
     until_ns: int
     start_ns: Times
-    """(m,), ascending: when stretches begin in which the state is known all through."""
+    """(m,), ascending: when stretches begin in which the state is known throughout."""
     end_ns: Times
     """(m,): when they end; <= the next one's start, and <= `until_ns`. Two that touch are in
     different states, unless a sighting that disagreed lies between them; only one that begins at
@@ -81,7 +81,7 @@ class DoorEvidence:
         return min(firsts, default=self.until_ns)
 
     def up_to(self, until_ns: int) -> DoorEvidence:
-        """Return what was known at an earlier time: the same as without the events after it."""
+        """Return what was known at an earlier time, as without the events after it."""
         held = slice(int(np.searchsorted(self.start_ns, until_ns, "right")))
         last = self.end_ns[held][-1:]
         holds_on = bool((last > until_ns).any()) or (self.holds_on and until_ns >= self.until_ns)
@@ -138,7 +138,7 @@ class Evidence:
             self._reports.take(batch)
 
     def add(self, other: Evidence) -> None:
-        """Fold in what other events, none of them among those here, made of nothing."""
+        """Add the evidence of other events, none of which is among those here."""
         self.latest_ns = max(self.latest_ns, other.latest_ns)
         self._reports.add(other._reports)
 
@@ -207,10 +207,10 @@ class Evidence:
 
     @classmethod
     def load(cls, data: bytes) -> Evidence:
-        """Return the evidence that `dump` made these bytes of.
+        """Return the evidence in the bytes of `dump`.
 
         Raises:
-            ValueError: They are not of its making.
+            ValueError: They are not from `dump`.
         """
         return cls(Reports.load(data[8:]), int.from_bytes(data[:8], "little"))
 
@@ -253,7 +253,7 @@ class EvidenceProjection:
         return state.dump()
 
     def load(self, data: bytes, /) -> Evidence:
-        """Return the evidence that `dump` made these bytes of."""
+        """Return the evidence in the bytes of `dump`."""
         return Evidence.load(data)
 
 
@@ -285,7 +285,7 @@ class _EvidenceOfDoors(Mapping[DoorId, DoorEvidence]):
 
 
 def _while_there(reports: Rows) -> Rows:
-    """Return the reports from a door's adding to its removal; others are about no door."""
+    """Return the reports from a door's addition to its removal; others are about no door."""
     added = np.flatnonzero(of_presence(reports, Presence.COMES))
     reports = reports[added[0] :] if len(added) else reports[:0]
     removed = np.flatnonzero(of_presence(reports, Presence.GOES))
@@ -293,7 +293,7 @@ def _while_there(reports: Rows) -> Rows:
 
 
 def _evidence_of(door_id: DoorId, reports: Rows, sensors: Sensors) -> DoorEvidence:
-    """Return what reports about a door mean, whatever the time."""
+    """Return the meaning of the reports about a door."""
     known = known_intervals(reports)
     seen_ns, state, code = (reports[name][known.points] for name in ("folds_ns", "state", "sensor"))
     accuracy_open, accuracy_closed, sensor = (column[code] for column in sensors)
@@ -329,12 +329,12 @@ def _or(given: int | None, default: int) -> int:
 
 
 HOLDS_NS = 30 * DAY_NS
-"""A state that was set is known for so long after the last report that agreed; silence that is
-longer is a gap, and not "as before"."""
+"""How long after the last report that agreed a set state is known; a longer silence is a gap,
+and not "as before"."""
 
 
 class KnownIntervals(NamedTuple):
-    """What the reports about a door mean."""
+    """The meaning of the reports about a door."""
 
     start_ns: NDArray[np.int64]
     """(m,), ascending: when stretches begin in which the state is known. Two that touch are in
@@ -351,12 +351,12 @@ class KnownIntervals(NamedTuple):
 
 
 def known_intervals(reports: Rows) -> KnownIntervals:
-    """Return what reports mean that are all about one door which is there all through.
+    """Return the meaning of reports about one door that exists throughout.
 
     A state that was set is known from then on: until the next report that is not a sighting, until
-    a sighting that disagrees, or `HOLDS_NS` after the last report that agreed. What `DoorAdded`
-    says is only what somebody thought when he drew the map: any sighting takes its place. UNKNOWN,
-    MOVING, OFFLINE, set or seen, and the removal, end it, and nothing is known.
+    a sighting that disagrees, or `HOLDS_NS` after the last report that agreed. The state of
+    `DoorAdded` is only an assumption of the map's author: any sighting replaces it. UNKNOWN,
+    MOVING and OFFLINE, set or seen, and the removal end it, and nothing is known.
 
     Args:
         reports: In the order of the fold.

@@ -35,7 +35,7 @@ from semmap_log.core.model.events import (
 )
 
 LEAST_ACCURACY, MOST_ACCURACY = 0.5, 0.999
-"""What a sensor's accuracies count as; no reading proves more."""
+"""The bounds of a sensor's accuracies; no reading proves more."""
 
 _FINE = 2.0**32
 """Sums are of whole parts of a nat, so that they do not depend on what else is summed up."""
@@ -103,7 +103,7 @@ def _firsts(
 
 
 def _added(llr: NDArray[np.float64], first: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Return by how much each sighting moves the mean of its pass."""
+    """Return how much each sighting changes the mean of its pass."""
     place = np.arange(len(llr))
     fine = np.rint(llr * _FINE).astype(np.int64)
     total = np.cumsum(fine)
@@ -116,7 +116,7 @@ Rows = NDArray[np.void]
 
 REPORT = np.dtype([*((name, STATE_CHANGE[name]) for name in STATE_CHANGE.names or ()),
                    ("sensor", "u4")])  # fmt: skip
-"""What an event says of a door's state, and which of the sensors saw it: 26 bytes."""
+"""An event's report of a door's state, and the sensor that saw it: 26 bytes."""
 
 
 class Sensor(NamedTuple):
@@ -137,7 +137,7 @@ class Sensor(NamedTuple):
 
 
 CERTAIN = Sensor(1.0, 1.0, "")
-"""Of what is not a reading, and of who went through a door."""
+"""The sensor of events that are not readings, and of passages."""
 
 
 class Sensors(NamedTuple):
@@ -163,7 +163,7 @@ class Reports:
         return self._count
 
     def take(self, batch: EventBatch) -> None:
-        """Take up what the events of a batch say."""
+        """Take in the reports of a batch."""
         for kind in STATE_KINDS:
             if kind in batch:
                 places = chosen_of(batch, kind, setting=STATE | THERE)
@@ -173,7 +173,7 @@ class Reports:
             self._take_thinned(batch)
 
     def _take_thinned(self, batch: EventBatch) -> None:
-        """Take up sightings that were taken out: as many, spread over the time that they took.
+        """Take in thinned sightings: as many as there were, spread over their time.
 
         They have the number of the first: while that is here, too, they do not count.
         """
@@ -196,7 +196,7 @@ class Reports:
             rows["sensor"] = self._sensors_of(batch[kind][places], codes[places], names)
 
     def add(self, other: Reports) -> None:
-        """Take up what others say; events that both have would count twice."""
+        """Take in other reports; events that both have would count twice."""
         codes = np.array([self._code(sensor) for sensor in other._sensors], np.uint32)
         rows = self._room_for(len(other))
         rows[:] = other._rows[: len(other)]
@@ -260,10 +260,10 @@ class Reports:
 
     @classmethod
     def load(cls, data: bytes) -> Reports:
-        """Return the reports that `dump` made these bytes of.
+        """Return the reports in the bytes of `dump`.
 
         Raises:
-            ValueError: They are not of its making.
+            ValueError: They are not from `dump`.
         """
         source = io.BytesIO(data)
         rows = np.lib.format.read_array(source, allow_pickle=False)
@@ -332,4 +332,4 @@ class _Index:
 
 
 _FEW = 1024
-"""So many reports are looked through rather than sorted."""
+"""Up to so many reports are searched rather than sorted."""

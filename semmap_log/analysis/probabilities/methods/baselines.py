@@ -59,7 +59,7 @@ HOUR_OF_WEEK = HourTable("hour_of_week", WEEK_S)
 
 
 class DoorHours:
-    """A table by hour, as it was at any time: what was known by then is its content."""
+    """A table by hour, as of any time: it contains what was known by then."""
 
     def __init__(self, evidence: DoorEvidence, clock: LocalClock, period_s: int | None) -> None:
         """Take a door.

@@ -49,7 +49,7 @@ _CERTAIN = 1e-12
 
 
 class Belief(NamedTuple):
-    """What was believed at some times, since when."""
+    """The beliefs at some times, and since when they hold."""
 
     p_open: Reals
     """(n, regimes): at the last look."""
@@ -64,14 +64,14 @@ class Belief(NamedTuple):
     seen_ns: Times
     """(n,): when the door was really seen, at that look or before; `NEVER`: it was not."""
     is_held: NDArray[np.bool_]
-    """(n,): it is no belief: the state was known."""
+    """(n,): whether the state was known, and so is not a belief."""
 
 
 class BeliefHistory:
-    """What was believed of a door after each look."""
+    """The beliefs about a door after each look."""
 
     def __init__(self, evidence: DoorEvidence, schedule: DoorSchedule, clock: LocalClock) -> None:
-        """Follow a door through all that is known of it.
+        """Follow a door through all its evidence.
 
         Args:
             evidence: Of the door.
@@ -105,7 +105,7 @@ class BeliefHistory:
         """(rows, leads, regimes): as each midnight knew them."""
 
     def at(self, known_ns: Times) -> Belief:
-        """Return what was believed at each time; where the state is known, that."""
+        """Return the belief at each time, or the state where it is known."""
         found = self._of_looks(known_ns)
         held, is_open = held_at(self._evidence, known_ns)
         sure = held[:, None]
@@ -120,7 +120,7 @@ class BeliefHistory:
         )
 
     def _of_looks(self, known_ns: Times) -> Belief:
-        """Return what was believed by what was looked at so far.
+        """Return the belief from the looks so far.
 
         Sightings that are not all known yet are no look yet. The last look is always processed
         again, so that the belief is then the same to the last digit.

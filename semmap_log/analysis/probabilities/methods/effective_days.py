@@ -39,17 +39,17 @@ PRIOR_FORGETS_H, PRIOR_WEIGHT = 24.0, 2.4
 """The prior of how slowly deviations are forgotten; it counts as ten hours of a door
 that is as likely open as closed: a door that never changed has not shown how long it stays."""
 FAST, LEAST_SIGNAL = 0.2, 0.1
-"""Where residuals an hour apart hardly hang together, what is far apart has that share of it."""
+"""If residuals an hour apart are hardly correlated, far ones have that share of it."""
 FEW_TIMES = 2.0
 """A record of so many times the memory counts half: its length is not known that well."""
 _MOST_KEPT = 0.995
 _LEAST_SPREAD = 0.02
 _MOST_NEAR = 1.2
-"""Residuals of tables that are still wrong hang together more than any door's do."""
+"""Residuals of tables that are still wrong are more correlated than any door's."""
 
 
 class Lasting(NamedTuple):
-    """How much less an average proves than as many fresh tosses, as each midnight knew it."""
+    """How much less an average proves than independent samples, as each midnight knew it."""
 
     of_hour: Reals
     """(rows,): the variance of averages of the same hour of different days over p (1 - p), times
@@ -128,7 +128,7 @@ def lasting_of(slowest: Tables, tables: DayTables, noise: Reals) -> Lasting:
     together, most = np.array(sums[: len(lags)]), np.array(sums[len(lags) :])
 
     def kept_over(hours: tuple[int, ...]) -> Reals:
-        """Return (rows,): what is kept of a deviation so many hours later, on average."""
+        """Return (rows,): the mean remaining share of a deviation so many hours later."""
         chosen = np.isin(lags, hours)
         until_told = PRIOR_WEIGHT * np.exp(-np.array(hours) / PRIOR_FORGETS_H).sum()
         found: Reals = (together[chosen].sum(0) + until_told) / (

@@ -28,7 +28,7 @@ from semmap_log.core.model.local_clock import DAYS_IN_WEEK, WORKING_DAYS
 Weights = NDArray[np.float64]
 
 LEADS_D = np.array([0, 1, 3, 7, 14, 28, 56])
-"""Days from the midnight up to which is known to the day that is foretold."""
+"""Days from the midnight at which the evidence ends to the forecast day."""
 RATE = 0.25
 """A known hour counts as a quarter of an independent observation: a day's hours are correlated."""
 SHARE = 0.02
@@ -72,7 +72,7 @@ def foretold(
 
 
 def _handed_out(habits: Habits, lead_d: int) -> tuple[Weights, float]:
-    """Return what weights are like where nothing is known, and how much a day is handed out so."""
+    """Return the prior weights, and the share of them that is redistributed each day."""
     start = 1 / (1 + lead_d / habits.half_lives_d)
     return start / start.sum(), SHARE / (1 + lead_d)
 
@@ -98,12 +98,12 @@ def weights_of_days(gain: Weights, days: DayRows, start: Weights, share: float) 
 
 
 def shared_anew(before: Weights, gain: Weights, start: Weights, share: Weights | float) -> Weights:
-    """Return the weights of experts after they foretold something; they lie along the last axis.
+    """Return the weights of experts, along the last axis, after a forecast.
 
     Args:
         before: Their weights before, which add up to 1.
         gain: Log-likelihood of what came, by each.
-        start: What weights are like where nothing is known.
+        start: The prior weights.
         share: How much is redistributed, by that.
     """
     gained = before * np.exp(gain - gain.max(-1, keepdims=True))
@@ -115,7 +115,7 @@ def shared_anew(before: Weights, gain: Weights, start: Weights, share: Weights |
 def shared_idly(
     before: Weights, start: Weights, share: float, days: int | NDArray[np.int64]
 ) -> Weights:
-    """Return the weights of experts after so many days on which none foretold anything."""
+    """Return the weights of experts after so many days without a forecast."""
     found: Weights = start + (1 - share) ** days * (before - start)
     return found
 
@@ -131,7 +131,7 @@ def averaged(worth: Weights, tables: KindTables) -> NDArray[np.float64]:
 
 
 def lead_of(days_ahead: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Return which of `LEADS_D` speaks for so many days ahead: the greatest up to that."""
+    """Return which of `LEADS_D` stands for so many days ahead: the greatest up to that."""
     return np.searchsorted(LEADS_D, days_ahead, "right") - 1
 
 
@@ -159,7 +159,7 @@ KINDS = ("mean", "hour", "day type and hour", "weekday and hour")
 """How fine a table is, from coarse to fine."""
 
 PRIOR_DAYS = 0.1
-"""So many days `PRIOR_P` counts: it is gone after the first one."""
+"""The weight of `PRIOR_P`, days: it vanishes after the first one."""
 HOUR_DAYS, WEEK_DAYS = 2.0, 4.0
 """How many days the coarser table counts, where a finer one has evidence of its own."""
 NEIGHBOURS_H = 1.5
@@ -171,7 +171,7 @@ class WeekCells(NamedTuple):
     """WeekCells of tables by midnight, weekday and hour, all (n,)."""
 
     row: NDArray[np.int64]
-    """As which midnight knew it."""
+    """The midnight at which the evidence ends."""
     weekday: NDArray[np.int64]
     hour: NDArray[np.int64]
 
@@ -192,7 +192,7 @@ class KindTables(NamedTuple):
         return cls([np.concatenate(kind) for kind in zip(*(p.kinds for p in parts), strict=True)])
 
     def at(self, cells: WeekCells) -> Tables:
-        """Return what they say at some cells, (n, tables)."""
+        """Return their P(open) at some cells, (n, tables)."""
         row, weekday, hour = cells
         parts = (
             part[row] if part.ndim == 2
@@ -203,7 +203,7 @@ class KindTables(NamedTuple):
         return np.stack([*parts], axis=-1).reshape(len(row), -1)
 
     def of_days(self, row: NDArray[np.int64], weekday: NDArray[np.int64]) -> Tables:
-        """Return what some rows say of a weekday each, (n, tables, 24)."""
+        """Return the P(open) of some rows for a weekday each, (n, tables, 24)."""
         parts = (
             part[row, ..., None] if part.ndim == 2
             else part[row] if part.ndim == 3
@@ -214,7 +214,7 @@ class KindTables(NamedTuple):
         return found.reshape(len(row), -1, 24)
 
     def of_weeks(self, rows: slice) -> Tables:
-        """Return all that some rows say, (rows, tables, 7, 24)."""
+        """Return the P(open) of some rows, (rows, tables, 7, 24)."""
         whole = [np.empty((*self.kinds[0][rows].shape, DAYS_IN_WEEK, 24)) for _ in self.kinds]
         for found, part in zip(whole, self.kinds, strict=True):
             told = part[rows].reshape(
@@ -345,12 +345,12 @@ def discounted(
 
 
 def kept(half_life_d: float | Tables, days: int | Days) -> Any:
-    """Return how much of a day still counts so many days later."""
+    """Return the remaining weight of a day so many days later."""
     return 0.5 ** (days / half_life_d)
 
 
 def blocks(first: int, end: int, most: int = ROWS_AT_ONCE) -> Iterator[slice]:
-    """Yield the rows from one to before another, some at a time: all would fill memory."""
+    """Yield a range of rows, some at a time: all would fill memory."""
     for start in range(first, end, most):
         yield slice(start, min(start + most, end))
 

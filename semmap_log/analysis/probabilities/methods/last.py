@@ -18,7 +18,7 @@ Times = NDArray[np.int64]
 
 
 class DoorLast:
-    """The last words about one door."""
+    """The last reports about one door."""
 
     def __init__(self, evidence: DoorEvidence) -> None:
         self._said_ns, self._said = _said(evidence)

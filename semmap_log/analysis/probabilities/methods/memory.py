@@ -37,17 +37,17 @@ SPANS_H = np.array([1.0, 4.0, 24.0])
 AHEAD_H = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
 """Fitted for these times ahead; linear between them, and toward zero at 0 and beyond them."""
 RIDGE_H = 10.0
-"""The chain's own word counts as much as so many hours in which the door was fully off."""
+"""The weight of the chain's own forecast, in hours in which the door was fully off."""
 
 
 class Memory:
-    """What is remembered of a door, and what it was worth so far."""
+    """The memory of a door, and its worth so far."""
 
     def __init__(self, evidence: DoorEvidence, schedule: DoorSchedule, clock: LocalClock) -> None:
         self._evidence, self._schedule, self._clock = evidence, schedule, clock
 
     def correction(self, kept: Kept, times_ns: Times, known_ns: Times, deviation: Reals) -> Reals:
-        """Return what to add to the chain's forecasts, (n,).
+        """Return the corrections of the chain's forecasts, (n,).
 
         Args:
             kept: What the chain keeps of a deviation, (n, gaps), of (n,) times, over (gaps,).
@@ -114,7 +114,7 @@ class _Past:
     """(rows, ahead, spans + 1): of that with how the door then was off its schedule."""
 
     def weights(self, rows: NDArray[np.intp], kept: Reals) -> Reals:
-        """Return (rows, ahead, spans + 1): how much what is remembered adds to the chain's word.
+        """Return (rows, ahead, spans + 1): the weight of the memory in addition to the chain.
 
         Args:
             rows: As of which midnights.

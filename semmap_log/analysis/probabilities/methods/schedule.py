@@ -73,7 +73,7 @@ CELLS_AT_ONCE = 4096
 
 
 class Expected(NamedTuple):
-    """What a schedule says: the arguments of `Forecast.around`."""
+    """A schedule's forecast: the arguments of `Forecast.around`."""
 
     p_open: Probabilities
     variance: Probabilities
@@ -142,7 +142,7 @@ class DoorSchedule:
         return Forecast.around(*self.expect(times_ns, known_ns))
 
     def week(self) -> Forecast:
-        """Return what a week is like, (168,) hours, Monday first.
+        """Return the forecast of a typical week, (168,) hours, Monday first.
 
         It rests on the evidence alone, not on the moment of the query: each hour is forecast
         `WEEK_LEAD_D` days ahead of the last midnight with evidence.
@@ -166,7 +166,7 @@ class DoorSchedule:
     def _between_hours(
         self, at: LookUp, otherwise: float, times_ns: Times, known_ns: Times
     ) -> Table:
-        """Return the values of an hour's middle and the next one's, in a line from each to each."""
+        """Return values interpolated between the middle of an hour and that of the next."""
         wall_s, row = self._clock.wall_s(times_ns), self._days_told.row(known_ns)
         from_middle = wall_s % HOUR_S / HOUR_S - 0.5
         beside = wall_s + np.where(from_middle < 0, -HOUR_S, HOUR_S)
@@ -208,7 +208,7 @@ class _OfLead:
         lead_d = int(LEADS_D[lead])
         self._worth = weights(by_table, tables, lead_d)
         self._by_habit = np.clip(averaged(self._worth, by_table.p_open), LEAST, MOST)
-        """(rows, 7, 24): P(open) without slots."""
+        """P(open) without slots, (rows, 7, 24)."""
         self._days = by_table.days
         said = foretold(by_table, tables, self._worth, self._by_habit, lead_d)
         self._slots = Slots(np.clip(said, LEAST, MOST), tables, slot_rates, lead_d)
@@ -318,8 +318,8 @@ _BESIDE = sorted({hour for block in BLOCKS for hour in block})
 RATES = (1.5, 0.9, 0.9)
 """How much a known hour of a block counts: those of a cell lie a week apart, and prove much."""
 PRIOR = 0.015
-"""P(a cell is a slot) before anything is known, all blocks together. It buys no hearing: only what
-a slot has earned beyond it does."""
+"""The prior of a cell being a slot, all blocks together. A slot counts only by what it has earned
+beyond it."""
 SLAB_P, SLAB_WEEKS = 0.2, 1.0
 """A slot's rate begins at that, or at the schedule's if it is higher, as after so many weeks."""
 SHARE = 0.01
@@ -342,7 +342,7 @@ class OfSlots(NamedTuple):
 
 
 class SlotRates:
-    """P(open) of blocks by what was seen of them alone."""
+    """P(open) of blocks, from their own evidence alone."""
 
     def __init__(self, tables: DayTables) -> None:
         sums = discounted(weekly_sums(tables), tables.rows.lasts_d, HALF_LIFE_D)
@@ -409,7 +409,7 @@ class Slots:
         """(rows,)."""
 
     def at(self, cells: WeekCells, schedule: Tables) -> OfSlots:
-        """Return what they say at some cells, where the schedule says (n,)."""
+        """Return their forecasts at some cells, given the schedule's, (n,)."""
         row, weekday, hour = cells
         cell = self._trials.weeks_before(row, weekday), weekday, hour
         rates = self._rates.of(schedule, cells)
@@ -421,7 +421,7 @@ class Slots:
 
 
 class _Trials(NamedTuple):
-    """Each day, foretold by the table of so many days before it: places, (days,)."""
+    """Each day, forecast by the table of so many days before it: indices, (days,)."""
 
     row: Indices
     idle_d: Indices
@@ -453,7 +453,7 @@ class _Trials(NamedTuple):
         )
 
     def gain(self, p_open: Tables, other: Tables) -> Tables:
-        """Return by how much one foretold the days better, nats, (days, 24, ...)."""
+        """Return how much better one forecast the days, nats, (days, 24, ...)."""
         of_open, of_closed = np.log(p_open / other), np.log((1 - p_open) / (1 - other))
         found = self.opened * of_open + self.closed * of_closed
         return np.where(self.is_known[:, None, None], found, 0.0)
@@ -497,7 +497,7 @@ def _weights(gain: Tables, trials: _Trials) -> Tables:
 
 
 def _heard(gain: Tables, rows: DayRows, lead_d: int) -> Tables:
-    """Return (rows + 1,): how far slots are heard, who gained so much on each day."""
+    """Return (rows + 1,): how much slots count, given their gains on each day."""
     share = HEARD_SHARE / (1 + lead_d)
     found = [HEARD]
     nats = np.clip(gain / (1 + lead_d / DAYS_IN_WEEK), -_MOST_NATS, _MOST_NATS)

@@ -24,7 +24,7 @@ from semmap_log.core.model.doors import DoorState
 Floats = NDArray[np.float64]
 
 FREE = 0.6
-"""So large a share of a gap's line has to be free."""
+"""The least share of a gap's line that must be free."""
 OPENS_AT_M = (0.35, 0.5, 0.65)
 """Distances from the line, on both sides, at which the space should be wider than the gap ..."""
 OPENS_BY_M = 0.22
@@ -48,9 +48,9 @@ class Proposal:
     """x, y of the line's start and width m, theta rad: as of a door; frame `map`. It starts at the
     hinge, where that was seen."""
     kind: str
-    """As the annotation: `hinged`, a leaf was seen at the line's start; empty: nobody knows."""
+    """As the annotation: `hinged`, a leaf was seen at the line's start; empty: unknown."""
     score: float
-    """0..1: how much speaks for a door; no probability."""
+    """0..1: the evidence for a door; not a probability."""
     walls: float
     """Share of the line next to the gap that is wall, 0.6 m on both sides."""
     along: float
@@ -82,7 +82,7 @@ class Proposal:
 def proposals_of(
     scans: Sequence[PlacedScan], doors: DoorPlaces, walls: Floats | None = None
 ) -> list[Proposal]:
-    """Return the doors that scans of one level show, best first, and the log does not have.
+    """Return doors that scans of one level show and the log lacks, best first.
 
     Args:
         scans: Of that level.
@@ -206,7 +206,7 @@ def _from_hinge(line: Floats, hinge: str) -> Floats:
 
 
 def _score(along: float, opens: float, width: float, *, passed: int, seen_open: int) -> float:
-    """Return how much speaks for a door, 0..1: the wall it is in, space beyond it, width, use."""
+    """Return the evidence for a door, 0..1, by its wall, the space beyond it, its width and use."""
     use = 1.0 if passed else (0.8 if seen_open else 0.3)
     wide = float(np.clip((MOST_M - width) / (MOST_M - USUAL_M), 0.4, 1.0))
     return along * opens * wide * use
