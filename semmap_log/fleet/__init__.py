@@ -1,4 +1,4 @@
-"""Many logs, wherever they lie: shipped, fetched, joined and queried at once.
+"""Many logs, where they lie: sent to a store, brought back, joined, and queried at once.
 
 May import the rooms below. Start with `shipping.py`, `join/joining_logs.py` and
 `jobs/fleet_run.py`. The package can be called: `semmap_log.fleet(...)` is `jobs.fleet_run.fleet`.

@@ -17,13 +17,13 @@ _DIGITS = 16
 
 
 def default_folder() -> Path:
-    """Return where answers are kept unless another place is named."""
+    """Return the default folder for answers."""
     cache = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     return Path(cache).expanduser() / "semmap-log" / "fleet"
 
 
 def digits_of(text: str) -> str:
-    """Return what stands for a text in a name."""
+    """Return the digits that stand for a text in a file name."""
     return hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:_DIGITS]
 
 
@@ -33,5 +33,5 @@ def answer_name(place: str, log_id: str, head: str) -> str:
 
 
 def answers_of(log_id: str, folder: Path) -> Iterator[Path]:
-    """Yield the answers of a log, whatever was queried, and those that were not finished."""
+    """Yield the answers of a log to all questions, including unfinished ones."""
     yield from sorted(folder.glob(f"*/*-{log_id[:_DIGITS]}-*{SUFFIX}*"))

@@ -30,12 +30,12 @@ from semmap_log.store.reading.segment_reading import statistics_of
 from semmap_log.store.verification import Verification
 
 PART_BYTES = 2**23
-"""So much is in memory at once."""
+"""Bytes in memory at once."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fetched:
-    """A log that was brought back."""
+    """A downloaded log."""
 
     manifest: Manifest
     bytes: int
@@ -43,19 +43,19 @@ class Fetched:
 
 
 def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetched:
-    """Bring a shipped log to a disk; it has its name only once it is whole and verified.
+    """Download a shipped log; it gets its name only once it is complete and verified.
 
     Args:
-        url: Where it lies.
-        folder: What is to be made; nothing may be there.
-        progress: Called with how many bytes have come.
+        url: Where the log lies.
+        folder: The folder to create; nothing may be there.
+        progress: Called with the number of bytes received.
 
     Raises:
-        LogExistsError: There is something there.
+        LogExistsError: The folder exists already.
         NotALogError: There is no shipped log at the URL.
-        CorruptLogError: A segment is not what the manifest shows, or the log is not whole.
-        LogAccessError: The store does not let us.
-        OutputError: The disk does not.
+        CorruptLogError: A segment differs from the manifest, or the log is incomplete.
+        LogAccessError: The store denies access.
+        OutputError: The disk cannot be written.
     """
     if os.path.lexists(folder):
         raise LogExistsError(f"{folder}: exists; fetch into a new folder.")
@@ -89,7 +89,7 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
 
 
 def _check_room(url: UrlPath, folder: Path, size: int) -> None:
-    """Check that a log of this size can lie on the disk.
+    """Check that the disk has room for a log of this size.
 
     Raises:
         OutputError: It cannot.
@@ -103,13 +103,13 @@ def _check_room(url: UrlPath, folder: Path, size: int) -> None:
 
 
 def _write_lists(folder: LogFolder, manifest: Manifest) -> None:
-    """Write what a log has next to its segments: its mark, and metadata.yaml for other tools."""
+    """Write the files next to a log's segments: its mark, and metadata.yaml for other tools."""
     write_mark(folder, manifest.mark)
     write_bag_metadata(folder, map(statistics_of, LogReader(folder).segments))
 
 
 def _check_whole(url: UrlPath, verified: Verification) -> None:
-    """Check that what came is a good log.
+    """Check that the downloaded log is undamaged.
 
     Raises:
         CorruptLogError: It is not.
@@ -123,10 +123,10 @@ def _bring(
     store: ObjectStore, segment: ShippedSegment, target: Path, done: tuple[int, int],
     progress: Progress | None,
 ) -> int:  # fmt: skip
-    """Write a segment's bytes into a file, and return how many have come in all.
+    """Write a segment's bytes into a file, and return the total number of bytes received.
 
     Raises:
-        CorruptLogError: They are not what the manifest shows.
+        CorruptLogError: They differ from the manifest.
     """
     status = ObjectStatus(segment.name, segment.size, "")
     come, total = done

@@ -53,7 +53,7 @@ class RemovedHere:
 
     segments: int
     bytes: int
-    """What it had more than what is kept of it."""
+    """Bytes freed, after what is kept of the segments."""
 
 
 def remove_shipped(
@@ -67,14 +67,14 @@ def remove_shipped(
     Args:
         log: The log's folder.
         store: Where it was shipped to.
-        before_ns: Only segments go in which all was recorded before this, nanoseconds UTC.
-        progress: Called with how many bytes were read back.
+        before_ns: Remove only segments whose events were all recorded before, nanoseconds UTC.
+        progress: Called with the number of bytes read back.
 
     Raises:
         LogLockedError: Somebody is writing.
-        LogError: What lies there is not this log, or other segments lie at another URL.
-        CorruptLogError: An object is not what was shipped; nothing is removed then.
-        LogAccessError: The store, or the disk, does not let us.
+        LogError: Another log lies there, or other segments lie at another URL.
+        CorruptLogError: An object differs from what was shipped; then nothing is removed.
+        LogAccessError: The store, or the disk, denies access.
     """
     folder = LogFolder.held(log)
     part = read_removed_part(folder)
@@ -150,7 +150,7 @@ def _read_back(
 
 
 def _check_unchanged(folder: LogFolder, old: Sequence[tuple[Segment, ShippedSegment]]) -> None:
-    """Check, under the lock, that the files are those that were compared.
+    """Check, under the lock, that the files are still those that were compared.
 
     Raises:
         LogError: One was compacted, or removed, meanwhile.
@@ -168,7 +168,7 @@ def _remove(
     part: RemovedPart | None,
     old: Sequence[tuple[Segment, ShippedSegment]],
 ) -> RemovedHere:
-    """Write what is kept, then the list, then remove the files.
+    """Write the kept parts, then the list, then remove the files.
 
     Raises:
         OSError: As the system says; the folder holds the log.
@@ -218,19 +218,19 @@ class ShippingCheck:
 
     url: UrlPath
     manifest: Manifest | None
-    """What lies there; None: nothing was shipped yet."""
+    """The manifest in the store; None: nothing was shipped yet."""
     to_send: ObjectCount
-    """Closed segments that a shipping would send."""
+    """Closed segments that a shipment would send."""
     is_list_old: bool
-    """Whether a shipping would write a manifest again, though perhaps no segment."""
+    """Whether a shipment would write a new manifest, though perhaps no segment."""
     waits_events: int
     """Events of the live segment, which is sent once it is closed."""
     is_probed: bool
-    """Whether it was found that the store honours conditions: only where there is what to send."""
+    """Whether the store was checked to honour conditions: only if there is something to send."""
     superseded: ObjectCount | None
-    """Segments that lie there, and that the manifest does not name; None: it cannot be listed."""
+    """Segments that lie there and that the manifest does not name; None: listing is impossible."""
     problems: tuple[str, ...]
-    """What the manifest names and is not there, or is of another size."""
+    """Objects that the manifest names and that are missing, or have another size."""
 
     @property
     def exit_code(self) -> int:
@@ -241,19 +241,19 @@ class ShippingCheck:
 
 
 def check_shipping(log: Path, place: UrlPath | ObjectStore) -> ShippingCheck:
-    """Return what a shipping of a log would send, and whether what was shipped is still there.
+    """Return what a shipment of a log would send, and whether what was shipped is still there.
 
-    Nothing is sent; where there is something to send, the store is queried whether it honours
-    conditional writes, as a shipping does first: by a byte that is put twice, and removed.
+    Nothing is sent. If there is something to send, the check includes whether the store honours
+    conditional writes, as a shipment does first: a byte is put twice, and removed.
 
     Args:
         log: The log's folder.
         place: Where it lies, or is to lie.
 
     Raises:
-        LogError: Another log lies there, or one that has gone another way since; or the store does
-            not honour conditional writes.
-        LogAccessError: The store, or the disk, does not let us.
+        LogError: Another log, or a fork of this one, lies there; or the store does not honour
+            conditional writes.
+        LogAccessError: The store, or the disk, denies access.
         CorruptLogError: The log, or the manifest there, is damaged.
         MissingExtraError: A package for stores is not installed.
     """
@@ -308,7 +308,7 @@ def _waiting(segments: Sequence[Segment], there: Manifest | None) -> int:
 
 
 def _listed(store: ObjectStore) -> dict[str, int] | None:
-    """Return what lies there, and its size; None: who may put and get need not be let list."""
+    """Return the objects in the store and their sizes; None: listing is not permitted."""
     try:
         return {status.name: status.size for status in store.list()}
     except LogAccessError:
@@ -318,7 +318,7 @@ def _listed(store: ObjectStore) -> dict[str, int] | None:
 def _sent_unnamed(
     missing: Sequence[Segment], found: dict[str, int], there: Manifest | None
 ) -> dict[str, str]:
-    """Return which segments lie there though no manifest names them: a shipping was cut short."""
+    """Return segments in the store that no manifest names, after an interrupted shipment."""
     generation, named = 0 if there is None else there.generation, {}
     for segment in missing:
         digest = hashlib.sha256()

@@ -40,15 +40,15 @@ class Removed:
 
 
 def remove_superseded(store: ObjectStore, log_id: str, older_ns: int) -> Removed:
-    """Remove the objects that a log's manifest has not named for so long.
+    """Remove the objects that a log's manifest has not named for a time.
 
     Args:
         store: Where the log lies.
-        log_id: Which it must be.
-        older_ns: How long ago they must have been superseded, by the store's clock.
+        log_id: The id that the log must have.
+        older_ns: How long ago objects must have been superseded, by the store's clock.
 
     Raises:
-        LogAccessError: The store does not let us remove; then nothing there is changed.
+        LogAccessError: The store denies removal; then nothing there is changed.
         LogError: Another log lies there, or its manifest changes too fast.
         CorruptLogError: The manifest is damaged.
     """
@@ -66,7 +66,7 @@ def remove_superseded(store: ObjectStore, log_id: str, older_ns: int) -> Removed
 
 
 def _due(kept: KeptManifest, until_ns: int) -> list[Superseded]:
-    """Return what was superseded by a moment of the store's clock, and may be removed."""
+    """Return the objects superseded before a moment of the store's clock, which may be removed."""
     named = {one.name for one in kept.manifest.segments}
     return [
         one
@@ -76,7 +76,7 @@ def _due(kept: KeptManifest, until_ns: int) -> list[Superseded]:
 
 
 def _with_generation(kept: KeptManifest, until_ns: int) -> Manifest | None:
-    """Return a manifest of the next generation, if something is due that this one could name."""
+    """Return a manifest of the next generation, if an object is due that this one could name."""
     generation = kept.manifest.generation
     if all(generation_in(one.name) < generation for one in _due(kept, until_ns)):
         return None
@@ -84,7 +84,7 @@ def _with_generation(kept: KeptManifest, until_ns: int) -> Manifest | None:
 
 
 def _without(kept: KeptManifest, gone: set[str]) -> Manifest | None:
-    """Return a manifest that does not speak of what is gone."""
+    """Return a manifest without the removed objects."""
     left = tuple(one for one in since_when(kept) if one.name not in gone)
     if len(left) == len(kept.manifest.superseded):
         return None
@@ -94,10 +94,10 @@ def _without(kept: KeptManifest, gone: set[str]) -> Manifest | None:
 def _replaced(
     store: ObjectStore, log_id: str, change: Callable[[KeptManifest], Manifest | None]
 ) -> KeptManifest:
-    """Return the manifest as it is there, once it is changed as wanted.
+    """Change the manifest in the store, and return it.
 
     Raises:
-        LogError: Others change it faster.
+        LogError: Others keep changing it.
     """
     for _ in range(_MOST_RIVALS):
         kept = _kept(store, log_id)
@@ -117,7 +117,7 @@ def _kept(store: ObjectStore, log_id: str) -> KeptManifest:
 
 
 def _store_time_ns(store: ObjectStore) -> int:
-    """Return what the store's clock says, once it is known that objects may be removed.
+    """Return the time of the store's clock, after a check that objects may be removed.
 
     Raises:
         LogAccessError: They may not.

@@ -1,7 +1,7 @@
-"""Shipping next to a writer: a reader of the log's folder that ships when a segment was closed.
+"""Shipping in the background of a writer: a reader of the log's folder ships each closed segment.
 
-It looks at two files there. Nothing that goes wrong in it reaches the writer: it is given once, and
-tried again.
+It watches two files there. No error in it reaches the writer: it is reported once, and the shipment
+is tried again.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 END_S = 30.0
-"""So long `close` waits for what is being sent."""
+"""How long `close` waits for what is being sent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,31 +40,31 @@ class ShippingPauses:
     settle_s: float = 10.0
     """After a segment was closed: it is compacted first, and then sent once, not twice."""
     first_retry_s: float = 5.0
-    """After something went wrong; each time twice as long, up to:"""
+    """After an error; each time twice as long, up to:"""
     longest_retry_s: float = 600.0
 
 
 @dataclass(frozen=True, slots=True)
 class ShippingStatus:
-    """How a shipping next to a writer stands."""
+    """The state of shipping in the background."""
 
     shipped: Shipped | None = None
-    """What the last one that went well has done; None: none has yet."""
+    """The result of the last successful shipment; None: there was none yet."""
     sent: int = 0
-    """Segments that were sent in all."""
+    """Segments sent in all."""
     problem: str = ""
-    """What keeps it from shipping; empty: nothing does."""
+    """What prevents shipping; empty: nothing."""
     is_all_sent: bool = False
-    """Whether every segment that is closed lies there."""
+    """Whether every closed segment is in the store."""
 
 
 class ShipBeside:
-    """Ships a log's closed segments while somebody writes it; one more time at its end.
+    """Ships a log's closed segments while it is being written, and once more at the end.
 
     with ShipBeside("office", "s3://hospital/logs/office"), sl.append("office") as log:
         log.observe(door, "open")
 
-    The order matters: the writer closes its last segment first, and that is sent then.
+    The order matters: the writer closes its last segment first, which is then sent.
     """
 
     def __init__(
@@ -76,14 +76,14 @@ class ShipBeside:
         pauses: ShippingPauses = ShippingPauses(),
         end_s: float = END_S,
     ) -> None:
-        """Take the log and the store; nothing is queried yet, and no thread is started.
+        """Take the log and the store, without a request or a thread yet.
 
         Args:
             log: The log's folder.
             place: Where it is to lie: `s3://bucket/logs/tug1`.
-            tell: Called with once when it cannot be shipped, and once when it can again.
+            tell: Called with a message once when shipping fails, and once when it works again.
             pauses: How long the thread waits.
-            end_s: So long the end waits for what is being sent.
+            end_s: How long `close` waits for what is being sent.
 
         Raises:
             NotALogError: The place is no URL of a store.
@@ -98,13 +98,13 @@ class ShipBeside:
         )
         self._status = ShippingStatus()
         self._seen: _Closed = None
-        """What was closed when the folder was last looked at."""
+        """The closed segments at the last look at the folder."""
         self._has_looked = False
-        """What the writer before has left is sent at once."""
+        """Whether there was a look before; segments of an earlier writer are sent at once."""
         self._done: _Closed = None
-        """What was closed when all of it was last shipped."""
+        """The closed segments when all of them were last shipped."""
         self._next_s = 0.0
-        """When it is shipped next, on the monotonic clock, if there is anything."""
+        """When to ship next, on the monotonic clock, if there is anything."""
         self._retry_s = pauses.first_retry_s
 
     @property
@@ -114,21 +114,21 @@ class ShipBeside:
 
     @property
     def status(self) -> ShippingStatus:
-        """How it stands now."""
+        """The present state."""
         return self._status
 
     def start(self) -> None:
-        """Begin to look at the folder, in a thread of its own."""
+        """Start watching the folder, in a thread of its own."""
         self._thread.start()
 
     def close(self, *, end_s: float | None = None) -> ShippingStatus:
-        """Ship what was closed last, and end; what is not sent by then waits for the next time.
+        """Ship the segments closed last, and end; what is not sent by then waits for the next run.
 
         Args:
-            end_s: So long it waits, instead of what was stated at first; then it gives up.
+            end_s: How long to wait before giving up; default: as given at construction.
 
         Returns:
-            How it stands. Of what was not sent nothing is lost: it lies in the log.
+            The final state. Segments that were not sent are not lost: they are in the log.
         """
         self._thread.close(end_s)
         return self._status
@@ -150,7 +150,7 @@ class ShipBeside:
             self._try()
 
     def _is_due(self, *, is_last: bool) -> bool:
-        """Look at the folder, and return whether there is something to ship now."""
+        """Look at the folder and return whether there is something to ship now."""
         closed, now_s = self._closed(), time.monotonic()
         if closed != self._seen:
             self._seen = closed
@@ -163,7 +163,7 @@ class ShipBeside:
         return is_last or now_s >= self._next_s
 
     def _closed(self) -> _Closed:
-        """Return what changes when a segment is closed, or compacted; None: none is closed."""
+        """Return a value that changes when a segment is closed or compacted; None: none is."""
         with suppress(OSError):
             marks = tuple(listed_marks(self._folder))
             if not marks:
@@ -215,7 +215,7 @@ def _changed(
 
 
 def _url(place: str | UrlPath) -> UrlPath:
-    """Return the URL that is meant.
+    """Return the URL of a place.
 
     Raises:
         NotALogError: It is none.

@@ -1,8 +1,8 @@
-"""A log sent to a store: closed segments once, named by their content, then a manifest of them.
+"""Ship a log to a store: each closed segment once, named by its content, then a manifest of them.
 
-Stopped at any request, the store holds the log as it was there before, or as it is now; begun
-again, what is there is found. Two that ship at once do not harm each other: of two manifests one
-takes the place of the one before, and the other begins again.
+Interrupted at any request, the store holds the log as it was there before, or as it is now; the
+next run finds what is already there. Two shipments at once do not harm each other: one manifest
+replaces the previous one, and the other shipment begins again.
 
 The order (content first, then one pointer by compare-and-swap) is that of Delta Lake and Iceberg.
 """
@@ -38,18 +38,18 @@ from semmap_log.store.reading.segment_reading import end_of, head_before
 from semmap_log.store.reading.segment_scan import Segment
 
 _PART_BYTES = 2**23
-"""So much of what lies there is compared at once."""
+"""Bytes of an object that are compared at once."""
 _MOST_RIVALS = 20
-"""Manifests of others that came in between, before this one gives up."""
+"""Conflicting manifests of others before this shipment gives up."""
 
 
 MOST_SUPERSEDED = 2000
-"""So many are listed, each in 60 bytes of a manifest that every reader fetches; older ones stay."""
+"""So many are listed, each in 60 bytes of a manifest that readers fetch; older ones stay."""
 
 
 @dataclass(slots=True)
 class Shipped:
-    """What a shipping has done."""
+    """The result of a shipment."""
 
     url: UrlPath
     manifest: Manifest
@@ -59,26 +59,26 @@ class Shipped:
     found: int = 0
     """Segments that were there already."""
     is_new: bool = False
-    """Whether a new manifest was written; else there was nothing to say."""
+    """Whether a new manifest was written; otherwise nothing had changed."""
     waits_events: int = 0
     """Events of the live segment, which is sent once it is closed."""
 
 
 def ship(log: Path, place: UrlPath | ObjectStore, progress: Progress | None = None) -> Shipped:
-    """Send a log's closed segments to a store; what is there already is not sent again.
+    """Send a log's closed segments to a store, except those already there.
 
     The log may be written meanwhile. Its live segment waits until it is closed.
 
     Args:
         log: The log's folder.
         place: Where it is to lie: `s3://bucket/logs/tug1`.
-        progress: Called with how many bytes of the segments are sent, or were there.
+        progress: Called with the number of bytes of the segments that are sent, or were there.
 
     Raises:
-        LogError: Another log lies there; or one that has gone another way since; or the store does
-            not honour conditional writes; or no segment is closed yet.
-        LogAccessError: The store, or the disk, does not let us.
-        CorruptLogError: The log, or what lies there, is damaged.
+        LogError: Another log, or a fork of this one, lies there; or the store does not honour
+            conditional writes; or no segment is closed yet.
+        LogAccessError: The store, or the disk, denies access.
+        CorruptLogError: The log, or its copy in the store, is damaged.
         MissingExtraError: A package for stores is not installed.
     """
     refuse_made(log)
@@ -107,12 +107,12 @@ class _Shipping:
     sent_bytes: int = 0
     is_probed: bool = False
     there: dict[str, ShippedSegment] = field(default_factory=dict)
-    """Segments that are known to lie in the store, by what they are called on this disk."""
+    """Segments that are known to be in the store, by their names on this disk."""
     generation: int = 0
     """Of the manifest that was read last."""
 
     def try_once(self) -> Shipped | None:
-        """Send what is missing; None: somebody else's manifest came in between."""
+        """Send the missing segments; None: another shipment's manifest came first."""
         kept = read_manifest(self.store)
         if kept is not None:
             check_same_way(self.store.url, self.segments, kept.manifest)
@@ -144,13 +144,13 @@ class _Shipping:
         return closed_ones(self.segments)
 
     def _take_generation(self, generation: int) -> None:
-        """Forget what lies there, if somebody removes objects: they may be among those found."""
+        """Forget the objects found, if another process removes objects: they may be among these."""
         if generation != self.generation:
             self.generation = generation
             self.there.clear()
 
     def _entry(self, segment: Segment) -> ShippedSegment:
-        """Return a segment's entry, once it lies there."""
+        """Return a segment's entry, once it is in the store."""
         known = self.there.get(segment.path.name)
         if known is None:
             known = self.there[segment.path.name] = self._send(segment)
@@ -182,7 +182,7 @@ class _Shipping:
         return manifest_entry(segment, name, sha256)
 
     def _holds(self, name: str, size: int, sha256: str) -> bool:
-        """Return whether the object that lies there has these bytes: read, not believed."""
+        """Return whether the object in the store has these bytes, by reading it."""
         status = self.store.status(name)
         if status.size != size:
             return False
@@ -213,11 +213,11 @@ def closed_ones(segments: Sequence[Segment]) -> list[Segment]:
 def superseded_by(
     entries: Sequence[ShippedSegment], kept: KeptManifest | None
 ) -> tuple[Superseded, ...]:
-    """Return the objects that were named once, and are not by a new manifest.
+    """Return the objects that earlier manifests named and a new one does not.
 
     Args:
-        entries: What the new one names.
-        kept: The one before.
+        entries: The entries of the new one.
+        kept: The previous one.
     """
     if kept is None:
         return ()
@@ -228,7 +228,7 @@ def superseded_by(
 
 
 def since_when(kept: KeptManifest) -> tuple[Superseded, ...]:
-    """Return what a manifest does not name any more, each with the time since when."""
+    """Return the objects that a manifest no longer names, each with the time since when."""
     return tuple(
         replace(one, since_ns=kept.modified_ns) if one.since_ns is None else one
         for one in kept.manifest.superseded
@@ -236,7 +236,7 @@ def since_when(kept: KeptManifest) -> tuple[Superseded, ...]:
 
 
 def is_ahead(there: Manifest, closed: Sequence[Segment]) -> bool:
-    """Tell whether more lies there than is closed here: what was closed last is being continued."""
+    """Return whether the store holds more than is closed here: the last segment was reopened."""
     return not closed or end_of(closed[-1]) < there.mark.next_event
 
 
@@ -252,8 +252,8 @@ def check_same_way(url: UrlPath, segments: Sequence[Segment], there: Manifest) -
 
     Args:
         url: Where, for messages.
-        segments: All of this log, a live one included: a writer that begins again continues a small
-            closed segment, and what was shipped of it is in the live one then.
+        segments: All of this log, a live one included: a writer that reopens the log continues a
+            small closed segment, and what was shipped of it is then in the live one.
         there: What lies there.
 
     Raises:
@@ -287,7 +287,7 @@ def check_same_way(url: UrlPath, segments: Sequence[Segment], there: Manifest) -
 
 
 def shipped_before(closed: Sequence[Segment], there: Manifest) -> dict[str, ShippedSegment]:
-    """Return the segments that were shipped, by what they are called on this disk: none is read."""
+    """Return the shipped segments by their names on this disk, without reading any."""
     shipped = {(one.header.number, one.header.last_number): one for one in there.segments}
     found = {}
     for segment in closed:
@@ -298,19 +298,19 @@ def shipped_before(closed: Sequence[Segment], there: Manifest) -> dict[str, Ship
 
 
 def _is_copy(one: ShippedSegment, segment: Segment) -> bool:
-    """Return whether an object is a copy of a segment: it has the same, and lacks the same."""
+    """Return whether an object copies a segment: same content, with the same parts missing."""
     theirs = (one.size, one.head, one.header.trimmed)
     return theirs == (segment.size, segment.head, segment.header.trimmed)
 
 
 def check_conditions(store: ObjectStore) -> None:
-    """Check that a store keeps its conditions, which some ignore in silence.
+    """Check that a store honours conditional writes, which some silently ignore.
 
-    It must refuse to create what is there, and to replace what has become another.
+    It must refuse to create an object that exists, and to replace one that has changed.
 
     Raises:
         LogError: It overwrites it.
-        LogAccessError: It does not let us write.
+        LogAccessError: It denies writing.
     """
     name = f".probe-{secrets.token_hex(8)}"
     ignored = ""

@@ -1,9 +1,8 @@
-"""How likely doors are open, for people: a row a door, and beneath what must not be overlooked.
+"""Draw tables of door beliefs, for the terminal and for notebooks.
 
-What a notebook shows of a log, of door maps, timelines, differences and beliefs.
-
-The tables are those that commands print. Where a value does not know the building's time zone,
-times are in UTC; long ones are cut, and say so.
+A row is a door; below the table stands what a reader must not overlook. Notebooks show logs, door
+maps, timelines, differences and beliefs by the same tables that commands print. Times are in UTC
+where a value does not know the building's time zone. Long tables are cut, with a note.
 """
 
 from __future__ import annotations
@@ -66,7 +65,7 @@ def plot_log(
     doors: Collection[DoorId | str] | None,
     progress: Progress | None,
 ) -> Any:
-    """Return what `DoorLog.plot` does.
+    """Return the figure of `DoorLog.plot`.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -77,7 +76,7 @@ def plot_log(
 
 
 def plot_timeline(timeline: Timeline, *, name: str, tz: str) -> Any:
-    """Return what `Timeline.plot` does.
+    """Return the figure of `Timeline.plot`.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -219,7 +218,7 @@ def _names_its_level(belief: DoorBelief) -> bool:
 
 
 def _numbers(belief: DoorBelief) -> tuple[Cell, ...]:
-    """Return P(open) as it is drawn, then alone and with its interval, and P(closed)."""
+    """Return P(open) as drawn, then alone and with its interval, and P(closed)."""
     if not belief.is_known:
         return Text("UNKNOWN", style=OTHER_STATE_COLOUR), *[ABSENT] * 4
     state = DoorState.OPEN if belief.p_open >= LIKELY else DoorState.CLOSED

@@ -1,6 +1,7 @@
-"""Beliefs in words: numbers short enough for a table, and what must be stated next to them.
+"""Format beliefs and the steps of a patrol round as text.
 
-A patrol round under way as lines: after an event, where the robot goes next.
+Numbers are short enough for a table, with the caveats that belong next to them. For a round under
+way, a line after each event names the robot's next stop.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ STEP_ROW = (
     "event", "happened", "because", "target", "door_id", "door", "p", "low", "high", "arrives",
     "left", "why",
 )  # fmt: skip
-"""What `step_row` says, for programs."""
+"""The columns of `step_row`, for programs."""
 OVER = "the round is over"
 
 
@@ -44,7 +45,7 @@ def step_row(step: RoundStep, tz: str) -> tuple[str, ...]:
 
 
 def step_line(step: RoundStep, tz: str) -> str:
-    """Return a step in words: when, what was given, where to go, P then, and why."""
+    """Return a step in words: when, what was reported, where to go, P then, and why."""
     begun = f"{format_short(step.at_ns, tz)}  {printable(step.because)}"
     if step.stop is None:
         return f"{begun}. {OVER[0].upper()}{OVER[1:]}."
@@ -70,11 +71,11 @@ def _stop_in_words(stop: PlannedStop, tz: str) -> str:
 MOST_GROUPS = 3
 CARRIED_OVER = "what is said of an hour never seen is carried over from other hours"
 MOST_NAMED = 6
-"""So many doors are called by name; `--json` has all."""
+"""So many doors are listed by name; `--json` has all."""
 
 
 def short_number(probability: float) -> str:
-    """Return a probability in two digits: `.83`; `<.01` and `>.99` where they would be none."""
+    """Return a probability in two digits: `.83`; `<.01` and `>.99` at the ends."""
     if probability < 0.005:
         return "<.01"
     if probability >= 0.995:
@@ -88,7 +89,7 @@ def interval(low: float, high: float) -> str:
 
 
 def with_interval(probability: float, low: float, high: float) -> str:
-    """Return a probability with its interval: `.83 (.71-.92)`; without, where both say the same."""
+    """Return a probability with its interval: `.83 (.71-.92)`; without, if they are the same."""
     said = short_number(probability)
     if short_number(low) == short_number(high):
         return said
@@ -100,7 +101,7 @@ def _end(probability: float) -> str:
 
 
 def why_unknown(evidence: EvidenceSummary) -> str:
-    """Return why nothing is reported about a door."""
+    """Return why there is no belief about a door."""
     if evidence.is_empty:
         return "never seen"
     said = f"{counted(evidence.counts.words, 'event')} about its state"
@@ -121,7 +122,7 @@ class BeliefTexts(Protocol):
 
     @property
     def level_name(self) -> str:
-        """What its level is called."""
+        """Name of its level."""
 
     @property
     def evidence(self) -> EvidenceSummary:
@@ -129,16 +130,16 @@ class BeliefTexts(Protocol):
 
 
 def labels_in(told: Sequence[BeliefTexts]) -> list[str]:
-    """Return what the doors are called: level/name where several of them bear the name."""
+    """Return the doors' labels: level/name where several of them have the same name."""
     labels = told_apart((each.door, each.level_name) for each in told)
     return [labels.get(each.door.door_id, each.door.label) for each in told]
 
 
 def never_seen_lines(told: Sequence[BeliefTexts]) -> list[str]:
-    """Return what must be reported about the hours in which nobody looked.
+    """Return the notes on hours in which nobody looked at the doors.
 
-    Of a few doors, or where they are alike, for each; else the hours in which none of them was
-    ever seen.
+    For a few doors, or where doors are alike, one note each; otherwise only the hours in which none
+    of the doors was ever seen.
     """
     alike: dict[bytes, list[str]] = {}
     for each, label in zip(told, labels_in(told), strict=True):
@@ -155,7 +156,7 @@ def never_seen_lines(told: Sequence[BeliefTexts]) -> list[str]:
 
 
 def named(labels: Sequence[str]) -> str:
-    """Return what some doors are called; of many, the first ones and how many more."""
+    """Return the labels of some doors; of many, the first ones and the number of the others."""
     names = ", ".join(map(printable, labels[:MOST_NAMED]))
     more = len(labels) - MOST_NAMED
     return f"{names} and {more} more" if more > 0 else names

@@ -1,7 +1,4 @@
-"""Rectangles around what a plan shows.
-
-The rooms that a view of a log tints and names.
-"""
+"""Compute the bounding rectangle of a plan, and the rooms that a view tints and names."""
 
 from __future__ import annotations
 
@@ -20,14 +17,14 @@ from semmap_log.log.door_log.door_log import DoorLog
 
 MARGIN_M = 1.0
 SMALLEST_SIDE_M = 4.0
-"""So that a lone door is not blown up to the size of the screen."""
+"""The least side, so that a lone door does not fill the screen."""
 
 UNKNOWN_CELL = -1
 
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """A rectangle, metres, frame `map`; the empty one holds nothing."""
+    """A rectangle, metres, frame `map`; the empty one contains nothing."""
 
     low_x: float = math.inf
     low_y: float = math.inf
@@ -35,7 +32,7 @@ class Bounds:
     high_y: float = -math.inf
 
     def around(self, x: NDArray[np.floating], y: NDArray[np.floating]) -> Bounds:
-        """Return the smallest rectangle that also holds these points; NaN is not a place."""
+        """Return the smallest rectangle that also contains these points; NaN is ignored."""
         known = np.isfinite(x) & np.isfinite(y)
         if not known.any():
             return self
@@ -46,7 +43,7 @@ class Bounds:
         )  # fmt: skip
 
     def including(self, other: Bounds) -> Bounds:
-        """Return the smallest rectangle that holds both."""
+        """Return the smallest rectangle that contains both."""
         x = np.array([other.low_x, other.high_x])
         return self.around(x, np.array([other.low_y, other.high_y]))
 
@@ -61,19 +58,19 @@ class Bounds:
         )
 
     def without_margin(self) -> Bounds:
-        """Return what `framed` put its margin around, or somewhat more."""
+        """Return the rectangle without the margin of `framed`, or somewhat more."""
         return Bounds(
             self.low_x + MARGIN_M, self.low_y + MARGIN_M,
             self.high_x - MARGIN_M, self.high_y - MARGIN_M,
         )  # fmt: skip
 
     def holds(self, other: Bounds) -> bool:
-        """Return whether another rectangle lies in this one; the empty one does."""
+        """Return whether another rectangle lies within this one; the empty one always does."""
         return self.including(other) == self
 
     @property
     def is_empty(self) -> bool:
-        """True for a rectangle around nothing."""
+        """True for the empty rectangle."""
         return self.low_x > self.high_x
 
     @property
@@ -95,7 +92,7 @@ def bounds_of_floor(floor: FloorMap) -> Bounds:
 
 
 def rooms_shown(log: DoorLog, door_map: DoorMap) -> RoomPlan:
-    """Return the rooms of a door map's levels; a floor plan that is turned has none to show."""
+    """Return the rooms of a door map's levels; a rotated floor plan has none to show."""
     floors = {n: floor for n in door_map.levels if (floor := log.floor_of(door_map, n)) is not None}
     return plan_of(door_map, {n: floor for n, floor in floors.items() if _is_upright(floor)})
 

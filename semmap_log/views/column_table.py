@@ -1,15 +1,10 @@
-"""A table in its two forms: drawn in a terminal for people, and a row a line for programs.
+"""Render one table in several forms: drawn for people, as lines for programs, and as HTML.
 
-Drawn, columns that do not fit are left out, the least important first, and named; where not even
+Drawn, columns that do not fit are left out, the least important first, and named. Where not even
 the important ones fit, the cells of a row stand below each other, all of them. As lines, every
-column is there at any width, under a name that never changes; cells are separated by a tab, so that
-`cut -f` takes them.
-
-Tables for people as HTML: the same cells that a terminal shows, texts escaped.
-
-Heads and texts next to each other, or a text below its head where it has no room next to it.
-
-A table of names and values.
+column is present at any width, under a name that never changes; cells are separated by a tab, so
+that `cut -f` takes them. HTML shows the same cells as a terminal, with texts escaped. Tables of
+names and values place a text next to its head, or below it where there is no room.
 """
 
 from __future__ import annotations
@@ -28,9 +23,9 @@ from rich.text import Text
 from semmap_log.core.texts import counted
 
 WIDTH = 120
-"""Of what is drawn in letters."""
+"""Columns of text."""
 MOST_ROWS = 60
-"""More are counted: a notebook keeps what it shows."""
+"""Rows to show; more are only counted, since a notebook stores what it shows."""
 STYLE = "text-align: {side}; vertical-align: top; white-space: pre-line"
 
 
@@ -92,11 +87,11 @@ class BesideLayout:
     indent: int
     """Of a text below its head."""
     readable: int
-    """A text is folded next to its head where it has so many columns there."""
+    """The least number of columns in which a text is folded next to its head."""
 
 
 def beside_or_below(pairs: Sequence[Pair], width: int, layout: BesideLayout) -> Group:
-    """Return pairs in that width, all their texts whole; texts next to a head stand in line."""
+    """Return pairs in that width, no text cut; texts next to heads are aligned."""
     heads = max((w for p in pairs if (w := cell_len(p.head)) <= width // 2), default=0)
     room = width - heads - layout.gap
 
@@ -113,7 +108,7 @@ def beside_or_below(pairs: Sequence[Pair], width: int, layout: BesideLayout) -> 
 
 
 def _has_room(text: str, room: int, readable: int) -> bool:
-    """Return whether a text fits: on one line, or folded at its spaces so that it reads well."""
+    """Return whether a text fits, on one line or folded legibly at its spaces."""
     if cell_len(text) <= room:
         return True
     return room >= readable and all(cell_len(word) <= room for word in text.split())
@@ -149,7 +144,7 @@ BELOW = BesideLayout(gap=GAP, indent=0, readable=16)
 
 @dataclass(frozen=True, slots=True)
 class CellValue:
-    """A cell that is drawn as one text and given to programs as another."""
+    """A cell with one text for people and another for programs."""
 
     drawn: str | Text
     told: str
@@ -160,29 +155,29 @@ Cell = str | Text | CellValue
 
 @dataclass(frozen=True, slots=True)
 class TableColumn:
-    """A column: how it is called, and how it is drawn."""
+    """A column: its names, and how it is drawn."""
 
     name: str = ""
     """Its head for programs; empty: it is only drawn."""
     head: str | None = None
-    """Its head where it is drawn; None: it is not."""
+    """Its head when drawn; None: it is not drawn."""
     right: bool = False
-    """Numbers: their ends stand below each other."""
+    """Aligned to the right, for numbers."""
     least: int | None = None
-    """It may fold its texts, down to this width; None: they stay on one line."""
+    """The least width to which its texts may fold; None: they stay on one line."""
     most: int | None = None
     """It folds texts that are wider."""
     width: int | None = None
     """Always as wide as this, so that the pages of a long table line up; longer texts fold."""
     ratio: int | None = None
-    """Its part of what the others leave."""
+    """Its share of the remaining width."""
     yields: int = 0
-    """Columns of the greatest number are left out first, together, where a terminal is too narrow;
+    """In a narrow terminal, columns of the greatest number are left out first, together;
     0: never."""
 
     @property
     def is_drawn(self) -> bool:
-        """True unless it is for programs alone."""
+        """False for a column that is for programs alone."""
         return self.head is not None
 
 
@@ -193,7 +188,7 @@ class ColumnTable:
     columns: list[TableColumn]
     gap: int = GAP
     has_head: bool = True
-    """False for the pages of a long table after the first."""
+    """False for all pages of a long table but the first."""
     rows: list[tuple[tuple[Cell, ...], str]] = field(default_factory=list)
     """Cells, and the style of their row."""
 
@@ -227,7 +222,7 @@ class ColumnTable:
         return self._draw(needs, spare), out
 
     def _fitting(self, places: list[int], width: int) -> dict[int, int]:
-        """Return those of the columns that fit, or that never yield, and what they need."""
+        """Return the columns that fit, or are never left out, and the width that they need."""
         needs = {place: self._need(place) for place in places}
         order = sorted(
             (p for p in places if self.columns[p].yields), key=self._yields, reverse=True
@@ -259,9 +254,9 @@ class ColumnTable:
         return max((cell_len(line) for text in texts for line in text.split("\n")), default=0)
 
     def _widths(self, needs: dict[int, int], spare: int) -> dict[int, int]:
-        """Return how wide those columns are that fold: what they need, and their part of the rest.
+        """Return the widths of the columns that fold: what they need, and their share of the rest.
 
-        The narrow ones get it first. Rich would take it from the wide ones, also what they need.
+        Narrow columns come first. Rich would shrink wide ones below what they need.
         """
         folding = {p for p in needs if self.columns[p].least is not None}
         folding -= {p for p in folding if self.columns[p].ratio is not None}
@@ -300,7 +295,7 @@ class ColumnTable:
         return table
 
     def _draw_below(self, places: list[int], width: int) -> Group:
-        """Return the cells of each row below each other, after the heads of their columns."""
+        """Return the cells of each row below each other, each after the head of its column."""
         pairs: list[Pair] = []
         for number, (cells, style) in enumerate(self.rows):
             if number or not self.has_head:
@@ -318,7 +313,7 @@ class ColumnTable:
 
 @dataclass(frozen=True, slots=True)
 class TextPicture:
-    """What a terminal shows as a picture, and programs read as a table."""
+    """A picture for the terminal, and a table for programs."""
 
     drawn: Callable[[int], RenderableType]
     """Of the width of the terminal."""
@@ -391,5 +386,5 @@ def pairs(rows: Iterable[tuple[str, Cell]] = ()) -> PairTable:
 
 
 def add_pair(table: PairTable, name: str, value: Cell, *, told_name: str | None = None) -> None:
-    """Add a name and a value; where the drawn name says too little alone, programs get another."""
+    """Add a name and a value; programs get another name if the drawn one is too short alone."""
     table.add(name if told_name is None else CellValue(name, told_name), value)

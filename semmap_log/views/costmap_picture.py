@@ -1,11 +1,8 @@
-"""Labels on a plan: what they say, and where they go so that none covers another.
+"""A costmap as a picture for people, with labels that never cover each other.
 
-A costmap as a picture for people: legend, doors with their ids, a scale bar, y up as in the map.
-
-Shades stand for costs (`costmap_shading`); a door's state is given by the stroke as well as by its
-colour: closed is a thick line, open a thin one in a wide gap, unknown is dashed.
-
-What stands next to a costmap's picture: what shades and strokes mean, how long a metre is.
+The picture has a legend, doors with their ids and a scale bar; y points up as in the map. Shades
+stand for costs (`palette`). A door's state shows in its stroke as well as its colour: closed is a
+thick line, open a thin one in a wide gap, unknown is dashed.
 """
 
 from __future__ import annotations
@@ -45,9 +42,9 @@ TICKS_EVERY_PX = 90
 LABEL_PX = 13
 MOST_LABEL_PX = 240
 MOST_COLUMNS = 3
-"""Of names, next to the legend."""
+"""Columns of names, next to the legend."""
 MOST_NAMES = 40
-"""Of more doors than that, names would hide the map: they stand next to it."""
+"""With more doors, names would hide the map; they then stand next to it."""
 STROKE_PX = 10
 
 
@@ -69,13 +66,13 @@ def costmap_png(
 ) -> bytes:
     """Return a PNG; the same bytes for the same arguments.
 
-    Its sides are below 3,200 pixels: of a larger grid the dearest cell of each block shows.
+    Its sides are below 3,200 pixels: a larger grid shows the greatest cost of each block.
 
     Args:
         grid: uint8 costs, or int8 map values; (height, width), row 0 at the lowest y.
         geometry: Where the cells lie.
-        doors: Drawn on top, with their labels; what lies off the map is cut off.
-        title: One line, such as what is shown and of which moment.
+        doors: Drawn on top, with their labels, and clipped to the map.
+        title: One line, such as the subject and the moment.
 
     Raises:
         CostmapError: The grid has another shape than its geometry.
@@ -109,7 +106,7 @@ def costmap_png(
 
 
 def _scale(geometry: GridGeometry) -> int:
-    """Return pixels a cell; or, below 0, cells a pixel."""
+    """Return pixels per cell; or, if negative, cells per pixel."""
     longest = max(geometry.width, geometry.height)
     if longest > MOST_PX:
         return -math.ceil(longest / MOST_PX)
@@ -146,7 +143,7 @@ class _View:
         )
 
     def clipped(self, start: Point, end: Point) -> tuple[Point, Point] | None:
-        """Return the part of a line that is on the map, give or take a stroke's width, or None."""
+        """Return the part of a line on the map, with a stroke's width to spare, or None."""
         first, last = 0.0, 1.0
         for a, b, most in zip(start, end, (self.width, self.height), strict=True):
             if not (math.isfinite(a) and math.isfinite(b - a)):
@@ -200,7 +197,7 @@ def _draw_doors(draw: ImageDraw, view: _View, doors: Sequence[DoorMark]) -> list
     """Draw the doors that are on the map, then their labels, so that no stroke hides a number.
 
     Returns:
-        What could not be stated on the map: the names of doors that only have their number there.
+        The labels that did not fit on the map: names of doors that only have their number there.
     """
     lines = []
     for door in doors:
@@ -232,7 +229,7 @@ def _full_label(door: DoorMark) -> str:
 def _draw_label(
     draw: ImageDraw, places: LabelPlaces, door: DoorMark, line: tuple[Point, Point], *, named: bool
 ) -> bool:
-    """Draw a door's number, and its name where there is room; return whether all of it is there."""
+    """Draw a door's number, and its name if there is room; return whether both were drawn."""
     (x0, y0), (x1, y1) = line
     middle = (x0 + x1) / 2, (y0 + y1) / 2
     across = math.atan2(y1 - y0, x1 - x0) + math.pi / 2
@@ -250,7 +247,7 @@ def _draw_label(
 
 
 def _draw_box(draw: ImageDraw, box: Box, text: str, middle: Point, colour: Rgb) -> None:
-    """Draw a label, and where it is not next to its door, a line to it."""
+    """Draw a label, and a line to its door if it is not next to it."""
     left, top, right, bottom = box
     nearest = min(max(middle[0], left), right), min(max(middle[1], top), bottom)
     if math.dist(middle, nearest) > NEAR_PX[-1] + 4:
@@ -260,7 +257,7 @@ def _draw_box(draw: ImageDraw, box: Box, text: str, middle: Point, colour: Rgb) 
 
 
 def _columns(notes: list[str], view: _View) -> tuple[list[str], list[list[str]]]:
-    """Return what stands below the legend, and columns of what has no room there."""
+    """Return the notes below the legend, and columns of those that have no room there."""
     rows = (view.canvas_height - 2 * MARGIN_PX) // NOTE_PX
     below = max(1, (view.canvas_height - MARGIN_PX - NOTES_BELOW_PX) // NOTE_PX)
     room = below + MOST_COLUMNS * rows
@@ -352,7 +349,7 @@ def _plain(character: str) -> str:
 
 @lru_cache(1024)
 def _has_shape(character: str) -> bool:
-    """Return whether the font has a shape of its own for it."""
+    """Return whether the font has a shape of its own for a character."""
     mask = font(14).getmask
     return character == " " or (
         character.isprintable() and bytes(mask(character)) != bytes(mask("\U0010fffd"))
@@ -392,7 +389,7 @@ def in_metres(length: float) -> str:
 
 
 def _swatch(cost: int | None) -> Image:
-    """Return a sample of a cost; None: of all costs of inflation, the dear to the right."""
+    """Return a sample of a cost; None: of all inflation costs, increasing to the right."""
     from PIL.Image import fromarray
 
     width, height = _SWATCH
@@ -434,13 +431,13 @@ Box = tuple[int, int, int, int]
 
 
 class LabelPlaces:
-    """Gives out places in a picture, one label after the other: near first, then farther away."""
+    """Assigns places in a picture, one label after the other: near ones first."""
 
     def __init__(self, width: int, height: int) -> None:
         self._taken = np.zeros((height, width), np.bool_)
 
     def keep_clear(self, start: Point, end: Point, *, margin: int) -> None:
-        """Let no label come nearer than `margin` pixels to a line."""
+        """Keep labels at least `margin` pixels away from a line."""
         steps = max(1, math.ceil(math.dist(start, end) / max(1, margin)))
         for share in np.linspace(0, 1, steps + 1):
             x, y = (int(a + share * (b - a)) for a, b in zip(start, end, strict=True))
@@ -450,13 +447,13 @@ class LabelPlaces:
     def place(
         self, at: Point, size: tuple[int, int], *, across: float, distances: tuple[int, ...]
     ) -> Box | None:
-        """Return a free place for a label, and take it.
+        """Reserve a free place for a label, and return it.
 
         Args:
-            at: What it labels.
+            at: The point to label.
             size: (width, height) of the label.
-            across: The direction in which to look first, and then its opposite; radians, y down.
-            distances: How far away it may be, pixels; the first at which there is room.
+            across: The first direction to try, then its opposite; radians, y down.
+            distances: The distances to try in order, pixels.
 
         Returns:
             The nearest place that is free; None where there is none.
@@ -478,7 +475,7 @@ class LabelPlaces:
 
 
 def _turns(across: float) -> list[float]:
-    """Return directions all around: to both sides first, then ever farther from there."""
+    """Return directions all around: both sides first, then increasingly far from these."""
     quarter = DIRECTIONS // 4
     aside = [0, *(sign * step for step in range(1, quarter + 1) for sign in (1, -1))]
     return [
@@ -501,5 +498,5 @@ def _beside(at: Point, size: tuple[int, int], distance: float, angle: float) -> 
 
 
 def without_level(name: str, level: str) -> str:
-    """Return a door's name without the level in front, which is given by the plan it is on."""
+    """Return a door's name without its level prefix, which the plan already shows."""
     return name.removeprefix(level).lstrip(" ._-:/") or name

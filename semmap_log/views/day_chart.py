@@ -63,7 +63,7 @@ def _told(day: Day) -> ColumnTable:
 
 
 def _half_hours_a_bar(width: int, slots: int) -> int:
-    """Return how many half hours are one bar, so that all have room next to a name."""
+    """Return how many half hours make one bar, so that all bars fit next to a name."""
     fitting = (n for n in SLOTS_A_BAR if SHORTEST_NAME + GAP + math.ceil(slots / n) <= width)
     return next(fitting, SLOTS_A_BAR[-1])
 
@@ -90,7 +90,7 @@ def _bars(shares: TimeShares, every: int) -> Text:
 
 
 def _together(shares: NDArray[np.float64], every: int) -> NDArray[np.float64]:
-    """Return so many half hours a row; a day of 47 of them ends amid one."""
+    """Return rows of `every` half hours; a day of 47 of them ends within one."""
     return np.pad(shares, (0, -len(shares) % every)).reshape(-1, every)
 
 

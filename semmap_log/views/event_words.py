@@ -1,6 +1,6 @@
-"""What an event says, in a few words, without the time and the door's name.
+"""Describe an event in a few words, without its time and the door's name.
 
-Names in a picture whose fonts lack letters of some: a whole name, or what stands for it.
+Also names in a picture whose fonts lack some of their letters: the whole name, or a substitute.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def words_of(event: Event, of: ObjectClass = DOOR, *, in_full: bool = False) -> 
 
     Args:
         event: The event.
-        of: What it is about: its states are called as that class has it.
+        of: The class of the event's object, which names the states.
         in_full: As part of a sentence: `seen OPEN (accuracy 90 %)`.
     """
     known = cast("AnyEvent", event)
@@ -102,7 +102,7 @@ def words_of(event: Event, of: ObjectClass = DOOR, *, in_full: bool = False) -> 
 
 
 def printable(text: str) -> str:
-    """Return a text that comes from outside with characters that steer a terminal spelt out."""
+    """Return a text from outside with terminal control characters escaped."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
@@ -137,7 +137,7 @@ def _probabilities(event: DoorAdded) -> str:
 
 
 def _accuracy(event: DoorObserved, *, in_full: bool) -> str:
-    """Return how often the sensor reads such a state right, where it is not without fault."""
+    """Return how often the sensor reads such a state correctly, if it has errors."""
     match event.state:
         case DoorState.OPEN:
             right = event.accuracy_open
@@ -155,7 +155,7 @@ def _opening(event: DoorObserved) -> str:
 
 
 HasShape = Callable[[str], bool]
-"""Tells whether the fonts of a picture have a shape for a character."""
+"""Returns whether the fonts of a picture have a shape for a character."""
 
 
 MOST_DRAWN = 200
@@ -163,9 +163,9 @@ MOST_DRAWN = 200
 
 
 def drawable_name(name: str, stand_in: str, has_shape: HasShape) -> str:
-    """Return a name as it can be drawn; what stands for it if a letter is missing.
+    """Return a name as it can be drawn, or its substitute if a letter is missing.
 
-    Of a name in part drawn nobody could tell which door it is: two rooms may differ in just the
+    A name drawn in part would not identify a door: two rooms may differ in just the
     letters that are missing. Other signs, such as emoji, are left out.
     """
     cut = name if len(name) <= MOST_DRAWN else f"{name[:MOST_DRAWN]}..."

@@ -13,11 +13,11 @@ from semmap_log.fleet.jobs.job import AskedLog
 from semmap_log.views.column_table import ColumnTable, TableColumn
 
 HIDDEN = ("log_id", "robot", "building")
-"""Columns for programs: `log` says it already."""
+"""Columns for programs only, since `log` includes them."""
 FOLDED = {"log": 12, "door": 8, "file": 16, "finding": 16}
 """Columns whose texts may fold, and down to what width."""
 SECONDS = len("2026-03-01T12:00:00")
-"""Of a time, so many characters are shown."""
+"""Characters of a time that are shown."""
 
 
 def bad_logs_table(logs: Iterable[AskedLog]) -> ColumnTable:
@@ -38,7 +38,7 @@ def bad_logs_table(logs: Iterable[AskedLog]) -> ColumnTable:
 
 
 def outcomes_in_words(logs: Iterable[AskedLog]) -> str:
-    """Return how many logs there were, and what became of them: `40 logs: 38 ok, 2 gone`."""
+    """Return the number of logs by their outcome: `40 logs: 38 ok, 2 gone`."""
     logs = list(logs)
     found = Counter(log.outcome.value for log in logs)
     told = ", ".join(f"{count:,} {name}" for name, count in found.items())
@@ -48,7 +48,7 @@ def outcomes_in_words(logs: Iterable[AskedLog]) -> str:
 
 
 def arrow_rows_table(rows: pa.Table) -> ColumnTable:
-    """Return an Arrow table's rows, without the columns that say the log once more."""
+    """Return an Arrow table's rows, without the columns that repeat the log."""
     shown = [name for name in rows.column_names if name not in HIDDEN]
     times = {each.name for each in rows.schema if pa.types.is_timestamp(each.type)}
     numbers = {name for name in shown if _is_number(rows.schema.field(name).type)}

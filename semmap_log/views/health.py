@@ -1,6 +1,6 @@
-"""How a log is, in words: for `verify`, `recover` and `info`. Fits 80 columns.
+"""Describe the health of a log, for `verify`, `recover` and `info`; fits 80 columns.
 
-A sensor's accuracies for people: each door's, all together, and what to type with them.
+Also a sensor's accuracies for people: each door's, all doors together, and the command to set them.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ def calibration_table(
     """Return the accuracies with their 90 % intervals, in 80 columns.
 
     Args:
-        calibration: What was found.
-        names: What the doors are called.
-        log: Where the log is, for the line to type.
+        calibration: The accuracies found.
+        names: The doors' names.
+        log: The log's path, for the suggested command.
     """
     table = ColumnTable([TableColumn("door", "door", least=NAME_WIDTH), *_columns()])
     for door_id, door in calibration.doors.items():
@@ -75,7 +75,7 @@ def _cells(door: DoorCalibration) -> tuple[Cell, ...]:
 
 
 def _hits(hits: SensorHits) -> tuple[Cell, ...]:
-    """Return the accuracy as it is drawn, then alone and with its interval, and the visits."""
+    """Return the accuracy as drawn, then alone and with its interval, and the visits."""
     visits = CellValue(f"{hits.visits:,}", str(hits.visits))
     if hits.accuracy is None:
         return *[ABSENT] * 4, visits
@@ -107,7 +107,7 @@ def _to_type(calibration: Calibration, log: Path) -> str:
 
 
 VERDICTS = {0: "good", 3: "torn tail", 4: "damaged", 5: "not a log", 6: "unsigned end"}
-"""Exit code of `verify` -> what it says."""
+"""Exit code of `verify` -> its meaning."""
 
 SEVERITY_STYLES = {
     "NOTE": "dim",
@@ -119,11 +119,11 @@ SEVERITY_STYLES = {
     "NOT_A_LOG": "red",
 }
 MOST_NOTES = 20
-"""Of suspect clocks and their like; damage is always shown whole."""
+"""Limit for suspect clocks and the like; damage is always shown in full."""
 
 
 def verdict(found: Verification) -> str:
-    """Return in a few words how a log is."""
+    """Return the state of a log in a few words."""
     if found.of(Severity.NOT_AS_SIGNED) and not found.of(Severity.DAMAGE, Severity.NOT_A_LOG):
         return "not as signed"
     return VERDICTS[found.exit_code]
@@ -148,11 +148,11 @@ def _times(done: SignedVerification) -> list[Text]:
 
 
 def verification_report(found: Verification, signed: Sequence[Text] = ()) -> RenderableType:
-    """Return what was read, what was found in it, and what to do about it.
+    """Return what was read, the findings, and what to do about them.
 
     Args:
-        found: That.
-        signed: What is reported about its signatures, in lines; empty: they were not checked.
+        found: The findings.
+        signed: Lines about its signatures; empty: they were not checked.
     """
     if found.exit_code == 5:
         return Group(*(plain_text(f"{f.path}: {f.text}") for f in found.findings))
@@ -182,7 +182,7 @@ def verification_report(found: Verification, signed: Sequence[Text] = ()) -> Ren
 
 
 def head_hint(log: PurePath) -> Group:
-    """Return what a log's head is good for."""
+    """Return the advice on how to use a log's head."""
     line = command_line("verify", log, "--head", "HASH")
     return Group(
         Text("Keep the head elsewhere; a cut tail then shows:", style="dim"),
@@ -191,7 +191,7 @@ def head_hint(log: PurePath) -> Group:
 
 
 def pasteable(text: Text) -> Text:
-    """Return text whose lines are never broken: one of them is to be pasted. Print it uncropped."""
+    """Return text whose lines never break, since one is to be pasted. Print it uncropped."""
     text.no_wrap, text.overflow = True, "ignore"
     return text
 
@@ -205,7 +205,7 @@ def events_in_words(events: tuple[int, int | None]) -> str:
 
 
 def plain_text(text: str, *, style: str = "") -> Text:
-    """Return a text that comes from outside: characters that steer a terminal are spelt out."""
+    """Return a text from outside with terminal control characters escaped."""
     return Text("".join(c if c.isprintable() else repr(c)[1:-1] for c in text), style=style)
 
 
@@ -215,7 +215,7 @@ def plain_lines(text: str) -> Text:
 
 
 def _finding(finding: Finding) -> list[RenderableType]:
-    """Return where it is in one line, and below what it is."""
+    """Return a finding: its place in one line, and a description below."""
     name = finding.severity.name
     where = Text.assemble((name.lower().replace("_", " "), SEVERITY_STYLES[name]), "  ")
     where.append_text(plain_text(finding.path.name))
@@ -255,11 +255,11 @@ def _what_to_do(found: Verification) -> str:
 
 
 def recovery_report(found: RecoveryPlan, done: Recovered | None) -> RenderableType:
-    """Return what a recovery saves and loses, and where things are once it is done.
+    """Return what a recovery saves and loses, and where the files are afterwards.
 
     Args:
-        found: What was found.
-        done: What was done about it; None: nothing, it was only asked.
+        found: The findings.
+        done: What was done about it; None: nothing, this was only a check.
     """
     name = plain_text(str(found.path))
     if not found.has_to_do:

@@ -1,10 +1,8 @@
-"""What a join is, for people: which doors are one, which are not, and where logs differ.
+"""Tables of joins, proposed doors and rooms, for people.
 
-Proposed doors for people: a row each, numbered as in their picture.
-
-The rooms of a log for people: a row a room, its doors and where they lead.
-
-Rooms in words: what a room and a door are called, and what is odd about a level's rooms.
+A join: which doors are one, which are not, and where logs differ. Proposed doors: a row each,
+numbered as in their picture. Rooms: a row each, with its doors and where they lead, and what is odd
+about a level's rooms.
 """
 
 from __future__ import annotations
@@ -30,11 +28,11 @@ from semmap_log.views.column_table import CellValue, ColumnTable, TableColumn
 
 
 def joined_logs_table(joined: JoinedLogs, here: Path) -> ColumnTable:
-    """Return a row for each log: what it is called, and whether its geometry counts.
+    """Return a row for each log: its name, and whether its geometry counts.
 
     Args:
         joined: The logs.
-        here: What lies below this folder is named from there.
+        here: Paths below this folder are shown relative to it.
     """
     table = ColumnTable(
         [
@@ -58,7 +56,7 @@ def _from(place: PurePath, here: Path) -> PurePath:
 
 
 def joined_doors_table(doors: Iterable[BuildingDoor]) -> ColumnTable:
-    """Return a row for each door of the building, and what it is in which log."""
+    """Return a row for each door of the building, with its name in each log."""
     table = ColumnTable(
         [
             TableColumn("door", "door", right=True),
@@ -89,7 +87,7 @@ def door_conflicts_table(conflicts: Iterable[DoorConflict]) -> ColumnTable:
 
 
 def door_proposals_table(proposals: Iterable[DoorProposal]) -> ColumnTable:
-    """Return a row for each two doors that lie at one place."""
+    """Return a row for each pair of doors at one place."""
     table = ColumnTable(
         [
             TableColumn("first", "door", least=10),
@@ -127,7 +125,7 @@ def proposal_table(proposals: Sequence[Proposal], *, show_level: bool = False) -
 
 
 def evidence_of(proposal: Proposal) -> str:
-    """Return what speaks for a proposal, in words."""
+    """Return the evidence for a proposal, in words."""
     seen = [
         f"{count} {word}"
         for count, word in (
@@ -161,7 +159,7 @@ def proposal_to_json(number: int, proposal: Proposal, name: str) -> dict[str, An
 
 
 MOST_DOORS, MOST_ROOMS = 2, 3
-"""So many are drawn by name; programs are given all."""
+"""So many are drawn by name; programs get all of them."""
 
 
 def room_table(plan: RoomPlan, words: RoomWords) -> ColumnTable:
@@ -198,11 +196,11 @@ COLUMNS = [
 
 
 MOST_NAMED = 5
-"""So many of one kind are named; --json has all."""
+"""So many of one kind are listed by name; --json has all."""
 
 
 class RoomWords:
-    """Says what the rooms of a plan are, and of all of its levels or of one."""
+    """Describes the rooms of a plan, of all its levels or of one."""
 
     def __init__(self, plan: RoomPlan, *, level: int | None = None) -> None:
         self._plan = plan
@@ -215,7 +213,7 @@ class RoomWords:
         self._names = _labels(plan)
 
     def room(self, room_id: RoomId | None) -> str:
-        """Return what a room is called, or its number."""
+        """Return a room's name, or its number."""
         if room_id is None:
             return "nothing"
         if room_id == OUTSIDE:
@@ -223,12 +221,12 @@ class RoomWords:
         return self._names.get(room_id, f"room {room_id}")
 
     def door(self, door_id: int) -> str:
-        """Return what a door is called."""
+        """Return a door's label."""
         door = self._plan.door_map.doors[door_id]  # type: ignore[index]
         return self._labels.get(door.door_id, door.label)
 
     def notes(self) -> Iterator[str]:
-        """Yield a line for the whole, and one for each thing to know of it."""
+        """Yield a summary line, and a line for each remark."""
         two = [each for each in self._doorways if each.joins_two]
         bare = sum(not self._plan.graph.doors_of(room.room_id) for room in self.rooms)
         yield (
@@ -262,7 +260,7 @@ class RoomWords:
             yield f"without a floor plan, so without rooms: level {told(names)}; to give one: {how}"
 
     def _open_levels(self) -> Iterator[str]:
-        """Yield a line for each level whose known floor lies outside for the most part."""
+        """Yield a line for each level whose known floor is mostly outside."""
         for level, floor in self._plan.floors.items():
             known_m2 = floor_m2(floor)
             rooms_m2 = sum(room.area_m2 for room in self.rooms if room.level == level)
@@ -290,20 +288,20 @@ class RoomWords:
 
 
 def floor_m2(floor: FloorMap) -> float:
-    """Return how much of a plan is known to be floor, square metres."""
+    """Return the area of a plan that is known to be floor, square metres."""
     cells = (floor.cells >= 0) & (floor.cells < OCCUPIED_FROM)
     return float(np.count_nonzero(cells)) * floor.resolution**2
 
 
 def first_of(names: Sequence[str], most: int) -> str:
-    """Return the first of some names, and how many more there are."""
+    """Return the first of some names, and the number of the others."""
     most = most if len(names) > most + 1 else len(names)
     more = f", and {len(names) - most:,} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 
 
 def _labels(plan: RoomPlan) -> dict[RoomId, str]:
-    """Return the names of rooms; with their level where rooms on several bear the same."""
+    """Return the names of rooms, with their level where several levels have the name."""
     rooms = plan.graph.rooms.values()
     levels: dict[str, set[int]] = {}
     for room in rooms:

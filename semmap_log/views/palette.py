@@ -1,15 +1,10 @@
-"""Every colour that is drawn, in one place; the report's page has its own paper in `page.css`.
+"""All colours that are drawn, in one place; the report's page has its own paper in `page.css`.
 
-Probabilities as colours: dark is surely closed, bright surely open, for all eyes and in grey.
-
-The colours are those of matplotlib's viridis, so that terminal, plot and viewer agree.
-
-Which tint each room of a level is drawn in: rooms next to each other get different ones.
-
-A costmap's cells as shades for people: clear on a grey print and for colour-blind eyes.
-
-Light is cheap, dark is dear: free is white, inflation runs from pale to deep violet, inscribed is
-darker than all of it, lethal is black. Unknown is hatched, as no cost is.
+Probabilities run from dark (surely closed) to bright (surely open), in matplotlib's viridis, for
+all eyes and in grey; terminal, plot and viewer agree. Adjacent rooms of a level get different
+tints. A costmap's shades are clear on a grey print and for colour-blind eyes: free is white,
+inflation runs from pale to deep violet, inscribed is darker than all of it, lethal is black.
+Unknown is hatched, as no cost is.
 """
 
 from __future__ import annotations
@@ -33,7 +28,7 @@ from semmap_log.analysis.rooms.level_rooms import LevelRooms
 from semmap_log.core.model.doors import DoorState, reduced
 
 COLOUR_MAP = "viridis"
-"""What matplotlib calls it."""
+"""Its name in matplotlib."""
 
 
 def shade(probability: float) -> Rgb:
@@ -53,7 +48,7 @@ def ink_on(colour: Rgb) -> Rgb:
 
 
 BESIDE_CELLS = 9
-"""Rooms so near to each other are next to each other: a wall lies between."""
+"""Rooms within this distance are adjacent: only a wall lies between them."""
 MOST_CELLS = 4_000_000
 
 Image = NDArray[np.uint8]
@@ -62,13 +57,13 @@ Image = NDArray[np.uint8]
 def rooms_image(rooms: LevelRooms, *, alpha: int = 255, most_cells: int = MOST_CELLS) -> Image:
     """Return the rooms in their tints: (rows, columns, RGBA), row 0 at the lowest y.
 
-    What is no room is left out. Of a plan with more cells each second, third … is drawn: it covers
+    Cells outside rooms are left out. Of a larger plan only each second, third … cell is drawn, over
     the same area.
 
     Args:
-        rooms: A level's.
+        rooms: The rooms of a level.
         alpha: How much a tint covers, 0..255.
-        most_cells: How large the picture may be.
+        most_cells: The largest number of cells of the picture.
     """
     labels = sampled(rooms, most_cells)
     tint_of = room_tints(labels)
@@ -101,7 +96,7 @@ def room_tints(labels: NDArray[np.int64]) -> dict[RoomId, int]:
 
 
 def _beside(labels: NDArray[np.int64]) -> dict[RoomId, set[RoomId]]:
-    """Return the rooms next to each room: a few cells away along a row or a column."""
+    """Return the rooms adjacent to each room: a few cells away along a row or a column."""
     found: dict[RoomId, set[RoomId]] = {int(room): set() for room in np.unique(labels) if room}
     for gap in range(1, BESIDE_CELLS + 1):
         for one, other in ((labels[gap:], labels[:-gap]), (labels[:, gap:], labels[:, :-gap])):
@@ -117,13 +112,13 @@ Grid = NDArray[np.uint8] | NDArray[np.int8]
 
 HATCH_PX = 8
 LEVELS = 24
-"""Of the violet: as many as an eye can see, and few enough that the file stays small."""
+"""Of the violet: as many as an eye can distinguish, few enough that the file stays small."""
 
 
 def costs_of(grid: Grid) -> NDArray[np.uint8]:
-    """Return the grid as costs; map values (int8) as the least cost that is published so.
+    """Return the grid as costs; map values (int8) as the least cost that is published as such.
 
-    A map value that is none (below -1, above 100) is lethal, as the static layer takes it.
+    An invalid map value (below -1, above 100) is lethal, as in the static layer.
     """
     if grid.dtype == np.uint8:
         return np.asarray(grid, np.uint8)
@@ -139,7 +134,7 @@ def shaded(costs: NDArray[np.uint8], scale: int) -> NDArray[np.uint8]:
 
     Args:
         costs: (height, width), row 0 at the lowest y.
-        scale: Pixels a cell; or, below 0, so many cells a pixel: the dearest of them shows, so that
+        scale: Pixels per cell; or, if negative, cells per pixel: their greatest cost shows, so that
             no wall and no door is lost.
 
     Returns:
@@ -158,7 +153,7 @@ def shaded(costs: NDArray[np.uint8], scale: int) -> NDArray[np.uint8]:
 
 
 def _dearest(costs: NDArray[np.uint8], cells: int) -> NDArray[np.uint8]:
-    """Return one cost for each block of cells; what lies beyond the edge is unknown."""
+    """Return one cost for each block of cells; beyond the edge it is unknown."""
     height, width = costs.shape
     # Unknown is the least of all: a block that knows anything shows it.
     ranked = costs + np.uint8(1)
@@ -209,14 +204,14 @@ class Palette:
     label: Rgb = (255, 255, 255)
     """Of names on the plan: in the viewer, on a chip that is dark or grey, as the theme has it."""
     plain_text: Rgb = (0x8A, 0x90, 0x9C)
-    """Of a line about no state: grey enough for white and for black."""
+    """Of a line without a state: a grey for white and black backgrounds."""
 
     def of_state(self, state: DoorState) -> Rgb:
-        """Return what a door in that state is drawn with; MOVING and OFFLINE draw as unknown."""
+        """Return the colour of a door in a state; MOVING and OFFLINE have that of unknown."""
         return self._by_state((self.unknown, self.open, self.closed), state)
 
     def text_of_state(self, state: DoorState | None) -> Rgb:
-        """Return the colour of a line of text about that state, or about none."""
+        """Return the colour of a line of text about a state, or without one."""
         if state is None:
             return self.plain_text
         return self._by_state((self.unknown_text, self.open_text, self.closed_text), state)
@@ -272,7 +267,7 @@ COST_DOORS: dict[DoorState, Rgb] = {
     DoorState.OPEN: (0x00, 0x72, 0xB2),
     DoorState.UNKNOWN: (0x80, 0x60, 0x00),
 }
-"""After Okabe and Ito, who chose colours that colour-blind eyes tell apart."""
+"""After Okabe and Ito, who chose colours that colour-blind eyes can distinguish."""
 WEEK_UNKNOWN: Rgb = (70, 74, 82)
 WEEK_AXES: Rgb = (225, 228, 233)
 
@@ -290,7 +285,7 @@ ROOM_TINTS: tuple[Rgb, ...] = (
     (0x8D, 0xB7, 0xE0), (0xE3, 0xC7, 0x8A), (0x9F, 0xCF, 0xB0), (0xD0, 0xA9, 0xD6),
     (0xE0, 0xA6, 0x9E), (0xA9, 0xC9, 0xCF), (0xC9, 0xCC, 0x95), (0xB5, 0xB0, 0xE3),
 )  # fmt: skip
-"""Of rooms, pale, so that doors stand out; rooms next to each other get different ones."""
+"""Of rooms, pale, so that doors stand out; adjacent rooms get different ones."""
 PLOT_ROOM_NAME = "#333333"
 PLOT_LIFT = "#7a3fa0"
 

@@ -20,7 +20,7 @@ from semmap_log.views.timeline_table import duration
 
 
 def patrol_plan_table(plan: PatrolPlan) -> RenderableType:
-    """Return a row a stop, what is left out, and what the plan rests on."""
+    """Return a row a stop, the targets left out, and the basis of the plan."""
     table = ColumnTable(_columns(with_targets=any(s.target.room is not None for s in plan.stops)))
     for number, stop in enumerate(plan.stops, start=1):
         table.add(*_row(number, stop, plan.tz))
@@ -88,7 +88,7 @@ def _summary(plan: PatrolPlan) -> list[str]:
 
 
 def _omitted(left_out: Iterable[NotVisited]) -> list[str]:
-    """Return a line for each reason, or for each target where the words differ and they are few."""
+    """Return a line for each reason; if few targets have different reasons, for each target."""
     by_words: dict[tuple[str, str], list[str]] = {}
     for each in left_out:
         words = each.said if each.reason != "shut" else ""

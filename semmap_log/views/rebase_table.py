@@ -1,6 +1,7 @@
-"""What a new map does to the doors, for people: how well points fit, and where doors go.
+"""Tables of a rebase and of a planned trip, for people.
 
-A planned trip, for people: the doors on the way, and what to do if one is shut.
+A rebase: how well the points fit the new map, and where doors go. A trip: the doors on the way,
+and what to do if one is shut.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ MOST_NAMED = 10
 
 
 def pairs_table(fit: MapFit) -> ColumnTable:
-    """Return a row for each pair, in the order of the file: how far the fit leaves it off."""
+    """Return a row for each pair, in the order of the file: its residual after the fit."""
     table = ColumnTable([
         TableColumn("pair", "pair", least=SHORTEST_NAME),
         TableColumn("old_x", "old x", right=True, yields=1),
@@ -65,7 +66,7 @@ def moved_doors_table(plan: RebasePlan) -> ColumnTable:
 
 
 def rebase_notes(plan: RebasePlan) -> Iterator[str]:
-    """Yield what is to be reported about doors that stay, and of those that were measured."""
+    """Yield notes on doors that stay, and on those that were measured."""
     measured = [door for door in plan.doors if door.is_measured]
     if measured:
         worst = max(measured, key=lambda door: -1 if math.isnan(door.off_m) else door.off_m)
@@ -106,7 +107,7 @@ def _off(door: MovedDoor) -> str:
 
 
 def trip_table(trip: DoorTrip) -> RenderableType:
-    """Return a row a door on the way, the expected time, and what it rests on."""
+    """Return a row a door on the way, the expected time, and its basis."""
     table = ColumnTable([
         TableColumn("door_id", "id", right=True),
         TableColumn("door", "door", least=SHORTEST_NAME),
@@ -154,7 +155,7 @@ def _in_words(stop: TripStop, choice: ShutDoorChoice) -> str:
 
 
 def _time(seconds: float) -> Cell:
-    """Return the time to the goal; one that is none is absent."""
+    """Return the time to the goal; an infinite one is absent."""
     if not math.isfinite(seconds):
         return ABSENT
     return CellValue(_duration(seconds), f"{seconds:.0f}")

@@ -1,6 +1,7 @@
-"""What a laser saw of the doors, for people: a row a door, and what should be looked at.
+"""Tables of a scan report and of query answers, for people.
 
-The answer of a query for people: times by the log's clocks, numbers to the right.
+A scan report has a row for each door, and names those that need a look. A query's answer shows
+times by the log's clocks, and aligns numbers to the right.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ from semmap_log.views.tables import ABSENT
 MARK = "!"
 """Of a door that a warning is about."""
 MOST_NAMED = 12
-"""Doors that were not met are named up to so many."""
+"""Up to so many doors that were not met are listed by name."""
 
 
 def scan_report_table(report: ScanReport) -> RenderableType:
-    """Return a row a door, in 80 columns, and after it what is odd."""
+    """Return a table of a row a door, in 80 columns, followed by notes on what is odd."""
     table = ColumnTable([
         TableColumn("door", "door", least=12),
         TableColumn("visits", "visits", right=True),
@@ -49,7 +50,7 @@ def scan_report_table(report: ScanReport) -> RenderableType:
 
 
 def warning_lines(report: ScanReport) -> list[str]:
-    """Return what should be looked at, the doors by their names."""
+    """Return the warnings, with the doors' names."""
     about = [warning.about(report.label(warning.door_id)) for warning in report.warnings]
     return [printable(line) for line in (*about, *report.oddities)]
 
@@ -126,7 +127,7 @@ def _is_number(type_: pa.DataType) -> bool:
 
 
 def _times(column: pa.ChunkedArray, tz: str) -> list[Cell] | None:
-    """Return instants as people and programs read them; None: the column has none."""
+    """Return instants for people and for programs; None: the column has none."""
     ns = instants_ns(column)
     if ns is None:
         return None

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from semmap_log.store.clock_check import SuspectCommit
 
 ABSENT = "-"
-"""Stands for what is not known or was not given."""
+"""Marks what is unknown or was not given."""
 
 STATE_COLOURS = {DoorState.OPEN: "green", DoorState.CLOSED: "red"}
 OTHER_STATE_COLOUR = "yellow"
@@ -54,7 +54,7 @@ AGE_UNITS = ((365 * 86_400, "y"), (86_400, "d"), (3_600, "h"), (60, "min"), (1, 
 """Seconds in a unit, and its name."""
 
 LATE_NS = 60 * SECOND_NS
-"""An event that was recorded so much later than it happened says so."""
+"""An event that was recorded at least so late shows its delay."""
 
 MOST_EVENTS_OF_A_DIFF = 40
 MOST_SUSPECTS = 20
@@ -64,7 +64,7 @@ DATE_WIDTH, TIME_WIDTH = len("2026-03-02"), len("08:00:00")
 
 Names = Mapping[DoorId, str]
 Objects = Mapping[DoorId, ObjectClass]
-"""What all objects are that are no doors."""
+"""The classes of all objects that are not doors."""
 NO_OBJECTS: Objects = MappingProxyType({})
 SHORTEST_NAME = 14
 
@@ -144,8 +144,8 @@ def history_pages(
     Args:
         entries: Events, in the order to show.
         tz: IANA zone of the times.
-        names: What the doors are called; one without a name is its number.
-        objects: What is no door.
+        names: The doors' names; a door without one is shown by its number.
+        objects: The classes of objects that are not doors.
     """
     waiting = map(_without_cells, entries)
     page = list(islice(waiting, PAGE_ROWS))
@@ -158,7 +158,7 @@ def history_pages(
 
 
 def _without_cells(entry: HistoryEntry) -> HistoryEntry:
-    """Return an entry as a table shows it: of a floor plan only how large it is."""
+    """Return an entry as a table shows it: of a floor plan only its size."""
     if not isinstance(entry.event, FloorMap):
         return entry
     cells = np.broadcast_to(np.int8(0), entry.event.cells.shape)  # of one byte
@@ -166,7 +166,7 @@ def _without_cells(entry: HistoryEntry) -> HistoryEntry:
 
 
 def diff_table(found: Diff, *, tz: str) -> RenderableType:
-    """Return what is different between two door maps, and the last events between them.
+    """Return the differences between two door maps, and the last events between them.
 
     The robot's poses are left out.
 
@@ -213,12 +213,12 @@ def _last_events(
 
 
 def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> ColumnTable:
-    """Return all that is known about one event, a field a row; an update: only what it sets.
+    """Return all about one event, a field a row; of an update only what it sets.
 
     Args:
         entry: The event.
         tz: IANA zone of the times.
-        name: What the door is called.
+        name: The door's name.
     """
     table = pairs([
         ("event", f"{entry.number}{taken_back(entry)}"),
@@ -242,7 +242,7 @@ def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> ColumnTable:
 
 
 def _telling_fields(event: Event) -> Iterator[str]:
-    """Yield the fields of an event that say something."""
+    """Yield the fields of an event that have a value."""
     unset = PART_OF.keys() - event.values_set().keys() if isinstance(event, DoorUpdated) else set()
     for field in field_names(type(event)):
         if field not in {"door_id", "salt", "changed"} | unset:
@@ -250,7 +250,7 @@ def _telling_fields(event: Event) -> Iterator[str]:
 
 
 def summary_table(summary: LogSummary) -> RenderableType:
-    """Return what a log holds, a fact a row; then what looks wrong."""
+    """Return the contents of a log, a fact a row; then what looks wrong."""
     info, tz = summary.info, summary.info.timezone
     table = pairs()
     for name, text in (("building", info.building), ("robot", info.robot)):
@@ -292,7 +292,7 @@ def hold_setting(holds: int) -> str:
 
 
 def _counted_by_class(door_map: DoorMap) -> Iterator[tuple[str, int]]:
-    """Yield how many doors there are, and how many objects of each class."""
+    """Yield the number of doors, and of objects of each class."""
     if not door_map.classes:
         yield "doors", len(door_map)
         return
@@ -303,7 +303,7 @@ def _counted_by_class(door_map: DoorMap) -> Iterator[tuple[str, int]]:
 
 
 def _personal_words(personal: PersonalData) -> Iterator[tuple[str, str]]:
-    """Yield what of a log reports of persons, in words."""
+    """Yield the parts of a log that are about persons, in words."""
     if personal.notes:
         said = f"{personal.notes:,}, {personal.reasons:,} of them with a reason"
         yield "notes", f"{said}; by {_most(personal.actors)}"
@@ -315,7 +315,7 @@ def _personal_words(personal: PersonalData) -> Iterator[tuple[str, str]]:
 
 
 def _most(names: Counter[str]) -> str:
-    """Return the most frequent names, and how often each is there."""
+    """Return the most frequent names, with their counts."""
     told = [f"{name} {count:,}" for name, count in sorted(names.items(), key=_frequent)]
     if len(told) > MOST_NAMES:
         told[MOST_NAMES:] = [f"{len(told) - MOST_NAMES} others"]
@@ -328,7 +328,7 @@ def _frequent(name_and_count: tuple[str, int]) -> tuple[int, str]:
 
 
 def _index_words(index: IndexState, log: PurePath) -> str:
-    """Return how far the tables by door are, and what to do where they are not whole."""
+    """Return the progress of the tables by door, and what to do if they are incomplete."""
     said = f"{index.indexed:,} of {counted(index.segments, 'closed file')}, {_size(index.size)}"
     if index.indexed < index.segments:
         said += f"; `{command_line('index', log)}` brings it up to date"
@@ -372,7 +372,7 @@ def _history_page(
     objects: Objects,
     before: HistoryEntry | None,
 ) -> ColumnTable:
-    """Return one page: drawn, a date stands once a day, who and why once a commit."""
+    """Return one page; when drawn, a date appears once a day, who and why once a commit."""
     table = ColumnTable(HISTORY_COLUMNS, has_head=before is None)
     for entry in entries:
         day, clock = _day_and_clock(entry, tz)
@@ -420,17 +420,17 @@ def _day_and_clock(entry: HistoryEntry, tz: str) -> tuple[str, str]:
 
 
 def _text(text: str, *, style: str = "") -> Text:
-    """Return a text that comes from outside: characters that steer a terminal are spelt out."""
+    """Return a text from outside with terminal control characters escaped."""
     return Text(printable(text), style=style)
 
 
 def class_in(objects: Objects, door_id: DoorId | None) -> ObjectClass:
-    """Return what an event is about."""
+    """Return the class of an event's object."""
     return DOOR if door_id is None else objects.get(door_id, DOOR)
 
 
 def words_of_entry(entry: HistoryEntry, of: ObjectClass = DOOR) -> Text:
-    """Return what an event says, how late it was given, what was before, and what took it back."""
+    """Return an event in words: its content, its delay, the value before, and its retraction."""
     said = words_of(entry.event, of)
     late_ns = entry.recorded_ns - entry.happened_ns
     if late_ns > LATE_NS:
@@ -439,7 +439,7 @@ def words_of_entry(entry: HistoryEntry, of: ObjectClass = DOOR) -> Text:
 
 
 def taken_back(entry: HistoryEntry) -> str:
-    """Return that an event was retracted; by which other, where that is known."""
+    """Return that an event was retracted, and by which other if known."""
     if not entry.retracted:
         return ""
     by = "" if entry.retracted_by is None else f" by event {entry.retracted_by}"
@@ -447,7 +447,7 @@ def taken_back(entry: HistoryEntry) -> str:
 
 
 def _before(entry: HistoryEntry, of: ObjectClass) -> str:
-    """Return what the fields that an event changed had been, such as `, was CLOSED`."""
+    """Return the previous values of the fields that an event changed, such as `, was CLOSED`."""
     known = values_before(entry, of)
     if len(known) == 1:
         return f", was {known[0][1]}"
@@ -472,7 +472,7 @@ def _short(value: object, of: ObjectClass = DOOR) -> str:
 
 
 def state_in_words(state: DoorState, of: ObjectClass = DOOR) -> Text:
-    """Return what a state is called, in its colour."""
+    """Return a state's name, in its colour."""
     return Text(printable(of.word(state)), style=STATE_COLOURS.get(state, OTHER_STATE_COLOUR))
 
 
@@ -512,13 +512,13 @@ def _names(found: Diff) -> Names:
 
 
 def _objects(found: Diff) -> Objects:
-    """Return what is no door at the two moments of a diff."""
+    """Return the classes of other objects at the two moments of a diff."""
     doors = {**found.before.doors, **found.after.doors}
     return {i: door.object_class for i, door in doors.items() if not door.object_class.is_door}
 
 
 def _before_and_after(change: FieldChange) -> Iterator[tuple[Cell, Cell]]:
-    """Yield what a field was and is; of annotations, of each that changed."""
+    """Yield a field's old and new value; of annotations, for each that changed."""
     if change.field != "annotations":
         of = change.door.object_class
         yield _value(change.before, of), _value(change.after, of)
@@ -530,7 +530,7 @@ def _before_and_after(change: FieldChange) -> Iterator[tuple[Cell, Cell]]:
 
 
 def _moment(door_map: DoorMap, tz: str) -> str:
-    """Return which moment the map is of, in words."""
+    """Return the moment of the map, in words."""
     said = []
     if door_map.at_ns is not None:
         said.append(f"at {format_local(door_map.at_ns, tz)}")

@@ -21,11 +21,11 @@ NUMBER_WIDTH = 6
 GAP = "  "
 UNBOUNDED = 2**30
 LATE_NS = 60 * 10**9
-"""An event that was recorded so much later than it happened says so."""
+"""An event that was recorded at least so late shows its delay."""
 
 ROW = ("event", "happened", "recorded", "kind", "door_id", "door", "what",
        "actor", "source", "reason")  # fmt: skip
-"""What `event_row` says, for programs; the columns of a history, too."""
+"""The columns of `event_row`, for programs, and of a history."""
 
 
 def event_row(
@@ -65,10 +65,10 @@ def event_line(
     Args:
         recorded: The event.
         tz: IANA zone of the times.
-        names: What the doors are called; one without a name is its number.
-        objects: What is no door.
-        note: What its commit says.
-        width: Of the terminal: what is longer goes on in lines that are indented.
+        names: The doors' names; a door without one is shown by its number.
+        objects: The classes of objects that are not doors.
+        note: The note of its commit.
+        width: Of the terminal: longer lines continue in indented ones.
     """
     event = recorded.event
     door_id = event.door_id if isinstance(event, DoorEvent) else None
@@ -92,7 +92,7 @@ def _padded(text: str, width: int) -> str:
 
 
 def _lines(parts: Sequence[str], width: int) -> Iterator[str]:
-    """Yield lines of parts, as many of them in each as have room; a longer part is folded."""
+    """Yield lines of parts, as many in each as fit; a longer part is folded."""
     indent = " " * min(NUMBER_WIDTH + len(GAP), width // 5)
     line, *others = parts
     for part in others:

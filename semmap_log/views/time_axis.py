@@ -1,8 +1,8 @@
 """Ticks of a time axis by a building's clocks, and their labels: none covers another.
 
 Each tick is what its label says: a time of day, or the first moment of a day, a month, a year.
-Where clocks are turned back, a tick that comes a second time shows how far it is ahead of UTC. The
-report's page does the same with `page/ticks.js`; a test holds the two together.
+Where clocks are turned back, a tick that comes a second time shows its offset from UTC. The
+report's page does the same in `page/ticks.js`; a test keeps the two equal.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Tick:
     at_ms: int
     """Since the Unix epoch."""
     label: str
-    """Empty: there is no room for one."""
+    """The label; empty: there is no room for one."""
     begins_day: bool
     """It is the first moment of a local day."""
 
@@ -84,7 +84,7 @@ class WallClock:
         return self.wall_ms(at_ms) // DAY_MS
 
     def begin_of(self, day: int) -> int:
-        """Return the first moment of a local day; of one that was left out, that of the next."""
+        """Return the first moment of a local day; of a skipped day, that of the next."""
         begins = ((max(s.from_ms, day * DAY_MS - s.ahead_ms), s.till_ms) for s in self.stretches)
         return next(at_ms for at_ms, till_ms in begins if at_ms < till_ms)
 
@@ -103,9 +103,9 @@ def time_ticks(
     Args:
         start_ms: Where the axis begins, milliseconds since the Unix epoch.
         end_ms: Where it ends.
-        clock: Whose time is given.
+        clock: The clock of the labels.
         letters: How long it is, in widths of a letter.
-        short: Days are given without their weekday, months without their year but in January.
+        short: Label days without their weekday, and months other than January without their year.
         anchor: The part of a label that stands before its tick: 0, or .5 if they are centred.
     """
     length_ms = max(end_ms - start_ms, 1)
@@ -170,7 +170,7 @@ class _Axis:
             yield from self._begin(_first_day(month), _first_day(month + 1), said)
 
     def _begin(self, day: int, next_day: int, said: str) -> Iterator[Tick]:
-        """Yield the first moment of some days, unless it is outside, or all were left out."""
+        """Yield the first moment of some days, unless it is outside or the days were skipped."""
         at_ms = self.clock.begin_of(day)
         if self.start_ms <= at_ms <= self.end_ms and self.clock.day(at_ms) < next_day:
             yield Tick(at_ms, said, begins_day=True)
@@ -181,7 +181,7 @@ def _labelled(
 ) -> list[Tick]:
     """Return the ticks without the labels for which there is no room.
 
-    Days come before times, and what comes a second time before what does not.
+    Days have priority over times, and repeated times over others.
     """
     taken: list[tuple[float, float]] = []
     kept: set[int] = set()

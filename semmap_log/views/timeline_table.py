@@ -1,12 +1,9 @@
-"""A door's timeline for people: a row an interval, and how much of the time it was open.
+"""Tables of a door's timeline, best times, explanation and evaluation, for people.
 
-A sighting holds only for a time: how much of an interval the door was not seen has its own column.
-
-When to go to a door, for people.
-
-Why a door was in a state, for people: a fact a row, in whole words, all on one screen.
-
-Evaluations for people: a row an estimator, the best figures marked; then a row a door.
+A timeline has a row for each interval, and how much of the time the door was open. A sighting holds
+only for a time: a separate column shows how much of an interval the door was not seen. An
+explanation has a row for each fact, all on one screen. An evaluation has a row for each estimator,
+with the best figures marked, then a row for each door.
 """
 
 from __future__ import annotations
@@ -53,7 +50,7 @@ from semmap_log.views.tables import (
 
 
 def best_time_table(found: BestTime) -> RenderableType:
-    """Return the best hours of the week, the next ones, the wait, and what nobody knows."""
+    """Return the best hours of the week, the next ones, the wait, and the unknown hours."""
     now, label = found.now, printable(found.now.door.label)
     if not found.is_known:
         return Text(f"{label}: UNKNOWN, {why_unknown(now.evidence)}.")
@@ -125,7 +122,7 @@ def _notes(found: BestTime) -> list[str]:
 
 
 MOST_OTHERWISE = 5
-"""So many events that say otherwise are shown, those nearest to the moment; `--json` has all."""
+"""So many contradicting events are shown, nearest to the moment first; `--json` has all."""
 LIKELY = 0.5
 OTHERS = "other reports"
 UNIT_WORDS = {"d": "day", "h": "hour", "min": "minute", "s": "second"}
@@ -135,10 +132,10 @@ When = Callable[[int], str]
 
 
 def explanation_table(told: Explanation, *, tz: str) -> RenderableType:
-    """Return what a log reports of a door at a moment.
+    """Return a table that explains a door's state at a moment.
 
     Args:
-        told: The answer.
+        told: The explanation.
         tz: IANA zone of the times.
     """
     rows = _Rows(told, tz)
@@ -154,7 +151,7 @@ def explanation_table(told: Explanation, *, tz: str) -> RenderableType:
 
 
 class _Rows:
-    """Names and values; times are drawn short, and given to programs in full."""
+    """Names and values; times are short when drawn, and complete for programs."""
 
     def __init__(self, told: Explanation, tz: str) -> None:
         self.table: PairTable = pairs()
@@ -164,14 +161,14 @@ class _Rows:
         self._day = format_short(told.time_ns, tz).partition(" ")[0]
 
     def add(self, name: str, value: Callable[[When], Text], *, under: str = "") -> None:
-        """Add a row; one under another is given by both names."""
+        """Add a row; programs see a row under another by both names."""
         drawn, full = value(self.drawn), value(lambda ns: format_local(ns, self._tz))
         told_name = f"{under}: {name}" if under else name
         label = f"  {name}" if under and name else name
         add_pair(self.table, label, CellValue(drawn, full.plain), told_name=told_name)
 
     def add_state(self, name: str, known: StateReason) -> None:
-        """Add a state, what began it, and what told it last."""
+        """Add a state, the event that began it, and the last event that reported it."""
         told = self._told
         self.add(name, lambda when: _state(known, told, when))
         if known.begun_by is None or known.last is None:
@@ -186,7 +183,7 @@ class _Rows:
             )
 
     def drawn(self, ns: int) -> str:
-        """Return a time: without the date on the day that is queried."""
+        """Return a time, without its date on the day of the queried moment."""
         day, _, clock = format_short(ns, self._tz).partition(" ")
         return clock if day == self._day else f"{day} {clock}"
 
@@ -199,7 +196,7 @@ class _Rows:
 
 
 def _class_told(told: Explanation) -> ObjectClass:
-    """Return what a log shows something of."""
+    """Return the class of the object that the explanation is about."""
     door = told.true.door or told.believed.door
     return DOOR if door is None else door.object_class
 
@@ -213,7 +210,7 @@ def _called(told: Explanation) -> str:
 
 
 def _state(known: StateReason, told: Explanation, when: When) -> Text:
-    """Return a state and since when; or that the door was not there."""
+    """Return a state and since when, or that the door was not in the map."""
     if known.state is None:
         if known.since_ns is None:
             return Text("not yet in the map", style=OTHER_STATE_COLOUR)
@@ -226,7 +223,7 @@ def _state(known: StateReason, told: Explanation, when: When) -> Text:
 
 
 def _coloured(state: DoorState, of: ObjectClass, said: str = "") -> Text:
-    """Return a state, or what is reported about it, in its colour; what is appended has none."""
+    """Return a state, or its description, in its colour; text that is appended has none."""
     return Text.assemble((said or of.word(state), STATE_COLOURS.get(state, OTHER_STATE_COLOUR)))
 
 
@@ -264,7 +261,7 @@ def _who(entry: HistoryEntry) -> str:
 
 
 def _add_believed(rows: _Rows, told: Explanation) -> None:
-    """Add what was believed where it was not what is true, and what made the difference."""
+    """Add what was believed if it differs from the truth, and the reason."""
     if told.agrees:
         rows.add("believed", lambda _: Text("the same"))
         return
@@ -295,7 +292,7 @@ def _was_told_late(late: HistoryEntry, when: When) -> Text:
 
 
 def _add_otherwise(rows: _Rows, told: Explanation) -> None:
-    """Add the events nearest to the moment that tell another state."""
+    """Add the events nearest to the moment that report another state."""
     if told.true.state is None:
         return
     if not told.otherwise:
@@ -321,7 +318,7 @@ def _add_one_otherwise(rows: _Rows, name: str, entry: HistoryEntry, of: ObjectCl
 
 
 def _p_open(told: Explanation) -> Text:
-    """Return P(open) as it could be known then; where it is not, why."""
+    """Return P(open) as of the knowledge then, or why it is unknown."""
     belief = told.belief
     if belief is None:
         gone = "had been removed" if told.believed.is_removed else "was not known then"
@@ -378,7 +375,7 @@ Names = Mapping[DoorId, str]
 MOST_DOORS = 40
 """So many are shown one by one."""
 MOST_ESTIMATORS = 5
-"""Of doors one by one: so many columns fit; those that are best on the mean."""
+"""Columns that fit for single doors: the estimators that are best on average."""
 BEST = "*"
 FIGURES = ("brier", "log_loss", "ece", "bias")
 HEADS = ("Brier", "log-loss", "ECE", "bias")
@@ -391,8 +388,8 @@ def evaluation_table(
     """Return the figures of an evaluation, in 80 columns.
 
     Args:
-        evaluation: What came of it.
-        names: What the doors are called.
+        evaluation: The evaluation.
+        names: The doors' names.
     """
     parts: list[RenderableType] = [_means(evaluation)]
     if len(evaluation.doors) > 1:
@@ -419,7 +416,7 @@ def _means(evaluation: Evaluation) -> ColumnTable:
 
 
 def _doors(evaluation: Evaluation, names: Names) -> RenderableType:
-    """Return the Brier scores of each door; of many, and of many estimators, a part is drawn."""
+    """Return the Brier scores of each door; of many doors or estimators, a part is drawn."""
     mean = evaluation.mean
     ranked = sorted(mean, key=lambda name: mean[name].brier or 0.0)[:MOST_ESTIMATORS]
     drawn = _brier_scores(evaluation, names, [name for name in mean if name in ranked], MOST_DOORS)
@@ -445,7 +442,7 @@ def _brier_scores(
 
 
 def _best(scores: Mapping[str, Scores], figure: str) -> str | None:
-    """Return whose figure is nearest to 0; of a single one there is no best."""
+    """Return the estimator whose figure is nearest to 0; a single one is never the best."""
     if len(scores) < 2:
         return None
     return min(scores, key=lambda name: abs(getattr(scores[name], figure)))
@@ -476,7 +473,7 @@ def _said(evaluation: Evaluation) -> str:
 
 
 def known_in_words(evaluation: Evaluation) -> str:
-    """Return what each forecast knows: `known at each forecast: all up to 1 h before it`."""
+    """Return the knowledge at each forecast: `known at each forecast: all up to 1 h before it`."""
     protocol = evaluation.protocol
     what = "all"
     if (patrol := protocol.patrol) is not None:
@@ -511,7 +508,7 @@ def timeline_pages(timeline: Timeline, *, tz: str, of: ObjectClass = DOOR) -> It
     Args:
         timeline: A door's.
         tz: IANA zone of the times.
-        of: What it is the timeline of.
+        of: The class of the timeline's object.
     """
     waiting = iter(timeline)
     page = list(islice(waiting, PAGE_ROWS))
@@ -524,7 +521,7 @@ def timeline_pages(timeline: Timeline, *, tz: str, of: ObjectClass = DOOR) -> It
 def timeline_totals(timeline: Timeline, *, tz: str, of: ObjectClass = DOOR) -> Text:
     """Return how much of the known time the door was open, and how the timeline ends, in words.
 
-    What comes after a sighting that no longer holds is not known: the door was not seen since.
+    After a sighting no longer holds, the state is unknown: the door was not seen since.
     """
     opened, closed = timeline.total_ns(DoorState.OPEN), timeline.total_ns(DoorState.CLOSED)
     known, whole = opened + closed, int(timeline.duration_ns.sum())

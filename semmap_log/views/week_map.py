@@ -156,7 +156,7 @@ def _told_table(*of: str) -> ColumnTable:
 def _tell(
     table: ColumnTable, week: TypicalWeek, cells: WeekPattern, places: Sequence[tuple[str, ...]]
 ) -> None:
-    """Add a row for each cell; those of which too little is known have no numbers."""
+    """Add a row for each cell; cells with too little evidence have no numbers."""
     numbers = zip(places, cells.p_open, cells.low, cells.high, cells.is_known, strict=True)
     names = _names(week)  # once: a name from a stranger's log may be long
     for place, p_open, low, high, is_known in numbers:
@@ -165,7 +165,7 @@ def _tell(
 
 
 def _cell_width(width: int, wanted: int, *, beside: int) -> int:
-    """Return how many columns of text a cell may take, where so many are next to the cells."""
+    """Return how many columns of text a cell may take, with `beside` columns next to the cells."""
     return max(1, min(wanted, (width - beside) // HOURS))
 
 

@@ -1,9 +1,8 @@
-"""The page's clock: whole milliseconds, and a zone's offsets so that no browser needs its own.
+"""The page's clock: whole milliseconds, and a zone's offsets, so that no browser needs its own.
 
-What counts from a nanosecond on counts from the next whole millisecond on: so at each whole
-millisecond the page shows just what a replay of that moment does.
-
-What to do with a log that has no events yet: told wherever there would be nothing to see.
+A change at a nanosecond counts from the next whole millisecond on, so that at each whole
+millisecond the page shows just what a replay of that moment returns. It also holds the hint for a
+log that has no events yet.
 """
 
 from __future__ import annotations
@@ -26,23 +25,23 @@ DAY_MS = 86_400_000
 
 
 def first_ms(ns: int) -> int:
-    """Return the first whole millisecond that does not come before an instant."""
+    """Return the first whole millisecond at or after an instant."""
     return -(-ns // MS_NS)
 
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """What the slider goes over, milliseconds since the Unix epoch, both ends included."""
+    """The span of the slider, milliseconds since the Unix epoch, both ends included."""
 
     begin_ms: int
     end_ms: int
 
     def since_begin(self, ns: int) -> int:
-        """Return from when on something counts, milliseconds after the begin."""
+        """Return when an instant begins to count, milliseconds after the begin."""
         return first_ms(ns) - self.begin_ms
 
     def widened(self, ms: int) -> Span:
-        """Return the same with so much more before and after."""
+        """Return the span widened by `ms` at both ends."""
         return Span(self.begin_ms - ms, self.end_ms + ms)
 
 
@@ -92,7 +91,7 @@ NOT_IN_THIS_PART = (
 
 
 def how_to_begin(log: DoorLog) -> str | None:
-    """Return what to type to fill an empty log; None: it has events."""
+    """Return the commands that fill an empty log; None: it has events."""
     if log.last_event() >= 0:
         return None
     line = partial(_line, log)

@@ -1,4 +1,4 @@
-"""How likely a log's doors are open: asked, applied to the map, and judged.
+"""How likely a log's doors are open: queried, written to the map, and evaluated.
 
     import semmap_log as sl
     from semmap_log.analysis.beliefs import probabilities

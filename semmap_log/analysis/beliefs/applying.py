@@ -1,6 +1,6 @@
-"""Write what is believed into the map: the thesis's `open_prob` and `closed_prob`, from evidence.
+"""Write beliefs into the map as the thesis's `open_prob` and `closed_prob`.
 
-The updates set no state, and are themselves no evidence: what is believed afterwards is the same.
+The updates set no state, and are themselves no evidence: beliefs are the same afterwards.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from semmap_log.log.door_log.door_log import Time
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 
 DIGITS = 6
-"""Of the probabilities: a change beyond them is none."""
+"""Digits of the probabilities: a smaller change does not count."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Applied:
     written: list[DoorBelief]
     """Doors whose numbers changed; they are in the log now."""
     unknown: list[DoorBelief]
-    """Doors of which too little is known: they were left alone."""
+    """Doors of which too little is known; they are unchanged."""
     appended: Appended | None
     """None: nothing changed, and nothing was written."""
 
@@ -58,11 +58,10 @@ def apply_probabilities(
 ) -> Applied:
     """Append P(open) and P(closed) of all doors that are known and differ, as one commit.
 
-    They hold from the moment that is queried from on. Asked again without new evidence, nothing is
-    written.
+    They hold from the queried moment on. Repeated without new evidence, it writes nothing.
 
     Args:
-        log: The log to ask, and to write to.
+        log: The log to query, and to write to.
         at: As `probabilities`.
         known_at: As `probabilities`.
         as_happened: As `probabilities`.
@@ -70,15 +69,14 @@ def apply_probabilities(
         estimator: As `probabilities`.
         tz: As `probabilities`.
         doors: As `probabilities`.
-        note: Who and why; a source and a reason that are left out name estimator, moment and
-            evidence.
+        note: Who and why; the default source and reason name estimator, moment and evidence.
         command_id: 16 bytes: the same command, sent again, is stored once.
         expected_event: Number of the last event of the log, as the caller knows it.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
-        CommandReusedError: The command is stored already, and was another.
-        UnexpectedEventError: The log went on since.
+        CommandReusedError: Another command is already stored under this id.
+        UnexpectedEventError: The log has more events since.
         SemmapError: As `probabilities`.
     """
     asked = list(doors) if doors is not None else None
@@ -114,7 +112,7 @@ def apply_probabilities(
 
 
 def _numbers(belief: DoorBelief) -> tuple[float, float]:
-    """Return P(open) and P(closed) as they are written; they sum up to 1."""
+    """Return P(open) and P(closed) as they are written; their sum is 1."""
     p_open = round(belief.p_open, DIGITS)
     return p_open, round(1.0 - p_open, DIGITS)
 

@@ -35,14 +35,14 @@ State = Literal["open", "closed"]
 
 MOST_WINDOWS = 5
 ABOUT_THE_SAME = 0.05
-"""Hours whose probability is not more than that below the best are as good as it."""
+"""Hours whose probability is at most so far below the best count as equally good."""
 WORTHLESS = 0.25
-"""Hours that are more than that below the best of all are no good."""
+"""Hours that are further below the best of all are excluded."""
 
 
 @dataclass(frozen=True, slots=True)
 class LikelyHours:
-    """Some hours in a row in which a door is likely in the state, and how likely, on average."""
+    """Consecutive hours in which a door is likely in the state, with their mean probability."""
 
     start_ns: int
     """The next time that it begins; of one that is under way, now."""
@@ -61,7 +61,7 @@ class BestTime:
 
     state: State
     now: DoorBelief
-    """How likely it is open at the moment that is queried from."""
+    """How likely it is open at the queried moment."""
     tz: str
     is_known: bool
     """False: too little was seen of the door; there are no windows."""
@@ -72,8 +72,8 @@ class BestTime:
     never_seen: WeekMask
     """Hours of the week of which nothing is known: no window lies in them."""
     wait_s: float | None
-    """How long it takes on average until the door is in that state; None: that is not known, or
-    the estimator does not tell."""
+    """How long it takes on average until the door is in that state; None: that is unknown, or the
+    estimator does not provide it."""
     wait_interval_s: tuple[float, float] | None
     """The ends of its 90 % interval, as what was seen leaves it open."""
     sensor_doubts: Sequence[SensorDoubt] = ()
@@ -97,18 +97,18 @@ def best_time(
     """Return when a door is likeliest in a state.
 
     Args:
-        log: Whose door.
+        log: The log of the door.
         door: Id, name, or level/name.
         state: `open` or `closed`.
-        at: The moment asked from, with all that is known today of what had happened by then.
+        at: The moment of the query, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
             too. Without either that is the log's end.
-        as_happened: As if each event had been recorded when it happened, whatever was imported or
-            told later: see `belief_query.ask`.
+        as_happened: As if each event had been recorded when it happened, even if it was imported or
+            recorded later: see `door_beliefs.ask`.
         estimator: For the next hours; None: `filter`.
         tz: IANA zone of the building's clocks; None: the log's.
         most: How many windows of each kind.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         UnknownDoorError: The door was not in the map then.
@@ -209,7 +209,7 @@ def best_runs(
 ) -> list[slice]:
     """Return disjoint runs of cells, the best first; of cells about as good, the earlier first.
 
-    A run goes as far as its cells are about as good.
+    A run extends as far as its cells are about as good.
 
     Args:
         probability: (n,), in order of time.

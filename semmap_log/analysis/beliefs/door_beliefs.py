@@ -1,10 +1,7 @@
 """How likely each door is open at a moment, how sure that is, and on what evidence.
 
-A door's typical week: how likely it is open in each of 168 hours, and which nobody has seen.
-
-What every question about beliefs begins with: a moment, what was learnt by then, doors.
-
-On what a belief about a door rests, in numbers.
+Also a door's typical week: how likely it is open in each of 168 hours, and which hours nobody has
+seen. Every query begins with a moment, what was learnt by then, and the doors.
 """
 
 from __future__ import annotations
@@ -53,11 +50,11 @@ class WeekPattern:
     low: Cells
     high: Cells
     is_known: NDArray[np.bool_]
-    """False: the door was never seen then, or too little at all; the numbers are carried over."""
+    """False: the door was never seen then, or too little in all; the numbers are carried over."""
 
     @classmethod
     def of(cls, said: Forecast, is_seen: NDArray[np.bool_]) -> WeekPattern:
-        """Return a forecast as cells; those never seen are not known."""
+        """Return a forecast as cells; those never seen are unknown."""
         return cls(said.p_open, said.low, said.high, said.is_known & is_seen)
 
     def taken(self, cells: Any) -> WeekPattern:
@@ -82,7 +79,7 @@ class WeekPattern:
 
 @dataclass(frozen=True, slots=True)
 class TypicalWeek:
-    """What a week is like at a door, as known at a moment."""
+    """A door's typical week, as known at a moment."""
 
     door: Door
     level_name: str
@@ -135,20 +132,20 @@ def typical_weeks(
 ) -> TypicalWeeks:
     """Return the typical week of each door, ids ascending.
 
-    It rests on the reports about that door alone: whatever else is written since, and however late
-    one asks, it stays the same. How likely a door is open in the hours to come is another question:
-    see `probabilities`.
+    It rests on the reports about that door alone: it stays the same whatever else is written since,
+    and however late the query is. For how likely a door is open in the hours to come, see
+    `probabilities`.
 
     Args:
-        log: Whose doors.
-        at: The moment asked from, with all that is known today of what had happened by then.
+        log: The log of the doors.
+        at: The moment of the query, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
             too. Without either that is the log's end.
-        as_happened: As if each event had been recorded when it happened, whatever was imported or
-            told later: see `belief_query.ask`.
+        as_happened: As if each event had been recorded when it happened, even if it was imported or
+            recorded later: see `ask`.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these (id, name, or level/name); None: all that are in the map then.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         UnknownDoorError: One of the doors was not in the map then.
@@ -181,13 +178,13 @@ def typical_week(asked: BeliefQuery, door: Door) -> TypicalWeek:
 
 
 NEAR_NS = 24 * HOUR_NS
-"""So far ahead the last sightings still tell something; beyond, only habits do."""
+"""So far ahead the last sightings still matter; beyond, only habits do."""
 
 NOW, LATER = "filter", "schedule"
 
 
 def default_estimator(horizon_ns: int = 0) -> str:
-    """Return the name of the estimator that is taken for a time so far ahead."""
+    """Return the name of the default estimator for a time so far ahead."""
     return NOW if horizon_ns <= NEAR_NS else LATER
 
 
@@ -208,8 +205,8 @@ class DoorBelief(ShownAsTable):
     """Of the 90 % interval of P(open)."""
     high: float
     is_known: bool
-    """False: the evidence is below what it takes, and the numbers are what doors are like of
-    which nothing is known."""
+    """False: the evidence is insufficient, and the numbers are those of a door of which nothing is
+    known."""
     evidence: EvidenceSummary
 
     def __repr__(self) -> str:
@@ -256,17 +253,17 @@ def probabilities(
     """Return how likely each door is open, ids ascending.
 
     Args:
-        log: Whose doors.
-        at: The moment asked from, with all that is known today of what had happened by then.
+        log: The log of the doors.
+        at: The moment of the query, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits; without `at` it is the moment,
             too. Without either that is the log's end.
-        as_happened: As if each event had been recorded when it happened, whatever was imported or
-            told later: see `belief_query.ask`.
+        as_happened: As if each event had been recorded when it happened, even if it was imported or
+            recorded later: see `ask`.
         horizon_ns: How long after it.
         estimator: None: `filter` up to a day ahead, `schedule` beyond.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these (id, name, or level/name); None: all that are in the map then.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         UnknownDoorError: One of the doors was not in the map then.
@@ -286,7 +283,7 @@ def probabilities(
 
 
 def belief(asked: BeliefQuery, door: Door, horizon_ns: int = 0) -> DoorBelief:
-    """Return what is believed of one door, so long after the moment that is queried from."""
+    """Return the belief about one door, `horizon_ns` after the queried moment."""
     time_ns = asked.known_ns + horizon_ns
     said = asked.predict(door, np.array([time_ns]))
     return DoorBelief(
@@ -304,17 +301,17 @@ def belief(asked: BeliefQuery, door: Door, horizon_ns: int = 0) -> DoorBelief:
 
 
 FEWEST_WORDS = 30
-"""Of so few nobody can see how often a sensor errs: what would judge it is not even loaded."""
+"""Fewer cannot show how often a sensor errs; the code that would judge it is not even loaded."""
 AS_HAPPENED = (
     "for what would have been believed had each event been recorded when it happened, ask "
     '--at "{then}" --as-happened (in Python: as_happened=True)'
 )
-"""What to do where beliefs are requested, and what the log reports of that time came later."""
+"""The advice for a query about a time whose events were recorded later."""
 
 
 @dataclass(frozen=True, slots=True)
 class BeliefQuery:
-    """What is known at a moment, and the doors that are queried."""
+    """What is known at a moment, and the queried doors."""
 
     beliefs: Beliefs
     estimator: str
@@ -324,10 +321,10 @@ class BeliefQuery:
     door_map: DoorMap
     """The doors as they were known then."""
     doors: list[Door]
-    """Those queried, ids ascending."""
+    """The queried doors, ids ascending."""
 
     def by(self, estimator: str) -> BeliefQuery:
-        """Return the same by another estimator, from the same evidence.
+        """Return the query with another estimator and the same evidence.
 
         Raises:
             EstimatorError: There is no such estimator.
@@ -336,7 +333,7 @@ class BeliefQuery:
         return replace(self, beliefs=learnt, estimator=estimator)
 
     def as_of(self, known_ns: int) -> BeliefQuery:
-        """Return the same as known at another moment, later knowledge of the doors' names kept."""
+        """Return the query as of another moment, but with the same knowledge of doors' names."""
         return replace(self, known_ns=known_ns)
 
     def evidence(self, door: Door) -> EvidenceSummary:
@@ -349,7 +346,7 @@ class BeliefQuery:
         return EvidenceSummary.of(evidence, counts, self.clock)
 
     def sensor_doubts(self, log: DoorLog) -> list[SensorDoubt]:
-        """Return the sensors that are not as accurate as declared, having warned of each."""
+        """Return the sensors that are not as accurate as declared, and warn of each."""
         if len(self.beliefs.evidence) < FEWEST_WORDS:
             return []
         from semmap_log.analysis.beliefs.sensor_calibration import warn_of_sensors
@@ -358,7 +355,7 @@ class BeliefQuery:
         return warn_of_sensors(log, self.beliefs.evidence, asked, self.known_ns)
 
     def predict(self, door: Door, times_ns: NDArray[np.int64]) -> Forecast:
-        """Return what is expected of a door at some times, as known at the moment."""
+        """Return the forecast of a door at some times, as known at the moment."""
         known_ns = np.full(len(times_ns), self.known_ns)
         return self.beliefs.predict(door.door_id, times_ns, known_ns)
 
@@ -377,17 +374,17 @@ def ask(
     """Learn from what had happened by a moment, or was known then.
 
     Args:
-        log: Whose doors.
+        log: The log of the doors.
         at: The moment, with all that is known today of what had happened by then.
         known_at: Only what had been recorded by then, whole commits. Without `at` it is the moment,
             too; without either that is the log's end.
-        as_happened: As if each event had been recorded when it happened: what was given later, as
-            by an import, counts from then on, names and annotations, too. What is retracted today
-            was never there.
+        as_happened: As if each event had been recorded when it happened: events recorded later, as
+            by an import, count from then on, including names and annotations. Events that are
+            retracted today do not count.
         estimator: Its name.
         tz: IANA zone of the building's clocks; None: the log's.
         doors: Only these; None: all that are in the map then.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         EstimatorError: There is no such estimator.
@@ -433,10 +430,10 @@ def _when_all_is_told_at_once(log: DoorLog, at: Moment, known_at: Moment) -> Mom
 def _door_then(
     log: DoorLog, door: DoorId | str, door_map: DoorMap, at: Moment, known_at: Moment
 ) -> DoorId:
-    """Return the door that is meant, among those that were known then.
+    """Return a door, among those that were known then.
 
     Raises:
-        UnknownDoorError: There was none; it says so if one was reported later.
+        UnknownDoorError: There was none; the message mentions one that was recorded later.
     """
     try:
         return log.resolve_in(door, log.scope(at, known_at), door_map)
@@ -460,7 +457,7 @@ def learn(
     doors: Collection[DoorId] | None = None,
     progress: Progress | None = None,
 ) -> Beliefs:
-    """Return what a log's doors are believed to be.
+    """Return the beliefs about a log's doors.
 
     Args:
         log: The log.
@@ -468,8 +465,8 @@ def learn(
         known_at: Only what had been recorded by then, whole commits.
         estimator: A method, or its name: see `semmap_log.analysis.probabilities.belief_fold`.
         tz: IANA zone of hours and weekdays; None: the log's.
-        doors: Learn of these alone, which an index makes quick; no door teaches of another.
-        progress: Called with how far the reading is.
+        doors: Learn of these alone, which an index makes quick; doors are independent.
+        progress: Called with the progress of reading.
 
     Raises:
         EstimatorError: There is no such estimator.
@@ -490,11 +487,11 @@ class EvidenceSummary:
     """What a belief rests on."""
 
     coverage: Coverage
-    """On which hours of the week the evidence lies."""
+    """The hours of the week in which the evidence lies."""
     known_ns: int
     """For how long its state was known without a look, since it had been set."""
     counts: Counts
-    """Words about its state, sightings among them, visits, and when it was last seen."""
+    """Reports of its state, sightings among them, visits, and when it was last seen."""
 
     @classmethod
     def of(cls, evidence: DoorEvidence, counts: Counts, clock: LocalClock) -> EvidenceSummary:
@@ -504,5 +501,5 @@ class EvidenceSummary:
 
     @property
     def is_empty(self) -> bool:
-        """True for a door of which nobody ever said whether it is open."""
+        """True for a door that was never reported open or closed."""
         return self.counts.last_seen_ns is None

@@ -43,14 +43,14 @@ from semmap_log.log.door_log.door_log import DoorLog, Time
 LEAST_SAMPLES = (200, 100)
 """A door with fewer samples to learn from, or to be forecast, is left out."""
 LEAST_VISITS = (20, 10)
-"""The same where visits are what is forecast."""
+"""The same where visits are forecast."""
 MOST_SAMPLES = 2**21
 """Of a door: four years of minutes. Where more is known, forecasts lie farther apart."""
 AT_ONCE = 2**16
 
 ForecastReader = Callable[[str, str, Trials, Probabilities], None]
-"""Takes a protocol's name, an estimator's, what was asked of one door, and what it said: P(outcome
-1) of each."""
+"""Takes the names of a protocol and an estimator, the trials of one door, and P(outcome 1) of
+each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,15 +72,15 @@ class Evaluation:
 
     protocol: Protocol
     is_truth: bool
-    """They were held against a state that was known all through; False: against what the sensor
-    read next."""
+    """True: compared with a state that was known throughout; False: with the sensor's next
+    reading."""
     doors: Sequence[DoorEvaluation]
     left_out: Mapping[DoorId, str]
     """Doors with too little known time, and how much they have."""
     reliability: Mapping[str, Reliability]
-    """Estimator -> what came where so much was stated, all doors together."""
+    """Estimator -> outcomes by forecast probability, all doors together."""
     sensor_doubts: Sequence[SensorDoubt] = ()
-    """Sensors that are not as accurate as declared: forecasts, and what they are held against, are
+    """Sensors that are not as accurate as declared: forecasts, and what they are compared with, are
     off alike."""
 
     @property
@@ -106,18 +106,18 @@ def evaluate(
 ) -> Evaluation:
     """Return how good the estimators' forecasts of a log's doors are.
 
-    Where the log mostly knows states all through, they are the truth. Where it mostly holds
-    visits, there is none, and the next visit's reading is forecast from what was before it.
+    If the log mostly knows states throughout, they are the truth. If it mostly contains visits,
+    there is no truth, and each visit's reading is forecast from the evidence before it.
 
     Args:
         log: Where the doors are from.
         estimators: Methods, of different names.
-        protocol: What is known when.
-        doors: Only these; default: all that something is known of.
-        since: Only the known time from then on; what was before still teaches.
+        protocol: What is known at each forecast.
+        doors: Only these; default: all with evidence.
+        since: Only the known time from then on; earlier evidence still counts for training.
         until: Only the known time before then.
         tz: IANA zone of the building's clocks; default: the log's.
-        progress: Called with (done, in all), in forecasts of a door by an estimator.
+        progress: Called with (done, in all); the unit is the forecasts of a door by an estimator.
 
     Raises:
         EstimatorError: No door has enough known time, or visits; a patrol of a log without truth.
@@ -140,19 +140,19 @@ def evaluate_all(
     progress: Progress | None = None,
     read_forecasts: ForecastReader | None = None,
 ) -> dict[str, Evaluation]:
-    """Return what `evaluate` does for several protocols, having learnt only once for all.
+    """Return evaluations by several protocols, as `evaluate`, but learn only once for all.
 
     Args:
-        log: As there; so are the others.
+        log: The log; see `evaluate` for all arguments.
         estimators: Methods.
         protocols: By names.
-        doors: Which.
+        doors: Only these.
         since: From then on.
         until: Before then.
-        tz: The clocks'.
-        progress: Told how far it is.
-        read_forecasts: Told the forecasts themselves, once a door, estimator and protocol: an
-            evaluation holds their figures only.
+        tz: The zone of the clocks.
+        progress: Called with the progress.
+        read_forecasts: Called with the forecasts themselves, once a door, estimator and protocol;
+            an evaluation contains their figures only.
     """
     warn_of_clock(log)
     evidence = log.fold(EvidenceProjection())
@@ -203,7 +203,7 @@ def _run(
     clock: LocalClock,
     progress: Progress | None,
 ) -> None:
-    """Let each estimator learn from each source, and make all forecasts that go by it."""
+    """Let each estimator learn from each source, and make all forecasts based on it."""
     done, total = 0, len(estimators) * sum(len(test.doors) for test in tests.values())
     for patrol in {test.protocol.patrol: None for test in tests.values()}:
         known = _source(patrol, evidence, tests, stretches)
@@ -233,7 +233,7 @@ def _source(
 
 @dataclass
 class _Test:
-    """A protocol while its forecasts are made."""
+    """The state of a protocol while its forecasts are made."""
 
     name: str
     protocol: Protocol
@@ -242,19 +242,19 @@ class _Test:
     stretches: Mapping[DoorId, StateIntervals]
     """Of a truth: when each door is known."""
     ask: Callable[[DoorId, Protocol], Trials]
-    """Makes what is queried a door again each time: kept for all doors it would fill memory."""
+    """Returns the trials of a door, made each time: kept for all doors they would fill memory."""
     read_forecasts: ForecastReader | None
     doors: dict[DoorId, tuple[int, int]] = field(default_factory=dict)
-    """How many samples teach, and when the first one after them is."""
+    """How many samples are for training, and when the first one after them is."""
     left_out: dict[DoorId, str] = field(default_factory=dict)
     scores: dict[DoorId, dict[str, Scores]] = field(default_factory=dict)
     reliability: dict[str, Reliability] = field(default_factory=dict)
 
     def take(self, door_ids: Sequence[DoorId], where: str) -> None:
-        """Split what is queried of each door; leave out doors with too little.
+        """Split each door's trials into training and test; leave out doors with too few.
 
         Raises:
-            EstimatorError: That leaves none.
+            EstimatorError: No door is left.
         """
         least = LEAST_SAMPLES if self.is_truth else LEAST_VISITS
         for door_id in door_ids:
@@ -286,7 +286,7 @@ class _Test:
             self.read_forecasts(self.name, name, trials, p)
 
     def _tests(self, door_id: DoorId, training: int) -> Trials:
-        """Return what is queried a door after the part that teaches."""
+        """Return a door's trials after the training part."""
         trials = self.ask(door_id, self.protocol).only(slice(training, None))
         if self.is_truth and self.protocol.needs_known:
             before_ns = trials.times_ns - (self.protocol.horizon_ns or 0)
@@ -294,7 +294,7 @@ class _Test:
         return trials
 
     def evaluation(self) -> Evaluation:
-        """Return what came of it."""
+        """Return the evaluation."""
         doors = [
             DoorEvaluation(door_id, training, _count(self.scores[door_id]), self.scores[door_id])
             for door_id, (training, _) in self.doors.items()

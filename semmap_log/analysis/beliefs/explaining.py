@@ -1,4 +1,4 @@
-"""Why a door was in a state at a moment, found out in its log.
+"""Explain from a log why a door was in a state at a moment.
 
 import semmap_log as sl
 
@@ -43,9 +43,9 @@ def explain(
         at: The moment; of an event, when it counts; default: the log's end.
         known_at: What had been recorded by then was known; default: by the moment itself. Without
             `at` it is the moment, too.
-        near_ns: From so long before the moment to so long after it events are given that say
-            otherwise; before it, at the least since the state began.
-        progress: Called with how far the reading is.
+        near_ns: How long before and after the moment to list events that report another state;
+            before it, at least back to the beginning of the state.
+        progress: Called with the progress of reading.
 
     Raises:
         UnknownDoorError: There is no such door, and never was.
@@ -105,7 +105,7 @@ def _taken_back(true: StateReason, believed: StateReason) -> HistoryEntry | None
 def _otherwise(
     log: DoorLog, door_id: DoorId, state: DoorState | None, span_ns: tuple[int, int]
 ) -> Iterator[HistoryEntry]:
-    """Yield the events of a time, both ends included, that tell another state."""
+    """Yield the events of a time, both ends included, that report another state."""
     if state is None:
         return
     found = log.history(door_id, Moment(ns=span_ns[0]), Moment(ns=span_ns[1] + 1))
@@ -125,7 +125,7 @@ def _speaks_against(entry: HistoryEntry, state: DoorState) -> bool:
 
 
 def _retractions(log: DoorLog, entries: Iterable[HistoryEntry | None]) -> dict[int, HistoryEntry]:
-    """Return those that took back some of these events, by their numbers."""
+    """Return the retractions of some of these events, by their numbers."""
     numbers = {each.retracted_by for each in entries if each is not None}
     return {number: log.entry(number) for number in numbers if number is not None}
 
@@ -141,7 +141,7 @@ def _belief(
 
 
 def _next(log: DoorLog, door_id: DoorId, time_ns: int) -> NextChange | None:
-    """Return what changes the door after a moment: its state, or whether it is there."""
+    """Return the next change of a door after a moment: of its state, or its existence."""
     found = log.timeline(door_id, since=Moment(ns=time_ns))
     for interval in found:
         if interval.start_ns > time_ns:

@@ -1,6 +1,6 @@
-"""How forecasts are put to the test: which part of a log teaches, and what is known when.
+"""How forecasts are tested: which part of a log is for training, and what is known when.
 
-Visits that a robot would have made to doors whose states are known, with a sensor that errs.
+It also simulates the visits of a robot with an imperfect sensor to doors whose states are known.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ Times = NDArray[np.int64]
 
 
 MOST_S = 100 * 366 * DAY_S
-"""Of any length of time: nanoseconds of more are no 64-bit number."""
+"""The longest time: more nanoseconds do not fit into 64 bits."""
 
 
 @knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class Protocol:
-    """What is known at each forecast. Without any of the choices: what was known at the split.
+    """What is known at each forecast. By default, what was known at the split.
 
     `prequential`: the days that were over, up to the last local midnight. `horizon_ns`: all up to
-    so long before the forecast, which is requested where the state was known then; and with
-    `prequential` the days that were over then. `patrol`: up to the forecast itself, but only what
-    that patrol read.
+    so long before the forecast, and only forecasts where the state was known then; together with
+    `prequential`, the days that were over then. `patrol`: all up to the forecast itself, but only
+    what that patrol read.
     """
 
     split: float = 0.7
-    """The first such share of a door's known time teaches, the rest is forecast."""
+    """The first such share of a door's known time is for training, the rest is forecast."""
     prequential: bool = False
     horizon_ns: int | None = None
     patrol: Patrol | None = None
@@ -51,7 +51,7 @@ class Protocol:
         """Check the values.
 
         Raises:
-            EstimatorError: One of them cannot be.
+            EstimatorError: One of them is invalid.
         """
         _check("split", "a share between 0 and 1", self.split, 0 < self.split < 1)
         _check("step", "1 s to a hundred years", self.step_s, 1 <= self.step_s <= MOST_S)
@@ -70,11 +70,11 @@ class Protocol:
         return bool(self.horizon_ns) and self.patrol is None and not self.prequential
 
     def known_ns(self, trials: Trials, split_ns: int, clock: LocalClock) -> Times:
-        """Return up to when each forecast may know.
+        """Return the end of the knowledge of each forecast.
 
         Args:
             trials: Those after the split.
-            split_ns: When the part that teaches ends.
+            split_ns: The end of the training part.
             clock: Whose midnights count.
         """
         is_live = self.patrol is not None or self.horizon_ns is not None
@@ -99,7 +99,7 @@ MINUTE_NS = 60 * 10**9
 @knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class Patrol:
-    """A robot that passes all doors each time an interval is over, day and night."""
+    """A robot that passes all doors once in each interval, day and night."""
 
     interval_ns: int = 30 * MINUTE_NS
     accuracy: float = 0.9
@@ -109,7 +109,7 @@ class Patrol:
 
 
 def visited(truths: Mapping[DoorId, StateIntervals], patrol: Patrol) -> Evidence:
-    """Return what that robot's sightings are as evidence, by the fold that real ones go through.
+    """Return that robot's sightings as evidence, by the same fold as real ones.
 
     Args:
         truths: When each door was known to be open or closed; outside of that there is no visit.

@@ -1,9 +1,8 @@
 """A sensor's two accuracies, from times in which the true state is known.
 
-Sensors that are not as accurate as declared: said whenever somebody asks what to believe.
-
-The numbers stay those of what is declared. What is learnt from the readings alone may be the door:
-only who knows the true state can see, and declares what `calibrate` finds.
+Queries about beliefs report sensors that are not as accurate as declared; the numbers still use the
+declared accuracies. What readings alone suggest may be due to the door: only who knows the true
+state can decide, and declares what `calibrate` finds.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ Times = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class SensorHits:
-    """How often a sensor read right; of a pass, the share of its sightings that did."""
+    """How often a sensor read correctly; a pass counts by the share of its sightings that did."""
 
     right: float = 0.0
     visits: int = 0
@@ -48,7 +47,7 @@ class SensorHits:
 
     @property
     def accuracy(self) -> float | None:
-        """Share of the visits that read right; None: there was none."""
+        """Share of the visits that read correctly; None: there was none."""
         return self.right / self.visits if self.visits else None
 
     @property
@@ -63,7 +62,7 @@ class SensorHits:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Where the accuracy lies with 90 %: of a Beta distribution with Jeffreys' prior."""
+        """The 90 % interval of the accuracy: of a Beta distribution with Jeffreys' prior."""
         return beta_interval(self.right + 0.5, self.visits - self.right + 0.5)
 
 
@@ -100,13 +99,13 @@ class Calibration:
 def calibrate(
     log: DoorLog, truths: Mapping[DoorId, StateIntervals], *, source: str | None = None
 ) -> Calibration:
-    """Return how sightings in a log agree with what is known to be true.
+    """Return how sightings in a log agree with the known truth.
 
     Sightings that repeat in one pass count as one visit, as they do as evidence; a pass is cut
     where the true state changes.
 
     Args:
-        log: Where the sightings are from.
+        log: The log of the sightings.
         truths: When each door was known to be open or closed.
         source: Only sightings whose commit names this source; default: all.
 
@@ -216,12 +215,12 @@ def truths_of_rows(
 def warn_of_sensors(
     log: DoorLog, evidence: Evidence, door_ids: Iterable[DoorId], until_ns: int
 ) -> list[SensorDoubt]:
-    """Return the sensors whose readings contradict what is declared, having warned of each.
+    """Return the sensors whose readings contradict their declaration, and warn of each.
 
     Args:
-        log: Where the evidence is from.
-        evidence: What is known.
-        door_ids: The doors that are queried.
+        log: The log of the evidence.
+        evidence: The evidence.
+        door_ids: The queried doors.
         until_ns: What comes after does not count.
     """
     found = sensor_doubts(evidence, door_ids, until_ns)

@@ -18,7 +18,7 @@ from semmap_log.core.model.moments import DAY_NS, SECOND_NS
 from semmap_log.log.door_log.door_log import DoorLog
 
 LONGEST_NS = 366 * DAY_NS
-"""A state that stays for longer: the robot may have been stored, or its clock wrong."""
+"""If a state lasts longer, the robot may have been stored, or its clock wrong."""
 
 Times = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -36,7 +36,7 @@ class StateIntervals:
     """(m,)."""
 
     def between(self, since_ns: int | None, until_ns: int | None) -> StateIntervals:
-        """Return what lies in a range; None: no bound."""
+        """Return the intervals within a range; None: no bound."""
         start, end = self.start_ns, self.end_ns
         if since_ns is not None:
             start = np.maximum(start, since_ns)
@@ -51,7 +51,7 @@ class StateIntervals:
         return (place >= 0) & (times_ns < np.append(self.end_ns, 0)[place])
 
     def count(self, step_ns: int) -> int:
-        """Return how many times `sampled` returns."""
+        """Return the number of times that `sampled` returns."""
         return int((-(-self.end_ns // step_ns) + -self.start_ns // step_ns).sum())
 
     def sampled(self, step_ns: int) -> tuple[Times, NDArray[np.bool_]]:
@@ -68,7 +68,7 @@ class StateIntervals:
 
 @dataclass(frozen=True, slots=True)
 class Trials:
-    """What is queried one door, in order of time."""
+    """The forecasts to make for one door, with their outcomes, in order of time."""
 
     door_id: DoorId
     times_ns: Times
@@ -111,7 +111,7 @@ def truth_trials(door_id: DoorId, stretches: StateIntervals, step_ns: int) -> Tr
 def reading_trials(
     known: DoorEvidence, since_ns: int | None = None, until_ns: int | None = None
 ) -> Trials:
-    """Return what the sensors read at each visit to a door, to be given from what was before it."""
+    """Return the sensor readings at each visit to a door, each to be forecast from those before."""
     chosen = known.is_visit.copy()
     if since_ns is not None:
         chosen &= known.seen_ns >= since_ns
@@ -129,7 +129,7 @@ def reading_trials(
 
 
 def holds_truth(evidence: Evidence, door_ids: Sequence[DoorId]) -> bool:
-    """Return whether a log knows states all through, more often than it was reported of visits."""
+    """Return whether a log has at least as many stretches of known state as visits."""
     known = [evidence.door(door_id) for door_id in door_ids]
     stretches = sum(len(one.start_ns) for one in known)
     return stretches > 0 and stretches >= sum(int(one.is_visit.sum()) for one in known)
@@ -144,9 +144,9 @@ def truths(
 ) -> Iterator[tuple[DoorId, StateIntervals]]:
     """Yield when doors were known to be open or closed.
 
-    A door that was never seen, only set, is known as its timeline says. Of one that was seen, too,
-    or that stayed as it was for more than `LONGEST_NS`, only what is evidence is: what was set and
-    not contradicted, and not long ago. A reading is no truth.
+    A door that was never seen, only set, is known as in its timeline. For one that was also seen,
+    or whose state lasted more than `LONGEST_NS`, only evidence counts: states that were set, not
+    contradicted, and not long ago. A reading is not truth.
     """
     plain = [door for door in door_ids if not evidence.counts(door).sightings]
     batches = log.batches(kinds=STATE_KINDS, doors=plain, progress=progress) if plain else ()
@@ -165,7 +165,7 @@ def truths(
 def _parts(
     batches: Iterable[EventBatch], door_ids: Sequence[DoorId]
 ) -> Mapping[DoorId, Sequence[EventBatch]]:
-    """Return the batches that speak of each door."""
+    """Return the batches with events of each door."""
     found: dict[DoorId, list[EventBatch]] = {door_id: [] for door_id in door_ids}
     for batch in batches:
         for door_id in np.unique(batch.door_ids()).tolist():

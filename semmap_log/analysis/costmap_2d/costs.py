@@ -1,32 +1,26 @@
-"""What the numbers of a costmap mean, and how ROS turns them into map values and back.
+"""Costs in a costmap: their values, the thesis's door layer, and how layers are merged.
 
-Sources: costmap_2d/cost_values.h; the publisher's table, costmap_2d_publisher.cpp (the same in
-Nav2); StaticLayer::interpretValue, static_layer.cpp.
+Values and their conversion to map values and back follow costmap_2d/cost_values.h; the publisher's
+table, costmap_2d_publisher.cpp (the same in Nav2); StaticLayer::interpretValue, static_layer.cpp.
 
-The thesis's costmap layer (4.3): a line of cells for every door, in a grid of its own.
-
-A closed door is LETHAL, an open one FREE_SPACE, any other NO_INFORMATION; or a cost of its own.
+The door layer of the thesis (4.3) draws a line of cells for every door, in a grid of its own. A
+closed door is LETHAL, an open one FREE_SPACE, any other NO_INFORMATION; or a cost of its own.
 Doors are drawn in ascending order of their ids, and the last one has the cell: a door of unknown
 state erases what a lower id drew there. What lies on the floor, such as a spill, comes last. Only
 cells with information reach the master (`costmap_2d`'s updateWithOverwrite), so an open door cuts
-its opening into a wall.
+its opening into a wall. The grid is a function of the doors alone: drawn door by door or all at
+once, it is the same byte for byte.
 
-The grid is a function of the doors alone: however it came about, door by door or all at once, it
-is the same byte for byte.
+The update methods are those of ROS's CostmapLayer. Each takes the same window of both grids (uint8,
+of one shape) and writes into the first. Sources: costmap_2d/src/costmap_layer.cpp;
+nav2_costmap_2d/src/costmap_layer.cpp for the last one.
 
-How a layer's costs come into the master: the update methods of ROS's CostmapLayer.
-
-Each takes the same window of both grids (uint8, of one shape) and writes into the first. Sources:
-costmap_2d/src/costmap_layer.cpp; nav2_costmap_2d/src/costmap_layer.cpp for the last one.
-
-The cells of a polygon: those that its sides go through, and those whose middle lies within.
-
-The line of the thesis (Fig. 4.2, "compact Bresenham"), of many doors at once.
-
-Over k steps of the longer axis it has taken `(2 k minor + major - 1) // (2 major)` of the shorter:
-k minor / major, rounded to the nearest, halves down, away from the start. So the line from the
-other end hits other cells, as do `costmap_2d`'s `raytraceLine` and scikit-image's `line` in a third
-of all directions. The formula replaces the loop, cell for cell: `test_lines.py` checks it.
+A polygon has the cells that its sides go through, and those whose middle lies within. Lines are
+those of the thesis (Fig. 4.2, "compact Bresenham"), of many doors at once: over k steps of the
+longer axis, `(2 k minor + major - 1) // (2 major)` steps of the shorter, which is k minor / major,
+rounded to the nearest, halves down, away from the start. So the line from the other end hits other
+cells, as do `costmap_2d`'s `raytraceLine` and scikit-image's `line` in a third of all directions.
+The formula replaces the loop, cell for cell: `test_lines.py` checks it.
 """
 
 from __future__ import annotations
@@ -206,7 +200,7 @@ def drawn(geometry: GridGeometry, doors: Mapping[Id, DoorLine]) -> NDArray[np.ui
 
 
 def are_on_map(geometry: GridGeometry, lines: Sequence[DoorLine]) -> NDArray[np.bool_]:
-    """Tell of each line whether at least one of its cells lies on the map."""
+    """Return for each line whether at least one of its cells lies on the map."""
     owner, _ = cells_of(geometry, dict(enumerate(lines)))
     return np.isin(np.arange(len(lines)), owner)
 
@@ -319,14 +313,14 @@ FARTHEST_CELL = 1e8
 def area_cells(geometry: GridGeometry, corners: Sequence[tuple[float, float]]) -> NDArray[np.int64]:
     """Return the flat indices of a polygon's cells on the map, ascending.
 
-    Within is what an odd number of sides lie next to (the even-odd rule): the inside of a figure
-    that crosses itself has holes. Its sides are drawn as doors' lines are, so that the thinnest
-    polygon is seen.
+    A point lies within if a ray from it crosses an odd number of sides (the even-odd rule): a
+    figure that crosses itself has holes. Its sides are drawn as doors' lines are, so that even the
+    thinnest polygon shows.
 
     Args:
         geometry: The grid.
-        corners: (x, y), metres, frame `map`; the last is joined to the first. One that is not
-            finite, or too far away, and nothing is drawn.
+        corners: (x, y), metres, frame `map`; the last is joined to the first. If one is not
+            finite, or too far away, nothing is drawn.
     """
     origin = np.array([geometry.origin_x, geometry.origin_y])
     with np.errstate(over="ignore", invalid="ignore"):
@@ -349,7 +343,7 @@ def area_cells(geometry: GridGeometry, corners: Sequence[tuple[float, float]]) -
 def _within(
     points: NDArray[np.float64], columns: NDArray[np.float64], rows: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Tell of points of a grid, (rows, columns), which lie within a polygon."""
+    """Return which points of a grid, (rows, columns), lie within a polygon."""
     within = np.zeros((len(rows), len(columns)), np.bool_)
     for (x0, y0), (x1, y1) in zip(points, np.roll(points, -1, axis=0), strict=True):
         crosses = (y0 <= rows) != (y1 <= rows)

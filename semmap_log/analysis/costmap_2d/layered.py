@@ -1,26 +1,21 @@
-"""The layered costmap: layers in their order, and a master that is what they make together.
+"""The layered costmap: layers in their order, and the master grid that they make together.
 
-The update cycle of costmap_2d/src/layered_costmap.cpp: where a layer changed, the master is reset
-to its default, and each layer writes into that window in turn. Windows are exact cells here, and
-wide enough: the master after an update is, byte for byte, the master drawn again.
+The update cycle is that of costmap_2d/src/layered_costmap.cpp: where a layer changed, the master is
+reset to its default, and each layer writes into that window in turn. Windows are exact cells here,
+and wide enough: the master after an update equals, byte for byte, a master drawn from scratch. The
+floor plan is a layer whose costs do not change.
 
-ROS's inflation layer: costs that fall off around obstacles (noetic's `inflation_layer.cpp`).
+The inflation layer (noetic's `inflation_layer.cpp`) lowers costs with the distance from obstacles.
+An update of part of a map gives the same cells as one of all of it. noetic's own incremental update
+does not: which obstacle claims a cell may depend, step by step, on cells beyond the update's
+window. Here this is not assumed but checked: see `InflationLayer._claimed`.
 
-Where it changes part of a map it gives what it would give for all of it, cell for cell. noetic's
-own incremental update does not: which obstacle claims a cell may depend, step by step, on cells
-beyond the update's window. Here that is not hoped for but checked: see `InflationLayer._claimed`.
-
-The floor plan as a layer: costs that do not change.
-
-Which obstacle claims a cell, as noetic's inflation layer finds it: a brushfire.
-
-It starts in the obstacles and burns to the four neighbours, nearest first. A cell belongs to the
+Which obstacle claims a cell is found as in noetic (updateCosts and enqueue), by a brushfire: it
+starts in the obstacles and burns to the four neighbours, nearest first. A cell belongs to the
 obstacle from which it was reached first, which is nearly always the nearest one, but not always:
 an exact distance transform gives other costs in some cells. To be equal in every cell, this is the
-same fire, laid distance by distance instead of cell by cell: all that burn at one distance are one
-numpy step. Their order is kept, for it decides who comes first further out.
-
-Source: costmap_2d/plugins/inflation_layer.cpp (noetic), updateCosts and enqueue.
+same fire, laid distance by distance instead of cell by cell: all cells that burn at one distance
+are one numpy step. Their order is kept, since it decides who comes first further out.
 """
 
 from __future__ import annotations
@@ -172,7 +167,7 @@ class InflationLayer:
         return []
 
     def update_costs(self, master: NDArray[np.uint8], window: CellWindow) -> CellWindow:
-        """Add costs to the master, in that window, or tell which one is needed.
+        """Add costs to the master in a window, or return the window that is needed.
 
         Args:
             master: (height, width); in the window, the layers below.

@@ -138,9 +138,9 @@ class DoorLayerProjection:
         return door_lines(state.door_map(), level=self.level, by=self.by, only=self.only)
 
     def apply(self, state: DoorLayerState, batch: EventBatch, /) -> DoorLayerState:
-        """Fold a batch in; only the doors that it is about are drawn again.
+        """Fold a batch in; only its doors are drawn again.
 
-        All are where it says what objects of a class are like.
+        If it defines a class of objects, all doors are drawn again.
         """
         state.map.apply(batch)
         if ClassDefined in batch:

@@ -1,6 +1,6 @@
-"""A level's costmap at a moment of a log: floor, doors, and costs around both.
+"""A level's costmap: floor, doors, and costs around both, at a moment of a log or over time.
 
-A level's costmap over time: one after the other of a log's past, or live next to a writer.
+Over time, it follows a log's past step by step, or live while another process writes.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Costmap:
         self.geometry = geometry
         self.level = level
         self.floor = floor
-        """The floor map below the doors; None: there is none, and nothing is known next to them."""
+        """The floor map below the doors; None: there is none, and all else is unknown."""
         self.options = options
         self._projection = DoorLayerProjection(geometry, level, options.by, options.object_class)
         self._state = self._projection.of(state)
@@ -187,7 +187,7 @@ def costmap_at(
 
 
 def level_drawn(options: CostmapOptions, doors: DoorMap) -> int:
-    """Return the level of which a costmap is queried.
+    """Return the level whose costmap is requested.
 
     Raises:
         UnknownLevelError: No such level, or several have doors and none was named.
@@ -224,7 +224,7 @@ def _around(ends: Sequence[Point], level: int, cell_m: float) -> GridGeometry:
         )
     if not (math.isfinite(cell_m) and cell_m > 0):
         raise CostmapError(f"the resolution: expected metres a cell, above 0, got {cell_m!r}")
-    with np.errstate(over="ignore", invalid="ignore"):  # infinite: too many, or NaN, told below
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite: too many, or NaN, reported below
         low = np.floor((points.min(axis=0) - MARGIN_M) / cell_m)
         width, height = np.ceil((points.max(axis=0) + MARGIN_M) / cell_m) - low
         fits = bool(width * height <= MOST_CELLS)
@@ -353,7 +353,7 @@ def costmap_live(
         options: Which level, and what is drawn how.
         floor: As for `costmap_at`.
         poll_s: How long to wait before looking again, when nothing was new.
-        stop: Called before each look; once it says yes, what is there then is the end.
+        stop: Called before each poll; once it returns true, the iteration ends with what is there.
 
     Raises:
         CostmapError: As for `costmap_at`.
@@ -407,10 +407,10 @@ def _first_ns(log: DoorLog) -> int:
 
 
 def _places(batches: Sequence[EventBatch], level: int, before: DoorMap) -> Iterator[Point]:
-    """Yield points around all places on a level to which events bring doors.
+    """Yield points around all places on a level where events put doors.
 
-    How wide a door is then, or where the corners of an outline are, may be given elsewhere: the
-    widest of all is taken.
+    A door's width at the time, or the corners of its outline, may be in other events: the widest
+    of all is taken.
     """
     kinds = [(batch, kind) for batch in batches for kind in POSE_KINDS]
     told = [batch[kind] for batch, kind in kinds if kind in batch]

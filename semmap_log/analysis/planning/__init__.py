@@ -7,7 +7,7 @@
     plan = patrol_plan(log, start_at="25,-8,L1", rooms=["3", "4", "22"])
     print([stop.door.label for stop in plan.stops])
 
-The rules are given in the guide *Plan a patrol*.
+The guide *Plan a patrol* describes the rules.
 """
 
 from semmap_log.analysis.planning.door_chances import SkipRule

@@ -1,15 +1,11 @@
-"""In which order to go: exact where that can be, else the best that is found.
+"""Find the best order of stops: exactly where that is possible, else by local search.
 
-Orders that a search starts from: each next stop the one that is best by itself.
-
-Better orders of many stops: pieces of an order are turned round or moved, while that helps.
-
-2-opt and or-opt for the mean time to visit. What an order costs that is put together from pieces
-of another follows from three numbers of each piece: how long it takes, the sum of its P, and what
-it would cost by itself (M. Silva et al., Eur. J. Oper. Res. 221, 2012). So a step looks at all
-moves at once.
-
-The best order of few stops whose probabilities do not change: Held and Karp's, for latency.
+Few stops whose probabilities do not change are ordered exactly: Held and Karp's algorithm, for
+latency. A search starts from greedy orders, in which each next stop is the best by itself. It then
+reverses or moves pieces of an order while that helps: 2-opt and or-opt for the mean time to visit.
+The cost of an order that is put together from pieces of another follows from three numbers of each
+piece: how long it takes, the sum of its P, and what it would cost by itself (M. Silva et al., Eur.
+J. Oper. Res. 221, 2012). So a step looks at all moves at once.
 """
 
 from __future__ import annotations
@@ -33,13 +29,13 @@ def best_order(
 ) -> Orders:
     """Return the order of all stops with the least mean time to visit; deterministic.
 
-    Of up to `MOST_EXACT` stops whose P does not change it is the best there is. Otherwise it is
-    the best of searches from three orders and more: by value, nearest first, and as the stops are
-    given; where P changes, or a budget ends the round, it is judged at the times of arrival.
+    For up to `MOST_EXACT` stops whose P does not change it is optimal. Otherwise it is the best of
+    searches from three or more orders: by value, nearest first, and as the stops are given. If P
+    changes, or a budget ends the round, orders are evaluated at the times of arrival.
 
     Args:
         task: The stops.
-        given: Orders to start from, too, such as the rest of a plan under way.
+        given: Additional orders to start from, such as the rest of a plan under way.
         sweeps: See `best_from`.
     """
     if task.is_fixed and len(task) <= MOST_EXACT:
@@ -63,7 +59,7 @@ def best_from(task: RoundTask, starts: list[Orders], *, sweeps: int = MOST_SWEEP
 
 
 def _improved(task: RoundTask, start: Orders) -> Orders:
-    """Return a better order by P as it is when one comes to each stop in the order before."""
+    """Return a better order, by P at each stop's arrival in the previous order."""
     if task.is_fixed:
         return improved(task, start)
     best = start
@@ -83,7 +79,7 @@ def _as_arrived(task: RoundTask, order: Orders) -> RoundTask:
 
 
 def _swept(task: RoundTask, order: Orders, sweeps: int) -> Orders:
-    """Return the order that no single move makes better, each judged at the times of arrival."""
+    """Return an order that no single move improves, evaluated at the times of arrival."""
     best = float(task.cost(order[None])[0])
     for _ in range(sweeps):
         near = _near(order)
@@ -98,7 +94,7 @@ def _swept(task: RoundTask, order: Orders, sweeps: int) -> Orders:
 
 
 def _near(order: Orders) -> Orders:
-    """Return the orders in which one stop is moved, or a piece turned round."""
+    """Return the orders in which one stop is moved, or a piece reversed."""
     count = len(order)
     places = np.arange(count)
     moved = []
@@ -117,7 +113,7 @@ Values = NDArray[np.float64]
 
 
 def greedy_order(task: RoundTask) -> Orders:
-    """Return the stops, always on to the one of most P for the time that it takes.
+    """Return the greedy order by P per time.
 
     P is that at the time of arrival.
     """
@@ -131,7 +127,7 @@ def greedy_order(task: RoundTask) -> Orders:
 
 
 def nearest_order(task: RoundTask) -> Orders:
-    """Return the stops, always on to the nearest one that is left."""
+    """Return the greedy order by distance."""
     return _by(task, lambda _stops, leg_s, _p: -leg_s)
 
 
@@ -159,7 +155,7 @@ _GAINS = 1e-9
 
 
 def improved(task: RoundTask, order: Orders) -> Orders:
-    """Return an order that no such move makes better: the same for the same arguments.
+    """Return an order that no such move improves; deterministic.
 
     Args:
         task: P as at the start, no budget.
@@ -182,7 +178,7 @@ def improved(task: RoundTask, order: Orders) -> Orders:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Round:
-    """A task with its start and its end as stops that weigh nothing."""
+    """A task with its start and its end as stops of weight 0."""
 
     onward_s: Reals
     weights: Reals
@@ -200,12 +196,12 @@ class _Round:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Piece:
-    """Pieces of a path, many at once: the numbers that tell what a path of them costs."""
+    """Pieces of a path, many at once: the numbers that give the cost of a path made of them."""
 
     takes_s: Reals
     weight: Reals
     cost: Reals
-    """If one were at its first stop at time 0."""
+    """Cost with arrival at its first stop at time 0."""
     first: Places
     """The stop."""
     last: Places
@@ -213,7 +209,7 @@ class _Piece:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pieces:
-    """A path, and sums along it, from which each of its pieces is given without a loop."""
+    """A path, and sums along it, from which each of its pieces follows without a loop."""
 
     round: _Round
     path: Orders
@@ -256,7 +252,7 @@ class _Pieces:
         return _Piece(takes_s, weight, cost, self.path[high], self.path[low])
 
     def cost_of(self, pieces: list[_Piece]) -> Reals:
-        """Return the cost of paths of these pieces, one behind the other."""
+        """Return the cost of paths of these pieces, one after the other."""
         now_s, cost = pieces[0].takes_s, pieces[0].cost
         for before, piece in pairwise(pieces):
             arrives_s = now_s + self.round.onward_s[before.last, piece.first]
@@ -306,7 +302,7 @@ def _kinds(count: int) -> Iterator[_Kind]:
 
 
 def _with_best_move(pieces: _Pieces, kind: _Kind) -> _Pieces:
-    """Return the path after the best move of a kind; the same where none gains anything."""
+    """Return the path after the best move of a kind; unchanged if none gains anything."""
     moves = kind(pieces)
     best = int(moves.costs.argmin())
     if pieces.cost - float(moves.costs[best]) <= _GAINS * max(pieces.cost, 1.0):
@@ -316,7 +312,7 @@ def _with_best_move(pieces: _Pieces, kind: _Kind) -> _Pieces:
 
 
 def _turned(pieces: _Pieces, low: Places, high: Places) -> _Moves:
-    """Return the moves that turn a piece round."""
+    """Return the moves that reverse a piece."""
     path = [_head(pieces, low), pieces.backward(low, high), _tail(pieces, high)]
     return _Moves(pieces.cost_of(path), low, high, high, (True, False))
 
@@ -324,7 +320,7 @@ def _turned(pieces: _Pieces, low: Places, high: Places) -> _Moves:
 def _swapped(
     pieces: _Pieces, low: Places, middle: Places, high: Places, is_turned: tuple[bool, bool]
 ) -> _Moves:
-    """Return the moves that let two pieces, one behind the other, change places."""
+    """Return the moves that swap two consecutive pieces."""
     first, second = ((pieces.backward if turned else pieces.forward) for turned in is_turned)
     path = [
         _head(pieces, low), second(middle + 1, high), first(low, middle), _tail(pieces, high)
@@ -347,10 +343,10 @@ MOST_EXACT = 12
 def exact_order(task: RoundTask) -> Orders:
     """Return the order with the least mean time to visit.
 
-    Each leg delays all that is not visited yet: it costs its time, and the time spent at the stop
-    before, times the sum of P of what is left. That depends on which stops were visited and on the
-    last one, not on their order (M. Held, R. Karp, J. SIAM 10, 1962). Of orders as good, the same
-    one is taken every time.
+    Each leg delays all stops not visited yet: its cost is its time, and the time spent at the stop
+    before, times the sum of P of the remaining stops. That depends on which stops were visited and
+    on the last one, not on their order (M. Held, R. Karp, J. SIAM 10, 1962). Ties are broken the
+    same way every time.
 
     Args:
         task: Of at most `MOST_EXACT` stops; P as at the start, no budget.

@@ -1,15 +1,9 @@
-"""How likely doors let a robot in while it is on a round, and which of them are worth a try.
+"""How likely doors let a robot in during a round, and which of them are worth a try.
 
-What was learnt of doors, as the chances of a round.
-
-What is believed at the moment that a plan starts from.
-
-P(a door lets a robot in) where the robot may ask: learnt from who went through, or gave up.
-
-A door that is shut may open for who asks, and one that is locked does not. P(open) cannot see the
-two apart; what became of earlier tries can.
-
-How often a door was open when it was looked at, at such hours of such days.
+The chances come from what was learnt of doors by the moment that a plan starts from. Where the
+robot may ask, P(a door lets it in) is learnt from earlier tries: a shut door may open for who asks,
+a locked one does not, and P(open) cannot distinguish the two. A stop also shows how often its door
+was open when it was looked at, at such hours of such days.
 """
 
 from __future__ import annotations
@@ -39,13 +33,13 @@ from semmap_log.core.model.moments import DAY_NS, HOUR_NS, SECOND_NS, Moment
 from semmap_log.log.door_log.door_log import DoorLog, Time
 
 STEP_S = 300.0
-"""Between two times at which P is requested."""
+"""Between two times at which P is computed."""
 LONGEST_S = 12 * 3600.0
-"""Of a round: from then on P stays as it is."""
+"""Time of a round from which on P stays constant."""
 
 
 def round_times_s(longest_s: float) -> NDArray[np.float64]:
-    """Return the times of a round at which P is requested, from its start on, seconds."""
+    """Return the times of a round at which P is computed, from its start on, seconds."""
     count = math.ceil(min(longest_s, LONGEST_S) / STEP_S) + 1
     return np.arange(count, dtype=np.float64) * STEP_S
 
@@ -59,12 +53,12 @@ def learnt_chances(
     times_s: NDArray[np.float64],
     others: NDArray[np.float64] | None = None,
 ) -> DoorChances:
-    """Return how likely doors are so, at times of a round, by what was known at a moment.
+    """Return the chances of doors at times of a round, by what was known at a moment.
 
     Args:
         beliefs: Of P(open), or P(passes).
-        doors: Which.
-        known_ns: What happened later does not count.
+        doors: The doors.
+        known_ns: Later events do not count.
         start_ns: Of the round.
         times_s: (k,): of the round, `STEP_S` apart.
         others: See `DoorChances.with_stand_ins`.
@@ -95,7 +89,7 @@ def learnt_chances(
 def unseen_s(
     beliefs: Beliefs, doors: Sequence[DoorId], *, known_ns: int, start_ns: int
 ) -> list[float]:
-    """Return for how long nobody has looked at doors when a round begins; inf: nobody ever did."""
+    """Return the time since doors were last seen, at the start of a round; inf: never."""
     seen_ns = [beliefs.evidence.counts(door, known_ns).last_seen_ns for door in doors]
     return [math.inf if at is None else (start_ns - at) / SECOND_NS for at in seen_ns]
 
@@ -105,14 +99,14 @@ def beliefs_at(
 ) -> tuple[BeliefQuery, int]:
     """Return what is known of all doors, and when the plan starts, ns.
 
-    Before the log's end counts only what had happened by then: one does not foretell the past.
+    If it starts before the log's end, later events do not count, since the past is not forecast.
 
     Args:
-        log: Whose doors.
+        log: The log of the doors.
         start: When the plan starts; None: at the log's end.
         estimator: None: as far ahead as that is from the log's end.
         tz: IANA zone; None: the log's.
-        progress: Called with how far the reading is.
+        progress: Called with the progress of reading.
 
     Raises:
         EstimatorError: There is no such estimator.
@@ -134,14 +128,14 @@ def wait_s(
     most_s: float | None = None,
     is_shut: bool = False,
 ) -> float | None:
-    """Return the expected wait until a door is open, from then on; None: nobody knows.
+    """Return the expected wait until a door is open; None: unknown.
 
     Args:
         query: What is known.
         door_id: The door.
         at_ns: From then on.
-        most_s: Who has waited so long goes.
-        is_shut: It is found shut then; else it may be open, which is no wait.
+        most_s: The longest wait.
+        is_shut: It is found shut then; otherwise it may be open, without a wait.
     """
     learnt = query.beliefs.learnt(query.known_ns)
     if not isinstance(learnt, StateModel):
@@ -166,7 +160,7 @@ class PassingProjection(BeliefProjection):
 def passings_in(batch: EventBatch) -> EventBatch:
     """Return a batch's tries as sightings that cannot err: passed is OPEN, gave up is CLOSED.
 
-    Next to these there is only when doors came and went.
+    The only other events are additions and removals of doors.
     """
     kinds = (DoorAdded, DoorRemoved, DoorPassed)
     places = np.sort(np.concatenate([batch.where(kind) for kind in kinds]))
@@ -196,7 +190,7 @@ Probabilities = NDArray[np.float64]
 UNKNOWN_P = 0.5
 """P of a door without evidence, where there is no door with any."""
 MEAN_COUNTS = 2.0
-"""As so many looks the mean of the others counts for a door of which too little is known."""
+"""The weight, in looks, of the other doors' mean for a door of which too little is known."""
 DAY_S = 86_400.0
 
 
@@ -218,11 +212,11 @@ class DoorChances:
     looks_high: NDArray[np.float64]
     """(n,): the upper end of the 90 % interval of the share that is open."""
     unseen_s: NDArray[np.float64]
-    """(n,): for how long nobody has looked at it when the round begins; inf: nobody ever did."""
+    """(n,): time since it was last seen, at the start of the round; inf: never."""
     step_s: float
 
     def with_stand_ins(self, others: Probabilities | None = None) -> DoorChances:
-        """Return the same where a door of which too little is known counts as the others do.
+        """Return chances in which a door of which too little is known counts as the others do.
 
         It is their mean, and its own looks at such hours where there are any; its interval is
         0..1.
@@ -246,7 +240,7 @@ class DoorChances:
         return found
 
     def with_row(self, row: int, of_door: DoorChances) -> DoorChances:
-        """Return the same with what was learnt of one door since; of when it was seen nothing."""
+        """Return chances updated by what was learnt of one door since, but not when it was seen."""
         changed = {}
         for name in ("p_passes", "low", "high", "is_known", "looks", "looks_high"):
             changed[name] = getattr(self, name).copy()
@@ -262,9 +256,9 @@ class DoorChances:
         )
 
     def or_else(self, p_open: DoorChances) -> DoorChances:
-        """Return P(passes) where it is known, else P(open): a door that is open lets one in.
+        """Return P(passes) where it is known, else P(open), since an open door lets the robot in.
 
-        Whether one that is shut would open for who asks is not known then: P may be up to 1.
+        Whether a shut one would open for who asks is unknown then: P may be up to 1.
         """
         stands_in = ~self.is_known & p_open.is_known
         p_passes, low, high = self.p_passes.copy(), self.low.copy(), self.high.copy()
@@ -276,13 +270,13 @@ class DoorChances:
 
 @dataclass(frozen=True, slots=True)
 class SkipRule:
-    """Which doors are left out: those that are shut for all that is known, and were looked at.
+    """Decides which doors are left out: those that are almost surely shut, and were looked at.
 
-    What is not tried is not learnt. So it takes more than a low P: at such hours of such days it
-    was found shut so often that even the upper end of the interval of how often it is open is
-    low. And it takes more than that: who has just seen a door open that mostly is not goes there.
-    A door is looked at again after `again_s`, whatever was found. One that nobody has looked at
-    then is never left out.
+    What is not tried is not learnt. So a low P is not enough: at such hours of such days the door
+    must have been found shut so often that even the upper end of the interval of its open share
+    is low. A door that was just seen open is tried even if it mostly is not. A door is looked at
+    again after `again_s`, whatever was found. One that nobody has looked at then is never left
+    out.
     """
 
     below: float = 0.4
@@ -292,7 +286,7 @@ class SkipRule:
     """P at each time of the round, by the last look, too."""
 
     def seem_shut(self, chances: DoorChances) -> NDArray[np.bool_]:
-        """Return which doors are shut for all that is known."""
+        """Return which doors are almost surely shut."""
         is_unlikely = chances.p_passes.max(axis=1) < self.p_below
         found: NDArray[np.bool_] = (chances.looks_high < self.below) & is_unlikely
         return found
@@ -307,7 +301,7 @@ REACH_H = 3.0
 """To both sides of the time of day."""
 WORKDAYS = 5
 BACK_NS = 28 * DAY_NS
-"""What is older does not count."""
+"""Older looks do not count."""
 
 
 class LooksThen(NamedTuple):
@@ -334,12 +328,12 @@ def looks_then(
 
     Args:
         evidence: What is known of the door.
-        clock: Whose hours and days.
+        clock: The clock of hours and days.
         time_ns: That time.
         known_ns: Later looks do not count.
     """
     known = KnownTime.of(evidence.up_to(known_ns))
-    # Of sightings that follow on each other the last one tells how the visit ended.
+    # Of consecutive sightings the last one shows how the visit ended.
     ends = np.append(np.diff(known.seen_ns) >= REPEATS_NS, True)[: len(known.seen_ns)]
     in_stretches, are_open = _hours(known, known_ns)
     times_ns = np.concatenate([known.seen_ns[ends], in_stretches])
@@ -353,7 +347,7 @@ def looks_then(
 
 
 def _hours(known: KnownTime, known_ns: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return a time for each hour in which the state was known all through, and that state."""
+    """Return a time for each hour in which the state was known throughout, and that state."""
     times_ns = [np.empty(0, np.int64)]
     states = [np.empty(0, np.bool_)]
     for start, end, state in zip(

@@ -1,6 +1,6 @@
 """A trip through a log's building: how long it takes, and what to do at doors that are shut.
 
-Which doors a trip can lead through: those on a way that comes to no room twice.
+A trip can only lead through doors on a way that enters no room twice.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from semmap_log.errors import PlanError
 from semmap_log.log.door_log.door_log import DoorLog, Time
 
 ASKED_P = 0.5
-"""P(a shut door opens for who asks) where nobody has tried; it is stated."""
+"""P(a shut door opens for who asks) where nobody has tried; the answer says that it is assumed."""
 LEAST_SHUT = 0.001
 LONGEST_TRIP_S = 3600.0
 """P is looked up for so long ahead."""
@@ -61,9 +61,9 @@ class TripStop:
     low: float
     high: float
     is_known: bool
-    """False: UNKNOWN; P is that of the others on average, and nobody knows how long to wait."""
+    """False: UNKNOWN; P is the others' mean, and the wait is unknown."""
     wait_s: float | None
-    """Once it was found shut; None: not known."""
+    """The wait once it was found shut; None: unknown."""
     p_answers: float | None
     """P(it opens for who asks); None: one cannot ask."""
     if_shut: ShutDoorChoice
@@ -82,7 +82,7 @@ class DoorTrip:
     walk_s: float
     """If no door is shut."""
     expected_s: float
-    """On average; inf: nobody knows how long to wait where there is no other way."""
+    """On average; inf: the wait is unknown where there is no other way."""
     stops: tuple[TripStop, ...]
     others: tuple[Door, ...]
     """Doors of other ways, which count if one of the stops is shut."""
@@ -106,19 +106,19 @@ def door_trip(
     """Return how long a trip takes on average, and what to do at doors that are shut.
 
     Args:
-        log: Whose building.
+        log: The log of the building.
         start_at: From where: `X,Y`, `X,Y,LEVEL`, a room, or a door (the left of its line).
         goal_at: To where; before a door, on the side that is reached first.
-        depart: When; None: at the log's end. Of an earlier time counts only what had happened by
-            then.
-        estimator: None: `filter` up to a day after the log's end, `schedule` beyond, which knows
-            of no waits.
+        depart: The departure; default: the log's end. For an earlier time only events up to then
+            count.
+        estimator: Default: `filter` up to a day after the log's end, `schedule` beyond, which has
+            no waits.
         tz: IANA zone of the building's clocks; None: the log's.
-        speed_m_s: How fast the robot is.
-        asks: It may ask for doors.
-        patience_s: It waits so long at most; what comes after counts as nothing. None: it waits
-            until the door is open.
-        progress: Called with how far the reading is.
+        speed_m_s: The robot's speed.
+        asks: Whether the robot may ask for doors.
+        patience_s: The longest wait; anything later counts as zero. None: it waits until the door
+            is open.
+        progress: Called with the progress of reading.
 
     Raises:
         PlanError: There is no such place, no way from one to the other, no map then, or no
@@ -196,7 +196,7 @@ class _Way:
     def _nearest(
         self, ways: WaysBetween, doors: Sequence[tuple[DoorId, list[Place]]]
     ) -> list[tuple[DoorId, list[Place]]]:
-        """Return the doors that make the least detour, as many as can be thought through."""
+        """Return the doors of the least detours, as many as the computation allows."""
         if len(doors) <= MOST_DOORS:
             return list(doors)
         places = [sides[0] for _, sides in doors]
@@ -215,7 +215,7 @@ def _no_room(place: Place) -> str:
 
 
 def with_mean(waits_s: Sequence[float | None]) -> list[float]:
-    """Return waits in which one that nobody knows counts as the others on average; else inf."""
+    """Return waits with unknown ones replaced by the mean of the others, or inf."""
     known = [wait for wait in waits_s if wait is not None]
     mean_s = sum(known) / len(known) if known else math.inf
     return [mean_s if wait is None else wait for wait in waits_s]
@@ -271,7 +271,7 @@ class _Trip:
         )  # fmt: skip
 
     def _p_open(self, door: int) -> float:
-        """Return P when one comes to a door, if the others are open."""
+        """Return P on arrival at a door, if the others are open."""
         return self._p_at(self._chances, self._rows[door], self._arrival_s(door))
 
     def _arrival_s(self, door: int) -> float:
@@ -283,7 +283,7 @@ class _Trip:
         return float(np.interp(after_s, times_s, chances.p_passes[row]))
 
     def _wait_s(self, door: int) -> float | None:
-        """Return the expected wait at a door that was found shut; None: not known."""
+        """Return the expected wait at a door that was found shut; None: unknown."""
         if not self._chances.is_known[self._rows[door]]:
             return None
         arrives_ns = self._depart_ns + round(self._arrival_s(door) * SECOND_NS)
@@ -291,7 +291,7 @@ class _Trip:
         return wait_s(self._query, door_id, arrives_ns, most_s=self._patience_s, is_shut=True)
 
     def _answers(self, row: int, p_open: float) -> float:
-        """Return P(a shut door opens for who asks), by how often tries ended behind it."""
+        """Return P(a shut door opens for who asks), from how often tries got through."""
         if self._asked is None:
             return 0.0
         if not self._asked.is_known[row]:
@@ -357,8 +357,8 @@ Pair = frozenset[RoomId]
 def doors_between(graph: RoomGraph, start: RoomId, goal: RoomId) -> list[DoorId]:
     """Return the doors on the ways between two rooms, ascending; none: they are one room.
 
-    Nobody goes into a room and back into the one from which they came: of all doors these are few.
-    The outside is on no way but one that begins or ends there.
+    A way never returns to the room that it came from: so these are few of all doors. The outside is
+    only on ways that begin or end there.
     """
     if start == goal:
         return []
@@ -385,7 +385,7 @@ def _doors_of_pairs(graph: RoomGraph, ends: set[RoomId]) -> dict[Pair, list[Door
 
 
 def _blocks(pairs: set[Pair], start: RoomId) -> list[set[Pair]]:
-    """Return the parts of a graph that no single room's loss divides, as sets of their edges.
+    """Return the biconnected components of a graph, as sets of their edges.
 
     J. Hopcroft, R. Tarjan, Commun. ACM 16, 1973; without recursion.
     """

@@ -1,17 +1,17 @@
-"""A round under way, by what its log tells: after each event, where the robot goes next.
+"""A round under way, as its log shows it: after each event, where the robot goes next.
 
 What counts is what happened after the round's start:
 
 - the robot passed a door, or is in a room: it is visited;
 - it gave up at a door, or that door is seen shut while the robot stands before it, being sent
   there: the room's other door is tried, or the next room;
-- any other door of the round is given to be open or shut: its P is learnt again, by the same
-  estimator, and the order is made again if the door is now expected to be otherwise;
+- any other door of the round is reported open or shut: its P is learnt again, by the same
+  estimator, and the order is recomputed if the door is now expected to be otherwise;
 - a door leaves the map: it is not gone to;
 - `PatrolFinished`, or the budget: the round is over.
 
-Events may come late, in any order, and be taken back. The round is what those that stand make of
-it in the order in which they happened, whatever they came in.
+Events may come late, in any order, and be retracted. The round is what the valid events make of it
+in the order in which they happened, whatever order they came in.
 """
 
 from __future__ import annotations
@@ -39,20 +39,20 @@ from semmap_log.core.model.moments import SECOND_NS, Moment
 from semmap_log.log.door_log.door_log import DoorLog
 
 AT_DOOR_M = 2.0
-"""So near to the middle of a door a robot stands before it."""
+"""The largest distance from a door's middle of a robot that stands before it."""
 OTHER_THEN = "what happened before came later, or was taken back"
 
 
 @dataclass(frozen=True, slots=True)
 class RoundStep:
-    """After an event the robot goes elsewhere, or the round is over."""
+    """A step: after an event the robot goes elsewhere, or the round is over."""
 
     event: int
     """Its number."""
     at_ns: int
     """When it happened."""
     because: str
-    """What it told."""
+    """What it reported."""
     stop: PlannedStop | None
     """Where to go now; None: the round is over."""
     left: int
@@ -62,15 +62,15 @@ class RoundStep:
 
 
 class FollowedRound:
-    """A round, and what became of it so far; the same for the same events."""
+    """A round, and its progress so far; deterministic in the events."""
 
     def __init__(self, begun: BegunRound, log: Callable[[], DoorLog]) -> None:
-        """Begin it.
+        """Begin the round.
 
         Args:
             begun: The round.
-            log: Gives the log with all that is written, from which is learnt again when events are
-                taken back.
+            log: Returns the log with all that is written, to learn from again when events are
+                retracted.
         """
         self._begun = begun
         self._log = log
@@ -83,21 +83,21 @@ class FollowedRound:
 
     @property
     def visited(self) -> list[WantedTarget]:
-        """What was visited, in that order."""
+        """The visited targets, in order."""
         return list(self._visited)
 
     @property
     def not_visited(self) -> list[WantedTarget]:
-        """What of the plan was not visited yet, or will not be any more."""
+        """The planned targets that are not visited, yet or ever."""
         return [target for target in self._targets if target not in self._visited]
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing is left to be done."""
+        """Whether nothing is left to do."""
         return self._is_finished or self._order.next_try() is None
 
     def stops(self) -> list[PlannedStop]:
-        """Return what is left of the plan, in its order."""
+        """Return the remaining stops, in order."""
         return [] if self._is_finished else list(map(self._stop, self._order.plan()))
 
     def next_stop(self) -> PlannedStop | None:
@@ -106,10 +106,10 @@ class FollowedRound:
         return None if planned is None else self._stop(planned)
 
     def take(self, batch: EventBatch) -> list[RoundStep]:
-        """Take in events as they are recorded, and return after which of them something is new.
+        """Take in events as they are recorded, and return the new steps.
 
         Raises:
-            LogError: Some are taken back, and what is left cannot be read.
+            LogError: Some are retracted, and the remaining ones cannot be read.
         """
         known = self._taken
         if Retracted in batch:
@@ -142,13 +142,13 @@ class FollowedRound:
         self._order: PatrolRound = self._begun.order.copied()
         self._chances = self._begun.chances
         self._told: dict[DoorId, str] = {}
-        """Door -> what was last told of it in the course of the round."""
+        """Door -> what was last reported of it during the round."""
         self._visited: list[WantedTarget] = []
         self._robot = self._begun.plan.start
         self._is_finished = False
 
     def _anew(self, events: list[RecordedEvent], batch: EventBatch) -> list[RoundStep]:
-        """Go through the round again; where that leads elsewhere is one step."""
+        """Go through the round again; if that leads elsewhere, it is one step."""
         before = self._now()
         self._restart()
         self._taken = events
@@ -168,7 +168,7 @@ class FollowedRound:
         return steps
 
     def _now(self) -> tuple[int | None, int]:
-        """Return what a step is given for: another door to go to, or another room visited."""
+        """Return the next door and the number of rooms visited; a change in either is a step."""
         planned = None if self._is_finished else self._order.next_try()
         return (None if planned is None else planned.door), len(self._visited)
 
@@ -179,7 +179,7 @@ class FollowedRound:
         )
 
     def _apply(self, one: RecordedEvent) -> str | None:
-        """Take in an event; return what it told, if that concerns the round."""
+        """Take in an event; return what it reported, if that concerns the round."""
         if self.is_over:
             return None
         at_ns, event = _when(one)[0], one.event
@@ -203,7 +203,7 @@ class FollowedRound:
         return None
 
     def _not_before(self, now_s: float) -> None:
-        """Put the plan off where the robot is behind it: what is ahead is not in the past."""
+        """Postpone the plan if the robot is late: the next stop cannot lie in the past."""
         planned = self._order.next_try()
         if planned is not None and planned.arrives_s < now_s:
             self._order.now_s += now_s - planned.arrives_s
@@ -242,14 +242,14 @@ class FollowedRound:
         return f"{label}: {state.name}"
 
     def _visit(self, place: int, now_s: float) -> None:
-        """Tell that the robot goes in; it is on its way again when it has been inside."""
+        """Record that the robot goes in; it continues after its time inside."""
         self._visited.append(self._target(place))
         left_s = now_s + self._begun.plan.options.enter_s
         self._order.tell(place, passed=True, now_s=left_s)
 
     def _fail(self, places: list[int], now_s: float) -> None:
         left = [place for place in places if self._order.is_left(place)]
-        if not left:  # told of already
+        if not left:  # reported already
             self._order.now_s = now_s
             return
         first = self._chosen(left)
@@ -259,7 +259,7 @@ class FollowedRound:
                 self._order.rule_out(place)
 
     def _learn(self, door_id: DoorId, said: str, at_ns: int) -> None:
-        """Learn a door's P again, where it may still be gone to."""
+        """Learn a door's P again, if the robot may still go there."""
         left = [place for place in self._doors[door_id] if self._order.is_left(place)]
         if not left:
             return
@@ -277,7 +277,7 @@ class FollowedRound:
         return math.dist((middle.x, middle.y), (robot.x, robot.y)) <= AT_DOOR_M
 
     def _chosen(self, places: list[int]) -> int:
-        """Return the door by which the robot goes, of some: the one that it was sent to."""
+        """Return the door, of some, by which the robot goes: the one that it was sent to."""
         planned = self._order.next_try()
         return planned.door if planned is not None and planned.door in places else places[0]
 
@@ -301,12 +301,12 @@ class FollowedRound:
 def events_since(
     log: DoorLog, start_ns: int, *, stop: Callable[[], bool] | None = None
 ) -> Iterator[EventBatch]:
-    """Yield what a log has of the time after a moment, then what is recorded, as it comes.
+    """Yield a log's events after a moment, then new ones as they are recorded.
 
     Args:
         log: As it was opened when the round was planned.
         start_ns: The moment.
-        stop: Called before each look; once it says yes, what is there then is the end.
+        stop: Called before each poll; once it returns true, the iteration ends with what is there.
 
     Raises:
         LogError: The log is damaged, or another lies there now.
@@ -318,12 +318,12 @@ def events_since(
 
 
 def _when(one: RecordedEvent) -> tuple[int, int]:
-    """Return by what events are ordered."""
+    """Return the sort key of events."""
     return min(one.happened_ns, one.recorded_ns), one.number
 
 
 def _places_of(begun: BegunRound) -> dict[DoorId, list[int]]:
-    """Return where a round has each of its doors: once for each target that it leads into."""
+    """Return the places of each door in a round: one for each target that it leads into."""
     places: dict[DoorId, list[int]] = {}
     for place, door in enumerate(begun.doors):
         places.setdefault(door.door.door_id, []).append(place)

@@ -1,12 +1,8 @@
-"""What a patrol is to be like, and what was planned of it.
+"""A planned patrol: its options, its targets, its stops, and the ways between them.
 
-Which ways the robot takes from stop to stop of a planned patrol.
-
-What a patrol shall visit: rooms by their doors, or doors themselves.
-
-Places as people name them: `2.5,1.5`, `2.5,1.5,L1`, a door, or a room.
-
-How long a robot takes between places of a log's building; where there is no plan, in a line.
+Targets are rooms by their doors, or doors themselves. Places are given as people name them:
+`2.5,1.5`, `2.5,1.5,L1`, a door, or a room. Travel times between places come from the floor plan, or
+from a straight line where there is no plan.
 """
 
 from __future__ import annotations
@@ -51,9 +47,9 @@ class PatrolOptions:
     speed_m_s: float = SPEED_M_S
     budget_s: float | None = None
     enter_s: float = ENTER_S
-    """To go in, look, and come out."""
+    """The time to go in, look, and come out."""
     wait_s: float = WAIT_S
-    """So long the robot waits at a door that is shut, after a look of 3 s."""
+    """How long the robot waits at a door that is shut, after a look of 3 s."""
     asks: bool = False
     """The robot may ask for doors: P is that of passing, learnt from earlier tries."""
     skip: SkipRule = field(default_factory=SkipRule)
@@ -80,7 +76,7 @@ class PlannedStop:
     is_known: bool
     """False: UNKNOWN; P is that of the others on average."""
     wait_s: float | None
-    """Until it is open, on average, from the arrival on; None: not known."""
+    """Mean wait from the arrival until it is open; None: unknown."""
     why: str
 
 
@@ -90,29 +86,29 @@ class PatrolPlan:
 
     start_ns: int
     known_ns: int
-    """What happened later does not count."""
+    """Later events do not count."""
     tz: str
     estimator: str
     options: PatrolOptions
     start: Place | None
-    """None: nobody knows where the robot is; the round begins at its first stop."""
+    """None: the robot's place is unknown; the round begins at its first stop."""
     stops: tuple[PlannedStop, ...]
     left_out: tuple[NotVisited, ...]
     mean_visit_s: float
-    """Mean time to visit what lets the robot in, from the start on."""
+    """Mean time from the start to the visit of a target that lets the robot in."""
     visits: float
     """How many of the stops let the robot in at their first door, on average."""
     notes: tuple[str, ...]
-    """What must not be overlooked."""
+    """Warnings."""
     avoided: frozenset[DoorId] = frozenset()
     """Doors that are likely shut at the start: ways lead through them only if they must."""
 
 
 def check_options(options: PatrolOptions) -> None:
-    """Check that a round can be such.
+    """Check the options of a round.
 
     Raises:
-        PlanError: A time is none.
+        PlanError: A time is invalid.
     """
     if options.budget_s is not None and not (math.isfinite(options.budget_s)
                                              and options.budget_s > 0):  # fmt: skip
@@ -128,11 +124,11 @@ HALL_DOORS = 6
 
 @dataclass(frozen=True, slots=True)
 class WantedTarget:
-    """Something to be visited, the doors that let one in, and where one stands before each."""
+    """A target, the doors that lead into it, and where to stand before each."""
 
     name: str
     room: RoomId | None
-    """None: a door is visited, to be gone through."""
+    """None: the target is a door, to go through."""
     doors: tuple[Door, ...]
     places: tuple[tuple[Place, ...], ...]
     """Of each door, one or two."""
@@ -244,7 +240,7 @@ def _room(ways: WaysBetween, room: RoomId, name: str) -> WantedTarget | None:
 
 
 def _is_alone(ways: WaysBetween, room: RoomId) -> bool:
-    """Return whether a room has no doors but those to the outside."""
+    """Return whether all doors of a room lead to the outside."""
     graph = ways.plan.graph
     return all(graph.doorways[door].beyond(room) == OUTSIDE for door in graph.doors_of(room))
 
@@ -255,7 +251,7 @@ _ROOM_ID = re.compile(r"(?:room[ :])?(\d+)", re.ASCII | re.IGNORECASE)
 
 
 class NamedPlaces:
-    """Reads them, as of a moment."""
+    """Reads names of places, as of a moment."""
 
     def __init__(self, log: DoorLog, ways: WaysBetween, at: Time = None) -> None:
         """Take a log, and the moment of the names; None: its end."""
@@ -271,7 +267,7 @@ class NamedPlaces:
         """Return the door of that id, name, or level/name.
 
         Raises:
-            UnknownDoorError: There is none, or more than one.
+            UnknownDoorError: There is no such door, or more than one.
         """
         door_map = self._plan.door_map
         found: DoorId = self._log.resolve_in(called.strip(), self._scope, door_map)
@@ -281,7 +277,7 @@ class NamedPlaces:
         """Return the room of that number or name.
 
         Raises:
-            PlanError: There is none, or several bear the name.
+            PlanError: There is no such room, or several have the name.
         """
         rooms = self._plan.graph.rooms
         called = called.strip()
@@ -302,11 +298,11 @@ class NamedPlaces:
         )
 
     def place(self, called: str, option: str, *, seen_from: Place | None = None) -> Place:
-        """Return the place that is meant: a point, the middle of a room, or before a door.
+        """Return the place of a text: a point, the middle of a room, or before a door.
 
         Args:
-            called: As it was typed.
-            option: Which argument it was, for messages.
+            called: The text as it was typed.
+            option: The name of the argument, for messages.
             seen_from: Of a door, the side that is reached first from there; None: its left.
 
         Raises:
@@ -333,7 +329,7 @@ class NamedPlaces:
         return self._ways.nearest(before, seen_from)
 
     def _room_or_none(self, called: str) -> Room | None:
-        """Return the room that is meant; a bare number is a door's."""
+        """Return the room of a text; a bare number is a door's."""
         if called.strip().isdigit():
             return None
         try:
@@ -351,7 +347,7 @@ class NamedPlaces:
 
 
 def room_label(plan: RoomPlan, room: RoomId) -> str:
-    """Return what a room is called: its name, or its number."""
+    """Return a room's label: its name, or its number."""
     known = plan.graph.rooms.get(room)
     return (known.name if known else None) or f"room {room}"
 
@@ -371,7 +367,7 @@ class WaysBetween:
         """Draw the floors.
 
         Raises:
-            PlanError: The speed is none that a robot can have.
+            PlanError: The speed is invalid.
             CostmapError: A floor plan cannot be walked on.
         """
         if not SLOWEST_M_S <= speed_m_s <= QUICKEST_M_S:
@@ -403,7 +399,7 @@ class WaysBetween:
         return places[int(self.between_s([to], places)[0].argmin())]
 
     def without_plan(self, levels: Iterable[int]) -> str | None:
-        """Return what to say of levels where distances are straight lines; None: nothing."""
+        """Return a note on levels where distances are straight lines; None: there are none."""
         flat = sorted(set(levels) - set(self.plan.floors))
         if not flat:
             return None
@@ -415,10 +411,10 @@ class WaysBetween:
         return self.plan.room_at(place.level, place.x, place.y)
 
     def check_start(self, place: Place, called: str) -> None:
-        """Return if a robot can stand there.
+        """Check that a robot can stand at a place.
 
         Raises:
-            PlanError: It is in a wall, or off the map.
+            PlanError: The place is in a wall, or off the map.
         """
         floor = self.plan.floors.get(place.level)
         if floor is None:

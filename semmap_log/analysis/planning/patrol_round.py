@@ -13,12 +13,12 @@ from semmap_log.analysis.planning.best_order import MOST_SWEEPS, best_from, best
 from semmap_log.analysis.planning.round_task import Orders, RoundTask, with_stop
 
 EXPECTED_P = 0.5
-"""A door of at least that P is expected to let the robot in."""
+"""The least P at which a door is expected to let the robot in."""
 
 
 @dataclass(frozen=True, slots=True)
 class PatrolTarget:
-    """What is to be visited: by one of its doors."""
+    """A target, to be visited by one of its doors."""
 
     name: str
     doors: tuple[int, ...]
@@ -27,7 +27,7 @@ class PatrolTarget:
 
 @dataclass(frozen=True, slots=True)
 class PlannedTry:
-    """A door of the plan: when one comes to it, on average, and P then."""
+    """A door of the plan: its mean time of arrival, and P then."""
 
     door: int
     target: PatrolTarget
@@ -36,7 +36,7 @@ class PlannedTry:
 
 
 class PatrolRound:
-    """The order of a round, made again when a door is other than expected, and only then.
+    """The order of a round, recomputed only when a door is not as expected.
 
     A target is visited once one of its doors let the robot in. If one does not, another of its
     doors is tried, too; each once.
@@ -57,7 +57,7 @@ class PatrolRound:
             targets: Of different doors.
             skipped: (n,), of the doors: those that are not tried. A target without another is
                 left out.
-            sweeps: See `best_from`: 0 is quicker, and not quite as good.
+            sweeps: See `best_from`: 0 is quicker, but not quite as good.
         """
         self._task = task
         self._sweeps = sweeps
@@ -73,7 +73,7 @@ class PatrolRound:
         self.left_out = [target for target in targets if not self._untried[target]]
         self._order = self._first_order()
         self.replans = 0
-        """How often the order was made again."""
+        """How often the order was recomputed."""
 
     def plan(self) -> list[PlannedTry]:
         """Return the order from now on, as far as the budget goes."""
@@ -110,7 +110,7 @@ class PatrolRound:
         Args:
             door: Where the robot is now.
             passed: Whether it let the robot in.
-            now_s: Since the round began, all that was spent there included.
+            now_s: Time since the round began, including all time at the door.
         """
         expected = self._expects(door, self.now_s)
         target = self._target_of[door]
@@ -129,8 +129,8 @@ class PatrolRound:
     def learn(self, door: int, p_passes: NDArray[np.float64]) -> None:
         """Take in another P of a door that the robot has not come to yet.
 
-        The order is made again only where the door is now expected to be otherwise when the robot
-        comes to it. One that was left out joins the round once it is expected to let it in.
+        The order is recomputed only if the door is now expected to be otherwise when the robot
+        reaches it. A door that was left out joins the round once it is expected to let it in.
 
         Args:
             door: Which.
@@ -148,18 +148,18 @@ class PatrolRound:
             self._replan()
 
     def rule_out(self, door: int) -> None:
-        """Take a door out of the round to which the robot has not come: it is there no more."""
+        """Remove a door that the robot has not reached from the round: it no longer exists."""
         self._skipped -= {door}
         if door in self._untried.get(self._target_of[door], ()):
             self._give_up(door)
             self._replan()
 
     def is_left(self, door: int) -> bool:
-        """Return whether a door may still be gone to: it was not tried, nor its target visited."""
+        """Return whether a door is still open to try: not tried yet, and its target not visited."""
         return door in self._skipped or door in self._untried.get(self._target_of[door], ())
 
     def copied(self) -> PatrolRound:
-        """Return the same round, to be gone on with apart from this one."""
+        """Return an independent copy of the round."""
         return copy.copy(self)  # what it holds is replaced, never changed
 
     def _give_up(self, door: int) -> None:
@@ -172,7 +172,7 @@ class PatrolRound:
             self._order = self._with(self._likeliest(others))
 
     def _join(self, door: int) -> None:
-        """Take a door into the round that was left out of it."""
+        """Add a door to the round that was left out of it."""
         target = self._target_of[door]
         self._skipped -= {door}
         self._untried = {**self._untried, target: (*self._untried[target], door)}
@@ -214,7 +214,7 @@ class PatrolRound:
         return order if exchanged is order else self._ordered(exchanged)
 
     def _replan(self) -> None:
-        """Order again what is left, from the order so far on and by value."""
+        """Order the remaining stops again, starting from the present order and by value."""
         self.replans += 1
         if len(self._order) > 1:
             self._order = self._ordered(self._by_better_doors(self._order))

@@ -1,12 +1,8 @@
-"""One round: its plan from what is believed, and a plan again while the robot is under way.
+"""Plan a patrol from what is believed: in which order to visit rooms or doors, and why.
 
-A log's patrol: in which order to visit rooms or doors, what to expect there, and why.
-
-Where a log's robot was last.
-
-What is reported of doors while a robot is on its round, and what that makes of their chances.
-
-Why a stop is where it is, and why another is none, in words.
+The plan says what to expect at each stop, why a stop is where it is, and why another was left out.
+It starts where the robot was last. Reports on doors during the round change their chances, and the
+plan is made again while the robot is under way.
 """
 
 from __future__ import annotations
@@ -69,7 +65,7 @@ if TYPE_CHECKING:
 
 
 class RoundWish(TypedDict, total=False):
-    """The keywords of `patrol_plan`, which says what each is; `begun_round` takes them, too."""
+    """The keywords of `patrol_plan`, which documents them; `begun_round` takes them, too."""
 
     start_at: str | None
     rooms: Sequence[str]
@@ -96,20 +92,20 @@ share_keywords(RoundWish, _USUAL)
 
 @knows_keywords
 def patrol_plan(log: DoorLog, **wish: Unpack[RoundWish]) -> PatrolPlan:
-    """Return in which order to visit rooms and doors, so that the mean time to visit is least.
+    """Return the order of rooms and doors with the least mean time to visit.
 
     Args:
-        log: Whose building.
+        log: The log of the building.
         start_at: Where the robot starts: `X,Y`, `X,Y,LEVEL`, a room, or a door; None: where the
             log saw it last.
         rooms: Numbers or names of rooms to visit.
         doors: Ids or names of doors to go through; without either: all rooms.
-        start: When; None: at the log's end. Of an earlier time counts only what had happened by
-            then.
+        start: The start; default: the log's end. For an earlier time only events up to then
+            count.
         estimator: None: `filter` up to a day after the log's end, `schedule` beyond.
         tz: IANA zone of the building's clocks; None: the log's.
-        options: What a round is like.
-        progress: Called with how far the reading is.
+        options: The options of the round.
+        progress: Called with the progress of reading.
 
     Raises:
         PlanError: There is nothing to visit, no such place, no time, or no way.
@@ -122,10 +118,10 @@ def patrol_plan(log: DoorLog, **wish: Unpack[RoundWish]) -> PatrolPlan:
 
 @knows_keywords
 def begun_round(log: DoorLog, **wish: Unpack[RoundWish]) -> BegunRound:
-    """Return the same with what it takes to go on with it: see `FollowedRound`.
+    """Return the plan with all that is needed to continue it: see `FollowedRound`.
 
     Args:
-        log: Whose building.
+        log: The log of the building.
         **wish: The keywords of `patrol_plan`.
 
     Raises:
@@ -167,7 +163,7 @@ def _start_place(
 
 
 def _was_mapped_anew(log: DoorLog, level: int, since_ns: int, at: Moment | None) -> bool:
-    """Return whether a level got another floor map since: places of before are none on it."""
+    """Return whether a level got another floor map since, on which older places are invalid."""
     since = Moment(ns=max(since_ns, log.horizon_ns()))
     then, now = (log.replay(at=moment).levels.get(level) for moment in (since, at))
     known = None if then is None else then.floor_map_event
@@ -182,7 +178,7 @@ A_WAY_S = 30.0
 
 @dataclass(frozen=True, slots=True)
 class AskedRound:
-    """What is believed, and from when on the round is."""
+    """The beliefs, and the start of the round."""
 
     query: BeliefQuery
     start_ns: int
@@ -204,7 +200,7 @@ class RoundDoor:
 
 @dataclass(frozen=True, slots=True)
 class BegunRound:
-    """A plan, and what it takes to go on with it while the robot is under way."""
+    """A plan, and all that is needed to continue it while the robot is under way."""
 
     plan: PatrolPlan
     order: PatrolRound
@@ -217,7 +213,7 @@ class BegunRound:
 
     @property
     def targets(self) -> list[WantedTarget]:
-        """What is to be visited, each once."""
+        """The targets, each once."""
         found: list[WantedTarget] = []
         for door in self.doors:
             if door.target not in found:
@@ -246,10 +242,10 @@ class RoundPlanner:
         self._is_skipped = options.skip.is_skipped(self._chosen)
 
     def begun(self, wanted: Wanted) -> BegunRound:
-        """Return the plan for what is wanted, and its round.
+        """Return the plan for the wanted targets, and its round.
 
         Raises:
-            PlanError: Nothing of it can be visited.
+            PlanError: None of them can be visited.
         """
         targets, left_out = wanted
         entries = [
@@ -342,7 +338,7 @@ class RoundPlanner:
     def _reached(
         self, entries: list[RoundDoor]
     ) -> tuple[list[RoundDoor], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the doors that can be come to, and the times from the start and between them."""
+        """Return the reachable doors, and the times from the start and between them."""
         if not entries:
             return [], np.zeros(0), np.zeros((0, 0))
         places = [entry.place for entry in entries]
@@ -392,7 +388,7 @@ class RoundPlanner:
         )  # fmt: skip
 
     def _wait_s(self, door_id: DoorId, arrives_ns: int) -> float | None:
-        """Return the expected wait until the door is open, where the estimator shows."""
+        """Return the expected wait until the door is open, if the estimator provides it."""
         if not self._open.is_known[self._row[door_id]]:
             return None
         return wait_s(self._query, door_id, arrives_ns)
@@ -435,25 +431,25 @@ class LastPoseProjection:
 
 @dataclass(slots=True)
 class RoundNews:
-    """What was known at a round's start, and what was given since."""
+    """What was known at a round's start, and what was reported since."""
 
     query: BeliefQuery
     passing: Beliefs | None
     """Of P(passes); None: the robot does not ask."""
     start_ns: int
     times_s: NDArray[np.float64]
-    """(k,), of the round: at these P is requested."""
+    """(k,), times of the round at which P is computed."""
     mean: NDArray[np.float64]
     """(k,), P of the doors on average, for one of which too little is known."""
 
     def take_in(self, batch: EventBatch) -> None:
-        """Take in what is reported of doors."""
+        """Take in reports on doors."""
         self.query.beliefs.evidence.apply(batch)
         if self.passing is not None:
             self.passing.evidence.apply(passings_in(batch))
 
     def learn_anew(self, log: DoorLog, event: int) -> None:
-        """Learn from a log again, up to an event, which took some of it back."""
+        """Learn from a log again, up to an event that retracted some of it."""
         estimator, tz = self.query.estimator, self.query.clock.tz
         beliefs = log.fold(BeliefProjection(estimator, tz), event=event)
         self.query = replace(self.query, beliefs=beliefs)
@@ -476,7 +472,7 @@ class RoundNews:
 
 
 CHANGES_BY = 0.15
-"""P at arrival is given next to that at the start where they differ by so much."""
+"""P at arrival is shown next to P at the start where they differ by so much."""
 HOUR_S = 3600.0
 
 
@@ -503,7 +499,7 @@ def shut_in_words(chances: DoorChances, rows: Sequence[int]) -> str:
 
 
 def unseen_in_words(seconds: float) -> str:
-    """Return how long nobody has looked at a door."""
+    """Return how long ago a door was last seen."""
     if not math.isfinite(seconds):
         return "never looked at"
     if seconds < HOUR_S:

@@ -1,13 +1,11 @@
-"""A round to be ordered: its stops, the times between them, and how likely each lets one in.
+"""The tasks to plan: a round to order, and a trip through doors that may be shut.
 
-What to do on a trip: which door next, and at one that is shut to wait, to ask, or to go round.
-
-Doors are found open or shut when one comes to them (the Canadian traveller's problem; C.
-Papadimitriou, M. Yannakakis, Theor. Comput. Sci. 84, 1991). What was found stays so for the trip;
-of few doors all that can be found is gone through, so that the expected time is the least there
-is.
-
-A trip through doors that may be shut: where they are, and what is known of each.
+A round has stops, the times between them, and how likely each lets the robot in. A trip has doors,
+where they are, and what is known of each; its policy decides which door is next, and whether to
+wait, ask or go round at one that is shut. Doors are found open or shut on arrival (the Canadian
+traveller's problem; C. Papadimitriou, M. Yannakakis, Theor. Comput. Sci. 84, 1991), and stay so for
+the trip. With few doors all possible findings are enumerated, so that the expected time is the
+minimum.
 """
 
 from __future__ import annotations
@@ -29,9 +27,9 @@ Orders = NDArray[np.intp]
 class RoundTask:
     """The stops of a round; a stop that does not let the robot in costs time, too.
 
-    What a round shall have least of is the mean time to visit: the sum over the stops of
-    P(it lets in) times its time of arrival. A stop that was not visited counts as one that is
-    reached when the round is over, so that it is no gain to come when a door is shut.
+    A round minimises the mean time to visit: the sum over the stops of P(it lets in) times its
+    time of arrival. A stop that was not visited counts as reached at the end of the round, so that
+    there is no gain in coming when a door is shut.
     """
 
     from_start_s: Seconds
@@ -41,12 +39,12 @@ class RoundTask:
     p_passes: NDArray[np.float64]
     """(n, k): P(it lets the robot in), at k times, `step_s` apart; from the last on it stays."""
     enter_s: Seconds
-    """(n,): what a stop takes that lets the robot in: it goes in, and comes out again."""
+    """(n,): time at a stop that lets the robot in: it goes in, and comes out again."""
     fail_s: Seconds
-    """(n,): what a stop takes that does not."""
+    """(n,): time at a stop that does not."""
     step_s: float = 60.0
     budget_s: float | None = None
-    """The round ends then: what is reached later is not visited."""
+    """The end of the round: stops reached later are not visited."""
     now_s: float = 0.0
     """Since the round began, as are the times of `p_passes` and the budget."""
 
@@ -54,7 +52,7 @@ class RoundTask:
         """Check the shapes and values.
 
         Raises:
-            PlanError: Some do not fit together, or cannot be.
+            PlanError: Some do not fit together, or are invalid.
         """
         count = len(self.from_start_s)
         got = [self.leg_s.shape, self.p_passes.shape[:1], self.enter_s.shape, self.fail_s.shape]
@@ -72,7 +70,7 @@ class RoundTask:
         cls, from_start_s: Seconds, leg_s: Seconds, p_passes: NDArray[np.float64],
         enter_s: float, fail_s: float,
     ) -> RoundTask:  # fmt: skip
-        """Return a round whose probabilities do not change; all stops take the same."""
+        """Return a round whose probabilities do not change, with equal times at all stops."""
         alike = np.ones(len(from_start_s))
         return cls(
             from_start_s, leg_s, np.asarray(p_passes)[:, None], alike * enter_s, alike * fail_s
@@ -82,7 +80,7 @@ class RoundTask:
         return len(self.from_start_s)
 
     def rest(self, stops: Orders, *, last: int | None, now_s: float) -> RoundTask:
-        """Return what is left of the round: some stops, from the last one or the start, now."""
+        """Return the rest of the round: some stops, from the last one or the start, now."""
         return replace(
             self,
             from_start_s=self.from_start_s[stops] if last is None else self.leg_s[last, stops],
@@ -116,7 +114,7 @@ class RoundTask:
         return found
 
     def arrivals(self, orders: Orders) -> tuple[Seconds, NDArray[np.float64]]:
-        """Return when one comes to the stops of some orders, on average, and P of each then.
+        """Return the mean times of arrival at the stops of some orders, and P of each then.
 
         Args:
             orders: (m, j), stops; each row without repeats.
@@ -144,7 +142,7 @@ class RoundTask:
 
     @property
     def horizon_s(self) -> float:
-        """When the round is over: its budget, or about when all stops can have been gone to."""
+        """The end of the round: its budget, or about when all stops can have been visited."""
         if self.budget_s is not None:
             return self.budget_s
         service = np.maximum(self.enter_s, self.fail_s).sum()
@@ -177,12 +175,12 @@ class AtShutDoor(Enum):
     ASK = "ask"
     ROUND = "go round"
     GIVE_UP = "give up"
-    """There is no other way, and nobody knows how long to wait."""
+    """There is no other way, and the wait is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class ShutDoorChoice:
-    """What each choice takes at a door that is shut, on average, to the goal; inf: it is none."""
+    """The mean time to the goal of each choice at a shut door; inf: not a choice."""
 
     wait_s: float
     ask_s: float
@@ -190,7 +188,7 @@ class ShutDoorChoice:
 
     @property
     def best(self) -> AtShutDoor:
-        """The one that takes least; of several the first."""
+        """The choice of the least time; of several the first."""
         if not math.isfinite(self.least_s):
             return AtShutDoor.GIVE_UP
         times_s = {AtShutDoor.WAIT: self.wait_s, AtShutDoor.ASK: self.ask_s,
@@ -204,7 +202,7 @@ class ShutDoorChoice:
 
 
 class TripPolicy:
-    """The best choices of a trip, worked out where they are requested."""
+    """The best choices of a trip, computed on request."""
 
     def __init__(self, task: TripTask) -> None:
         """Take a trip.
@@ -222,7 +220,7 @@ class TripPolicy:
 
     @property
     def expected_s(self) -> float:
-        """The expected time from the start to the goal; inf where nobody knows how long to wait."""
+        """The expected time from the start to the goal; inf where the wait is unknown."""
         return self.to_goal_s(START, NOTHING)
 
     def to_goal_s(self, place: int, found: Found) -> float:
@@ -245,11 +243,11 @@ class TripPolicy:
         return best, least_s
 
     def walk_s(self, place: int, target: int, found: Found) -> float:
-        """Return how long it takes to a place through doors that were found open."""
+        """Return the time to a place through doors that were found open."""
         return float(self._through(found[0])[place, target])
 
     def when_shut(self, side: int, found: Found) -> ShutDoorChoice:
-        """Return what each choice takes at a door that is shut, from the side where one stands."""
+        """Return the time of each choice at a shut door, from the side where the robot stands."""
         task, door = self._task, self._task.door_at(side)
         expected = task.doors[door]
         through_s = self._through_s(side, found)
@@ -289,12 +287,12 @@ class TripPolicy:
 
 
 def opened(found: Found, door: int) -> Found:
-    """Return what is known after a door was found open, or has opened."""
+    """Return the knowledge after a door was found open, or has opened."""
     return found[0] | {door}, found[1] - {door}
 
 
 def given_up(found: Found, door: int) -> Found:
-    """Return what is known after a door was found shut, and left."""
+    """Return the knowledge after a door was found shut, and left."""
     return found[0], found[1] | {door}
 
 
@@ -303,19 +301,19 @@ START, GOAL = 0, 1
 
 @dataclass(frozen=True, slots=True)
 class TripDoor:
-    """What is expected of a door when one comes to it."""
+    """The expectations of a door on arrival."""
 
     p_open: float
     wait_s: float
-    """Until it opens, on average, once it was found shut; inf: it never does, or nobody knows."""
+    """Mean wait until it opens, once it was found shut; inf: never, or unknown."""
     p_answers: float = 0.0
-    """P(it opens for who asks | it is shut); 0: one cannot ask."""
+    """P(it opens for who asks | it is shut); 0: the robot cannot ask."""
 
     def __post_init__(self) -> None:
         """Check the values.
 
         Raises:
-            PlanError: One cannot be.
+            PlanError: One is invalid.
         """
         are_right = 0 <= self.p_open <= 1 and 0 <= self.p_answers <= 1 and self.wait_s >= 0
         if not are_right:
@@ -337,9 +335,9 @@ class TripTask:
     """(d,): from one side of each door to the other."""
     doors: tuple[TripDoor, ...]
     ask_s: float = 8.0
-    """Until a door opens that was requested."""
+    """Time until a requested door opens."""
     refused_s: float = 30.0
-    """Until one gives up a door that does not."""
+    """Time until the robot gives up a door that does not."""
 
     def __post_init__(self) -> None:
         """Check the shapes.
@@ -356,12 +354,12 @@ class TripTask:
 
     @staticmethod
     def sides(door: int) -> tuple[int, int]:
-        """Return the places before and behind a door."""
+        """Return the places on both sides of a door."""
         return 2 + 2 * door, 3 + 2 * door
 
     @staticmethod
     def door_at(place: int) -> int:
-        """Return the door that a place is next to."""
+        """Return the door that a place belongs to."""
         return (place - 2) // 2
 
     @staticmethod

@@ -1,6 +1,6 @@
-"""An estimator as a fold over a log's events: evidence comes in, beliefs are requested.
+"""An estimator as a fold over a log's events: evidence goes in, beliefs come out.
 
-The estimators by the names that the command line knows them by.
+The command line selects estimators by their names here.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from semmap_log.errors import EstimatorError
 
 
 class Beliefs:
-    """What an estimator makes of the evidence so far.
+    """The beliefs of an estimator from the evidence so far.
 
-    Nothing is learnt before somebody asks, and again where more was given since.
+    It learns on the first request, and again if there is new evidence since.
     """
 
     def __init__(
@@ -39,15 +39,15 @@ class Beliefs:
         self.clock = clock
         self.evidence = evidence or Evidence()
         self._learnt: tuple[LearntModel, int, int] | None = None
-        """What was learnt, of how many words, and up to when."""
+        """What was learnt, from how many reports, and up to when."""
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process needs; what was learnt it learns again."""
+        """Return what another process needs; it learns again itself."""
         return self.__dict__ | {"_learnt": None}
 
     @property
     def door_ids(self) -> list[DoorId]:
-        """Doors that something was reported about, removed ones, too, ascending."""
+        """Doors with any report, removed ones included, ascending."""
         return self.evidence.door_ids
 
     def predict(
@@ -72,7 +72,7 @@ class Beliefs:
         return self.learnt(until_ns).predict(door_id, times_ns, known_ns)
 
     def learnt(self, until_ns: int | None = None) -> LearntModel:
-        """Return what the evidence teaches; it can be requested what was known up to then.
+        """Return what the evidence teaches; it answers for any moment up to `until_ns`.
 
         Args:
             until_ns: Default: the latest event's time.
@@ -90,9 +90,9 @@ class Beliefs:
 class BeliefProjection:
     """The fold: `log.fold(BeliefProjection("filter", log.info.timezone))`, also live.
 
-    A checkpoint keeps the evidence, so that one serves all estimators. A retraction of what was
-    taken in folds the log anew (see `semmap_log.log.replay`), and what had been learnt is gone with
-    the state that it was learnt from.
+    A checkpoint keeps the evidence, so that one serves all estimators. A retraction of folded
+    events folds the log again (see `semmap_log.log.replay`), and what had been learnt is dropped
+    with the state that it was learnt from.
     """
 
     name = "evidence"
@@ -127,7 +127,7 @@ class BeliefProjection:
         return state.evidence.dump()
 
     def load(self, data: bytes, /) -> Beliefs:
-        """Return the beliefs of the evidence that `dump` made these bytes of."""
+        """Return beliefs from the evidence in the bytes of `dump`."""
         return Beliefs(self._estimator, self._clock, Evidence.load(data))
 
 
@@ -151,7 +151,7 @@ def by_name(name: str) -> Estimator:
     """Return the estimator of that name; FreMEn of any order: fremen1..fremen84.
 
     Raises:
-        EstimatorError: There is none.
+        EstimatorError: There is no such estimator.
     """
     if name in ESTIMATORS:
         return ESTIMATORS[name]

@@ -11,10 +11,10 @@ _CELLS = 20_000
 
 
 def beta_interval(alpha: float, beta: float) -> tuple[float, float]:
-    """Return the ends between which a share lies with probability `INTERVAL`, tails alike.
+    """Return the equal-tailed interval of a share, of probability `INTERVAL`.
 
-    The share is written sin^2(angle): so the density is finite at both ends for parameters from
-    1/2 on, and even cells of the angle resolve it where it is steep.
+    With the share as sin^2(angle), the density is finite at both ends for parameters from 1/2 on,
+    and equal cells of the angle resolve it where it is steep.
 
     Args:
         alpha: At least 0.5.

@@ -1,8 +1,8 @@
 """What an estimator is: it learns from evidence, and makes forecasts of any time.
 
 Every forecast has two times: the one it is of, and the one up to which evidence counts. So one
-object answers what was known then, an evaluation asks for a million pairs at once, and what is
-recorded later changes none of them.
+object answers what was known at any time, an evaluation requests a million pairs at once, and later
+recordings change none of them.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class LearntModel(Protocol):
 
 @runtime_checkable
 class StateModel(Protocol):
-    """What was learnt, where it follows a door's state over time."""
+    """A learnt model that follows a door's state over time."""
 
     def wait_s(
         self,
@@ -50,8 +50,8 @@ class StateModel(Protocol):
     ) -> float:
         """Return the expected wait until a door is open, or closed, in seconds; NaN: not known.
 
-        Who has waited `most_s` goes; None: nobody does. It is by what was known at `known_ns`,
-        else at `at_ns`. With `is_other` the door is not so then, for sure.
+        A wait ends after `most_s`; None: no limit. It rests on what was known at `known_ns`, by
+        default at `at_ns`. With `is_other` the door is surely in the other state then.
         """
 
     def wait_interval_s(
@@ -65,7 +65,7 @@ class Estimator(Protocol):
 
     @property
     def name(self) -> str:
-        """What the command line calls it."""
+        """Its name on the command line."""
 
     def learn(self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock) -> LearntModel:
-        """Return what the evidence teaches; the work may wait until it is requested."""
+        """Return what the evidence teaches; the work may wait until the first request."""

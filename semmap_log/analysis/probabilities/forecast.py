@@ -12,7 +12,7 @@ Probabilities = NDArray[np.float64]
 PRIOR_P = 0.5
 """P(open) of a door of which nothing is known."""
 LEAST, MOST = 0.001, 0.999
-"""No forecast is surer than that: a log-loss stays finite, and a surprise possible."""
+"""No forecast is more certain: a log-loss stays finite, and a surprise possible."""
 INTERVAL = 0.9
 """How often the true frequency shall lie between `low` and `high`."""
 
@@ -39,7 +39,7 @@ class Forecast:
     """(n,), False: the evidence is below the stated amount, and `p_open` is what doors are like
     of which nothing is known."""
     effective_days: Probabilities
-    """(n,), days of evidence about that time of day after it, old ones discounted."""
+    """(n,), days of evidence about that time of day that it rests on, old ones discounted."""
 
     @classmethod
     def of(
@@ -58,7 +58,7 @@ class Forecast:
 
     @classmethod
     def of_nothing(cls, count: int) -> Forecast:
-        """Return forecasts of a door of which nothing is known."""
+        """Return forecasts for a door of which nothing is known."""
         p_open = np.full(count, PRIOR_P)
         return cls.around(p_open, p_open**2, np.zeros(count, np.bool_))
 
@@ -117,12 +117,12 @@ class Forecast:
 
     @property
     def p_closed(self) -> Probabilities:
-        """(n,), 1 - P(open): a door in between counts as neither, and is no evidence."""
+        """(n,), 1 - P(open): a door between both states is no evidence."""
         return 1.0 - self.p_open
 
 
 def _wilson(share: Probabilities, few: Probabilities) -> tuple[Probabilities, Probabilities]:
-    """Return both ends of Wilson's score interval: wide beside 0 and 1, too, where little was seen.
+    """Return both ends of Wilson's score interval: wide near 0 and 1, too, where little was seen.
 
     E. B. Wilson, J. Am. Stat. Assoc. 22, 1927.
 

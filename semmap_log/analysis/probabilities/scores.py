@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Probabilities = NDArray[np.float64]
 
 CLIP = 1e-3
-"""No forecast counts as surer in the log-loss, or one surprise would decide it."""
+"""No forecast counts as more certain in the log-loss, or one surprise would decide it."""
 BINS = 10
 """Of equal width, for the reliability diagram and the ECE."""
 
@@ -30,12 +30,12 @@ class Scores:
     """Expected calibration error: mean over the forecasts of |mean p - frequency| of their bin
     (Naeini et al., AAAI 2015)."""
     bias: float | None
-    """Mean p - mean outcome; above 0: the door was stated to be open too often."""
+    """Mean p - mean outcome; above 0: open was forecast too often."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reliability:
-    """What came where so much was said: the rows of a reliability diagram, one a bin.
+    """Outcomes by forecast probability: the rows of a reliability diagram, one a bin.
 
     Sums, so that those of several doors add up to one diagram.
     """
@@ -53,8 +53,8 @@ class Reliability:
         """Return the diagram of some forecasts.
 
         Args:
-            p: (n,), what was stated.
-            outcome: (n,), what came: 0 or 1.
+            p: (n,), the forecasts.
+            outcome: (n,), the outcomes: 0 or 1.
         """
         bins = np.minimum((p * BINS).astype(np.int64), BINS - 1)
         one = np.ones(len(p))
@@ -80,8 +80,8 @@ def scores(p: Probabilities, outcome: Probabilities) -> Scores:
     """Return how good forecasts were.
 
     Args:
-        p: (n,), what was stated.
-        outcome: (n,), what came: 0 or 1.
+        p: (n,), the forecasts.
+        outcome: (n,), the outcomes: 0 or 1.
     """
     if not len(p):
         return Scores(0, None, None, None, None)

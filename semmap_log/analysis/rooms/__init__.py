@@ -7,7 +7,7 @@
     for room in graph.rooms.values():
         print(room.room_id, room.name, room.area_m2, graph.doors_of(room.room_id))
 
-The rule by which rooms are cut, and how they get their names, is given in the guide *Rooms*.
+The guide *Rooms* describes how rooms are cut, and how they get their names.
 """
 
 from semmap_log.analysis.rooms.door_ways import Place

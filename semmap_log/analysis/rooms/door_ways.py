@@ -1,10 +1,8 @@
 """Ways through doors and lifts, from place to place, where each door can be shut.
 
-The nodes are the cells before and behind each door. Within a connected part of the floor their
-distances are measured once; a door that is not shut joins its two nodes, a lift those before its
-doors. So what is queried with other doors shut costs no new look at the floor.
-
-Distances between spots on connected parts of floors, measured once and kept.
+The nodes are the cells on both sides of each door. Within a connected part of the floor the
+distances between them are measured once and kept. A door that is not shut joins its two nodes, a
+lift those before its doors. So a query with other doors shut needs no new look at the floor.
 """
 
 from __future__ import annotations
@@ -43,7 +41,7 @@ class _Node:
 
     level: int
     spot: Spot
-    """Its own cell: 0 m next to it."""
+    """Its own cell, at a distance of 0 m."""
     to_door_m: float
     """From there to the middle of the door."""
 
@@ -62,7 +60,7 @@ class _Passage:
 
 
 class DoorWays:
-    """The doors of some levels, and what it costs to go between places."""
+    """The doors of some levels, and the costs of ways between places."""
 
     def __init__(self, floors: Mapping[int, WalkingFloor], lifts: Iterable[Lift] = ()) -> None:
         self._floors = floors
@@ -104,14 +102,14 @@ class DoorWays:
         metre: float = 1.0,
         ride: float = 0.0,
     ) -> NDArray[np.float64]:
-        """Return what the best ways cost: (sources, targets); inf: there is none.
+        """Return the costs of the best ways: (sources, targets); inf: there is no way.
 
         Args:
-            sources: From where.
-            targets: To where.
+            sources: The starts.
+            targets: The ends.
             shut: Doors that let nobody through.
-            metre: What a metre costs.
-            ride: What a lift ride costs.
+            metre: The cost of a metre.
+            ride: The cost of a lift ride.
         """
         starts, ends = self._spots(sources), self._spots(targets)
         nodes = [(node.level, node.spot) for node in self._nodes]
@@ -134,11 +132,11 @@ class DoorWays:
         """Return the corners of a best way, from place to place; None: there is none.
 
         Args:
-            source: From where.
-            target: To where.
+            source: The start.
+            target: The end.
             shut: Doors that let nobody through.
-            metre: What a metre costs.
-            ride: What a lift ride costs.
+            metre: The cost of a metre.
+            ride: The cost of a lift ride.
         """
         start, end = self._spots([source, target])
         if start is None or end is None:
@@ -310,18 +308,18 @@ Part = tuple[int, int]
 """A level, and the label of a connected part of its floor."""
 
 MOST_TOGETHER = 16_000_000
-"""So many costs are worked out together: 64 MB."""
+"""Costs that are computed together: 64 MB."""
 MOST_KEPT = 64_000_000
-"""So many are kept, of fields that start before doors."""
+"""Costs that are kept, of fields that start before doors."""
 
 
 class MeasuredParts:
-    """What has been measured of some floors."""
+    """The measured distances of some floors."""
 
     def __init__(
         self, floors: Mapping[int, WalkingFloor], kept: Mapping[Part, Collection[int]]
     ) -> None:
-        """Nothing yet.
+        """Start without any measurement.
 
         Args:
             floors: By level.

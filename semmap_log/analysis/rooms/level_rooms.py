@@ -1,26 +1,18 @@
-"""The rooms of one level: its floor plan with the doors drawn in, cut into regions.
+"""The rooms of a log at a moment: its floor plans, cut into regions by the doors.
 
-The rule, for every plan: occupied cells are walls, and each door a stroke 0.1 m thick, open or
+The rule, for every plan: occupied cells are walls, and each door is a stroke 0.1 m thick, open or
 shut; what they leave falls into 4-connected regions. A region at the border of the plan is the
 outside, one below 1 m² a shaft, any other a room. Unknown cells are floor here: only walls and
 doors cut. So rooms need walls all around: one whose floor ends in the unknown, as a laser's map may
 have it, is part of the outside.
 
-The rooms of a log at a moment: its floor plans then, cut by the doors that it had then.
+Which rooms lie on a door's two sides: seven probes start on the middle 60 % of the door's line and
+go straight away from it, at most a metre, to the first cell of a room or of the outside; the
+majority decides. A door that does not hang in a wall separates no rooms.
 
-Which rooms lie on a door's two sides.
-
-Seven probes start on the middle 60 % of the door's line and go straight away from it, at most a
-metre, to the first cell of a room or of the outside; most of them decide.
-
-Whether a door hangs in a wall: one that does not keeps no two rooms apart.
-
-A point in each room that is far from its walls: where a robot may stand, and a name be written.
-
-Rooms are eaten from their walls inward, a cell at a time, by turns with and without the corners,
-so that what is left last is about the middle of the widest circle that lies in the room.
-
-Lines with a thickness, taken from a grid: what a shut door takes of the floor.
+Each room has a point far from its walls, where a robot may stand and a name be written. Rooms are
+eroded from their walls inward, a cell at a time, alternately with and without the corners, so that
+the last cells lie about the middle of the widest circle in the room.
 """
 
 from __future__ import annotations
@@ -75,7 +67,7 @@ class RoomPlan:
         """Return that levels have no floor plan, as the end of a sentence about them.
 
         Args:
-            levels: Those that are queried; None: all.
+            levels: The queried levels; None: all.
         """
         chosen = self.later.keys() if levels is None else self.later.keys() & set(levels)
         if not chosen:
@@ -105,13 +97,13 @@ def rooms_of(
     none: it is named in `levels_without_plan`.
 
     Args:
-        log: Where the plans and the doors are from.
-        at: What was true then, with all that is known today.
+        log: The log of the plans and the doors.
+        at: The moment, with all that is known today.
         known_at: Only what had been recorded by then.
-        event: Only what has a number up to that.
+        event: Only events with numbers up to that.
 
     Raises:
-        CostmapError: A floor plan is turned against its grid.
+        CostmapError: A floor plan is rotated against its grid.
         MomentError: A time cannot be read.
     """
     return room_plan(log, at=at, known_at=known_at, event=event).graph
@@ -121,16 +113,16 @@ def rooms_of(
 def room_plan(
     log: DoorLog, *, at: Time = None, known_at: Time = None, event: int | None = None
 ) -> RoomPlan:
-    """Return the same with where the rooms lie.
+    """Return the rooms with their places on the plans.
 
     Args:
-        log: Where the plans and the doors are from.
-        at: What was true then, with all that is known today.
+        log: The log of the plans and the doors.
+        at: The moment, with all that is known today.
         known_at: Only what had been recorded by then.
-        event: Only what has a number up to that.
+        event: Only events with numbers up to that.
 
     Raises:
-        CostmapError: A floor plan is turned against its grid.
+        CostmapError: A floor plan is rotated against its grid.
         MomentError: A time cannot be read.
     """
     door_map = only_doors(log.replay(at, known_at, event))
@@ -144,7 +136,7 @@ def room_plan(
 
 
 def _later(log: DoorLog, floors: Mapping[int, FloorMap]) -> dict[int, str]:
-    """Return from when on levels have a floor plan that have none among `floors`, in words."""
+    """Return in words when levels without a plan among `floors` get one later."""
     now = log.replay()
     events = {
         level: known.floor_map_event
@@ -161,7 +153,7 @@ def plan_of(door_map: DoorMap, floors: Mapping[int, FloorMap]) -> RoomPlan:
     """Return the rooms of these floor plans, by level, cut by these doors.
 
     Raises:
-        CostmapError: A floor plan is turned against its grid.
+        CostmapError: A floor plan is rotated against its grid.
     """
     placed = placed_on(door_map.doors.values())
     levels: dict[int, LevelRooms] = {}
@@ -264,7 +256,7 @@ def _found(rooms: LevelRooms, doors: Sequence[Door], side: float) -> NDArray[np.
 
 
 def _most(found: NDArray[np.int64]) -> RoomId | None:
-    """Return what most probes found; of several the one that comes first."""
+    """Return the most frequent finding of the probes; of several the first."""
     rooms = Counter(room for room in found.tolist() if room >= OUTSIDE)
     return rooms.most_common(1)[0][0] if rooms else None
 
@@ -326,7 +318,7 @@ def room_points(rooms: LevelRooms) -> dict[RoomId, Point]:
 
 
 def _deepest(labels: Labels) -> dict[RoomId, tuple[int, int]]:
-    """Return the cell of each label that is eaten last; of several the one nearest their mean."""
+    """Return the cell of each label that is eroded last; of several the one nearest their mean."""
     depth = np.zeros(labels.shape, np.int32)
     left = np.pad(labels, 1)
     while left.any():
@@ -375,7 +367,7 @@ def _longest_run(rooms: LevelRooms, room: RoomId) -> tuple[int, int]:
 
 
 STROKE_M = 0.1
-"""How thick a door is drawn; where cells are larger, one cell."""
+"""The thickness of a door's stroke; at least one cell."""
 LEAST_ROOM_M2 = 1.0
 """A region below that is a shaft, or a gap between two walls."""
 OCCUPIED_FROM = 65
@@ -405,7 +397,7 @@ class LevelRooms:
         return int(np.flatnonzero(self.room_of == room_id)[0])
 
     def rooms_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.int64]:
-        """Return the rooms at points, metres; what is off the plan is `OUTSIDE`."""
+        """Return the rooms at points, metres; a point off the plan is in `OUTSIDE`."""
         columns, rows = self.cells_at(x, y)
         found = self.room_of[self.regions.label_at(rows, columns)]
         on_plan = (
@@ -434,7 +426,7 @@ def level_rooms(floor: FloorMap, doors: Iterable[Door], *, first_room: RoomId = 
         first_room: The number of its first room.
 
     Raises:
-        CostmapError: The plan is turned against its grid.
+        CostmapError: The plan is rotated against its grid.
     """
     geometry = GridGeometry.of_floor(floor)
     free = floor.cells < OCCUPIED_FROM
@@ -462,7 +454,7 @@ def _numbered(regions: Regions, geometry: GridGeometry, first_room: RoomId) -> N
 
 Point = tuple[float, float]
 BLOCK_CELLS = 1_000_000
-"""So many cells are looked at together, however long a line is."""
+"""Cells that are processed together, however long a line is."""
 
 
 def clear_stroke(
@@ -507,11 +499,11 @@ def _blocks(
 def _span(
     ends: tuple[float, float], half_m: float, axis: tuple[float, float, int]
 ) -> tuple[int, int]:
-    """Return the first cell of an axis that a line can touch, and the one behind the last.
+    """Return the first cell of an axis that a line can touch, and the one after the last.
 
     Args:
         ends: Of the line, along that axis.
-        half_m: How far it reaches next to itself.
+        half_m: Half its thickness.
         axis: Where its first cell begins, metres a cell, how many cells it has.
     """
     origin, cell_m, count = axis

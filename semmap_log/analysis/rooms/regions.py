@@ -1,18 +1,15 @@
-"""Connected regions of free cells, as runs along rows: no picture of labels is made.
+"""Connected regions of free cells, and shortest ways over them, as runs along rows.
 
-Two cells belong together where they share an edge (4-connected); if asked, also where they share a
-corner (8-connected). Runs that touch from row to row are joined by union-find, all of a round at
-once; so the work grows with the number of runs, of which a floor plan has a few in each row, and
-not with its cells.
+No picture of labels is made. Two cells belong together where they share an edge (4-connected) or,
+optionally, also where they share a corner (8-connected). Runs that touch from row to row are joined
+by union-find, all of a round at once; so the work grows with the number of runs, of which a floor
+plan has a few in each row, and not with its cells.
 
-Shortest ways over free cells from many starts at once: sweeps over runs, up and down the rows.
-
-A step to a side costs 1, one to a corner 1.414, and only where both cells next to it are free
-(the octile metric without cut corners): at most 8 % above the straight line. Costs are whole
-numbers, thousandths of a cell, so that a sweep ends when nothing changes, to the bit.
-
-Every row of cells is held as runs of free ones; a sweep goes over the runs that changed: along a
-run by a running minimum, then into the runs of the next row. All starts are swept together.
+Shortest ways are found from many starts at once, by sweeps up and down the rows. A step to a side
+costs 1, one to a corner 1.414, and only where both cells next to it are free (the octile metric
+without cut corners): at most 8 % above the straight line. Costs are whole numbers, thousandths of a
+cell, so that a sweep ends when nothing changes, to the bit. A sweep goes over the runs that
+changed: along a run by a running minimum, then into the runs of the next row.
 """
 
 from __future__ import annotations
@@ -65,7 +62,7 @@ class DistanceFields:
         """Return the costs to all cells: (size, starts), thousandths of a cell.
 
         Args:
-            cells: Where to start, as `index_of` shows cells.
+            cells: Where to start, as indices from `index_of`.
         """
         field = np.full((self.size, len(cells)), NO_WAY, np.int32)
         field[cells, np.arange(len(cells))] = 0
@@ -109,7 +106,7 @@ class DistanceFields:
         waiting: NDArray[np.bool_],
         waiting_back: NDArray[np.bool_],
     ) -> None:
-        """Return what changed to the next rows, in the order of the sweep."""
+        """Pass changes on to the next rows, in the order of the sweep."""
         for run in order:
             if not waiting[run]:
                 continue
@@ -129,7 +126,7 @@ class DistanceFields:
 
 
 def _stepped(source: Costs, target: Costs) -> bool:
-    """Take the steps from cells to those next to them in the next row; tell if one was shorter."""
+    """Take the steps to adjacent cells in the next row; return whether one was shorter."""
     found = source + STRAIGHT
     np.minimum(found[1:], source[:-1] + DIAGONAL, out=found[1:])
     np.minimum(found[:-1], source[1:] + DIAGONAL, out=found[:-1])
@@ -153,7 +150,7 @@ class Regions:
     starts: Index
     """Of each run: row x width + column of its first cell, ascending."""
     ends: Index
-    """The same of the cell behind its last."""
+    """The same of the cell after its last."""
     labels: Index
     """The region of each run."""
 
@@ -225,7 +222,7 @@ def regions_of(free: NDArray[np.bool_], *, by_corners: bool = False) -> Regions:
     """
     starts, ends = _runs(free)
     width = free.shape[1]
-    if by_corners:  # one cell longer, and one behind each row, which keeps the rows apart
+    if by_corners:  # one cell longer, and one after each row, which keeps the rows apart
         rows = starts // max(width, 1)
         pairs = touching(starts + rows, ends + rows + 1, width + 1)
     else:

@@ -3,7 +3,7 @@
 Rooms are nodes, doorways edges. A door with the same room on both sides is a loop: a corridor or
 a hall that has another, open end. What lies around the building is the room `OUTSIDE`.
 
-What rooms are called: by what is given at their doors, by a lift, or by their doors' names.
+Rooms get their names from these sources, in order:
 
 1. The doors' annotation `rooms`, `lobby,corridor`: the room on the left and that on the right,
    looking from the door's start along its line. The doors of a room decide together, so that a
@@ -30,7 +30,7 @@ LIFT = "lift"
 """The annotation of a lift's doors: the lift's name. Doors with the same one are of one lift."""
 
 ON_ITS_SIDE, ON_THE_OTHER = 3, 2
-"""How much a name that a door shows counts for the room on its side, and for the other."""
+"""How much a name on a door counts for the room on its side, and for the other."""
 
 _SIDE = re.compile(r"[ _-](inner|outer|inside|outside|in|out|front|back|door)$", re.IGNORECASE)
 _NUMBERED = re.compile(r"(.*[ _-])?door[ _-]?\d+|door", re.IGNORECASE)
@@ -63,9 +63,9 @@ def room_names(
 
 
 def rooms_told(door: Door) -> tuple[str, str] | None:
-    """Return what a door's annotation calls the rooms on its left and right; "": not that one.
+    """Return the names of a door's left and right room by its annotation; "": unnamed.
 
-    None: it shows nothing, or not two.
+    None: there is no annotation, or not of two names.
     """
     names = [name.strip() for name in door.annotations.get(ROOMS, "").split(",")]
     if len(names) != 2 or not any(names) or names[0] == names[1]:
@@ -115,7 +115,7 @@ def _told(
 def _votes(
     room: RoomId, doorway: Doorway, door: Door, *, only: str | None = None
 ) -> dict[str, int]:
-    """Return what a door reports of a room: more of the name on its side, less of the other."""
+    """Return a door's votes for a room's name: more for that on its side, fewer for the other."""
     told = rooms_told(door) or ("", "")
     left, right = (ON_ITS_SIDE, ON_THE_OTHER) if room == doorway.left else (
         ON_THE_OTHER, ON_ITS_SIDE
@@ -238,14 +238,13 @@ class Lift:
 
 @dataclass(frozen=True)
 class RoomGraph:
-    """The rooms of a log's floor plans at a moment, and what joins them.
+    """The rooms of a log's floor plans at a moment, with the doors and lifts that join them.
 
     Attributes:
         rooms: By id, ascending; without the outside.
         doorways: By door, ascending; each door that has a place on a level with a floor plan.
         lifts: By name.
-        levels_without_plan: Levels that have doors and no floor plan: nothing is known of their
-            rooms.
+        levels_without_plan: Levels that have doors but no floor plan: their rooms are unknown.
     """
 
     rooms: Mapping[RoomId, Room]
@@ -267,9 +266,9 @@ class RoomGraph:
         )
 
     def neighbours(self, room_id: RoomId) -> tuple[RoomId, ...]:
-        """Return the rooms that one leads to: through its doors, and by the lifts behind them.
+        """Return the rooms that one leads to: through its doors, and by the lifts beyond them.
 
-        From the outside lead the doors of all levels, but no lift.
+        The outside leads to rooms through the doors of all levels, but by no lift.
         """
         doorways = [self.doorways[door_id] for door_id in self.doors_of(room_id)]
         beyond = {room for doorway in doorways if (room := doorway.beyond(room_id)) is not None}

@@ -19,8 +19,8 @@ TURNED_RIGHT = {RIGHT: DOWN, DOWN: LEFT, LEFT: UP, UP: RIGHT}
 def room_outline(rooms: LevelRooms, room_id: RoomId) -> list[list[Point]]:
     """Return a room's rings, metres, closed; the outer one first.
 
-    It goes counterclockwise, holes the other way round. Only corners are given, so that a straight
-    wall is one line.
+    The outer ring runs counterclockwise, holes clockwise. Only corners are listed, so that a
+    straight wall is one line.
     """
     mask, column, row = _cut_out(rooms, room_id)
     grid = rooms.geometry
@@ -64,7 +64,7 @@ def _rings(mask: NDArray[np.bool_]) -> list[Ring]:
 
 
 def _edges(mask: NDArray[np.bool_]) -> dict[Corner, list[Corner]]:
-    """Return for each corner the ways that lead on from it along the edge of a cell."""
+    """Return for each corner the edges of cells that lead on from it."""
     padded = np.pad(mask, 1)
     inner = padded[1:-1, 1:-1]
     onward: dict[Corner, list[Corner]] = {}
@@ -81,7 +81,7 @@ def _edges(mask: NDArray[np.bool_]) -> dict[Corner, list[Corner]]:
 
 
 def _followed(onward: dict[Corner, list[Corner]], start: Corner, way: Corner) -> Ring:
-    """Return the corners of the ring from a place on, and take its edges away.
+    """Return the corners of the ring from a place on, and remove its edges.
 
     Where two cells meet in a corner only, it turns to the right, so that no ring comes to a corner
     twice: what lies between a room's cells is a hole that touches the ring around it.

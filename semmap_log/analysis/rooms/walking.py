@@ -40,7 +40,7 @@ class WalkingDistances:
         radius_m: float = RADIUS_M,
         cell_m: float = CELL_M,
     ) -> None:
-        """Draw the floor; what is measured is kept.
+        """Draw the floor; measured distances are kept.
 
         Args:
             floor: The level's plan.
@@ -50,8 +50,8 @@ class WalkingDistances:
             cell_m: Metres a cell; at least the plan's.
 
         Raises:
-            CostmapError: The plan is turned against its grid, or has too many cells of that size;
-                or a number is none that can be.
+            CostmapError: The plan is rotated against its grid, or has too many cells of that size;
+                or a number is invalid.
         """
         _refuse_odd({"radius_m": radius_m, "cell_m": cell_m})
         on_level = placed_on(doors).get(floor.level, [])
@@ -93,7 +93,7 @@ class WalkingDistances:
 
 
 class TravelTimes:
-    """How long it takes between places of a building, seconds, over all of its levels.
+    """Travel times between places of a building, seconds, over all of its levels.
 
     Walking as in `WalkingDistances`, at one speed; doors with the same annotation `lift` join
     their levels by a ride that takes the same time between any two.
@@ -111,20 +111,20 @@ class TravelTimes:
         radius_m: float = RADIUS_M,
         cell_m: float = CELL_M,
     ) -> None:
-        """Draw the floors; what is measured is kept.
+        """Draw the floors; measured distances are kept.
 
         Args:
             floors: The levels' plans, by their numbers.
             doors: All doors, in whatever state.
             lifts: The lifts, of `RoomGraph.lifts`.
-            speed_m_s: How fast the robot is.
-            ride_s: How long a lift ride takes, with the wait for it.
+            speed_m_s: The robot's speed.
+            ride_s: The time of a lift ride, including the wait for it.
             radius_m: The robot's radius.
             cell_m: Metres a cell; at least the plans'.
 
         Raises:
-            CostmapError: A plan is turned against its grid, or has too many cells of that size;
-                or a number is none that can be.
+            CostmapError: A plan is rotated against its grid, or has too many cells of that size;
+                or a number is invalid.
         """
         _refuse_odd(
             {"radius_m": radius_m, "cell_m": cell_m, "ride_s": ride_s, "speed_m_s": speed_m_s}
@@ -185,10 +185,10 @@ class TravelTimes:
 
 
 def _refuse_odd(numbers: Mapping[str, float]) -> None:
-    """Refuse what no robot can be or do.
+    """Check that the robot's radius and speed are possible.
 
     Raises:
-        CostmapError: A number is not finite, or below what it can be.
+        CostmapError: A number is not finite, or too small.
     """
     for name, number in numbers.items():
         may_be_0 = name in {"radius_m", "ride_s"}

@@ -1,9 +1,9 @@
 """The free floor of a level, as a robot of some radius can use it with every door shut.
 
 Cells are larger than the plan's (0.15 m), and free where the robot's middle may stand: on known
-floor, no nearer to walls than its radius. Doors are strokes, open or shut: what passes through one
-is counted apart, in `door_ways`, from the cell before it to the cell behind it, through its middle,
-however narrow it is.
+floor, no nearer to walls than its radius. Doors are strokes, open or shut: passing through one is
+counted separately, in `door_ways`, from the cell on one side to the cell on the other, through its
+middle, however narrow it is.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import CostmapError
 
 REACH_M = 1.0
-"""How far before a door the robot may have to stand, next to its radius."""
+"""How far before a door the robot may have to stand, in addition to its radius."""
 LEAST_AWAY_M = 1e-6
-"""On a door's line is on none of its sides."""
+"""A point nearer to a door's line is on neither of its sides."""
 LEAST_REACH_CELLS = 0.75
 """Walls grow by so much of a cell at least: else a way could lead through a thin one."""
 MOST_CELLS = 25_000_000
@@ -42,7 +42,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """A cell where the robot stands, for a point that it wants to be at."""
+    """The cell where the robot stands for a wanted point."""
 
     region: int
     """Which connected part of the floor it lies in."""
@@ -67,7 +67,7 @@ class WalkingFloor:
             cell_m: Metres a cell, at least the plan's.
 
         Raises:
-            CostmapError: The plan is turned against its grid, or has too many cells for that size.
+            CostmapError: The plan is rotated against its grid, or has too many cells for that size.
         """
         self.level = floor.level
         self.doors = sorted(doors, key=lambda door: door.door_id)
@@ -94,14 +94,14 @@ class WalkingFloor:
         self._fields: dict[int, DistanceFields] = {}
 
     def field(self, region: int) -> DistanceFields:
-        """Return what measures ways in a connected part of the floor."""
+        """Return the field that measures ways in a connected part of the floor."""
         if region not in self._fields:
             self._fields[region] = DistanceFields(self.regions, region)
         return self._fields[region]
 
     @property
     def metres(self) -> float:
-        """What a unit of the fields' costs is worth."""
+        """Metres per unit of the fields' costs."""
         return self.geometry.resolution / STRAIGHT
 
     def spot(self, x: float, y: float) -> Spot | None:
@@ -180,10 +180,10 @@ class WalkingFloor:
         return flats.ravel(), centre_x.ravel(), centre_y.ravel()
 
     def _sees(self, point: Point, target: Point, *, leaves_door: bool) -> bool:
-        """Return whether nothing stands between; a door that the point itself is in does not count.
+        """Return whether nothing stands between two points, except a door that the first one is in.
 
-        Where the way leaves a door, what it is in at first does not count, wall or door: the
-        middle of a door that stands in a wall without a gap can be left, too.
+        Where the way leaves a door, neither a wall nor a door at its start counts: the middle of a
+        door in a wall without a gap can be left, too.
         """
         steps = 2 + 2 * math.ceil(math.dist(point, target) / self._fine.resolution)
         share = np.linspace(0.0, 1.0, steps)

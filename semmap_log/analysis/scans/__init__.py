@@ -4,5 +4,5 @@
     visits = watcher.take(scans, doors)     # of `PlacedScan`s and `DoorPlaces`: those that ended
     visits += watcher.close()               # those that were still going on
 
-`door_watcher` is its front; `visit` says what a visit shows, `scan_model` what is known beforehand.
+`door_watcher` is the entry point; `visit` holds what a visit shows, and the model's constants.
 """

@@ -1,19 +1,20 @@
-"""How likely each range is, were the leaf so and the robot a little next to its place.
+"""How likely each range is, for a stand of the leaf and a small shift of the robot from its place.
 
 The beam model is the mixture of laser localisation (hit, short, lost, stray: Thrun, Burgard and
-Fox, "Probabilistic Robotics", 6.3), with the leaf, or else the room behind the door, as what is
-hit. The hit's noise is Student's, not normal: its scale is not known well either, since the pose
-drifts within a visit. Per beam, with d the distance to the leaf or else to the line:
+Fox, "Probabilistic Robotics", 6.3), where the leaf is hit, or else the room beyond the door. The
+hit's noise is Student's, not normal: its scale is not known well either, since the pose drifts
+within a visit. Per beam, with d the distance to the leaf or else to the line:
 
     met:   hit ((1 - g) T(r; d, s) + g B(r - line)) + short / line [r < d] + stray / max
     free:  hit B(r - line) + short / line [r < line] + stray / max
 
-B(x) = exp(-x / room) / room is the depth of what lies behind, hit = (1 - short - stray) (1 - lost),
+B(x) = exp(-x / room) / room is the depth of what lies beyond, hit = (1 - short - stray) (1 - lost),
 g the chance that a beam passes the leaf. A beam that did not come back says as little as its range
 is long: p(lost | free) = lost + (1 - lost) exp(-(max - line) / room).
 
-How far a leaf is, and whether a beam near its end meets it, is known the worse the flatter the beam
-meets it: the error of the pose counts across the leaf. Near its ends p is a mean of both.
+The flatter a beam meets a leaf, the less is known of the leaf's distance, and of whether a beam
+near its end meets it: the error of the pose counts across the leaf. Near its ends p is a mean of
+both.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ FREEDOM = 3.0
 """Of the noise's distribution: (1 + z^2 / 3)^-2, times its height over the spread."""
 HEIGHT = 2 / (pi * sqrt(FREEDOM))
 LEAST_RANGE = 0.05
-"""m; a leaf nearer than that is behind the laser's glass, not before it."""
+"""m; a leaf nearer than that is inside the laser's housing, not before it."""
 LEAST_SINE = 1e-4
 """Of the angle between a beam and a leaf: flatter ones count as that flat."""
 
@@ -50,10 +51,10 @@ def log_likelihoods(beams: DoorBeams, leaves: Leaves, glass: Floats, model: Scan
 
 
 def log_ratios(beams: DoorBeams, leaves: Leaves, glass: Floats, model: ScanModel) -> Table:
-    """Return (m, s, h): by how much each stand of the leaves explains a beam better than none does.
+    """Return (m, s, h): how much better each stand of the leaves explains a beam than none does.
 
-    For beams beside the door, which come over its leaf, if it is swung towards the laser: what they
-    tell of the wall is told by `wall_log_likelihoods`.
+    This includes beams next to the door, which cross its leaf if it is swung towards the laser;
+    for what they show of the wall see `wall_log_likelihoods`.
     """
     view = _View.of(beams, glass, model, wall_there=model.wall_there)
     table = _likelihoods(beams, leaves, view, model)
@@ -88,9 +89,9 @@ def _likelihoods(beams: DoorBeams, leaves: Leaves, view: _View, model: ScanModel
 
 
 def _lay(table: Table, met: Table, chance: Table) -> None:
-    """Put a leaf before what rows of the table stand for: a share `met` of each beam ends on it.
+    """Add a leaf to rows of the table: a share `met` of each beam ends on it.
 
-    Of `chance` nothing is left.
+    It overwrites `chance`.
     """
     chance -= table
     chance *= met
@@ -99,7 +100,7 @@ def _lay(table: Table, met: Table, chance: Table) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _View:
-    """What of the mixture does not depend on the leaves; (s, m), or (m,) where shifts do not count.
+    """The part of the mixture that is independent of the leaves; (s, m), or (m,) without shifts.
 
     Distances are in metres beyond where the beam ended.
     """
@@ -110,17 +111,17 @@ class _View:
     ended: Table
     """(m,) m; where a lost beam would have ended."""
     blind: Table
-    """(m,) nearer than that nothing is met."""
+    """(m,) nothing nearer than that is met."""
     wall_at: Table
-    """The wall: where the shift puts the beam next to the door; inf: it does not."""
+    """The wall's distance, if the shift puts the beam next to the door; inf: it does not."""
     before: Table
-    """A leaf nearer than that looks like anybody."""
+    """A leaf nearer than that looks like a person."""
     free: Table
     """p, if no leaf is met."""
     peak: Table
     """(m,) p at the very place of a leaf, through the noise alone, times the noise's scale."""
     ends_short: Table
-    """p, if the leaf is beyond where the beam ended, next to the noise."""
+    """p, if the leaf is beyond where the beam ended, apart from the noise."""
     ends_beyond: Table
     """The same, if the leaf is nearer."""
     persuades: np.float32
@@ -245,7 +246,7 @@ def _chance(far: Table, leaf: _LeafView, view: _View) -> Table:
 
 
 def wall_log_likelihoods(beams: DoorBeams, model: ScanModel) -> Floats:
-    """Return (m, s + 1): log p(range | shift) of beams next to a door, were the wall in its line.
+    """Return (m, s + 1): log p(range | shift) of beams next to a door, if the wall is in its line.
 
     The last column is that of a wall that is anywhere else near it.
     """

@@ -1,6 +1,6 @@
 """Which beams look at which door, and how, in the door's frame.
 
-Doors found by place, so that a thousand doors cost what those in reach cost.
+Doors are found by place, so that the cost depends only on the doors in reach.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class DoorBeams:
 
     @property
     def behind(self) -> Floats:
-        """(m,) how far behind the line each ended, m, square to it; inf: it did not come back."""
+        """(m,) how far beyond the line each ended, m, square to it; inf: it did not come back."""
         return (self.range - self.plane) * np.abs(self.uy)
 
 
@@ -84,8 +84,8 @@ class Sights:
     beside_looks: Floats
     """(p,)"""
     over: DoorBeams
-    """Of the beams to that wall those that come over the floor where a leaf would stand that is
-    swung towards the laser; looks as those next to."""
+    """The beams to that wall that cross the floor where a leaf swung towards the laser would stand;
+    they are worth as many looks as `beside`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +103,7 @@ def sights_of(stack: ScanStack, lines: Floats, pairs: Pairs, model: ScanModel) -
     """Return what scans see of doors; `lines` (d, 4): x, y, theta, width of every door.
 
     Of the beams that cross the line within its margins, those are used that are not too flat, and
-    that ended at the line, behind it, or where a leaf may stand. What ended before that (a person,
+    that ended at the line, beyond it, or where a leaf may stand. What ended before that (a person,
     a corner, another wall) says nothing about the door.
     """
     near = _in_sight(stack, lines, pairs, model)
@@ -153,7 +153,7 @@ def _swept(beams: DoorBeams) -> NDArray[np.bool_]:
 
 
 def _is_over(beams: DoorBeams) -> NDArray[np.bool_]:
-    """Return (m,) whether a beam next to a door comes over the floor that its leaf sweeps."""
+    """Return (m,) whether a beam next to a door crosses the floor that its leaf sweeps."""
     before = beams.where - OVER * beams.width * beams.ux / np.abs(beams.uy)
     return (before > 0) & (before < beams.width)
 

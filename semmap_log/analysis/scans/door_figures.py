@@ -1,8 +1,7 @@
-"""What all visits to a door tell together, counted visit by visit: however many there are.
+"""What all visits to a door show together, counted visit by visit, however many there are.
 
-What a laser saw of all doors, for who wants to know how far to trust it.
-
-What visits report of a door that should be looked at: its line, its glass, the robot's poses.
+It reports what a laser saw of all doors, for a user to judge how far to trust it, and warns of
+doors that need a look: for their line, their glass, or the robot's poses.
 """
 
 from __future__ import annotations
@@ -26,16 +25,16 @@ class ScanReport:
     """Of those that were visited, ids ascending."""
     warnings: Sequence[DoorWarning]
     not_met: Sequence[DoorId]
-    """Doors that have a place, and were never visited."""
+    """Doors that have a place but were never visited."""
     labels: Mapping[DoorId, str]
-    """What doors are called that have a name."""
+    """The labels of doors that have a name."""
     summary: Sequence[str] = ()
     """What there was of scans."""
     oddities: Sequence[str] = ()
-    """What is odd about the scans, next to the doors."""
+    """What is odd about the scans, apart from the doors."""
 
     def label(self, door_id: DoorId) -> str:
-        """Return what to call a door."""
+        """Return a door's label."""
         return self.labels.get(door_id) or str(door_id)
 
     def warnings_of(self, door_id: DoorId) -> list[DoorWarning]:
@@ -56,11 +55,11 @@ def scan_report(
 
     Args:
         visits: To any doors.
-        labels: What doors are called.
+        labels: The doors' labels.
         placed: Doors that could have been met.
-        glass: Those that are known to be of glass.
-        summary: What there was of scans.
-        oddities: What is odd about them.
+        glass: Doors that are known to be of glass.
+        summary: A summary of the scans.
+        oddities: What is odd about the scans.
     """
     doors = door_figures(visits)
     met = {door.door_id for door in doors}
@@ -75,9 +74,9 @@ def scan_report(
 
 
 FEW = 5
-"""Habits are reported of doors with at least so many visits."""
+"""Doors with fewer visits get no warnings about habits."""
 LEAST_OFFSETS = 3
-"""Visits that an offset is reported of."""
+"""The least number of visits for a warning about an offset."""
 OFF_M = 0.12
 """Less is a leaf in its recess, as drawings go."""
 SURE = 3.0
@@ -106,14 +105,14 @@ class DoorWarning:
     """Without the door: `beams end 0.22 m behind its line on average (12 visits)`."""
 
     def about(self, label: str) -> str:
-        """Return the warning as a line of its own, of a door that is called so."""
+        """Return the warning as a line of its own, with the door's label."""
         return f"door {label}: {self.text}"
 
 
 def door_warnings(
     doors: Iterable[DoorFigures], *, glass: Container[DoorId] = ()
 ) -> list[DoorWarning]:
-    """Return what should be looked at, door by door.
+    """Return the warnings, door by door.
 
     Args:
         doors: The figures of each.
@@ -145,7 +144,7 @@ def _contradiction(door: DoorFigures) -> str:
 def _offset(door: DoorFigures) -> str:
     if door.behind_m.count < LEAST_OFFSETS:
         return ""
-    # Seen from both sides a line that is drawn too far left has its leaf before it, and behind.
+    # Seen from both sides a line that is drawn too far left has its leaf on the near and far side.
     if len(door.sides) > 1 and _is_off(door.left_m):
         mean, count = door.left_m.value, door.left_m.count
         side = "left" if mean > 0 else "right"
@@ -164,7 +163,7 @@ def _offset(door: DoorFigures) -> str:
 
 
 def _is_off(offsets: Mean) -> bool:
-    """Return whether offsets are one on average, and not by chance."""
+    """Return whether the mean offset is significant."""
     return abs(offsets.value) >= max(OFF_M, SURE * offsets.error)
 
 
@@ -175,7 +174,7 @@ def _undecided(door: DoorFigures) -> str:
 
 
 def _glass(door: DoorFigures) -> str:
-    """Return a question where the laser may see through what nobody walks through."""
+    """Return a question about a door that the laser may see through and nobody drives through."""
     if door.closed or door.passed or door.open < FEW:
         return ""
     visits = counted(door.open, "visit")
@@ -183,7 +182,7 @@ def _glass(door: DoorFigures) -> str:
 
 
 LEAST_LOOKS = 2.0
-"""Of a visit: fewer do not tell where a leaf is; they met its frame, or by chance another thing."""
+"""Of a visit: fewer do not show where a leaf is; they met its frame, or something else."""
 NEARLY_ALL, MANY_MORE = 0.75, 2.5
 """Of the looks at a door: where as many end near its line, it is shut. Where many more do, these
 ended well before it: at somebody, or at a leaf that stands toward the robot."""
@@ -194,7 +193,7 @@ MOST_AJAR = 0.5
 
 @dataclass(slots=True)
 class Mean:
-    """Of some numbers; of those that are NaN nothing."""
+    """The mean of some numbers, without NaN."""
 
     count: int = 0
     _mean: float = 0.0
@@ -236,16 +235,16 @@ class DoorFigures:
     contradictions: int = 0
     """Visits that say CLOSED while it did."""
     accuracy: Mean = field(default_factory=Mean)
-    """That is reported about those that are decided by beams."""
+    """Of the visits that are decided by beams."""
     opening: Mean = field(default_factory=Mean)
     """The clear share of the width, 0..1, where beams saw anything of it."""
     behind_m: Mean = field(default_factory=Mean)
-    """Where beams ended that ended near the line, behind (+) or before (-) it, as the robot sees
-    it: in visits to a leaf that may be shut, wherever its line is drawn."""
+    """Where beams near the line ended, beyond (+) or before (-) it, as the robot sees it: in visits
+    to a leaf that may be shut, wherever its line is drawn."""
     left_m: Mean = field(default_factory=Mean)
-    """The same to the left (+) or right (-) of the line, where a visit shows from which side."""
+    """The same to the left (+) or right (-) of the line, if the visit was from one side."""
     sides: set[int] = field(default_factory=set)
-    """From where it was seen: 1 the left, -1 the right."""
+    """The sides it was seen from: 1 the left, -1 the right."""
     reasons: Counter[str] = field(default_factory=Counter)
     """Why visits are undecided."""
     _closed_at: tuple[int, int] = (0, -1)
@@ -310,7 +309,7 @@ def is_undecided(visit: Visit) -> bool:
 
 
 def _may_be_shut(visit: Visit) -> bool:
-    """Return whether nearly all beams ended near the line, and the door is not open or ajar."""
+    """Return whether nearly all beams ended near the line of a door neither open nor ajar."""
     stands = visit.state is DoorState.OPEN or visit.ajar >= MOST_AJAR
     met = NEARLY_ALL * visit.looks <= visit.near <= MANY_MORE * visit.looks
     return not stands and met and visit.looks >= LEAST_LOOKS

@@ -1,15 +1,12 @@
-"""Scans in, visits out: the front of this room.
+"""Scans in, visits out: the entry point of this package.
 
-The visits of one robot, through all of its lasers.
+It follows the visits of each robot, through all of its lasers, and counts how much of what a laser
+sees the robot has not seen before.
 
-What was given from where a robot stands: it proves nothing more by saying it again.
-
-A visit reports of a door with the errors of its place: of the pose, of the map, of what hides the
-leaf, of glass. From the same stand all of them are the same in the next visit, and in a hundred
-more. So the same state is reported of a door from one stand once; another state at once; and the
-same again after `same_again_s`, since a door may have been opened and shut meanwhile.
-
-How much of what a laser sees the robot has not seen before.
+A visit reports on a door with the errors of its place: of the pose, of the map, of what hides the
+leaf, of glass. From the same stand all of these repeat in the next visit, and in a hundred more.
+So the same state of a door is reported once from one stand; another state at once; and the same
+again after `same_again_s`, since a door may have been opened and shut meanwhile.
 """
 
 from __future__ import annotations
@@ -38,7 +35,7 @@ from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.moments import SECOND_NS
 
 ONE_PASSAGE_NS = 5 * 10**9
-"""Two lasers of a robot that cross a line so soon after each other were driven through once."""
+"""Two lasers of a robot that cross a line within this time make one passage."""
 
 
 class DoorWatcher:
@@ -53,7 +50,7 @@ class DoorWatcher:
     sight for a while, or has been looked at for long; when the door moved, changed otherwise or was
     removed; at `end` and at `close`. A robot that drove through is a visit of its own, with
     `passed`: one, however many lasers it has. How scans are cut into calls makes no difference;
-    many at once are faster. A visit that only says again what was given from the same stand has
+    many at once are faster. A visit that only repeats what was reported from the same stand has
     `told_ns`.
     """
 
@@ -84,18 +81,18 @@ class DoorWatcher:
         return [visit for visit in _sorted(done) if not self._is_told(visit)]
 
     def close(self) -> list[Visit]:
-        """Return the visits that have not ended, as far as they went."""
+        """Return the unfinished visits, and end them."""
         if self._doors is None:
             return []
         return _sorted([v for robot in self._robots.values() for v in robot.end(self._doors)])
 
     def end(self, robot: str) -> list[Visit]:
-        """Return the visits of one robot that have not ended, as far as they went: it is silent."""
+        """Return the unfinished visits of one robot that is silent, and end them."""
         found = self._robots.get(robot)
         return [] if found is None or self._doors is None else _sorted(found.end(self._doors))
 
     def _know(self, doors: DoorPlaces) -> list[Visit]:
-        """Take these doors for those that are there; return the visits to others."""
+        """Replace the doors; return the visits to doors that changed."""
         before = self._doors
         if before is not None and before.places is doors:
             return []
@@ -106,7 +103,7 @@ class DoorWatcher:
         return [v for robot in self._robots.values() for v in robot.leave(before, gone)]
 
     def _is_told(self, visit: Visit) -> bool:
-        """Return whether another laser of the robot told already that it drove through then."""
+        """Return whether another laser of the robot already reported this passage."""
         if not visit.passed:
             return False
         key = (visit.robot, visit.door_id)
@@ -129,7 +126,7 @@ def _sorted(visits: list[Visit]) -> list[Visit]:
 
 
 AT_ONCE = 64
-"""Scans that are worked on together."""
+"""Scans that are processed together."""
 
 
 class RobotVisits:
@@ -178,7 +175,7 @@ class RobotVisits:
         return [self._ended(door_id, doors) for door_id in chosen]
 
     def leave(self, doors: WatchedDoors, ids: Iterable[int]) -> list[Visit]:
-        """End the visits to doors that are otherwise now, and forget what was reported of them."""
+        """End the visits to doors that have changed, and forget what was reported of them."""
         done = self.end(doors, ids)
         for door_id in ids:
             self._stands.forget(door_id)
@@ -255,13 +252,13 @@ class RobotVisits:
         return done
 
     def _worth(self, door_id: int, view: _View) -> float:
-        """Return how much of a new look at a door a scan is."""
+        """Return a scan's share of a new look at a door."""
         if self._was_away(door_id, view.at.stamp_ns):
             return 1.0
         return min(view.worth, self._looked[door_id].not_seen_since(view.at, self._model))
 
     def _was_away(self, door_id: int, now_ns: int) -> bool:
-        """Return whether the door was out of sight: what is seen of it now is new."""
+        """Return whether the door was out of sight, so that its next sighting is new."""
         seen_ns = self._seen_ns.get(door_id)
         return seen_ns is None or now_ns - seen_ns > self._model.pause_s * SECOND_NS
 
@@ -270,7 +267,7 @@ class RobotVisits:
         return self._was_away(door_id, now_ns) or long_ns > self._model.longest_s * SECOND_NS
 
     def _ended(self, door_id: int, doors: WatchedDoors) -> Visit:
-        """End a visit; return what it says."""
+        """End a visit; return its result."""
         sums, at = self._going.pop(door_id), doors.row_of[door_id]
         leaves = doors.leaves[at]
         verdict = Verdict.of(sums, leaves, self._model, is_glass=bool(doors.glass[at]))
@@ -301,7 +298,7 @@ class RobotVisits:
         )
 
     def _passed(self, laser: str, passage: Passage, doors: WatchedDoors) -> Visit:
-        """Return that the robot drove through."""
+        """Return a visit in which the robot drove through."""
         return Visit(
             door_id=DoorId(int(doors.ids[passage.door])),
             first_ns=passage.first_ns,
@@ -359,7 +356,7 @@ class _Told:
 
 @dataclass(slots=True)
 class Stands:
-    """Where the lasers of one robot stand, and what was given from there."""
+    """Where the lasers of one robot stand, and what was reported from there."""
 
     model: ScanModel
     number: int = 0
@@ -367,7 +364,7 @@ class Stands:
     _from: dict[str, tuple[float, float]] = field(default_factory=dict)
     """Laser -> where it was first in this stand."""
     _told: dict[int, _Told] = field(default_factory=dict)
-    """Door -> what was reported of it last."""
+    """Door -> the last report of it."""
 
     def at(self, laser: str, place: tuple[float, float]) -> int:
         """Take in where a laser is; return the number of the stand."""
@@ -377,7 +374,7 @@ class Stands:
         return self.number
 
     def told_ns(self, door_id: int, state: DoorState, sums: VisitSums) -> int:
-        """Return when a visit's state was given from the same stand already; 0: it is news."""
+        """Return when a visit's state was last reported from the same stand; 0: it is new."""
         told = self._told.get(door_id)
         if told is None or (told.state, {told.stand}) != (state, sums.stands):
             return 0
@@ -385,11 +382,11 @@ class Stands:
         return told.at_ns if 0 <= since_ns < self.model.same_again_s * SECOND_NS else 0
 
     def tell(self, door_id: int, state: DoorState, sums: VisitSums) -> None:
-        """Take note that a visit's state is given."""
+        """Record that a visit's state is reported."""
         self._told[door_id] = _Told(state, sums.last_ns, max(sums.stands))
 
     def forget(self, door_id: int) -> None:
-        """Forget what was reported of a door that is otherwise now."""
+        """Forget what was reported of a door that has changed."""
         self._told.pop(door_id, None)
 
 

@@ -1,9 +1,7 @@
-"""How the leaves of a door may stand: the hypotheses, by the door's kind.
+"""How the leaves of a door may stand, by its kind, and how far the laser may be off its place.
 
-How far the laser may really be from where it is believed to be: the same through a visit.
-
-The error of a localisation is slow: it is shared by all scans of a visit, and taken out at the
-visit's end, once. Told standard deviations are often too small. Were their scale unknown, with an
+The error of a localisation is slow: all scans of a visit share it, and it is taken out once, at the
+visit's end. Reported standard deviations are often too small. If their scale is unknown, with an
 inverse gamma prior, the error has Student's t distribution: small shifts as in a normal one, but
 now and then a large one.
 """
@@ -36,7 +34,7 @@ HUNG = (0.0, 0.1, -0.1)
 STANDING_AT = (0.0, 0.25, 0.5)
 """Where somebody begins who stands in an open door and fills half of it."""
 WALL = 1.5
-"""How much of a wall behind a door is looked at, in widths."""
+"""How much of a wall beyond a door is looked at, in widths."""
 WALLED = 0.2
 """P(such a wall is there), of each end and side."""
 AS_WALL = 0.7
@@ -73,15 +71,15 @@ class Leaves:
     log_prior: NDArray[np.float64]
     """(h,)"""
     standing: NDArray[np.bool_]
-    """(h,) what stops the beams is no leaf, but somebody who stands in an open door."""
+    """(h,) the beams are stopped by a person in an open door, not a leaf."""
     both: NDArray[np.intp]
-    """(p, 3) rows: the first is the second, a leaf, before the third, a wall behind the door."""
+    """(p, 3) rows: the first is the second, a leaf, before the third, a wall beyond the door."""
 
     @property
     def with_leaf(self) -> tuple[int, ...]:
         """How many rows, the first ones, have a first leaf, a second one, ...
 
-        Next to those that are two others together.
+        Rows that combine two others are left out.
         """
         single = self.lengths[: len(self.clear) - len(self.both)]
         return tuple(n for n in (single > 0).sum(0).tolist() if n)
@@ -119,14 +117,14 @@ class Leaves:
 Segment = tuple[float, float, float, float]
 """x, y of one end, x, y of the other; m, frame `map`."""
 Stand = tuple[Sequence[Leaf], float, float]
-"""Leaves, clear share, how likely within its word."""
+"""Leaves, clear share, probability within its verdict."""
 
 
 @cache
 def leaves_of(kind: str) -> Leaves:
-    """Return the hypotheses for a value of the annotation `kind`; what is not known is hinged.
+    """Return the hypotheses for a value of the annotation `kind`; unknown kinds are hinged.
 
-    Open-RMF's names are known, too: `double_hinged`, `double_sliding`, `single_telescope` ...
+    Open-RMF's names are supported: `double_hinged`, `double_sliding`, `single_telescope` ...
     """
     words = kind.strip().lower()
     for part, stands in _STANDS:
@@ -225,7 +223,7 @@ _STANDS = (("sliding", _sliding), ("telescop", _sliding), ("fold", _folding), ("
 
 
 def _table(stands: Iterable[Stand]) -> Leaves:
-    """Return the arrays of what the hypotheses say."""
+    """Return the hypotheses as arrays."""
     rows = sorted(stands, key=lambda stand: (_has_wall(stand[0]), -len(stand[0])))
     most = max(len(leaves) for leaves, _, _ in rows)
     none = Leaf(0, 0, 0)
@@ -249,12 +247,12 @@ def _table(stands: Iterable[Stand]) -> Leaves:
 
 
 def _has_wall(leaves: Sequence[Leaf]) -> bool:
-    """Return whether these are a wall and a leaf before it."""
+    """Return whether the leaves are a wall and a leaf before it."""
     return len(leaves) == 2 and leaves[0].length == WALL
 
 
 def _prior(clear: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return each hypothesis's probability: a share of its word's, by its weight."""
+    """Return each hypothesis's probability: a share of its verdict's, by its weight."""
     prior = np.zeros(len(clear))
     shut, wide = clear < NEARLY, clear >= CLEAR - 1e-6
     for word, rows in (("shut", shut), ("ajar", ~shut & ~wide), ("open", wide)):

@@ -1,8 +1,7 @@
-"""What each sight of a door adds to its visit.
+"""What each sight of a door adds to its visit, and which doors the robot drove through.
 
-Doors that the robot drove through: its own track is the proof.
-
-The doors of a moment, made ready to be looked at.
+The robot's own track is the proof of a passage. `WatchedDoors` are the doors of a moment, prepared
+for the scans.
 """
 
 from __future__ import annotations
@@ -34,23 +33,23 @@ class SightSums:
     """Sums over the beams of each of `p` sights, as if each beam were a look."""
 
     seen: Floats
-    """(p,) beams that came back from the line, or from behind it; 0 where they are too few."""
+    """(p,) beams that came back from the line, or from beyond it; 0 where they are too few."""
     through: Floats
     """(p, s) beams that went through the line, were the laser shifted."""
     stopped: Floats
     """(p, s) beams that ended on it."""
     deep: Floats
-    """(p, s) beams that ended far behind it."""
+    """(p, s) beams that ended far beyond it."""
     near: Floats
     """(p,) beams that ended near the line, the laser where it is believed to be."""
     behind: Floats
-    """(p,) sum over these: how far behind it, m."""
+    """(p,) sum over these: how far beyond it, m."""
     left: Floats
     """(p,) beams that began to the left of the line."""
     tables: dict[int, NDArray[np.float32]]
     """Of a sight with beams (s, h): the sum of their log-likelihoods."""
     over: dict[int, NDArray[np.float32]]
-    """The same of the log-ratios of those next to the door that come over its leaf."""
+    """The same of the log-ratios of those next to the door that cross its leaf."""
     walls: Floats
     """(p, s + 1): the same of the beams next to the door."""
     beside: Floats
@@ -131,7 +130,7 @@ MIDDLE = 0.1
 HOP_M, GAP_S = 1.5, 5.0
 """Between two scans: a robot that is farther than that, or later, may have been put elsewhere."""
 SLACK_M, FASTEST = 0.15, 2.0
-"""A correction that localisation makes, m, next to which no robot of a building is faster, m/s."""
+"""The largest correction by localisation, m; and the top speed of a robot beyond it, m/s."""
 SPACING_M = 0.02
 """Places of a track are so far apart at least: a robot that stands has one."""
 PLACES = 512
@@ -204,7 +203,7 @@ class Track:
         return found
 
     def forget(self) -> None:
-        """Begin anew: nothing connects what comes with what was."""
+        """Begin again: nothing connects later scans with earlier ones."""
         self._places.clear()
         self._crossings.clear()
         self._last = None

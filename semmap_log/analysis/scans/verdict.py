@@ -60,7 +60,7 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class _Looks:
-    """Looks through the line, on it, deep behind it; the laser shifted as the word has it."""
+    """Looks through the line, on it, deep beyond it; with the laser's shift under the verdict."""
 
     through: float
     stopped: float
@@ -80,10 +80,10 @@ class _Looks:
 
 
 def _why(p_open: float, ajar: float, looks: _Looks, model: ScanModel, *, is_glass: bool) -> str:
-    """Return why nothing can be stated; empty: it can.
+    """Return why there is no verdict; empty: there is one.
 
     No OPEN without beams that went through, no CLOSED without beams that ended on the line, or with
-    many that ended deep in the room behind it (unless the door is of glass).
+    many that ended deep in the room beyond it (unless the door is of glass).
     """
     is_open = p_open > 0.5
     if ajar > (model.most_ajar_open if is_open else model.most_ajar_shut):
@@ -102,7 +102,7 @@ def _why(p_open: float, ajar: float, looks: _Looks, model: ScanModel, *, is_glas
 
 
 def behind_m(sums: VisitSums) -> float:
-    """Return where beams that ended near the line ended, on average, m behind it; NaN: none did."""
+    """Return how far beyond the line beams near it ended, on average, m; NaN: none did."""
     return sums.behind / sums.near if sums.near else nan
 
 

@@ -1,6 +1,4 @@
-"""What a visit to a door shows.
-
-Where the scans of visits are kept, and how.
+"""A visit to a door: its scans, the model's constants, and where the scans are kept.
 
     office/              the log
     office.scans/        next to it
@@ -12,20 +10,16 @@ Each file is an MCAP of standard ROS 2 messages, for `ros2 bag play` and whateve
 - `/<robot>/<laser>/scan`: sensor_msgs/LaserScan;
 - `/<robot>/<laser>/pose`: geometry_msgs/PoseWithCovarianceStamped, how sure the place is;
 - `/<robot>/<laser>/beams`: sensor_msgs/PointCloud2, frame `map`, where each beam began and ended:
-  only of scans that a LaserScan cannot see well, by a laser that moves while it turns;
+  only of scans that a LaserScan cannot represent well, by a laser that moves while it turns;
 - `/visits`: std_msgs/String, a JSON object: the door, its line then, what was found, its scans.
 
 A scan is in a file once, before the first visit that it is of; a visit is one chunk with the scans
 that are new, so that what a killed recorder leaves is read up to its last visit. The times of
 chunks overlap, as visits do: the file's index puts messages in order.
 
-Scans of one laser, one behind the other, as arrays over all their beams.
-
-What is known beforehand of the laser, of the robot's place and of what lies around doors.
-
-The scans of the last minute: a visit that ends is requested those that it was made from.
-
-A scan of a planar laser whose beams have their places on the map.
+A scan is of a planar laser whose beams have their places on the map. The scans of one laser are
+stacked, one after the other, as arrays over all their beams. Those of the last minutes are kept in
+memory, since a visit that ends needs the scans that it was made from.
 """
 
 from __future__ import annotations
@@ -68,9 +62,9 @@ class KeptVisit:
     line: DoorLine
     """Of the door at that moment."""
     scans: tuple[PlacedScan, ...]
-    """Stamps ascending; empty if they were not requested."""
+    """The scans, stamps ascending; empty if not requested."""
     event: int | None = None
-    """Number of the DoorObserved or DoorPassed that it became; None: not given, or none."""
+    """Number of the DoorObserved or DoorPassed that it became; None: unknown, or none."""
 
 
 class VisitReader(Protocol):
@@ -129,9 +123,9 @@ Rows = NDArray[np.intp]
 LEAST_RANGE = 0.02
 """m; what is nearer was not measured."""
 LARGEST_RANGE = 1000.0
-"""m; a laser that reports of more means that it does not know."""
+"""m; a laser that reports more means that it does not know."""
 LARGEST_SD = 10.0
-"""m, or rad: whoever reports of more does not know where the robot is."""
+"""m, or rad: whoever reports more does not know where the robot is."""
 FARTHEST = 1e7
 """m from the map's origin; what is farther is no place on Earth."""
 
@@ -148,7 +142,7 @@ class ScanStack:
     """(t, 2) of the laser in the middle of its turn, m."""
     sd_xy: Floats
     sd_theta: Floats
-    """(t,) as given, else the model's; m, rad."""
+    """(t,) as reported, else the model's; m, rad."""
     max_range: Floats
     """(t,) m"""
     begins: Rows
@@ -192,7 +186,7 @@ class ScanStack:
     def between(self, scan: Rows, start: Floats, extent: Floats) -> tuple[Rows, Rows]:
         """Return the first beam from `start` on, rad since each scan's first, and how many follow.
 
-        All scans are searched at once, since their keys stand one behind the other.
+        All scans are searched at once, since their keys follow one another.
         """
         first = self.apart * scan + np.maximum(start, -np.pi)
         last = self.apart * scan + np.clip(start + extent, -np.pi, self.apart - 2 * np.pi)
@@ -244,12 +238,12 @@ class ScanModel:
     sd_range: float = 0.02
     """Noise of a range."""
     sd_xy: float = 0.05
-    """Of the laser's place along each axis, where the scan does not tell."""
+    """Of the laser's place along each axis, if the scan has none."""
     sd_theta: float = radians(1.0)
-    """Of its heading, where the scan does not tell."""
+    """Of its heading, if the scan has none."""
     least_sd_xy: float = 0.02
     least_sd_theta: float = radians(0.3)
-    """Told standard deviations below these are not believed."""
+    """Reported standard deviations below these are not believed."""
     sd_door: float = 0.04
     """Of a leaf's place against the map: recesses, mouldings, the drawing."""
 
@@ -266,9 +260,9 @@ class ScanModel:
     tolerance: float = 0.15
     """A beam that ends so near to the line ended on it."""
     deep: float = 0.5
-    """Behind the line by more a beam ended in the room, whatever the pose."""
+    """A beam that ended further beyond the line ended in the room, whatever the pose."""
     beside: float = 0.7
-    """So far from its ends the wall next to a door is looked at."""
+    """How far from a door's ends the wall is looked at."""
     beside_beams: int = 4
     """Used of the wall at each end."""
 
@@ -283,7 +277,7 @@ class ScanModel:
     lost: float = 0.05
     """P(no return) of what is in range."""
     room: float = 3.0
-    """Mean depth of what lies behind a door."""
+    """Mean depth of what lies beyond a door."""
     before: float = 0.15
     """A leaf nearer to the robot than the line by more looks like anybody who stands there ..."""
     persuades: float = 0.4
@@ -316,10 +310,10 @@ class ScanModel:
     stand: float = 0.5
     """A laser that is no farther from where it was stands."""
     same_again_s: float = 1800.0
-    """From one stand the same state of a door is given again after this time: a patrol's pace."""
+    """From one stand the same state of a door is reported again after this: a patrol's pace."""
 
     enough: float = 0.7
-    """Looks through the line, or on it, that a word needs."""
+    """Looks through the line, or on it, that a verdict needs."""
     most_deep: float = 0.3
     """CLOSED needs that fewer looks went deep, as a share of those that ended on the line."""
     least_seen: float = 0.2
@@ -329,12 +323,12 @@ class ScanModel:
     """Share of the beams towards the door that something before it stopped: more, and what the
     others met is as likely its edge as the door."""
     least_accuracy: float = 0.8
-    """Below it nothing is stated."""
+    """Below it there is no verdict."""
     most_ajar_shut: float = 0.5
     most_ajar_open: float = 0.125
-    """P(ajar) above which CLOSED, or OPEN, is not stated."""
+    """P(ajar) above which the verdict is not CLOSED, or not OPEN."""
     lapse: float = 0.008
-    """P(the visit means nothing at all): a wrong map, another door, glass that nobody told of."""
+    """P(the visit means nothing at all): a wrong map, another door, glass that nobody annotated."""
     passed_accuracy: float = 0.999
     """Of OPEN, where the robot drove through."""
 
@@ -398,8 +392,8 @@ class Visit:
     stopped: float
     """Looks that ended on it."""
     behind_m: float
-    """Where beams that ended within half a metre of the line ended, behind (+) or before (-) it, on
-    average, m, square to it; NaN: none did. Of a door that is not shut it means nothing."""
+    """Where beams within half a metre of the line ended, beyond (+) or before (-) it: the average,
+    m, square to it; NaN: none did. For a door that is not shut it means nothing."""
     near: float = 0.0
     """How many looks that is."""
     passed: bool = False
@@ -415,9 +409,9 @@ class Visit:
     """Which of the robot's lasers saw most of it."""
     robot: str = ""
     side: int = 0
-    """From where it was seen: 1 the left of its line, -1 the right, 0 both or not given."""
+    """The side it was seen from: 1 the left of its line, -1 the right, 0 both or unknown."""
     told_ns: int = 0
-    """When the same state was given from the same stand already; 0: it is news. See `stands`."""
+    """When the same state was last reported from the same stand; 0: it is new. See `Stands`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -443,9 +437,9 @@ class PlacedScan:
     max_range: float
     """m; farther than that a beam does not come back."""
     sd_xy: float = nan
-    """Standard deviation of the laser's place on the map along each axis, m; NaN: not given."""
+    """Standard deviation of the laser's place on the map along each axis, m; NaN: unknown."""
     sd_theta: float = nan
-    """Of its heading, rad; NaN: not given."""
+    """Of its heading, rad; NaN: unknown."""
     robot: str = ""
 
 

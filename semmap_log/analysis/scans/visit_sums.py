@@ -40,11 +40,11 @@ class VisitSums:
     table: Floats
     """(s, h): log-likelihoods of the shift and the stand of the leaves."""
     walls: Floats
-    """(s + 1,): of the shift by the walls next to; the last: the wall is not in line."""
+    """(s + 1,): of the shift by the adjacent walls; the last: the wall is not in line."""
     through: Floats
     stopped: Floats
     deep: Floats
-    """(s,) looks through the line, on it, far behind it."""
+    """(s,) looks through the line, on it, far beyond it."""
     scans: int = 0
     looks: float = 0.0
     wall_looks: float = 0.0
@@ -52,7 +52,7 @@ class VisitSums:
     """Looks that ended well before the line."""
     near: float = 0.0
     behind: float = 0.0
-    """Looks that ended near the line, and the sum of how far behind it, m."""
+    """Looks that ended near the line, and the sum of how far beyond it, m."""
     sides: set[int] = field(default_factory=set)
     """From which it was seen: 1 the left of the line, -1 the right."""
     stands: set[int] = field(default_factory=set)

@@ -1,6 +1,6 @@
 """The rows of an answer for programs that do not know Arrow: JSON, CSV, tables.
 
-The answer of a query as a file, written whole or not at all.
+A query's answer is written to a file whole or not at all.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from semmap_log.errors import FormatError
 
 
 def write_answer(answer: pa.Table, out: Path) -> None:
-    """Write an answer to a file whose name shows its format.
+    """Write an answer to a file, in the format that the file's suffix names.
 
     Raises:
-        FormatError: It shows none.
-        OutputError: It cannot be written; what was there is whole.
+        FormatError: The suffix names no format.
+        OutputError: It cannot be written; an existing file stays.
     """
     write = writer_for(out)
     try:
@@ -39,10 +39,10 @@ def write_answer(answer: pa.Table, out: Path) -> None:
 
 
 def writer_for(out: Path) -> Callable[[pa.Table, Path], None]:
-    """Return what writes an answer to a file of that name.
+    """Return the function that writes an answer to a file of that name.
 
     Raises:
-        FormatError: It shows no format.
+        FormatError: The suffix names no format.
     """
     write = _WRITERS.get(out.suffix.lower())
     if write is None:
@@ -73,7 +73,7 @@ def _write_parquet(answer: pa.Table, path: Path) -> None:
 
 
 def _storable(column: pa.ChunkedArray) -> pa.ChunkedArray:
-    """Return a column as Parquet can have it: spans of time as text, as in the other files."""
+    """Return a column as Parquet can hold it: intervals as text, as in the other files."""
     if column.type != pa.month_day_nano_interval():
         return column
     return pa.chunked_array([pa.array(plain_values(column), pa.string())])
@@ -109,14 +109,14 @@ def answer_rows(answer: pa.Table) -> Iterator[tuple[Any, ...]]:
 
 
 def json_rows(answer: pa.Table) -> Iterator[dict[str, Any]]:
-    """Yield the same by the names of the columns; of two of one name the second is `name_1`."""
+    """Yield rows by column names; the second of two equal names becomes `name_1`."""
     names = column_names(answer)
     for row in answer_rows(answer):
         yield dict(zip(names, row, strict=True))
 
 
 def column_names(answer: pa.Table) -> list[str]:
-    """Return the names of an answer's columns, each once."""
+    """Return unique names of an answer's columns."""
     found: list[str] = []
     for name in answer.column_names:
         again = (f"{name}_{count}" for count in range(1, len(answer.column_names) + 1))
@@ -125,7 +125,7 @@ def column_names(answer: pa.Table) -> list[str]:
 
 
 def instants_ns(column: pa.ChunkedArray) -> list[int | None] | None:
-    """Return a column of instants as nanoseconds UTC; None: it is another."""
+    """Return a column of instants as nanoseconds UTC; None: it is of another type."""
     if not pa.types.is_timestamp(column.type) or column.type.tz is None:
         return None
     try:
@@ -146,12 +146,12 @@ def plain_values(column: pa.ChunkedArray) -> list[Any]:
         return [None if value is None else _map(value) for value in column.to_pylist()]
     try:
         return [_value(value) for value in column.to_pylist()]
-    except (OverflowError, ValueError):  # a time that Python cannot tell, such as infinity
+    except (OverflowError, ValueError):  # a time that Python cannot represent, such as infinity
         return [_far_time(value) for value in column]
 
 
 def _far_time(value: pa.Scalar) -> Any:
-    """Return a time that may be none of Python's, which knows the years 1 to 9999."""
+    """Return a time that may be outside Python's range, the years 1 to 9999."""
     try:
         return _value(value.as_py())
     except (OverflowError, ValueError):

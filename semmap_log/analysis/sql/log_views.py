@@ -1,20 +1,11 @@
-"""The views of a log: each is made when a query scans it, of what the query's filter can match.
+"""The views of a log: their columns, and their rows, made when a query scans them.
 
-Rows that Python makes one by one, as Arrow tables.
+A scan reads only the parts of a log that the query's filter can match: its doors, its kinds, its
+chunks. The views are `events`, what lasts and what was written (states of doors, rounds, poses,
+changes, commits), and the doors at a moment with the beliefs about them.
 
-The rows of the view `events`, of what a query asks for.
-
-What lasts, and what was written, as rows: states of doors, rounds, poses, changes, commits.
-
-What the views hold: their columns, in order, with what each means. Data only.
-
-The doors at a moment, and what is believed of them, as rows.
-
-What goes on while a query has rows made: what went wrong, and whether anybody still waits.
-
-DuckDB calls us on threads of its own, and passes on of our errors no more than the text.
-
-Which parts of a log a query's filter can match: its doors, its kinds, its chunks.
+DuckDB calls us on threads of its own, and passes on only the text of our errors. So an error is
+kept here, as is whether anybody still waits for the rows.
 """
 
 from __future__ import annotations
@@ -72,7 +63,7 @@ def log_views(log: DoorLog, making: RowMaking) -> dict[str, ScannedTable]:
 
     Args:
         log: The log.
-        making: Takes in what goes wrong while rows are made.
+        making: Records errors while rows are made.
     """
     schemas = {name: query_schema(columns) for name, columns in VIEWS.items()}
     schemas |= {EVENTS: EVENT_SCHEMA, "doors": DOOR_SCHEMA}
@@ -84,7 +75,7 @@ def log_views(log: DoorLog, making: RowMaking) -> dict[str, ScannedTable]:
 
 
 def _readers(log: DoorLog) -> dict[str, Read]:
-    """Return what makes the rows of each view."""
+    """Return the functions that make the rows of each view."""
 
     def doors(_: ScanRequest) -> Iterator[pa.Table]:
         yield door_table(log.replay())
@@ -118,7 +109,7 @@ AT_ONCE = 10_000
 
 
 def query_schema(columns: Sequence[Column], *more: pa.Field) -> pa.Schema:
-    """Return the schema by which queries see columns: times in microseconds, as SQL has them."""
+    """Return the schema that queries see: times in microseconds, as in SQL."""
     fields = [
         field.with_type(pa.timestamp("us", field.type.tz))
         if pa.types.is_timestamp(field.type)
@@ -133,7 +124,7 @@ def made_tables(columns: Sequence[Column], rows: Iterable[Sequence[Any]]) -> Ite
 
     Args:
         columns: In the order of the rows' values.
-        rows: As many as there are; a table is made of a part of them.
+        rows: Any number of rows; each table holds a part of them.
     """
     waiting = iter(rows)
     while part := list(islice(waiting, AT_ONCE)):
@@ -197,12 +188,12 @@ def commit_tables(log: DoorLog) -> Tables:
 
 
 def patrol_tables(log: DoorLog) -> Tables:
-    """Yield the rounds, as they were first heard of."""
+    """Yield the rounds, in the order of their first events."""
     return made_tables(PATROLS, map(_round_row, rounds(log.history(kinds=ROUND_KINDS))))
 
 
 def pose_tables(log: DoorLog, window: Window) -> Tables:
-    """Yield where the robot was, retracted poses left out."""
+    """Yield the robot's poses, without retracted ones."""
     retractions = log.retractions()
     for batch in log.batches_in(window):
         seen = retractions.visible(batch)
@@ -256,7 +247,7 @@ def _round_row(each: Round) -> tuple[Any, ...]:
 
 
 def _as_text(value: Any) -> str | None:
-    """Return a value as JSON would have it, without quotes; NaN is None."""
+    """Return a value as in JSON, without quotes; NaN is None."""
     if value is None or value != value:  # noqa: PLR0124 - NaN
         return None
     return value.name if isinstance(value, DoorState) else str(value)
@@ -277,7 +268,7 @@ DOORS = (
     Column("last_seen", TIME, "when its latest state happened"),
     Column("last_event", "int64", "number of the last event about it"),
 )
-"""Of a door at a moment; and its annotations, as a map."""
+"""The columns of a door at a moment, with its annotations as a map."""
 
 INTERVALS = (
     DOOR,
@@ -360,7 +351,7 @@ VIEWS: Mapping[str, tuple[Column, ...]] = {
     "patrols": PATROLS,
     "poses": POSES,
 }
-"""Of each view but `events`, its columns."""
+"""The columns of each view but `events`."""
 
 ANNOTATIONS = Column("annotations", "map", "what is said of it in words: key -> value")
 """The last column of doors."""
@@ -370,7 +361,7 @@ FUNCTIONS: Mapping[str, tuple[Column, ...]] = {
     "doors_known_at": DOORS,
     "beliefs": BELIEFS,
 }
-"""Of what is queried a moment."""
+"""The columns of each function of a moment."""
 
 
 TEXTS = pa.map_(pa.string(), pa.string())
@@ -391,8 +382,8 @@ def belief_table(log: DoorLog, at: Time, horizon: str | None = None) -> pa.Table
     """Return how likely each door is open, by `BELIEF_SCHEMA`.
 
     Args:
-        log: Whose doors.
-        at: The moment asked from.
+        log: The log of the doors.
+        at: The moment of the query.
         horizon: How long after it, such as `2h`.
 
     Raises:
@@ -424,11 +415,11 @@ A = TypeVar("A")
 
 
 class StoppedError(Exception):
-    """Nobody waits for the rows any more."""
+    """The rows are no longer needed."""
 
 
 class RowMaking:
-    """Takes note of what goes wrong in functions that make rows."""
+    """Records errors in functions that make rows."""
 
     def __init__(self) -> None:
         self.failure: Exception | None = None
@@ -436,28 +427,28 @@ class RowMaking:
         self._is_stopped = False
 
     def taken_failure(self) -> Exception | None:
-        """Return what went wrong last, once: raised, it holds frames again."""
+        """Return the last error, once, since it holds frames again when raised."""
         failure, self.failure = self.failure, None
         return failure
 
     def stop(self) -> None:
-        """Have those that make tables end before their next one."""
+        """Stop the functions that make tables before their next one."""
         self._is_stopped = True
 
     def noted(self, make: Callable[[A], pa.Table]) -> Callable[[A], pa.Table]:
-        """Return a function that makes rows, and whose failures are noted."""
+        """Wrap a function that makes rows, to record its failures."""
 
         def made(asked: A) -> pa.Table:
             try:
                 self._check_wanted()
                 return make(asked)
-            except Exception as error:  # noqa: BLE001 - told by `failure`
+            except Exception as error:  # noqa: BLE001 - reported by `failure`
                 raise self._noted(error) from None
 
         return made
 
     def tables(self, read: Read) -> Read:
-        """Return what yields tables, and whose failures are noted."""
+        """Wrap a function that yields tables, to record its failures."""
 
         def found(asked: ScanRequest) -> Iterator[pa.Table]:
             try:
@@ -466,13 +457,13 @@ class RowMaking:
                     yield table
             except GeneratorExit:
                 raise  # the query has all that it wants
-            except Exception as error:  # noqa: BLE001 - told by `failure`
+            except Exception as error:  # noqa: BLE001 - reported by `failure`
                 raise self._noted(error) from None
 
         return found
 
     def _noted(self, error: Exception) -> Exception:
-        """Keep what went wrong, and return what DuckDB is reported of it.
+        """Keep an error, and return what DuckDB sees of it.
 
         It is kept without its frames, which would hold DuckDB, and DuckDB us, for ever.
         """
@@ -481,17 +472,17 @@ class RowMaking:
         return RuntimeError(f"{type(error).__name__}: {error}")
 
     def _check_wanted(self) -> None:
-        """Return if somebody waits for rows.
+        """Check that the rows are still needed.
 
         Raises:
-            StoppedError: Nobody does.
+            StoppedError: They are not.
         """
         if self._is_stopped:
             raise StoppedError
 
 
 MOST_DOORS = 16
-"""So many are requested one by one; for more, all events are read sooner."""
+"""So many are read one by one; for more, reading all events is faster."""
 
 BOUNDED = ("event", "happened", "happened_ns", "recorded", "recorded_ns")
 """Columns by which parts of a log can be left out."""
@@ -518,7 +509,7 @@ def possible_doors(log: DoorLog, asked: ScanRequest) -> list[DoorId] | None:
 
 
 def possible_windows(log: DoorLog, asked: ScanRequest) -> list[Window]:
-    """Return where the events lie that the filter can match: ranges of numbers, and kinds."""
+    """Return the events that the filter can match, as ranges of numbers, and their kinds."""
     kinds = list(KINDS)
     if asked.filters_by("kind"):
         places = asked.possible([equal("kind", _text(kind.__name__)) for kind in KINDS])
@@ -561,7 +552,7 @@ def _bounds(part: LogPart, asked: ScanRequest) -> Iterator[Guarantee]:
 
 
 def _joined(parts: Iterable[LogPart]) -> list[tuple[int, int]]:
-    """Return ranges of events, the end of each after its last; neighbours are one."""
+    """Return half-open ranges of events; adjacent ones are joined."""
     found: list[tuple[int, int]] = []
     for part in parts:
         if found and found[-1][1] == part.first_event:

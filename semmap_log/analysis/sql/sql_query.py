@@ -1,11 +1,8 @@
 """A query in SQL about one log, or several: as a relation of DuckDB, or as a whole table.
 
-Only one SELECT is taken, in a DuckDB of its own that is closed to all but the logs' views. What a
-relation raises while it is read is DuckDB's; `table_of_query` says it in our words.
-
-A DuckDB in memory with the views of some logs, closed to all else: no files, no settings.
-
-Which views there are, and their columns, in words: for who named another.
+Only one SELECT is allowed, in a DuckDB in memory with the logs' views, closed to all else: no
+files, no settings. Errors while a relation is read are DuckDB's; `table_of_query` raises them in
+our words. An error about an unknown name lists the views and their columns.
 """
 
 from __future__ import annotations
@@ -44,21 +41,21 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*", re.ASCII)
 TAKEN = {"main", "temp", "system", "memory", "pg_catalog", "information_schema"}
 
 LOOKS_S = 0.1
-"""How often Ctrl-C is looked for."""
+"""Interval between checks for Ctrl-C."""
 
 
 def sql(query: str, *, allow_files: bool = False, **logs: DoorLog) -> Any:
-    """Return what a query in SQL about some logs answers, as a relation of DuckDB.
+    """Return the answer of an SQL query about some logs, as a relation of DuckDB.
 
         sl.sql("select * from east.doors join west.doors using (name)", east=one, west=other)
 
     Args:
         query: One SELECT: see `DoorLog.sql`.
         allow_files: It may read files.
-        **logs: By the names that stand before their views. The first one's have none, too.
+        **logs: By the prefixes of their views. The first log's views also have no prefix.
 
     Raises:
-        SqlError: It is no question, or names what is not there.
+        SqlError: It is no query, or names something unknown.
         MissingExtraError: duckdb or pyarrow is not installed.
     """
     if not logs:
@@ -70,7 +67,7 @@ def sql(query: str, *, allow_files: bool = False, **logs: DoorLog) -> Any:
 def sql_of_log(
     query: str, log: DoorLog, others: Mapping[str, DoorLog], *, allow_files: bool
 ) -> Any:
-    """Return the same about a log, whose views need no name: see `DoorLog.sql`."""
+    """Return the answer about one log, whose views have no prefix: see `DoorLog.sql`."""
     return Query(query, {NAMELESS: log, **others}, allow_files=allow_files).relation
 
 
@@ -82,31 +79,31 @@ def table_of_query(
     allow_files: bool = False,
     limit: int | None = None,
 ) -> pa.Table:
-    """Return all that a query answers as a pyarrow.Table; Ctrl-C ends it at once.
+    """Return the complete answer of a query as a pyarrow.Table; Ctrl-C ends it at once.
 
     Args:
         query: One SELECT: see `DoorLog.sql`.
-        log: Whose views have no name before them.
-        others: More logs, by the names that stand before theirs.
+        log: The log whose views have no prefix.
+        others: More logs, by the prefixes of their views.
         allow_files: It may read files.
-        limit: So many rows at most; None: all.
+        limit: The maximum number of rows; None: all.
 
     Raises:
-        SqlError: It is no question, names what is not there, or cannot be worked out.
+        SqlError: It is no query, names something unknown, or fails.
         CorruptLogError: A log is damaged.
     """
     return Query(query, {NAMELESS: log, **others}, allow_files=allow_files).table(limit)
 
 
 class Query:
-    """A query that DuckDB has understood; nothing was read for it yet."""
+    """A query that DuckDB has parsed; nothing was read for it yet."""
 
     def __init__(self, query: str, logs: Mapping[str, DoorLog], *, allow_files: bool) -> None:
-        """Have a query understood.
+        """Parse a query.
 
         Args:
             query: One SELECT.
-            logs: By the names that stand before their views.
+            logs: By the prefixes of their views.
             allow_files: It may read files.
         """
         _check_logs(logs)
@@ -123,9 +120,9 @@ class Query:
             raise self._in_our_words(error) from error
 
     def table(self, limit: int | None = None) -> pa.Table:
-        """Return the answer, of so many rows at most.
+        """Return the answer, of at most `limit` rows.
 
-        It is worked out on a thread of its own: while DuckDB works, Python hears of no signal.
+        The query runs on a thread of its own: while DuckDB works, Python receives no signal.
         """
         wanted = self.relation if limit is None else self.relation.limit(limit)
         done: dict[str, Any] = {}
@@ -156,7 +153,7 @@ class Query:
         return done["table"]
 
     def _in_our_words(self, error: Exception) -> Exception:
-        """Return the error of a view that could not be made, else what DuckDB said, and ours."""
+        """Return the error of a view that could not be made, else DuckDB's with our hints."""
         ours = self._making.taken_failure()
         if isinstance(ours, SemmapError):
             return ours
@@ -190,7 +187,7 @@ def _check_logs(logs: Mapping[str, Any]) -> None:
 
 
 def _check_text(query: Any) -> None:
-    """Return if a query is a text that DuckDB can be given.
+    """Check that a query is a text that DuckDB accepts.
 
     Raises:
         SqlError: It is not.
@@ -204,7 +201,7 @@ def _check_text(query: Any) -> None:
 
 
 def _check_is_question(connection: duckdb.DuckDBPyConnection, query: str) -> None:
-    """Return if a query is one SELECT: what else there is writes, or changes settings.
+    """Check that a query is one SELECT: other statements write, or change settings.
 
     Raises:
         SqlError: It is not.
@@ -226,12 +223,12 @@ ASKING_NODES = {"SELECT_NODE", "SET_OPERATION_NODE", "RECURSIVE_CTE_NODE", "CTE_
 
 
 def _check_only_reads(connection: duckdb.DuckDBPyConnection, query: str) -> None:
-    """Return if no part of a SELECT writes: a COPY may stand in a CTE.
+    """Check that no part of a SELECT writes: a COPY may stand in a CTE.
 
-    Without files to reach it could not be done; where they are allowed, DuckDB would do it.
+    Without access to files DuckDB refuses this; where they are allowed, it would do it.
 
     Raises:
-        SqlError: One does, or the parts cannot be given.
+        SqlError: One does, or the parts are unknown.
     """
     ((said,),) = connection.execute("SELECT json_serialize_sql(?)", [query]).fetchall()
     parsed = json.loads(said)
@@ -249,7 +246,7 @@ def _check_only_reads(connection: duckdb.DuckDBPyConnection, query: str) -> None
 
 
 NAMELESS = ""
-"""Stands for the log whose views have no name before them."""
+"""The key of the log whose views have no prefix."""
 
 CONFIG = {
     "autoinstall_known_extensions": "false",
@@ -264,11 +261,11 @@ CONFIG = {
 def open_session(
     logs: Mapping[str, DoorLog], making: RowMaking, *, allow_files: bool
 ) -> duckdb.DuckDBPyConnection:
-    """Return a connection that has the views of logs, and no way to get at anything else.
+    """Return a connection with the views of logs, and no access to anything else.
 
     Args:
-        logs: By the names that stand before their views; `NAMELESS`: none does.
-        making: Takes in what goes wrong while rows are made.
+        logs: By the prefixes of their views; `NAMELESS`: no prefix.
+        making: Records errors while rows are made.
         allow_files: Queries may read files.
     """
     connection = duckdb.connect(":memory:", config=dict(CONFIG))
@@ -285,7 +282,7 @@ def open_session(
 def _add_log(
     connection: duckdb.DuckDBPyConnection, name: str, log: DoorLog, making: RowMaking
 ) -> None:
-    """Add the views and functions of a log; those of a named one stand in a schema."""
+    """Add the views and functions of a log; those of a log with a prefix are in a schema."""
     schema = f"{_quoted(name)}." if name else ""
     if name:
         connection.execute(f"CREATE SCHEMA {_quoted(name)}")
@@ -310,7 +307,7 @@ def _add_log(
 
 
 class _Function(NamedTuple):
-    """What makes rows of a moment."""
+    """A function that makes rows of a moment."""
 
     name: str
     parameters: tuple[str, ...]
@@ -321,7 +318,7 @@ class _Function(NamedTuple):
 
 
 class _KnownThen:
-    """The doors as they were known; it says once if they were only told of later."""
+    """The doors as they were known; it warns once if they were only recorded later."""
 
     def __init__(self, log: DoorLog) -> None:
         self._log = log
@@ -355,7 +352,7 @@ def _maker(log: DoorLog, function: _Function) -> Make:
 def _add_maker(
     connection: duckdb.DuckDBPyConnection, hidden: str, function: _Function, make: Make
 ) -> None:
-    """Add what makes lists of rows, of many moments at once."""
+    """Add the function that makes lists of rows, of many moments at once."""
     rows = function.rows
     takes: dict[int, Callable[..., pa.Array]] = {
         1: lambda moment, type_: _lists(rows, make, moment, type_),
@@ -390,11 +387,11 @@ def _add_macro(
 def _moment(log: DoorLog, text: str, type_: str) -> Time:
     """Return the moment that a value of a query means.
 
-    An instant of SQL stands for all of its microsecond, so that `doors_at(happened)` has seen what
-    happened then.
+    An instant of SQL stands for all of its microsecond, so that `doors_at(happened)` includes the
+    event of that time.
 
     Raises:
-        MomentError: It means none.
+        MomentError: It is not a moment.
     """
     if not type_.startswith("TIMESTAMP") or "_NS" in type_:
         return text
@@ -404,7 +401,7 @@ def _moment(log: DoorLog, text: str, type_: str) -> Time:
 
 
 def _lists(rows: pa.Schema, make: Make, *arguments: pa.ChunkedArray) -> pa.Array:
-    """Return for each row of arguments the rows that are made of it, as a list of structs."""
+    """Return the rows made of each row of arguments, as a list of structs."""
     made = [make(row) for row in zip(*(each.to_pylist() for each in arguments), strict=True)]
     ends = np.cumsum([0, *(table.num_rows for table in made)], dtype=np.int32)
     joined = pa.concat_tables([rows.empty_table(), *made])
@@ -439,7 +436,7 @@ COLUMNS_OF: Mapping[str, tuple[Column, ...]] = {
 
 
 def columns_table() -> pa.Table:
-    """Return a row for each column of each view: what it means."""
+    """Return a row for each column of each view, with its meaning."""
     rows = [
         {
             "view": f"{name}('now')" if name in FUNCTIONS else name,
@@ -453,7 +450,7 @@ def columns_table() -> pa.Table:
 
 
 def views_in_words(logs: Sequence[str]) -> str:
-    """Return which views there are, of logs by the names that stand before them."""
+    """Return the views of logs, which are given by their prefixes."""
     functions = [f"{name}('2h ago')" for name in FUNCTIONS]
     told = f"There are {', '.join([EVENTS, *VIEWS, *functions])}."
     named = [name for name in logs if name]
@@ -463,7 +460,7 @@ def views_in_words(logs: Sequence[str]) -> str:
 
 
 def columns_in_words(query: str) -> str:
-    """Return the columns of the views that a query names; of all where it names none."""
+    """Return the columns of the views that a query names, or of all if it names none."""
     views = {name: [column.name for column in columns] for name, columns in COLUMNS_OF.items()}
     named = [name for name in views if re.search(rf"\b{name}\b", query, re.IGNORECASE)]
     return "\n".join(f"{name}: {', '.join(views[name])}" for name in named or views)

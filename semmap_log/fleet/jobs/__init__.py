@@ -1,12 +1,11 @@
-"""One question to many logs, asked by an engine that others have built.
+"""One question to many logs, answered by an engine that others have built.
 
 fleet_run       what a person uses: `sl.fleet([...]).map(at=...)`
-log_places      which logs are meant: URLs, folders, prefixes, patterns, lists
-job             what a job is; door_jobs, care_jobs, fold_job, month_export: those there are
-log_answer      one log asked by one job, in a worker: a table, or why not
-log_outcome     what became of a log
+log_places      which logs are meant: URLs, folders, prefixes, patterns, lists; the export job
+job             what a job is, what one log answers, in a worker, and what became of each log
+door_jobs       the jobs on doors and on the state of logs; answers kept for the next run
 engine          where functions run; dask_engine, ray_engine: two of them
-kept_answers    what is not queried again by the next run
+lake_folder     a folder of exported Parquet files: its columns, and its files
 """
 
 from importlib.util import find_spec

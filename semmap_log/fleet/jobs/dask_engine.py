@@ -17,8 +17,8 @@ from semmap_log.fleet.jobs.engine import DEATHS, NoAnswer, WorkerDied
 
 ANSWERS_WITHIN_S = 20
 _NEVER = "10000 days"
-"""How late a worker of this machine may come back that was killed. It is started again, which
-takes minutes where the machine is busy; without this, Dask gives it up for good after 15 s."""
+"""How long a killed worker of this machine may take to restart. On a busy machine it takes
+minutes; without this, Dask gives the worker up for good after 15 s."""
 _EXPECTED = "expected an address such as tcp://10.0.0.5:8786, which `dask scheduler` prints."
 
 
@@ -43,7 +43,7 @@ class DaskEngine:
                 "distributed.comm.timeouts.connect": f"{ANSWERS_WITHIN_S}s",
             }
         )
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # outcomes tell what it tells
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # outcomes report the same
         if scheduler and ":" not in scheduler:
             raise EngineError(f"no Dask scheduler at {scheduler}: {_EXPECTED}")
         try:

@@ -1,4 +1,4 @@
-"""What Dask's workers of this machine are given first."""
+"""The set-up of Dask's workers on this machine."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import signal
 from semmap_log.core.io.object_source import keep_at_most
 
 KEPT_BYTES = 2**22
-"""Of objects: a log is queried once."""
+"""Of objects in memory; few are needed, since a log is queried once."""
 
 
 def dask_setup(worker: object) -> None:  # noqa: ARG001  Dask calls it by this name

@@ -1,18 +1,12 @@
-"""Jobs that ask about doors: the map of a moment, openings by hour, how likely they are open.
+"""The jobs of a fleet run, its kept answers, and how logs are handed to an engine.
 
-Jobs that look after logs: what each holds, and whether it is as it was written.
+Jobs on doors: the map of a moment, openings by hour, how likely doors are open. Jobs on logs: what
+each contains, and whether it is as it was written. Small logs go to an engine a few at a time,
+since it takes milliseconds to hand one out; long ones in parts.
 
-Answers of earlier runs, so that a run that was cut goes on, and one that is repeated is short.
-
-They lie where `answer_places` says. One checked file an answer: a line of JSON, and a table in
-Arrow's stream format.
-
-Which engine asks the logs, and how much of it.
-
-Logs handed to an engine, and their answers as they come.
-
-Small logs are asked a few at a time, since an engine takes milliseconds to hand one out; long ones
-in parts.
+Answers are kept, so that an interrupted run continues and a repeated one is short. They lie where
+`answer_places` says. Each answer is one checked file: a line of JSON, and a table in Arrow's stream
+format.
 """
 
 from __future__ import annotations
@@ -59,7 +53,7 @@ from semmap_log.log.replay.replay import Scope
 from semmap_log.store.verification import Severity
 
 PART_EVENTS = 1_000_000
-"""So many events of a log are held at once: some 60 bytes each while they are put in order."""
+"""Events of a log in memory at once: some 60 bytes each while they are sorted."""
 
 DOOR_FIELDS = (
     pa.field("door_id", pa.uint32(), nullable=False),
@@ -111,7 +105,7 @@ class OpeningsJob:
     """How often each door was opened in each hour (UTC) in which it was.
 
     An opening is the beginning of an interval of a door's timeline in which it is OPEN, where it
-    was last known to be CLOSED. So it is a lower bound: what no sensor saw is not given.
+    was last known to be CLOSED. So it is a lower bound: openings that no sensor saw do not count.
     """
 
     name: ClassVar[str] = "openings"
@@ -123,7 +117,7 @@ class OpeningsJob:
     )
 
     def parameters(self) -> str:
-        """Return that there are none."""
+        """Return the parameters: there are none."""
         return ""
 
     def ask(self, log: DoorLog) -> Told:
@@ -131,11 +125,11 @@ class OpeningsJob:
         return self.ask_part(log, 0, 1, log.last_event())
 
     def parts(self, events: int) -> int:
-        """Return how many parts of the doors are queried apart."""
+        """Return in how many parts the doors are queried separately."""
         return max(1, -(-events // PART_EVENTS))
 
     def ask_part(self, log: DoorLog, part: int, parts: int, last_event: int) -> Told:
-        """Return the rows of the doors whose number leaves the rest `part`."""
+        """Return the rows of the doors whose number modulo `parts` is `part`."""
         scope = Scope(event=None if last_event < 0 else last_event)
         labels = labels_ever(log.state_in(scope))
         doors = [door for door in labels if door % parts == part] if parts > 1 else None
@@ -187,7 +181,7 @@ class ProbabilitiesJob:
     )
 
     def parameters(self) -> str:
-        """Return the moment, how far ahead, and by which estimator."""
+        """Return the moment, the horizon and the estimator."""
         name = self.estimator or default_estimator(self.horizon_ns)
         return f"at={self.at!r} known_at={self.known_at!r} {self.horizon_ns} {name}"
 
@@ -213,7 +207,7 @@ def _counts(*names: str) -> tuple[pa.Field, ...]:
 
 @dataclass(frozen=True, slots=True)
 class InfoJob:
-    """What each log holds, as `info` says it of one."""
+    """What each log contains, as `info` reports it for one."""
 
     name: ClassVar[str] = "info"
     holds: ClassVar[Holds] = Holds.with_head
@@ -227,7 +221,7 @@ class InfoJob:
     )
 
     def parameters(self) -> str:
-        """Return that there are none."""
+        """Return the parameters: there are none."""
         return ""
 
     def ask(self, log: DoorLog) -> Told:
@@ -264,11 +258,11 @@ class VerifyJob:
     )
 
     def parameters(self) -> str:
-        """Return that there are none."""
+        """Return the parameters: there are none."""
         return ""
 
     def ask(self, log: DoorLog) -> Told:
-        """Return one row, and the worst that was found."""
+        """Return one row, and the worst finding."""
         found = verify(log.path)
         told = [each for each in found.findings if each.severity is not Severity.NOTE]
         worst = told[0] if told else None
@@ -289,14 +283,14 @@ class VerifyJob:
 
 FORMAT = 1
 MOST_BYTES = 2**28
-"""Of an answer that is kept; a longer one is not."""
+"""Of an answer; a longer one is not kept."""
 
 
 class KeptAnswers:
     """The answers to one question."""
 
     def __init__(self, folder: Path, job: Job) -> None:
-        """Look what is there.
+        """List the answers that are there.
 
         Raises:
             OutputError: The folder cannot be made.
@@ -315,12 +309,12 @@ class KeptAnswers:
         self._files = {path.name.split("-", 1)[0]: path for path in self.folder.glob(f"*{SUFFIX}")}
 
     def of(self, places: Iterable[str]) -> dict[str, LogAnswer]:
-        """Return the answers of these logs, as far as they are there, whole."""
+        """Return the complete answers that are there for these logs."""
         found = ((place, self.get(place)) for place in places)
         return {place: kept for place, kept in found if kept is not None}
 
     def get(self, place: str) -> LogAnswer | None:
-        """Return the answer of a log; None: there is none that is whole."""
+        """Return the answer of a log; None: there is no complete one."""
         path = self._files.get(digits_of(place))
         if path is None:
             return None
@@ -338,9 +332,9 @@ class KeptAnswers:
             return None
 
     def keep(self, answer: LogAnswer) -> None:
-        """Keep an answer in the place of the log's last one.
+        """Keep an answer, which replaces the log's last one.
 
-        Where that fails, or the answer is too long, the log is queried again by the next run.
+        If that fails, or the answer is too long, the next run queries the log again.
         """
         assert answer.table is not None
         asked = answer.asked
@@ -360,7 +354,7 @@ class KeptAnswers:
                 before.unlink(missing_ok=True)
 
     def finish(self) -> None:
-        """Say that a run has come to its end: what holds for one run only is not kept."""
+        """Mark the end of a run: answers that hold for one run only are dropped."""
         if self._holds is Holds.within_a_run:
             for path in self._files.values():
                 with suppress(OSError):
@@ -374,21 +368,21 @@ WORKER_MEMORY = "1GiB"
 
 @dataclass(frozen=True, slots=True)
 class EngineChoice:
-    """Which engine, and how much of it."""
+    """Which engine to use, and how large."""
 
     name: str = "dask"
     """One of `ENGINES`."""
     scheduler: str = ""
-    """Address of a cluster that runs; empty: one of this machine is started, and ended."""
+    """Address of a running cluster; empty: one of this machine is started, and ended."""
     workers: int | None = None
-    """Of a cluster that is started; None: as many as there are cores."""
+    """Workers of a cluster that is started; default: one a core."""
     memory: str = WORKER_MEMORY
-    """Of each such worker at most; beyond, it is ended, and its question is given up."""
+    """Memory limit of each such worker; beyond it the worker is ended, its question given up."""
     timeout_s: float = TIMEOUT_S
-    """Where no worker answers for so long, the logs that are left are given up."""
+    """If no worker answers for so long, the remaining logs are given up."""
 
     def open(self) -> Engine:
-        """Start it, or join the cluster.
+        """Start the engine, or join the cluster.
 
         Raises:
             EngineError: There is no such engine, or nobody answers at the address.
@@ -431,7 +425,7 @@ def ask_logs(engine: Engine, job: Job, questions: Sequence[LogQuestion]) -> Iter
 def _in_parts(
     engine: Engine, job: Job, long: Sequence[tuple[AskedLog, int]]
 ) -> Iterator[LogAnswer]:
-    """Yield the answers of logs that are queried in parts: asked log, and how many parts."""
+    """Yield the answers of logs that are queried in parts; `long` holds (log, number of parts)."""
     parts = [
         LogQuestion(asked.place, part=n, parts=count, last_event=asked.events - 1)
         for asked, count in long
@@ -457,8 +451,8 @@ def _asked(
 ) -> Iterator[tuple[LogQuestion, LogAnswer]]:
     """Yield what workers answer.
 
-    What was with a worker whenever one died is queried once more, each alone: only so it is known
-    which it was. Once no worker answers in time, none is waited for again.
+    When a worker dies, each log that a worker then had is queried once more, alone: only this shows
+    which one is to blame. Once no worker answers in time, none is waited for again.
     """
     size = min(max(len(questions) // BATCHES, 1), MOST_IN_A_BATCH)
     batches = [questions[at : at + size] for at in range(0, len(questions), size)]
@@ -491,7 +485,7 @@ def _late(question: LogQuestion, late: NoAnswer) -> LogAnswer:
 
 
 def _given_up(asked: AskedLog, late: AskedLog) -> LogAnswer:
-    """Return the answer of a long log whose parts are not queried, since another log was late."""
+    """Return the answer of a long log whose parts are skipped, since another log was late."""
     return LogAnswer(replace(asked, outcome=late.outcome, text=late.text))
 
 

@@ -1,8 +1,8 @@
-"""Where functions run: here, one after the other, or on what others have built.
+"""Where functions run: in this process, one after the other, or on what others have built.
 
-An engine is one function: it takes questions and yields answers, in any order, each once. What
-holds for all of them: a worker that dies takes nothing along but the question that killed it, and
-no question is waited for without end.
+An engine is one function: it takes questions and yields answers, in any order, each once. For all
+engines: a worker that dies loses nothing but the question that killed it, and no question is waited
+for without end.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 DEATHS = 3
-"""A question that has killed more workers than that is given up."""
+"""A question that has killed more workers than this is given up."""
 TIMEOUT_S = 3600.0
-"""Where no question is answered for so long, those that are left are given up."""
+"""If no question is answered for so long, the remaining ones are given up."""
 
 
 class WorkerDied:
-    """In the place of an answer: each worker that was given the question was ended."""
+    """Replaces an answer: each worker that was given the question was ended."""
 
 
 @dataclass(frozen=True, slots=True)
 class NoAnswer:
-    """In the place of an answer: no worker gave any for so long, and no more are waited for."""
+    """Replaces an answer: no worker answered for so long, and no more are waited for."""
 
     within_s: float
 
@@ -50,7 +50,7 @@ class Engine(Protocol):
 
 
 class SerialEngine:
-    """This process: it has no workers that may go, so each question is waited for."""
+    """This process: it has no workers to lose, so each question is waited for."""
 
     def run(
         self, function: Callable[[Any, Any], Any], shared: Any, questions: Sequence[Any]

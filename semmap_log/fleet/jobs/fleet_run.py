@@ -1,4 +1,4 @@
-"""Many logs, asked at once.
+"""Query many logs at once.
 
 import semmap_log as sl
 
@@ -53,9 +53,9 @@ if TYPE_CHECKING:
 
 
 class Fleet:
-    """Many logs, and what asks them.
+    """Many logs, and the engine that queries them.
 
-    Each question starts the engine and ends it; inside `with` one engine serves them all.
+    Each query starts and ends an engine; inside `with` one engine serves them all.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Fleet:
         self._engine: Engine | None = None
 
     def __enter__(self) -> Self:
-        """Start the engine, or join its cluster, for all that is queried inside."""
+        """Start the engine, or join its cluster, for all queries in the block."""
         self._engine = self._choice.open()
         return self
 
@@ -95,13 +95,13 @@ class Fleet:
         """Return all doors of all logs at a moment, in each building's own time.
 
         Args:
-            at: What was true then, with all that is known today; None: at each log's end.
+            at: The moment, with all that is known today; None: each log's end.
             known_at: Only what had been recorded by then, whole commits.
-            progress: Called with how far the run is.
+            progress: Called with the progress of the run.
 
         Raises:
             MomentError: A time cannot be read, by any log.
-            EngineError: The engine is not there, or has gone; what was answered is kept.
+            EngineError: The engine is missing, or has gone; answers so far are kept.
         """
         return self.ask(DoorMapJob(at, known_at), progress=progress)
 
@@ -113,16 +113,16 @@ class Fleet:
         self, at: str | int | None = None, known_at: str | int | None = None, *,
         horizon_ns: int = 0, estimator: str | None = None, progress: Tell | None = None,
     ) -> FleetAnswer:  # fmt: skip
-        """Return how likely each door is open: as `beliefs.door_beliefs.probabilities` of one."""
+        """Return how likely each door is open; see `beliefs.door_beliefs.probabilities`."""
         job = ProbabilitiesJob(at, known_at, horizon_ns, estimator)
         return self.ask(job, progress=progress)
 
     def verify(self, *, progress: Tell | None = None) -> FleetAnswer:
-        """Read every byte of each log, and return a row for each: as `verify` of one."""
+        """Read every byte of each log, as `verify` does of one, and return a row for each."""
         return self.ask(VerifyJob(), progress=progress)
 
     def info(self, *, progress: Tell | None = None) -> FleetAnswer:
-        """Return what each log holds, a row each."""
+        """Return what each log contains, a row each."""
         return self.ask(InfoJob(), progress=progress)
 
     def export(
@@ -133,9 +133,9 @@ class Fleet:
 
         Args:
             out: A folder that each worker sees, or a URL.
-            delta: Commit what is there at the end as a table of Delta's, at `out`.
-            iceberg: The same as a table of Iceberg's: `catalog.namespace.table`; empty: as none.
-            progress: Called with how far the run is.
+            delta: At the end, commit the files as a Delta table, at `out`.
+            iceberg: The same as an Iceberg table, `catalog.namespace.table`; empty: no table.
+            progress: Called with the progress of the run.
         """
         place = place_of(out)
         lake = str(place.absolute() if isinstance(place, Path) else place)  # of any worker's folder
@@ -153,10 +153,10 @@ class Fleet:
         """Return the state that a projection makes of each log.
 
         Args:
-            projection: Of a module that the workers have, too. Where it has `merge`, long logs
-                are folded in parts. Its `name` and `version` decide whether an answer of an
-                earlier run is still one.
-            progress: Called with how far the run is.
+            projection: From a module that the workers have, too. If it has `merge`, long logs are
+                folded in parts. Its `name` and `version` decide whether an answer of an earlier
+                run is still valid.
+            progress: Called with the progress of the run.
         """
         job = FoldJob(projection)
         found = self.ask(job, progress=progress)
@@ -207,7 +207,7 @@ def fleet(
     results: str | Path | None = None,
     fresh: bool = False,
 ) -> Fleet:
-    """Return many logs, to ask them at once.
+    """Return many logs, to query them at once.
 
     Workers are processes that import the program: a script calls this below
     `if __name__ == "__main__":`.
@@ -216,15 +216,15 @@ def fleet(
         urls: Logs, folders or prefixes with logs right below them, patterns with `*`, or `@FILE`
             with one such a line.
         engine: `dask`, `ray`, or `serial`: one log after the other, in this process.
-        scheduler: Address of a cluster that runs; empty: workers of this machine.
-        workers: Of this machine; None: one a core.
-        memory: Of each of them at most.
-        timeout_s: Where no worker answers for so long, the logs that are left have no answer.
-        results: A folder where answers are kept; None: among the user's caches.
-        fresh: Ask each log, whatever is kept.
+        scheduler: Address of a running cluster; empty: workers of this machine.
+        workers: Number of workers of this machine; default: one a core.
+        memory: Memory limit of each of them.
+        timeout_s: If no worker answers for so long, the remaining logs have no answer.
+        results: A folder where answers are kept; default: among the user's caches.
+        fresh: Query each log, even if its answer is kept.
 
     Raises:
-        NotALogError: No log is meant.
+        NotALogError: `urls` name no log.
         MissingExtraError: A package is not installed.
     """
     places = log_places([urls] if isinstance(urls, str | PurePath) else urls)

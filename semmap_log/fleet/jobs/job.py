@@ -1,12 +1,8 @@
-"""What a job is: one question, answered by one log with a table; equal columns for all logs.
+"""What a job is: one question that each log answers with a table, of equal columns for all logs.
 
-What many logs answered, and how far a run is.
-
-What became of a log that was asked: a row of every fleet's answer.
-
-The job of a projection that somebody has written: its state of each log.
-
-One log asked by one job: what a worker does. What goes wrong with a log is an answer, too.
+A worker puts the question to one log; what goes wrong with a log is an answer, too. Every fleet's
+answer has a row for each log with what became of it, and the progress of the run. `FoldJob` is the
+job of a projection that a user has written: it returns the projection's state of each log.
 """
 
 from __future__ import annotations
@@ -54,9 +50,9 @@ class FleetAnswer:
     """What many logs answered."""
 
     logs: tuple[AskedLog, ...]
-    """What became of each, in the order in which they were queried."""
+    """What became of each log, in the order of the request."""
     table: pa.Table
-    """The answers of those that gave one, in the same order; `log` is the place of each row's."""
+    """The answers of those that gave one, in the same order; column `log` is the log's place."""
 
     @property
     def bad(self) -> tuple[AskedLog, ...]:
@@ -66,7 +62,7 @@ class FleetAnswer:
 
 @dataclass(frozen=True, slots=True)
 class FoldAnswer(FleetAnswer):
-    """What a projection makes of many logs."""
+    """A projection's states of many logs."""
 
     states: dict[str, Any]
     """Log -> its state."""
@@ -92,9 +88,9 @@ class LogOutcome(str, Enum):
     gone = "gone"
     """There is no log, or none any more."""
     newer = "newer"
-    """A later version of this program has written what is requested."""
+    """A later version of this program has written the requested data."""
     refused = "refused"
-    """The store or the disk does not let us, or does not answer."""
+    """The store or the disk denies access, or does not answer."""
     failed = "failed"
     """The question itself failed on it."""
     worker_died = "worker died"
@@ -113,7 +109,7 @@ class AskedLog:
     """A log, and what became of it."""
 
     place: str
-    """Its path or URL, as it was queried."""
+    """Its path or URL, as it was given."""
     outcome: LogOutcome
     log_id: str = ""
     robot: str = ""
@@ -144,7 +140,7 @@ TIME = pa.timestamp("ns", "UTC")
 
 
 class Holds(Enum):
-    """For how long an answer is one."""
+    """How long an answer is valid."""
 
     with_head = "as long as the log has the same head"
     within_a_run = "until a run has come to its end: it is about the bytes themselves"
@@ -168,14 +164,14 @@ class Job(Protocol):
     """A question. It goes to workers as a pickle."""
 
     name: ClassVar[str]
-    """As the command line says it."""
+    """The name on the command line."""
     fields: ClassVar[tuple[pa.Field, ...]]
     """The columns of its tables, after `LOG_FIELDS`."""
     holds: ClassVar[Holds]
-    """For how long a log's answer need not be queried again."""
+    """How long a log's answer stays valid."""
 
     def parameters(self) -> str:
-        """Return all that decides on the answer, next to the log."""
+        """Return everything but the log that determines the answer."""
 
     def ask(self, log: DoorLog) -> Told:
         """Return a log's answer."""
@@ -186,7 +182,7 @@ class PartedJob(Protocol):
     """A job that may be done in parts of a log, by as many workers as there are."""
 
     def parts(self, events: int) -> int:
-        """Return in how many parts a log of so many events is queried; 1: whole."""
+        """Return in how many parts a log of `events` events is queried; 1: whole."""
 
     def ask_part(self, log: DoorLog, part: int, parts: int, last_event: int) -> Any:
         """Return the answer of one part.
@@ -195,11 +191,11 @@ class PartedJob(Protocol):
             log: The log.
             part: 0 to `parts` - 1.
             parts: How many there are.
-            last_event: Nothing after it counts, so that all parts are of one moment.
+            last_event: Later events do not count, so that all parts are of one moment.
         """
 
     def joined(self, answers: Sequence[Any]) -> Told:
-        """Return the answer of the whole log, of those of its parts in order."""
+        """Return the answer of the whole log from those of its parts, in order."""
 
 
 def schema_of_job(job: Job) -> pa.Schema:
@@ -220,7 +216,7 @@ def table_of_log(job: Job, asked: AskedLog, told: Told) -> pa.Table:
 
 
 def _array(values: Sequence[Any], of: pa.DataType) -> pa.Array:
-    """Return a column; of texts that name files, only UTF-8."""
+    """Return a column; texts that name files are made valid UTF-8."""
     try:
         return pa.array(values, of)
     except UnicodeEncodeError:
@@ -241,7 +237,7 @@ class FoldJob:
     fields: ClassVar[tuple[pa.Field, ...]] = (pa.field("state", pa.binary(), nullable=False),)
 
     def parameters(self) -> str:
-        """Return whose it is, and its version: see `Projection`."""
+        """Return the projection's name and version: see `Projection`."""
         cls = type(self.projection)
         return f"{cls.__module__}:{name_of(self.projection)} {version_of(self.projection)}"
 
@@ -250,7 +246,7 @@ class FoldJob:
         return Told({"state": [self.dump(log.fold(self.projection))]})
 
     def parts(self, events: int) -> int:
-        """Return how many ranges of events are folded apart: one, if it cannot merge them."""
+        """Return how many ranges of events are folded separately: one, if it cannot merge them."""
         can_merge = isinstance(self.projection, Mergeable)
         return max(1, -(-events // PART_EVENTS)) if can_merge else 1
 
@@ -272,7 +268,7 @@ class FoldJob:
         """Return a state as bytes.
 
         Raises:
-            CheckpointError: It is none that can be.
+            CheckpointError: It cannot be stored.
         """
         if isinstance(self.projection, Dumping):
             return self.projection.dump(state)
@@ -316,33 +312,33 @@ class LogQuestion:
 
     place: str
     known_head: str = ""
-    """Of the log, when it answered before: with the same one it need not answer again."""
+    """The head of the log at its earlier answer: if unchanged, it need not answer again."""
     part: int = 0
     parts: int = 0
-    """0: the whole log, or it is given that it is queried in parts."""
+    """0: query the whole log, or answer that it must be queried in parts."""
     last_event: int = -1
-    """Of a part: nothing after it counts."""
+    """Of a part: later events do not count."""
 
 
 @dataclass(frozen=True, slots=True)
 class LogAnswer:
-    """What a worker gives back."""
+    """What a worker returns."""
 
     asked: AskedLog
     table: pa.Table | None = None
     """None: there is none."""
     parts: int = 0
-    """More than 0: the log is long, and wants to be queried in so many parts."""
+    """More than 0: the log is long, and must be queried in so many parts."""
     part: Any = None
     """The answer of a part."""
     is_question_wrong: bool = False
-    """The moment requested is none to it: perhaps to no log, perhaps in its time zone only."""
+    """The requested moment does not exist for the log: in its time zone, or in any."""
 
 
 def answers(job: Job, questions: Sequence[LogQuestion]) -> list[LogAnswer]:
     """Return the answers of several logs, in order, or what became of them.
 
-    Nothing is raised that one log alone can cause.
+    An error that one log causes is its answer, and is not raised.
     """
     return [_answer(job, question) for question in questions]
 
@@ -352,7 +348,7 @@ def joined_answer(job: Job, asked: AskedLog, parts: Sequence[Any]) -> LogAnswer:
 
     Args:
         job: The job.
-        asked: The log, as it was before it was queried in parts.
+        asked: The log, as it was before the query in parts.
         parts: Their answers, in order.
     """
     assert isinstance(job, PartedJob)
@@ -391,7 +387,7 @@ def _answered(job: Job, question: LogQuestion, reader: LogReader, asked: AskedLo
 
 
 def _described(asked: AskedLog, reader: LogReader) -> AskedLog:
-    """Return what is known of a log that was opened."""
+    """Return the description of an opened log."""
     last, segments, info = reader.last_commit(), reader.segments, reader.info
     return replace(
         asked,

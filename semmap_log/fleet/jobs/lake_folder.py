@@ -26,11 +26,11 @@ MONTH = pa.field("month", pa.string())
 
 
 EVENT_COLUMNS = (*COLUMNS, *SAID, RETRACTED)
-"""Of the events in a lake: lakes that are there keep their columns."""
+"""Of the events in a lake; existing lakes keep their columns."""
 
 
 def _lake_schema() -> pa.Schema:
-    """Return the columns in types that every lake has: times and unsigned numbers are not."""
+    """Return the columns in types that every lake has: no times, no unsigned numbers."""
     fields = [
         pa.field(
             f"{each.name}_ns" if pa.types.is_timestamp(each.type) else each.name,
@@ -62,7 +62,7 @@ LAKE_FILE_FIELDS = (
     pa.field("events", pa.int64(), nullable=False),
     pa.field("bytes", pa.int64(), nullable=False),
 )
-"""What an export reports of a file."""
+"""What an export reports about each file."""
 
 
 class LakeFile(NamedTuple):
@@ -76,7 +76,7 @@ class LakeFile(NamedTuple):
 
     @property
     def path(self) -> str:
-        """Where it lies below the lake's folder."""
+        """Its path below the lake's folder."""
         return f"{_folder_of(self.month)}/{self.file}"
 
 
@@ -87,7 +87,7 @@ def lake_files(table: pa.Table) -> list[LakeFile]:
 
 
 def log_of(path: str) -> str:
-    """Return whose events are in a file of a lake: the log's id."""
+    """Return the id of the log whose events are in a file of a lake."""
     return path.rsplit("/", 1)[-1].partition("-")[0]
 
 
@@ -97,11 +97,11 @@ def month_of(path: str) -> str:
 
 
 def remove_earlier_files(out: str, files: Sequence[LakeFile]) -> None:
-    """Remove what these files' logs had in their months of an earlier head.
+    """Remove files of the same logs and months from an earlier head.
 
     Raises:
-        LogAccessError: The store does not let us.
-        OSError: The disk does not.
+        LogAccessError: The store denies access.
+        OSError: The disk denies access.
     """
     logs, names = {each.log_id for each in files}, {each.file for each in files}
     for month in sorted({each.month for each in files}):
@@ -118,7 +118,7 @@ class LakeFolder:
         self._place = place_of(out) / _folder_of(month)
 
     def put(self, name: str, tables: Iterator[pa.Table]) -> tuple[int, int]:
-        """Make a file unless it is there, or would be empty; return its rows and bytes."""
+        """Write a file unless it exists, or would be empty; return its rows and bytes."""
         if isinstance(self._place, Path):
             return _put_on_disk(self._place / name, tables)
         store = ObjectStore(self._place)
@@ -166,10 +166,10 @@ def _put_on_disk(path: Path, tables: Iterator[pa.Table]) -> tuple[int, int]:
 
 
 def _rows_of(store: ObjectStore, status: ObjectStatus) -> int:
-    """Return how many rows an object has; only its footer is fetched.
+    """Return the number of rows of an object; only its footer is fetched.
 
     Raises:
-        CorruptLogError: It has no footer that can be one.
+        CorruptLogError: It has no valid footer.
     """
     end = store.part(status, max(0, status.size - FOOTER_END), status.size)
     length = footer_bytes(end)

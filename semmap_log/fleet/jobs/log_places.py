@@ -1,15 +1,13 @@
 """Which logs are meant: paths and URLs, folders of logs, patterns, and files that list them.
 
-The job that copies events to a lake: Parquet files, a folder a month, a file a log.
-
-Hive's way to name folders: DuckDB, Spark, polars and pandas read OUT as one table with a column
+It also holds the job that exports events to a lake: Parquet files, a folder a month, a file a log.
+Folders are named as by Hive: DuckDB, Spark, polars and pandas read OUT as one table with a column
 `month`, of the time when an event happened (UTC). `happened_ns` and `recorded_ns` are whole
-nanoseconds, which some tables' own times are not. A file is made once, and named by what is in it.
+nanoseconds, which some tables' own times are not. A file is written once, and named by its content.
 
-Exported files as one table of a lake: Delta's or Iceberg's, committed once, at the end of a run.
-
-The files stay where they are. What an earlier run has put into the table and this one has not (a
-log has grown since) is taken out by the same commit: a reader sees the lake as it was, or as it is.
+At the end of a run, the exported files can be committed as one table, of Delta's or Iceberg's. The
+files stay where they are. Files that an earlier run put into the table and this one did not (a log
+has grown since) are removed by the same commit: a reader sees the lake before it, or after it.
 """
 
 from __future__ import annotations
@@ -44,7 +42,7 @@ from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.store.reading.window import Window
 
 MARKS = "*?["
-"""Of a pattern: in any part of a path or URL, each for one part."""
+"""Marks of a pattern, in any part of a path or URL; each matches within one part."""
 
 
 def log_places(named: Iterable[str | PurePath]) -> list[str]:
@@ -55,9 +53,9 @@ def log_places(named: Iterable[str | PurePath]) -> list[str]:
             `[…]`; or `@FILE` with one such a line (`#` begins a comment).
 
     Raises:
-        NotALogError: One of them means none, or is no place.
+        NotALogError: One of them matches no log, or is no place.
         FormatError: A list cannot be read.
-        LogAccessError: The store or the disk does not let us look.
+        LogAccessError: The store or the disk denies access.
         MissingExtraError: obstore is not installed.
     """
     found: dict[str, None] = {}
@@ -90,7 +88,7 @@ def _meant(text: str) -> Iterator[Path | UrlPath]:
         yield from _matching(place)
         return
     is_log, below = _look(place)
-    # Of a place without anything its own error is told, by who asks it.
+    # An empty place raises its own error when it is opened.
     yield from (place / name for name in below) if below and not is_log else (place,)
 
 
@@ -99,7 +97,7 @@ def _is_there(place: PurePath) -> bool:
 
 
 def _matching(pattern: Path | UrlPath) -> Iterator[Path | UrlPath]:
-    """Yield what a pattern's parts fit, part by part."""
+    """Yield the places that match a pattern, part by part."""
     parts = pattern.parts
     first = next(i for i, part in enumerate(parts) if any(mark in part for mark in MARKS))
     root = type(pattern)(*parts[:first])
@@ -118,7 +116,7 @@ def _matching(pattern: Path | UrlPath) -> Iterator[Path | UrlPath]:
 def _look(place: Path | UrlPath) -> tuple[bool, Sequence[str]]:
     """Return whether a log lies right there, and name the folders in which others may.
 
-    Of a web server it is believed.
+    On a web server the log is assumed to be there.
     """
     if isinstance(place, Path):
         if not place.is_dir() or _has_segments(place):
@@ -135,7 +133,7 @@ def _has_segments(path: Path) -> bool:
 
 
 def _names(place: Path | UrlPath) -> Sequence[str]:
-    """Return what a pattern can mean: folders; on a disk also zips and joins."""
+    """Return what a pattern can match: folders; on a disk also zips and joins."""
     if isinstance(place, UrlPath):
         return ObjectStore(place).list_all()[1]
     if not place.is_dir():
@@ -165,7 +163,7 @@ class MonthExport:
         return self.out
 
     def ask(self, log: DoorLog) -> Told:
-        """Write what is not there yet; return a row a file."""
+        """Write the missing files; return a row a file."""
         last = log.find_commit(log.last_event())
         if last is None:
             return Told({each.name: [] for each in self.fields})
@@ -181,7 +179,7 @@ class MonthExport:
 
 
 class _MonthTables:
-    """The tables of a log's months, as it is at the first."""
+    """The tables of a log's months, as the log is at the first."""
 
     def __init__(self, log: DoorLog) -> None:
         self._log = log
@@ -232,9 +230,9 @@ def _bounds_of(month: str) -> tuple[int, int]:
 
 
 def commit_delta(out: str, files: Sequence[LakeFile]) -> None:
-    """Make the table at a lake's folder have these files of their logs, and no others of them.
+    """Set the files of these logs in the table at a lake's folder; other logs' files stay.
 
-    Files that the table does not have any more lie there until its `vacuum` removes them.
+    Files that are no longer in the table stay on the disk until its `vacuum` removes them.
 
     Raises:
         EngineError: deltalake is not installed, or refuses.
@@ -272,10 +270,10 @@ def commit_delta(out: str, files: Sequence[LakeFile]) -> None:
 
 
 def commit_iceberg(name: str, out: str, files: Sequence[LakeFile]) -> None:
-    """Make a table of a catalog have these files of their logs, and no others of them.
+    """Set the files of these logs in a table of a catalog; other logs' files stay.
 
     Args:
-        name: `catalog.namespace.table`; pyiceberg knows the catalog by its own file or environment.
+        name: `catalog.namespace.table`; pyiceberg finds the catalog in its own file or environment.
         out: The lake's folder, absolute, or its URL.
         files: Of an export.
 
@@ -329,7 +327,7 @@ def _paths(table: Any) -> list[str]:
 
 
 def _stats_of(file: LakeFile) -> str:
-    """Return what lets a reader skip a file."""
+    """Return the statistics that let a reader skip a file."""
     ends = {"log_id": file.log_id}
     return json.dumps(
         {

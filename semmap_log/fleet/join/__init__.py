@@ -1,6 +1,6 @@
-"""Several robots' logs of one building as one log that is read.
+"""Several robots' logs of one building as one log to read.
 
-`joining_logs` is the way in. `join_definition` is the file, `joined_logs` opens what it names,
-`door_plan` says which doors are one, `join_horizon` where its history begins, `event_translation`
-what becomes of an event, and `join_building` writes the view with the ordinary writer.
+`joining_logs` is the entry point. `joined_logs` reads the definition and opens the logs that it
+names, `door_plan` decides which doors are one, `event_translation` translates each event, and
+`join_building` finds where the joined history begins and writes the view with the ordinary writer.
 """

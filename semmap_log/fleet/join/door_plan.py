@@ -1,6 +1,6 @@
 """Which doors and levels of the logs are one in the building, and what they are called there.
 
-Which levels of the logs are one in the building: by their names, else by their numbers.
+Levels match by their names, else by their numbers.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class BuildingDoor:
 
     @property
     def is_shared(self) -> bool:
-        """True if several logs report of it."""
+        """True if several logs contain it."""
         return len({each.log for each in self.doors}) > 1
 
 
@@ -60,20 +60,20 @@ class DoorPlan:
     ids: Mapping[str, tuple[NDArray[np.int64], NDArray[np.int64]]]
     """Log -> its door ids, ascending, and those in the building."""
     adding: frozenset[tuple[str, int]]
-    """(log, event): the addings that stay such; others of a building's door are updates."""
+    """(log, event): the additions that stay such; others of a building's door become updates."""
     removing: frozenset[tuple[str, int]]
-    """(log, event): the removals that count: the first after the last adding."""
+    """(log, event): the removals that count: the first after the last addition."""
     levels: LevelPlan
     is_alone: bool
     """One log alone stays as it is."""
     names: Mapping[int, str] = field(default_factory=dict)
     """Building door -> name."""
     classes: Mapping[tuple[str, str], str] = field(default_factory=dict)
-    """(log, class) -> what it is called in the building, where that is something else."""
+    """(log, class) -> its name in the building, if it differs."""
 
     @property
     def unmatched(self) -> list[BuildingDoor]:
-        """The doors of which one log alone shows."""
+        """The doors that only one log contains."""
         return [door for door in self.doors if not door.is_shared]
 
 
@@ -106,7 +106,7 @@ def plan_doors(joined: JoinedLogs) -> DoorPlan:
 
 
 def _classes(states: Mapping[str, DoorMapState]) -> dict[tuple[str, str], str]:
-    """Return other names for classes that logs call the same, and say other things of."""
+    """Return new names for classes that have the same name, but differ, between logs."""
     said: dict[str, dict[str, ObjectClass]] = defaultdict(dict)
     for log, state in states.items():
         for name, one in state.classes().items():
@@ -129,7 +129,7 @@ def _doors_of(log: str, state: DoorMapState) -> dict[int, LogDoor]:
 
 
 def _taken_back(door_id: int, state: DoorMapState) -> Door:
-    """Return what is left of a door whose adding was taken back."""
+    """Return what is left of a door whose addition was retracted."""
     level, unknown = state.level_of(door_id), DoorState.UNKNOWN
     return Door(DoorId(door_id), level, NAN, NAN, NAN, NAN, unknown, NAN, NAN)
 
@@ -137,7 +137,7 @@ def _taken_back(door_id: int, state: DoorMapState) -> Door:
 def _told(
     joined: JoinedLogs, known: Mapping[str, Mapping[int, LogDoor]]
 ) -> dict[tuple[str, int], str]:
-    """Return the doors of the table, and what each is in the building."""
+    """Return the doors of the table, and the building's door that each is."""
     lines: dict[tuple[str, int], DoorRow] = {}
     told: dict[tuple[str, int], str] = {}
     for row in joined.definition.doors:
@@ -158,7 +158,7 @@ def _told(
 
 
 def _same(first: DoorRow, second: DoorRow) -> bool:
-    """Return whether a row came again by another join, and not in one table."""
+    """Return whether a row is repeated by another join, not within one table."""
     return first.line == second.line == 0
 
 
@@ -193,7 +193,7 @@ def _groups(
     levels: LevelPlan,
     classes: Mapping[tuple[str, str], str],
 ) -> list[Group]:
-    """Return the building's doors: name, and the logs' doors that are it."""
+    """Return the building's doors: the name, and the logs' doors that are one with it."""
     groups: list[Group] = []
     by_told: dict[str, list[LogDoor]] = defaultdict(list)
     by_name: dict[tuple[int, str, str], list[LogDoor]] = defaultdict(list)
@@ -241,7 +241,7 @@ class _Coming:
 
 
 def _comings(log: JoinedLog) -> Iterator[_Coming]:
-    """Yield what brings doors, or takes them away, and was not taken back."""
+    """Yield additions and removals of doors that were not retracted."""
     hidden = log.opened.retractions()
     for batch in log.opened.batches(Window(kinds=bits_of_kinds([DoorAdded, DoorRemoved]))):
         seen = hidden.visible(batch)
@@ -259,7 +259,7 @@ def _numbered(
     *,
     is_alone: bool,
 ) -> tuple[BuildingDoor, ...]:
-    """Number the doors: those of the reference keep theirs, the others follow as they came."""
+    """Number the doors: those of the reference keep theirs, the others follow in order."""
     reference = joined.reference.name
     came: dict[tuple[str, int], Stamp] = {}
     for log, found in comings.items():
@@ -291,7 +291,7 @@ def _numbered(
 def _counting(
     doors: Sequence[BuildingDoor], comings: Mapping[str, Sequence[_Coming]]
 ) -> tuple[frozenset[tuple[str, int]], frozenset[tuple[str, int]]]:
-    """Return which addings and which removals count: at most one of each for a door."""
+    """Return which additions and removals count: at most one of each for a door."""
     by_door: dict[tuple[str, int], list[_Coming]] = defaultdict(list)
     for log, found in comings.items():
         for coming in found:
@@ -357,7 +357,7 @@ def level_plan(joined: JoinedLogs, states: Mapping[str, DoorMapState]) -> LevelP
 
 
 def _drawn(reader: LogReader) -> set[int]:
-    """Return the levels of which it has a floor map."""
+    """Return the levels of which a log has a floor map."""
     hidden = reader.retractions()
     batches = map(hidden.visible, reader.batches(Window(kinds=bits_of_kinds([FloorMap]))))
     events = (event for batch in batches for event in batch.to_events())

@@ -1,7 +1,7 @@
 """What becomes of the events of a log in the view of a join.
 
 Doors and levels get the building's numbers, poses its frame, rounds numbers of their own, and
-retractions reach the same events. What a log cannot report of the building (geometry without a
+retractions reach the same events. What does not hold for the building (geometry without a
 transform, the floor map of a level that another log draws) is left out.
 """
 
@@ -154,7 +154,7 @@ class EventTranslation:
         return made if self._plan.is_alone else made + list(self._names(made, added))
 
     def _names(self, made: Iterable[Event], added: dict[DoorId, int]) -> Iterator[Event]:
-        """Yield the names of doors that came, and are not named by the same commit."""
+        """Yield the names of added doors that the same commit does not name."""
         named = {e.door_id for e in made if isinstance(e, DoorAnnotated) and e.key == _NAME}
         for door_id, happened_ns in added.items():
             if door_id not in named:
@@ -167,7 +167,7 @@ class EventTranslation:
                 )
 
     def _becomes(self, event: Event, number: int) -> Iterable[Event]:
-        """Return what an event is in the view: nothing, itself, or a few."""
+        """Return the events of the view for an event: none, itself, or several."""
         if isinstance(event, DoorEvent):
             place = int(np.searchsorted(self._own, event.door_id))
             if place == len(self._own) or self._own[place] != event.door_id:
@@ -227,7 +227,7 @@ class EventTranslation:
         return self._update(placed, Changed(knows))
 
     def _is_own(self, door_id: int) -> bool:
-        """Return whether no other door, of this log or another, is that of the building."""
+        """Return whether no other door, of any log, is the same door of the building."""
         return np.count_nonzero(self._building == door_id) == 1 and not self._is_shared(door_id)
 
     def _is_shared(self, door_id: int) -> bool:
@@ -256,7 +256,7 @@ class EventTranslation:
         return [self._placed(event)] if event.changed & Changed.POSE else [event]
 
     def _placed(self, event: Any) -> Any:
-        """Return an adding or an update with its pose in the building's frame, or without."""
+        """Return an addition or an update with its pose in the building's frame, or without one."""
         level = self._plan.levels.of(self._log.name, event.level)
         if self._log.frame is None:
             return replace(event, level=level, x=NAN, y=NAN, theta=NAN, width=NAN)

@@ -1,13 +1,9 @@
-"""Writes the events of several logs as one, by the ordinary writer, as they were recorded.
+"""Write the events of several logs as one log, by the ordinary writer, as they were recorded.
 
-Where logs do not agree about a door that they share, and which doors may be one by geometry.
-
-Where the history of a join begins: where that of all of its logs has begun.
-
-Where logs that are joined disagree about a door while the sightings of one were thinned.
-
-A log that was thinned keeps the first and the last of sightings that repeat each other. If another
-log saw the door otherwise in between, its state until the last of them cannot be known any more.
+The history of a join begins where those of all its logs have begun. Logs may disagree about a door
+that they share; doors whose geometry is close are proposed as one. A log that was thinned keeps the
+first and the last of sightings that repeat each other: if another log saw the door otherwise in
+between, its state until the last of them is unknown.
 """
 
 from __future__ import annotations
@@ -48,11 +44,11 @@ if TYPE_CHECKING:
 
 ID_BYTES = 16
 TOLD_EVERY = 1000
-"""Commits between two words of progress."""
+"""Commits between two reports of progress."""
 
 
 class SeededBytes:
-    """Ids and salts that follow from what is joined: the same view has the same bytes."""
+    """Ids and salts derived from what is joined: the same view has the same bytes."""
 
     def __init__(self, seed: bytes) -> None:
         self._seed = seed
@@ -86,11 +82,11 @@ def build_join(
 
     Args:
         joined: The logs.
-        plan: What their doors are in the building.
-        folder: Where; nothing is there.
-        seed: What ids and salts follow from, the log's own, too.
-        names_origin: Each commit's reason names log, event and head that it comes from.
-        progress: Called with how many of the events are done.
+        plan: The building's doors.
+        folder: The new log's folder; it must not exist.
+        seed: The source of all ids and salts, including the log's own.
+        names_origin: Each commit's reason names the log, event and head that it comes from.
+        progress: Called with the number of events done.
 
     Raises:
         LogExistsError: Something is there.
@@ -191,7 +187,7 @@ Found = tuple[int, str, int, JoinedLog, FollowedCommit]
 
 
 def _commits(log: JoinedLog) -> Iterator[Found]:
-    """Yield the commits that a log had when it was opened, with what orders them.
+    """Yield the commits that a log had when it was opened, with their sort keys.
 
     Raises:
         LogError: A recorded time does not grow.
@@ -206,7 +202,7 @@ def _commits(log: JoinedLog) -> Iterator[Found]:
 
 
 TOLERANCE_M = 0.3
-"""Ends of one door that lie farther apart are two meanings of it."""
+"""Ends of one door that lie farther apart are a conflict."""
 NEAR_M = 0.6
 """Doors whose ends lie nearer are proposed as one."""
 
@@ -215,7 +211,7 @@ Ends = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True, slots=True)
 class DoorConflict:
-    """What two logs say of one door; the later event counts, whoever told it."""
+    """What two logs say of one door; the later event counts, whichever log has it."""
 
     door: BuildingDoor
     what: str
@@ -231,10 +227,10 @@ class DoorProposal:
     first: LogDoor
     second: LogDoor
     apart_m: float
-    """How far their ends lie apart at most."""
+    """The largest distance of their ends."""
 
     def rows(self) -> Iterator[DoorRow]:
-        """Yield the rows of a table by which they would be one."""
+        """Yield the rows of a table that would make them one."""
         name = self.first.door.name or self.second.door.name
         called = name or f"{self.first.log}/{self.first.door_id}"
         for each in (self.first, self.second):
@@ -284,7 +280,7 @@ def _told(ends: Ends) -> str:
 
 
 def _ends(joined: JoinedLogs, each: LogDoor) -> Ends | None:
-    """Return a door's ends in the building's frame; None: they are not known there."""
+    """Return a door's ends in the building's frame; None: unknown there."""
     frame = next(log.frame for log in joined.logs if log.name == each.log)
     if frame is None or not each.door.is_placed:
         return None
@@ -293,7 +289,7 @@ def _ends(joined: JoinedLogs, each: LogDoor) -> Ends | None:
 
 
 def _apart(one: Ends, other: Ends) -> float:
-    """Return how far the ends lie apart at most, in whichever order fits better."""
+    """Return the largest distance of the ends, in whichever order fits better."""
     return min(max(math.dist(one[0], other[i]), math.dist(one[1], other[1 - i])) for i in (0, 1))
 
 
@@ -329,10 +325,10 @@ def _near(joined: JoinedLogs, plan: DoorPlan, doors: Sequence[LogDoor]) -> Itera
 
 
 def horizon_of(joined: JoinedLogs, plan: DoorPlan) -> int:
-    """Return the moment (ns) from which on all of a join is known; -1: always.
+    """Return the moment (ns) from which on a join's history is complete; -1: always.
 
-    That of the log that keeps least; later, if one disagrees with what was thinned of another, or
-    if afterwards one takes back what was before it: a state at the horizon cannot know both.
+    It is that of the log that keeps least. It is later if a log disagrees with thinned sightings of
+    another, or later retracts an event from before it: a state at the horizon cannot know both.
     """
     readers = [log.opened for log in joined.logs]
     horizon_ns = max(known_again_ns(joined, plan), *(reader.horizon_ns for reader in readers))
@@ -346,9 +342,10 @@ def horizon_of(joined: JoinedLogs, plan: DoorPlan) -> int:
 
 
 def _taken_back(reader: LogReader) -> Iterator[tuple[int, int]]:
-    """Yield of each retraction when its commit was recorded, and that of the first it reaches.
+    """Yield for each retraction when it was recorded, and when the first event it reaches was.
 
-    None from before a log's own horizon reaches what is queried; what is gone matters no more.
+    Retractions from before the log's own horizon are left out: they only reach events that are gone
+    already.
     """
     for one in retractions_behind(reader, reader.horizon - 1):
         reached = Window(first_event=one.first_event, before_event=one.last_event + 1)
@@ -406,7 +403,7 @@ def _others(rows: dict[str, NDArray[np.void]], name: str) -> NDArray[np.void]:
 
 
 def _states_of(log: JoinedLog, plan: DoorPlan) -> NDArray[np.void]:
-    """Return the states that a log reports of the building's doors, by door and time."""
+    """Return the states of the building's doors in a log, by door and time."""
     reader = log.opened
     hidden = reader.retractions()
     window = Window(kinds=bits_of_kinds(STATE_KINDS), first_event=reader.horizon or None)

@@ -1,8 +1,7 @@
 """The logs of a join, open: each once, under a name of its own.
 
-The file of a join, `X.join.json`: which logs, where each map lies, which doors are one.
-
-The table that says which doors of which logs are one: `--doors matches.csv`.
+The file of a join, `X.join.json`, defines which logs, where each map lies, and which doors are one.
+A table may also say which doors of which logs are one: `--doors matches.csv`.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ class JoinedLog:
     opened: LogReader
     place: PurePath
     frame: RigidTransform | None
-    """To the building's frame; None: not known, so that its geometry does not count."""
+    """Transform to the building's frame; None: unknown, so that its geometry does not count."""
     last_event: int
     head: bytes
     began_ns: int
@@ -48,20 +47,20 @@ class JoinedLog:
 
 @dataclass(frozen=True, slots=True)
 class JoinedLogs:
-    """The logs of a join, by their ids, so that the order in which they were given is nothing."""
+    """The logs of a join, sorted by their ids, whatever order they were given in."""
 
     logs: tuple[JoinedLog, ...]
     reference: JoinedLog
     """The log whose frame is the building's."""
     definition: JoinDefinition
-    """As it was meant, with all names and ids."""
+    """The complete definition, with all names and ids."""
 
 
 def open_joined(definition: JoinDefinition) -> JoinedLogs:
-    """Open what a definition names; a join among the logs stands for its own.
+    """Open the logs of a definition; a join among them stands for its own logs.
 
     Raises:
-        LogError: There is none, one is not what it was, or two are forks of one log.
+        LogError: A log is missing or is another one, or two are forks of one log.
     """
     whole = _flat(definition, ())
     if not whole.logs:
@@ -91,7 +90,7 @@ def _check_frames(logs: Sequence[JoinedLog]) -> None:
 
 
 def flat_definition(path: Path) -> JoinDefinition:
-    """Return what a file says, with the logs of the joins among its logs in their place.
+    """Read a definition, with the joins among its logs replaced by their logs.
 
     Raises:
         LogError: It is no definition, names no log, or is a part of itself.
@@ -142,10 +141,10 @@ def _opened(place: JoinedPlace) -> JoinedLog:
 
 
 def _without_copies(opened: Iterable[JoinedLog]) -> list[JoinedLog]:
-    """Return each log once: of copies the longest.
+    """Return each log once: the longest of copies.
 
     Raises:
-        LogError: Two have the same id, and neither goes on where the other ends.
+        LogError: Two have the same id, and neither continues the other.
     """
     kept: dict[str, JoinedLog] = {}
     for log in sorted(opened, key=lambda o: (o.log_id, -o.last_event, not o.name, str(o.place))):
@@ -193,12 +192,12 @@ def _folder(log: JoinedLog) -> str:
 
 
 def _plain(name: str) -> str:
-    """Return a name that can stand before a source, and next to others."""
+    """Return a name that can precede a source, and stand next to other names."""
     return name.replace(BEHIND_ROBOT, "-").replace(BETWEEN_ROBOTS.strip(), "-").strip()
 
 
 def _reference(logs: Sequence[JoinedLog], wanted: str) -> JoinedLog:
-    """Return the log of that name; else that which began first."""
+    """Return the log of that name; default: the one that began first."""
     if not wanted:
         return min(logs, key=lambda log: (log.began_ns, log.log_id))
     return log_called(wanted, logs)
@@ -242,13 +241,13 @@ class JoinDefinition:
     logs: tuple[JoinedPlace, ...]
     doors: tuple[DoorRow, ...] = ()
     reference: str = ""
-    """The log whose frame is the building's; empty: that which began first."""
+    """The log whose frame is the building's; empty: the one that began first."""
     doors_from: str = field(default="", compare=False)
     """The file with the table of doors, for messages."""
 
 
 def read_definition(path: Path) -> JoinDefinition:
-    """Return what a file says; paths in it are relative to its folder.
+    """Read a definition; paths in it are relative to its folder.
 
     Raises:
         NotALogError: It is none, or of a later version.
@@ -294,7 +293,7 @@ def write_definition(path: Path, definition: JoinDefinition) -> None:
     """Write a definition.
 
     Raises:
-        LogError: It is not called as one.
+        LogError: The file's name is not that of a join.
         OutputError: It cannot be written.
     """
     if not path.name.endswith(SUFFIX) or path.name == SUFFIX:
@@ -304,7 +303,7 @@ def write_definition(path: Path, definition: JoinDefinition) -> None:
 
 
 def to_json(definition: JoinDefinition, folder: Path) -> dict[str, Any]:
-    """Return what the file says that lies in a folder."""
+    """Read the definition in a folder."""
     said: dict[str, Any] = {"format": FORMAT, "version": VERSION}
     if definition.reference:
         said["reference"] = definition.reference
@@ -330,7 +329,7 @@ COLUMNS = ("log", "door", "building door")
 
 @dataclass(frozen=True, slots=True)
 class DoorRow:
-    """A door of a log, and what it is called in the building."""
+    """A door of a log, and its name in the building."""
 
     log: str
     """The log's name in the join."""
@@ -338,7 +337,7 @@ class DoorRow:
     """Its id, name, or level/name in its own log."""
     building_door: str
     line: int = 0
-    """Of the file; 0: from elsewhere."""
+    """Line of the file; 0: from elsewhere."""
 
 
 def read_door_rows(path: Path) -> list[DoorRow]:

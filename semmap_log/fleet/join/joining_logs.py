@@ -42,19 +42,19 @@ from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.reader import LogReader
 
 VIEW_VERSION = 2
-"""Of what becomes of events: another version's views are not used."""
+"""Version of the translation: another version's views are not used."""
 FOLDER = "joined"
 """In a cache: where views lie."""
 TEMPORARY = "semmap-log-joined-"
-"""How the name of a folder for a view begins that is not kept."""
+"""Prefix of the folder of a view that is not kept."""
 LOGS_NAME = ".logs"
-"""In a view: the file that reports of which logs it is, an id a line."""
+"""In a view: the file that lists the ids of its logs, one a line."""
 
 Frames = Mapping[str, tuple[float, float, float]]
 
 
 class JoinedView:
-    """The folder of a view; one that is not kept in a cache goes when nobody holds this."""
+    """The folder of a view; unless it is in a cache, it is removed with this object."""
 
     def __init__(self, joined: JoinedLogs, cache: Path | None) -> None:
         """Find the view of some logs, or make it.
@@ -77,7 +77,7 @@ class JoinedView:
 
 
 def _build_beside(joined: JoinedLogs, path: Path, seed: bytes) -> None:
-    """Make a view under another name, then give it its own; somebody may have been quicker."""
+    """Make a view under another name, then rename it; another process may have been quicker."""
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".", dir=path.parent) as beside:
@@ -94,7 +94,7 @@ def _build_beside(joined: JoinedLogs, path: Path, seed: bytes) -> None:
 
 
 def seed_of(joined: JoinedLogs) -> bytes:
-    """Return what shows a view from all others: the definition, and each log's head."""
+    """Return the hash that identifies a view: of the definition and each log's head."""
     told = [
         VIEW_VERSION,
         joined.reference.name,
@@ -125,7 +125,7 @@ def views_of(log_ids: AbstractSet[str], cache: Path) -> list[Path]:
 
 
 def is_view_of(log_ids: AbstractSet[str], view: Path) -> bool:
-    """Return whether a view may be of one of these logs: one that is being made does not tell."""
+    """Return whether a view may be of one of these logs; an unfinished view may be of any."""
     try:
         return not log_ids.isdisjoint((view / LOGS_NAME).read_text("ascii").split())
     except (OSError, ValueError):
@@ -135,7 +135,7 @@ def is_view_of(log_ids: AbstractSet[str], view: Path) -> bool:
 _views: weakref.WeakValueDictionary[tuple[bytes, Path | None], JoinedView] = (
     weakref.WeakValueDictionary()
 )
-"""Those that are being read: asked twice, a view is made once."""
+"""The views that are being read: requested twice, a view is made once."""
 
 
 def view_of(joined: JoinedLogs, cache: Path | None = None) -> JoinedView:
@@ -155,7 +155,7 @@ def view_of(joined: JoinedLogs, cache: Path | None = None) -> JoinedView:
 
 
 def view_of_file(path: Path) -> JoinedView:
-    """Return the view of what a definition names, as the logs are now."""
+    """Return the view of a definition, as its logs are now."""
     return view_of(open_joined(read_definition(path)))
 
 
@@ -170,20 +170,20 @@ def join(
 ) -> DoorLog:
     """Return several robots' logs of one building as one log to read.
 
-    Doors of the same level and name, unique in each log, are one, and those that the table says.
-    All others are called `robot/door`. Of each field the latest event counts, whoever told it.
+    Doors of the same level and name, unique in each log, are one, as are those of the table.
+    All others are called `robot/door`. For each field the latest event counts, from whichever log.
 
     Args:
         logs: Paths or URLs; or name -> path or URL. Their order means nothing.
         doors: A CSV file with the columns log, door, building door; or such rows.
         frames: Log -> (dx, dy, theta), metres and radians: where its map lies in the building's.
-            Without it a log's poses do not count.
-        reference: The log whose map is the building's; default: that which began first.
+            Without a frame a log's poses do not count.
+        reference: The log whose map is the building's; default: the one that began first.
         cache: A folder to keep the view in; default: SEMMAP_LOG_CACHE, else it is made each time.
 
     Raises:
         LogError: A log cannot be read, or two are forks of one.
-        FormatError: The table names what is not there, or a door twice.
+        FormatError: The table names a missing log or door, or a door twice.
     """
     joined = open_joined(defined(logs, doors=doors, frames=frames or {}, reference=reference or ""))
     view = view_of(joined, None if cache is None else Path(cache).absolute())

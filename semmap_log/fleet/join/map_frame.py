@@ -1,4 +1,4 @@
-"""Where a robot's map lies in the building, as the command line shows it."""
+"""Where a robot's map lies in the building, as the command line takes it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""A part of a log as views need it: its events, and what they do to doors, as numpy rows.
+"""A part of a log as views need it: its events, and their effects on doors, as numpy rows.
 
-`excerpt` says which events stand where, `door_rows` what they do, `door_fold` what becomes of a
-door. Recordings for rerun and the report are both made of it; it knows neither.
+`span` defines which events belong to the part and on which plans they are drawn; `door_rows` holds
+what they do to doors, and follows each door. Rerun recordings and the report are made of it; it
+depends on neither.
 """

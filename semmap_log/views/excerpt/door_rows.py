@@ -1,8 +1,7 @@
-"""Rows of door changes as pictures take them: where they begin, whose they are, what counts.
+"""Rows of door changes for drawing: where they begin, whose they are, which of them count.
 
-One door's events as rows to draw: where it becomes something else. Pure numpy.
-
-What objects look like on a floor plan: a door is a line, others may be areas or points.
+One door's events become rows at which it changes. On a floor plan a door is a line; other objects
+may be areas or points. Pure numpy.
 """
 
 from __future__ import annotations
@@ -51,19 +50,20 @@ class DoorPicture:
     states: Changes
     """One a state."""
     placements: Changes
-    """One a place; NaN: it has none."""
+    """One row a place; NaN: it has no place."""
     probabilities: Changes
-    """One a point of the curves; NaN where not given."""
+    """One row a point of the curves; NaN where not given."""
     removals: Changes
-    """From then on it is not in the map."""
+    """When it leaves the map."""
     returns: Changes
-    """From then on it is in the map, or again."""
+    """When it enters the map, or returns to it."""
 
 
 class DoorFold:
     """Follows one door and remembers only its last values.
 
-    A door that is not there is not drawn; what is reported of it then is, once it comes.
+    A door that is not in the map is not drawn; what is reported about it then is shown once it is
+    added.
     """
 
     def __init__(self) -> None:
@@ -79,7 +79,7 @@ class DoorFold:
         """Return what the next events draw.
 
         Args:
-            changes: In the order in which they count; none sets what it does not win.
+            changes: In the order in which they count; none sets a value that a newer one has set.
         """
         rows = changes.copy()
         before = self._fill_forward(rows)
@@ -111,7 +111,7 @@ class DoorFold:
         return before
 
     def _presence(self, changes: Changes) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Tell for each row whether the door is there since, and whether it was there before."""
+        """Return for each row whether the door exists after it, and whether it existed before."""
         sets = np.flatnonzero((changes["sets"] & THERE) != 0)
         brings = np.append(self.is_there, ~of_presence(changes[sets], Presence.GOES))
         place = np.searchsorted(sets, np.arange(len(changes)), "right")
@@ -123,7 +123,7 @@ class DoorFold:
 
 
 def _differs(rows: Changes, before: Changes, names: Iterable[str]) -> NDArray[np.bool_]:
-    """Return which rows have other values than the rows before them; NaN is like NaN."""
+    """Return which rows differ in value from the rows before them; NaN equals NaN."""
     found = np.zeros(len(rows), np.bool_)
     for name in names:
         one, other = before[name], rows[name]
@@ -142,7 +142,7 @@ class ObjectShape:
 
     object_class: ObjectClass = DOOR
     outline: Corners = ()
-    """Of a polygon, in its own frame, metres; empty: nobody has said."""
+    """Of a polygon, in its own frame, metres; empty: unknown."""
 
     @property
     def is_line(self) -> bool:
@@ -158,7 +158,7 @@ class ObjectShape:
             return _seen_from(placements, np.array([*corners, corners[0]])).astype(np.float32)
 
     def points(self, placements: Changes) -> NDArray[np.float64]:
-        """Return the points between which it lies, (points, x and y), metres, frame `map`."""
+        """Return the corners of its extent, (points, x and y), metres, frame `map`."""
         if self.outline:
             return _seen_from(placements, np.array(self.outline)).reshape(-1, 2)
         start = np.stack([placements["x"], placements["y"]], -1)
@@ -167,7 +167,7 @@ class ObjectShape:
         return np.concatenate([start, start + width[:, None] * along])
 
     def drawn(self, placement: Any) -> DoorLine:
-        """Return what it draws into a costmap, where it draws something; at no cost."""
+        """Return its line or outline in a costmap, without a cost of its own."""
         x, y, theta, width = (float(placement[name]) for name in ("x", "y", "theta", "width"))
         width = width if self.is_line else 0.0
         corners: Corners = ()
@@ -177,7 +177,7 @@ class ObjectShape:
         return DoorLine(x, y, theta, width, NO_INFORMATION, corners)
 
     def costs(self) -> NDArray[np.uint8]:
-        """Return what each state of it costs where it is: uint8 (256,)."""
+        """Return the cost of each of its states: uint8 (256,)."""
         costs = np.full(256, NO_INFORMATION, np.uint8)
         costs[: len(DoorState)] = [cost_of_state(state, self.object_class) for state in DoorState]
         if not self.is_line:
@@ -189,7 +189,7 @@ AS_A_DOOR = ObjectShape()
 
 
 def shapes_of(state: DoorMapState) -> Mapping[DoorId, ObjectShape]:
-    """Return the shapes of all objects that are no doors, removed ones too."""
+    """Return the shapes of all objects other than doors, removed ones included."""
     objects = state.objects()
     said = state.since_added(OUTLINE) if objects else {}
     return {i: ObjectShape(one, _outline(said.get(i, ""))) for i, one in objects.items()}
@@ -233,7 +233,7 @@ class RecordingEdge:
 
 
 def opening_changes(doors: Iterable[Door], begin: RecordingEdge) -> Changes:
-    """Return one row a door that sets all of it to what it is: how a recording begins in midst."""
+    """Return one row a door with its full state, to begin a recording amid the log."""
     listed = list(doors)
     opening = np.zeros(len(listed), CHANGE)
     opening["kind"], opening["sets"] = DoorAdded.kind, EVERYTHING
@@ -257,13 +257,13 @@ def sorted_by_stamp(changes: Changes) -> Changes:
 
 @dataclass(frozen=True, slots=True)
 class DoorLifetime:
-    """From when to when a door is in the map, with all that is known."""
+    """When a door is in the map, with all that is known."""
 
     added: Stamp = NEVER
     removed: Stamp = NEVER
 
     def covers(self, changes: Changes) -> NDArray[np.bool_]:
-        """Tell for each row whether the door was there; the adding counts in, the removal out."""
+        """Return for each row whether the door exists, from its addition up to its removal."""
         return ~is_before(changes, self.added) & is_before(changes, self.removed)
 
 

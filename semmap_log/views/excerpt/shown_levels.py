@@ -1,6 +1,6 @@
-"""Where what is reported about level 0 is shown in a log that has levels, and 0 is none of them.
+"""On which level to show what belongs to level 0, in a log whose levels do not include 0.
 
-Such a log says so of poses, and of doors without a place, whose level nobody told.
+In such a log, level 0 means an unknown level: of poses, and of doors without a place.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 
 def home_of_0(levels: Iterable[int]) -> int | None:
-    """Return the level on which level 0 is shown; None: on none, since nobody knows on which.
+    """Return the level on which level 0 is shown; None: unknown, so it is not shown.
 
     Args:
         levels: Those that have a name, a floor map, or at some time a door with a place.

@@ -1,9 +1,8 @@
 """Which part of a log a view shows: a span of happened time, and some of the doors.
 
-On which floor plan a level is drawn, from when on: a building may be mapped again.
-
-Doors and robots of a time lie in the frame of the map of that time. Before the first plan there is
-none to draw on but the first.
+It also holds the floor plans on which each level is drawn, and from when on, since a building may
+be mapped again. Doors and robots of a time lie in the frame of that time's map; times before the
+first plan are drawn on the first.
 """
 
 from __future__ import annotations
@@ -30,8 +29,8 @@ if TYPE_CHECKING:
 
 
 MOST_PLANS = 20
-"""Of a level. A robot that maps while it drives shows a plan a minute: of more, those are drawn
-that stood longest, each until the next."""
+"""Of a level. A robot that maps while it drives may report a plan a minute. If there are more,
+those that lasted longest are drawn, each until the next."""
 
 PLAN = np.dtype([("number", "i8"), ("folds_ns", "i8"), ("recorded_ns", "i8")])
 
@@ -48,7 +47,7 @@ class PlanEra:
     plan_event: int
     """The number of the event that carries the plan; -1: there is none."""
     floor: FloorMap | None
-    """None: what was given was taken back, and nothing was there before."""
+    """None: the plan was retracted, and there was none before it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +88,7 @@ def doors_at_ends(eras: Sequence[PlanEra], excerpt: Excerpt) -> Iterator[tuple[P
 
 
 def _told(excerpt: Excerpt) -> dict[int, list[tuple[int, int, int]]]:
-    """Return rows of `PLAN` by level: when plans were given, taken back or not; numbers ascend."""
+    """Return rows of `PLAN` by level, retracted plans included; numbers ascend."""
     told: dict[int, list[tuple[int, int, int]]] = {}
     window = Window(happened_before_ns=excerpt.until_ns, kinds=bits_of_kinds([FloorMap]))
     for batch in excerpt.log.batches_in(window):
@@ -112,7 +111,7 @@ def _along_happened(excerpt: Excerpt, stamps: Stamps) -> list[Era]:
 
 
 def _along_recorded(excerpt: Excerpt, stamps: Stamps) -> list[Era]:
-    """Return the plan that was known after each event that told one, or took one back."""
+    """Return the plan that was known after each event that set or retracted one."""
     known = excerpt.retractions
     back = [n for n, ends in zip(known.numbers, known.ranges, strict=True)
             if in_ranges(stamps["number"], [ends]).any()]  # fmt: skip
@@ -140,7 +139,7 @@ def _of_events(excerpt: Excerpt, numbers: Sequence[int]) -> Stamps:
 
 
 def _from_begin(eras: list[Era], time: str, since_ns: int | None) -> list[Era]:
-    """Leave out what was over when the excerpt begins, or was replaced at the same time."""
+    """Leave out eras that ended before the excerpt, or were replaced at the same time."""
     eras = [era for era, after in zip(eras, [*eras[1:], None], strict=True)
             if after is None or int(after[0][time][0]) > int(era[0][time][0])]  # fmt: skip
     over = [since_ns is not None and int(era[0][time][0]) < since_ns for era in eras[1:]]
@@ -157,7 +156,7 @@ def _kept(eras: list[Era], time: str) -> list[Era]:
 
 
 def _loaded(excerpt: Excerpt, eras: list[Era]) -> tuple[PlanEra, ...]:
-    """Return the eras with their plans; one that shows the plan before it once more is not new."""
+    """Return the eras with their plans; an era with the same plan as the last is merged into it."""
     found: list[PlanEra] = []
     for since, number in eras:
         floor = None if number < 0 else _floor(excerpt, number)
@@ -174,10 +173,10 @@ def _floor(excerpt: Excerpt, number: int) -> FloorMap:
 
 @dataclass(frozen=True, slots=True)
 class Excerpt:
-    """What a view shows of a log, along each timeline from `since` on and before `until`.
+    """The part of a log that a view shows, along each timeline from `since` on and before `until`.
 
     Along `happened` these are the events that happened then, with all that is known today; along
-    `recorded` and `event` those recorded then, also what was taken back later. Most are both.
+    `recorded` and `event` those recorded then, including later retracted ones. Most are both.
     """
 
     log: DoorLog
@@ -237,11 +236,11 @@ class Excerpt:
 
     @property
     def retractions(self) -> Retractions:
-        """What was taken back, as known today."""
+        """The retractions, as known today."""
         return self.log.retractions()
 
     def is_retracted(self, numbers: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Tell for each event whether it was taken back."""
+        """Return for each event whether it was retracted."""
         known = self.retractions
         return in_ranges(numbers, known.ranges) & ~np.isin(numbers, known.numbers)
 
@@ -267,7 +266,7 @@ class Excerpt:
         return recorded
 
     def part_of(self, batch: EventBatch) -> EventBatch:
-        """Return those of a batch's events that belong to it; `until` is not requested."""
+        """Return a batch's events that belong to the excerpt, without regard to `until`."""
         recorded = batch
         if self.since_ns is not None:
             recorded = batch.select(batch.recorded_ns >= self.since_ns)
@@ -290,7 +289,7 @@ class Excerpt:
         return self.log.state_in(Scope(known_at_ns=max(self.since_ns - 1, 0)))
 
     def number_before(self) -> int:
-        """Return the number of the last event that was known then; -1: none."""
+        """Return the number of the last event known then; -1: none."""
         if self.since_ns is None:
             return -1
         known = self.log.limit_of(Scope(known_at_ns=max(self.since_ns - 1, 0)))

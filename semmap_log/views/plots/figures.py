@@ -1,10 +1,8 @@
-"""The one place that imports matplotlib; without it, says how to get it.
+"""The one place that imports matplotlib; if it is missing, the error says how to install it.
 
-The rooms of floor plans as a picture: tinted, named, with the doors between them.
-
-Reliability diagrams: what came where so much was stated, and how often that was stated.
-
-A floor plan's cells as a picture can show them: of a large one, blocks of cells.
+It also draws the rooms of floor plans (tinted, named, with the doors between them), a floor plan's
+cells (of a large plan, blocks of cells), and reliability diagrams: how often outcomes came true at
+each forecast probability, and how often it was forecast.
 """
 
 from __future__ import annotations
@@ -69,7 +67,7 @@ DPI = 120
 MOST_PIXELS = 2**16 - 1
 """A side of a picture, as far as matplotlib goes: thousands of lanes are drawn smaller."""
 SVG_STYLE = {"svg.hashsalt": "semmap-log", "svg.fonttype": "none"}
-"""So that the same plot is the same file, and its words can be searched."""
+"""Settings that make equal plots equal files, with searchable text."""
 MORE_FONTS = (
     "Noto Sans CJK SC", "Noto Sans CJK JP", "Source Han Sans SC", "WenQuanYi Zen Hei",
     "WenQuanYi Micro Hei", "PingFang SC", "Hiragino Sans", "Microsoft YaHei", "Malgun Gothic",
@@ -96,7 +94,7 @@ def new_figure(width: float, height: float, **how: Any) -> Any:
 
 
 def save_figure(figure: Any, path: Path) -> None:
-    """Write a figure, whole or not at all; the name shows the format.
+    """Write a figure, whole or not at all, in the format that the name's suffix names.
 
     Raises:
         FormatError: The name ends in neither .png nor .svg.
@@ -120,23 +118,23 @@ def save_figure(figure: Any, path: Path) -> None:
 
 
 def _add_letters(figure: Any) -> None:
-    """Let words be written in fonts that are here, where the usual one lacks their letters."""
+    """Use available fonts for text whose letters the usual font lacks."""
     families = _families()
     for words in figure.findobj(text.Text) if len(families) > 1 else []:
         words.set_fontfamily(families)
 
 
 def letters_of(path: Path) -> HasShape:
-    """Return what says whether a picture of that name has a shape for a character.
+    """Return a function that checks whether a picture of that name can draw a character.
 
-    In an .svg a letter stays a letter: who shows it takes a font that has it.
+    In an .svg a letter stays a letter: the program that shows it chooses a font that has it.
     """
     return _has_any_shape if path.suffix == ".svg" else has_shape
 
 
 @cache
 def has_shape(character: str) -> bool:
-    """Return whether a font that is here has a shape for a character."""
+    """Return whether an available font has a shape for a character."""
     return any(font.get_char_index(ord(character)) for font in _fonts())
 
 
@@ -177,7 +175,8 @@ def draw_rooms(
         plan: Of a moment.
         level: Only that level; None: all.
         title: Above all.
-        letters: Tells whether a letter has a shape; a room with another is called by its number.
+        letters: Returns whether a letter has a shape; a room whose name has one without a shape is
+            labelled with its number.
     """
     levels = [each for each in plan.levels if level in (None, each)]
     spans = [_span(plan.levels[each]) for each in levels]
@@ -230,7 +229,7 @@ def _draw_door(panel: Any, plan: RoomPlan, door: Door) -> None:
 
 
 def _draw_name(panel: Any, room: Room, letters: HasShape, points_a_metre: float) -> None:
-    """Write a room's name as large as it fits, about; else its number."""
+    """Write a room's name about as large as fits; else its number."""
     name = printable(drawable_name(room.name or "", "", letters))
     side_pt = room.area_m2**0.5 * points_a_metre
     size = min(NAME_PT, side_pt / (LETTER_EM * max(len(name), 1)))
@@ -269,13 +268,13 @@ LEAST_AREA, MOST_AREA = 6.0, 120.0
 def plot_calibration(evaluation: Evaluation, path: Path, *, name: str) -> None:
     """Draw a panel for each estimator into a .png or .svg.
 
-    On the diagonal as much came as was stated. The bars below, and the area of the dots, tell how
-    many of the forecasts said so.
+    On the diagonal, outcomes came as often as forecast. The bars below, and the area of the dots,
+    show how many forecasts lie in each bin.
 
     Args:
-        evaluation: What came of it; the diagrams are of all doors together, the figures their mean.
+        evaluation: The evaluation; diagrams are of all doors together, figures their mean.
         path: The file; what is there is replaced once the new one is whole.
-        name: What the log is called.
+        name: The log's name.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -342,7 +341,7 @@ def _draw(panel: Any, found: Reliability) -> None:
 
 
 def _draw_counts(panel: Any, found: Reliability, most: float) -> None:
-    """Draw how many forecasts lie in each bin, on a scale on which few are seen next to many."""
+    """Draw how many forecasts lie in each bin, on a scale that shows small counts next to large."""
     edges = np.arange(BINS) / BINS
     panel.bar(edges, found.count, 1 / BINS, align="edge", color=PLOT_BARS, edgecolor="white",
               linewidth=0.5)  # fmt: skip
@@ -376,7 +375,7 @@ def _short(count: int) -> str:
 
 
 MOST_CELLS = 4_000_000
-"""A picture has less than that; what is more only takes memory."""
+"""A picture has fewer; more would only take memory."""
 
 
 def plan_cells(
@@ -384,8 +383,8 @@ def plan_cells(
 ) -> tuple[NDArray[np.int8], tuple[float, float, float, float]]:
     """Return cells, the lowest y first, and what they cover: x0, x1, y0, y1, metres.
 
-    Of a plan with more cells each stands for a block, and is as its most occupied one: no wall is
-    lost.
+    Of a larger plan each cell stands for a block, and shows its most occupied one, so that no wall
+    is lost.
 
     Args:
         floor: The plan.

@@ -37,14 +37,14 @@ if TYPE_CHECKING:
 WIDE_IN = 10.0
 TALL_LANE_IN, LOW_LANE_IN = 0.28, 0.15
 MANY_LANES = 40
-"""From here on lanes are low, their names small, and the times above them, too."""
+"""With so many lanes, lanes are low, names small, and times also stand above them."""
 HEAD_IN, FOOT_IN = 0.5, 0.75
 MOST_INTERVALS = 3_000
-"""Of one lane; it has some thousand pixels. Of more, each column shows what held longest in it."""
+"""Of a lane of some thousand pixels. With more, each column shows its longest state."""
 HEIGHTS = {DoorState.OPEN: 0.8, DoorState.CLOSED: 0.4, DoorState.UNKNOWN: 0.12}
 """Share of its lane that a bar fills."""
 LAPSED = len(DoorState)
-"""Added to a state: the door was not seen since. It is drawn as a line in the state's colour."""
+"""Added to a state if the door was not seen since; drawn as a line in the state's colour."""
 ROUND_HEIGHT = 0.5
 LANE_FLOOR = 0.4
 """Below the middle of its lane, where a bar stands."""
@@ -60,7 +60,7 @@ class Lanes:
     doors: Mapping[DoorId, Timeline]
     """A lane each, from the top in this order."""
     names: Mapping[DoorId, str]
-    """What people call them; others are shown by their ids."""
+    """Names of doors; others are shown by their ids."""
     rounds: Sequence[Round]
     start_ns: int
     end_ns: int
@@ -77,14 +77,14 @@ class Lanes:
         *,
         progress: Progress | None = None,
     ) -> Lanes:
-        """Return what a log shows, as it is known today.
+        """Return the lanes of a log, as they are known today.
 
         Args:
             log: The log.
             doors: Only these; None: all that were in the map.
             since: From then on; default: the first event.
             until: Before then; default: the last.
-            progress: Called with how far the reading is.
+            progress: Called with the progress of reading.
 
         Raises:
             MomentError: `since` comes after `until`.
@@ -132,7 +132,7 @@ def plot_lanes(lanes: Lanes, path: Path, palette: Palette = DEFAULT) -> None:
 
 
 def draw_lanes(lanes: Lanes, palette: Palette = DEFAULT, letters: HasShape = has_shape) -> Any:
-    """Return the figure; a door is called by its id where a letter of its name has no shape."""
+    """Return the figure; a door whose name has a letter without a shape is shown by its id."""
     robots = sorted({each.actor for each in lanes.rounds})
     count = len(robots) + len(lanes.doors)
     lane_in = LOW_LANE_IN if count >= MANY_LANES else TALL_LANE_IN
@@ -192,7 +192,7 @@ def _spans(start_ns: Times, end_ns: Times) -> list[tuple[float, float]]:
 
 
 def _as_seen(timeline: Timeline, lanes: Lanes) -> tuple[Times, Times, NDArray[np.uint8]]:
-    """Return start, end and state of what can be given apart in a lane; of a lapse + `LAPSED`."""
+    """Return start, end and state of what a lane can resolve; lapses have `LAPSED` added."""
     if len(timeline) + len(timeline.lapse_start_ns) <= MOST_INTERVALS:
         return _with_lapses(timeline)
     edges = np.linspace(lanes.start_ns, lanes.end_ns, MOST_INTERVALS + 1).astype(np.int64)
@@ -216,7 +216,7 @@ def _with_lapses(timeline: Timeline) -> tuple[Times, Times, NDArray[np.uint8]]:
 
 
 def _time_along(panel: Any, lanes: Lanes) -> None:
-    """Let the axis show the building's clocks; a log of one moment is a minute wide."""
+    """Label the axis by the building's clocks; a log of one moment is a minute wide."""
     wide_ns = max(lanes.end_ns - lanes.start_ns, 60 * 10**9)
     start_ms, wide_ms = lanes.start_ns // MS_NS, wide_ns // MS_NS
     clock = WallClock(zone_offsets(Span(start_ms, start_ms + wide_ms), lanes.tz))

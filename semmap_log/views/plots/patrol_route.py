@@ -141,7 +141,7 @@ def _draw_stop(panel: Any, number: int, stop: PlannedStop) -> None:
 
 
 def _colour(stop: PlannedStop) -> Any:
-    """Return the colour of P; of a door of which nothing is known, that of nothing."""
+    """Return the colour of P, or that of an unknown door."""
     return _scale()(stop.p_passes) if stop.is_known else PLOT_NOTHING
 
 

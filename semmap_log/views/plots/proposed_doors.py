@@ -21,7 +21,7 @@ LONG_IN, LEAST_IN, MOST_IN = 11.0, 4.0, 11.0
 MOST_POINTS = 60_000
 """Of where beams ended."""
 BESIDE_M = 1.0
-"""Shown around the building; what few stray beams met beyond it is not."""
+"""Margin around the building; what few stray beams met beyond it is not shown."""
 STRAY = 0.5
 """Per cent of where beams ended, on each side."""
 LABEL_M = 0.5
@@ -36,7 +36,7 @@ def plot_proposed(
 
     Args:
         proposals: Numbered from 1, in this order.
-        doors: That the log has already.
+        doors: Doors that the log has already.
         path: The file; what is there is replaced once the new one is whole.
         walls: Level -> (n, 2) m, of floor plans.
         ends: Level -> (n, 2) m, where beams ended.
@@ -83,7 +83,7 @@ def extent_of(ends: Floats, walls: Floats | None, doors: Sequence[tuple[float, f
     """Return two corners of what is shown of a level: (2, 2) m, the lower left one first.
 
     Args:
-        ends: (n, 2) m, where beams ended; what few of them met far away is not shown.
+        ends: (n, 2) m, where beams ended; a few far away are not shown.
         walls: (n, 2) m, of its floor plan; None: it has none.
         doors: Middles, m, of those that are proposed: all of them are shown.
     """

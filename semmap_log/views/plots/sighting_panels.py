@@ -1,4 +1,4 @@
-"""Visits to doors as small pictures next to each other: beams, the line, the leaf drawn in."""
+"""Visits to doors as a grid of small pictures: beams, the door's line, the fitted leaf."""
 
 from __future__ import annotations
 
@@ -54,14 +54,14 @@ SIGNS = 8
 """How many the key has."""
 COLUMNS = 6
 MOST_OF_ONE, MOST_OF_EACH = 24, 6
-"""Visits that are drawn of a door that is alone, and of each of several."""
+"""Visits that are drawn of a single door, and of each of several."""
 MOST_DOORS = 40
 AROUND_M = 1.6
-"""What is shown around a door, next to its width."""
+"""What is shown around a door, beyond its width."""
 MOST_BEAMS = 80
 """So many lines of beams are drawn in a picture; more would be one area."""
 WORD_LETTERS, SMALL_LETTERS, BIG_LETTERS = 50, 33, 22
-"""In a line above a picture; where there are fewer, they are larger."""
+"""Letters in a line above a picture; fewer are drawn larger."""
 _LOOK = {
     Fate.aside: (PLOT_BEAM_ASIDE, 1.2),
     Fate.short: (PLOT_BEAM_SHORT, 3.0),
@@ -106,7 +106,7 @@ def draw_sightings(
     palette: Palette = DEFAULT,
     letters: HasShape = has_shape,
 ) -> Any:
-    """Return the figure; a door is called by its id where a letter of its name has no shape."""
+    """Return the figure; a door whose name has a letter without a shape is shown by its id."""
     shown = doors[:MOST_DOORS]
     columns = min(COLUMNS, max(2, *(len(door.visits) for door in shown), 0))
     rows = [math.ceil(len(door.visits) / columns) for door in shown]
@@ -150,7 +150,7 @@ class _Sheet:
         self.figure.text(left, (top - 0.36) / self.height, figures, va="top", fontsize=8.5)
 
     def panel(self, bottom: float, column: int) -> Any:
-        """Return a picture whose lower edge is there."""
+        """Return a picture with the given lower edge."""
         left = EDGE_IN + column * (PANEL_IN + GAP_IN)
         return self.figure.add_axes((left / self.width, bottom / self.height,
                                      PANEL_IN / self.width, PANEL_IN / self.height))  # fmt: skip
@@ -187,7 +187,7 @@ def _draw(panel: Any, kept: KeptVisit, tz: str, palette: Palette) -> None:
 
 
 def _write(panel: Any, kept: KeptVisit, tz: str, palette: Palette) -> None:
-    """Write above a picture what is stated, when, and on what grounds."""
+    """Write the verdict, its time and its grounds above a picture."""
     said, visit = verdict(kept.visit), kept.visit
     text = _part(palette.text_of_state(visit.state))
     lines: list[tuple[str, float, float, dict[str, Any]]] = [
@@ -201,13 +201,13 @@ def _write(panel: Any, kept: KeptVisit, tz: str, palette: Palette) -> None:
 
 
 def _size(verdict: str) -> float:
-    """Return how large a verdict is written, points, so that it does not reach the next one."""
+    """Return the size of a verdict, points, so that it does not reach the next one."""
     letters = len(verdict)
     return 9.5 if letters < BIG_LETTERS else 7.5 if letters < SMALL_LETTERS else 5.8
 
 
 def _frame(panel: Any, scene: DoorScene) -> None:
-    """Show as much around a door in all of its pictures, a square."""
+    """Show the same square around a door in all of its pictures."""
     half = scene.width / 2 + AROUND_M
     panel.set(xlim=(scene.width / 2 - half, scene.width / 2 + half), ylim=(-half, half))
     ticks = np.arange(math.ceil(-half), math.floor(half) + 1)

@@ -57,7 +57,7 @@ def plot_weeks(weeks: Sequence[TypicalWeek], path: Path, by: By = "week") -> Non
 
 
 def draw_weeks(weeks: Sequence[TypicalWeek], by: By, letters: HasShape = has_shape) -> Any:
-    """Return the figure; a door is called by its id where a letter of its name has no shape."""
+    """Return the figure; a door whose name has a letter without a shape is shown by its id."""
     in_all, weeks = len(weeks), weeks[:MOST_PANELS]
     columns = len(weeks) if len(weeks) <= IN_A_ROW else math.ceil(math.sqrt(0.75 * len(weeks)))
     columns = min(MOST_COLUMNS, columns)
@@ -153,7 +153,7 @@ def _up(panel: Any) -> None:
 
 
 def _title(week: TypicalWeek, label: str, letters: HasShape) -> str:
-    """Return what the door is called, in lines short enough for its panel."""
+    """Return the door's label, in lines short enough for its panel."""
     name = drawable_name(label, f"door {week.door.door_id}", letters)
     label = printable(name).replace("$", r"\$")
     said = label if week.is_known else f"{label}: UNKNOWN, {why_unknown(week.evidence)}"
@@ -167,7 +167,7 @@ def _heading(week: TypicalWeek, by: By) -> str:
 
 
 def _key(week: TypicalWeek, by: By) -> str:
-    """Return what stands along the axis, and what the marks mean."""
+    """Return the texts along the axis, and the meaning of the marks."""
     axis = "" if by == "weekday" else f"hour of the day, {week.tz}; "
     share = f"{INTERVAL:.0%} interval"
     said = f"dot: the {share} is wider than {UNSURE:g}" if by == "week" else f"band: {share}"

@@ -1,12 +1,9 @@
-"""A log as one page: everything in it, nothing around it, the same bytes for the same log.
+"""Write a log as one self-contained page: the same bytes for the same log.
 
-The last changes in words: when, which door, what; who and why.
-
-Fills the page: HTML, CSS and JavaScript are files next to this one, the data is JSON.
-
-Nothing in the data can become part of the page: it is a block that no browser runs, in it `<`, `>`
-and `&` are spelt out, and the scripts show text as text. The page's own policy forbids it to load
-anything, and any script but its own.
+HTML, CSS and JavaScript are files next to this one; the data is JSON, and includes the last changes
+in words: when, which door, what, who and why. Nothing in the data can become part of the page: it
+is a block that no browser runs, in which `<`, `>` and `&` are escaped, and the scripts show text as
+text. The page's own policy forbids it to load anything, and any script but its own.
 """
 
 from __future__ import annotations
@@ -72,12 +69,12 @@ if TYPE_CHECKING:
 
 
 BESIDE_MS = 8 * DAY_MS
-"""The week of a moment reaches so far beyond the first and the last one."""
+"""The time zone's offsets reach so far beyond the page's span: to the week around a moment."""
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """A page, and what is on it."""
+    """A page, and the size of its content."""
 
     html: str
     doors: int
@@ -105,7 +102,7 @@ def report(
         doors: Only these doors; the robot and its rounds stay.
         tz: IANA zone of all times; None: the log's.
         palette: Colours of the states.
-        progress: Called with how far the reading is: (bytes done, bytes in all).
+        progress: Called with the progress of reading: (bytes done, bytes in all).
 
     Raises:
         MomentError: A time or the zone cannot be read, or `since` comes after `until`.
@@ -127,8 +124,8 @@ def report_data(
 ) -> dict[str, Any]:
     """Return all that the page shows, as JSON holds it.
 
-    Times are milliseconds after `begin` (which is since the Unix epoch), where nothing else is
-    said; lengths metres, frame `map`.
+    Unless noted, times are milliseconds after `begin` (which is since the Unix epoch); lengths are
+    in metres, in frame `map`.
     """
     log = excerpt.log
     now = log.replay(at=excerpt.last_ns())
@@ -174,7 +171,7 @@ def report_data(
 
 
 def _span(excerpt: Excerpt, found: PageEvents) -> Span:
-    """Return what the slider goes over: never beyond `until`, and never nothing."""
+    """Return the slider's span: never beyond `until`, and never empty."""
     begin_ns = excerpt.since_ns if excerpt.since_ns is not None else found.first_ns or 0
     end_ms = first_ms(found.last_ns if found.last_ns is not None else begin_ns)
     if (last_ns := excerpt.last_ns()) is not None:
@@ -209,7 +206,7 @@ def _lapses(excerpt: Excerpt, span: Span) -> dict[DoorId, dict[str, Any]]:
 
 
 def _annotations(excerpt: Excerpt, now: DoorMap) -> dict[DoorId, dict[str, str]]:
-    """Return what is reported about the doors when the page ends; of removed ones only the name."""
+    """Return the doors' annotations at the page's end; of removed doors only the name."""
     names = excerpt.log.state_in(Scope(at_ns=excerpt.last_ns())).names()
     said = {door_id: {"name": name} for door_id, name in names.items()}
     return said | {door_id: dict(door.annotations) for door_id, door in now.doors.items()}
@@ -229,14 +226,14 @@ def _door(
 
 
 def _shapes(excerpt: Excerpt) -> Mapping[DoorId, ObjectShape]:
-    """Return what each object is that is no door when the page ends, and its outline."""
+    """Return the class and outline at the page's end of each object that is not a door."""
     return shapes_of(excerpt.log.state_in(Scope(at_ns=excerpt.last_ns())))
 
 
 def rounds_of(log: DoorLog, span: Span) -> list[list[Any]]:
-    """Return [from when, till when, what it is called, who drove] for each round of the page.
+    """Return [start, end, name, robot] for each round of the page.
 
-    Times are None where nobody told them.
+    Unknown times are None.
     """
 
     def when(ns: int | None) -> int | None:
@@ -282,11 +279,11 @@ def health_of(summary: LogSummary, tz: str) -> dict[str, Any]:
 
 
 UNKNOWN = -1
-"""Stands for an hour that nobody has seen."""
+"""Marks an hour that nobody has seen."""
 
 
 def beliefs_of(excerpt: Excerpt, tz: str, doors: Collection[DoorId]) -> dict[DoorId, Any]:
-    """Return, for the doors in the map when the page ends, what can be reported about them.
+    """Return the beliefs about the doors that are in the map at the page's end.
 
     `p` is [P(open), low, high] (90 % interval), or null; then `why` says why. `week` has P(open)
     in percent for 168 hours from Monday's first on, or null where too little is known at all.
@@ -322,8 +319,8 @@ def changes_of(
     """Return the last changes, the latest first.
 
     Args:
-        log: Where from.
-        told: Rows of `STAMP`, of events that are given whatever they say.
+        log: The log.
+        told: Rows of `STAMP`, of events that are listed whatever they report.
         page_doors: The doors, with their changes of state.
         span: Of the page.
     """
@@ -340,7 +337,7 @@ def changes_of(
 
 
 def _entries(log: DoorLog, numbers: Rows) -> Iterator[HistoryEntry]:
-    """Yield the events of these numbers, ascending, with who and why: in one reading."""
+    """Yield the events of these numbers, ascending, with who and why, in one pass."""
     if not len(numbers):
         return
     finder = log.said_finder()
@@ -381,7 +378,7 @@ def filled(data: dict[str, Any], *, title: str, palette: Palette) -> str:
     """Return the page.
 
     Args:
-        data: What it shows; only what JSON holds.
+        data: The content, as JSON values.
         title: For the browser's tab.
         palette: Colours of the states and of the robot.
     """

@@ -1,15 +1,10 @@
 """One pass over a log's events: what the page needs of them, in a few columns.
 
-Of each report of a state 22 bytes are kept, of each pose 20; the rest is rare.
-
-What became of each door, coded so that a page can hold a week of hundreds of them.
-
-States are never thinned: at each whole millisecond the page shows what a replay does. Sightings
-that only repeat a state move nothing but `last seen`; of very many, some are left out.
-
-Each robot's track, with as few points as it takes: a point every 25 cm is more than eyes see.
-
-Between two points the robot went straight, at one speed; after the last of a run it stands.
+Of each report of a state 22 bytes are kept, of each pose 20; the rest is rare. States are never
+thinned: at each whole millisecond the page shows what a replay returns. Sightings that only repeat
+a state move nothing but `last seen`; of very many, some are left out. A robot's track has as few
+points as it takes, since a point every 25 cm is more than eyes see: between two points the robot
+went straight, at one speed; after the last point of a run it stands.
 """
 
 from __future__ import annotations
@@ -64,7 +59,7 @@ from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.zone_times import MS_NS, Span
 
 TOLERANCE_M = 0.3
-"""So far at most a pose lies off the line that stands for it."""
+"""The largest distance of a pose from the line that replaces it."""
 ROUNDING_M = 0.2
 """What decimetres and tenths of seconds add to that, for a robot of 2 m/s."""
 MOST_POINTS = 50_000
@@ -77,26 +72,26 @@ DM = 10
 
 @dataclass(frozen=True, slots=True)
 class DrawnTrack:
-    """What the page draws of the robot's way."""
+    """The robots' tracks as the page draws them."""
 
     runs: list[list[int]]
     """[level, then for each point tenths of seconds, x and y in decimetres]; each point but the
     first as the difference from the one before."""
     robots: list[int]
-    """Of each run, the place of its robot among those that the log reports of."""
+    """For each run, the index of its robot among the log's robots."""
     within_m: float
-    """So far at most a pose lies off it."""
+    """The largest distance of a pose from it."""
 
 
 def track_of(
     poses: Rows, span: Span, plans: Mapping[int, Sequence[int]] = MappingProxyType({})
 ) -> DrawnTrack:
-    """Return the track of poses that are in the order of their times.
+    """Return the track of poses, which are sorted by time.
 
     Args:
-        poses: Where robots were.
-        span: What the page shows.
-        plans: Level -> when it got another floor plan, ns: over that, nobody drove.
+        poses: The robots' poses.
+        span: The span of the page.
+        plans: Level -> when it got another floor plan, ns; no track crosses that.
     """
     if not len(poses):
         return DrawnTrack([], [], TOLERANCE_M + ROUNDING_M)
@@ -112,7 +107,7 @@ def track_of(
 
 
 def _runs(poses: Rows, plans: Mapping[int, Sequence[int]]) -> list[Rows]:
-    """Cut where the level or its plan changes, or nothing was given for long; robot by robot."""
+    """Cut where the level or its plan changes, or no pose came for long; robot by robot."""
     poses = poses[np.argsort(poses["robot"], kind="stable")]
     jumps = np.diff(poses["robot"].astype(np.int32)) != 0
     jumps |= np.diff(poses["level"].astype(np.int32)) != 0
@@ -123,7 +118,7 @@ def _runs(poses: Rows, plans: Mapping[int, Sequence[int]]) -> list[Rows]:
 
 
 def telling(run: Rows, tolerance_m: float) -> list[int]:
-    """Return the places of the poses that a robot going straight through the others would miss.
+    """Return the indices of the poses that straight lines between the others would miss.
 
     From a kept pose on, each further one allows some speeds, along x and along y; once the next
     lies outside of them, the one before it is kept. (A swing filter: Elmeleegy et al., VLDB 2009.)
@@ -172,7 +167,7 @@ def _coded(run: Rows, span: Span) -> list[int]:
 
 
 MOST_STATES = 100_000
-"""Of more sightings than that, in all, repeats are left out."""
+"""With more sightings in all, repeats are left out."""
 SHORTEST_STEP_MS = 60_000
 
 
@@ -190,7 +185,7 @@ class PageDoor:
 
     @property
     def changes(self) -> Rows:
-        """Rows of `STAMP`: the events that told of another state than the one before."""
+        """Rows of `STAMP`: the events that reported another state than the one before."""
         rows = self.states[1:][np.diff(self.states["state"].astype(np.int16)) != 0]
         stamps = np.empty(len(rows), STAMP)
         stamps["folds_ns"], stamps["number"] = rows["folds_ns"], rows["number"]
@@ -204,12 +199,12 @@ class PageDoor:
 
 
 def brought_by(found: PageEvents, before: Mapping[DoorId, Door], since_ns: int) -> Changes:
-    """Return what brings, places or removes doors, also those that are there when it begins.
+    """Return rows that add, place or remove doors, including doors that exist at the begin.
 
     Args:
         found: The events.
         before: The doors just before the first of them.
-        since_ns: When that is.
+        since_ns: The time of the first.
     """
     opening = opening_changes(before.values(), RecordingEdge(since_ns, -1, -1))
     return np.concatenate([opening, found.rest])
@@ -222,7 +217,7 @@ def placed_on(rest: Changes) -> set[int]:
 
 
 def bring_home(rest: Changes, poses: Rows, home: int | None) -> None:
-    """Put what is reported about level 0 where that is shown: see `excerpt.levels`."""
+    """Move what is on level 0 to the level on which it is shown: see `excerpt.shown_levels`."""
     for rows in (rest, poses):
         rows["level"][rows["level"] == 0] = home or 0
 
@@ -237,9 +232,9 @@ def page_doors(
 
     Args:
         found: The events.
-        rest: What brings, places or removes doors: `brought_by`.
+        rest: Rows that add, place or remove doors, from `brought_by`.
         before: The doors just before the first of them.
-        shapes: Of what is no door.
+        shapes: Of objects that are not doors.
     """
     told = [
         _story(before.get(DoorId(int(mine["door_id"][0]))), mine, found.states)
@@ -253,7 +248,7 @@ def page_doors(
 
 
 def _story(before: Door | None, rest: Changes, states: Rows) -> PageDoor | None:
-    """Return one door's story; None: it never was in the map.
+    """Return one door's history; None: it never was in the map.
 
     Args:
         before: As it was when the page begins; None: not there by then.
@@ -266,7 +261,7 @@ def _story(before: Door | None, rest: Changes, states: Rows) -> PageDoor | None:
     door_id = int(rest["door_id"][0])
     first, behind = np.searchsorted(states["door_id"], [door_id, door_id + 1]).tolist()
     said = np.concatenate([_opening_state(before), states[first:behind]])
-    # What is known of a door that was there when the page begins was told before it begins.
+    # What is known of a door that exists when the page begins was reported before it begins.
     born = ALWAYS if life.added[1] < 0 else life.added
     return PageDoor(
         DoorId(door_id),
@@ -290,7 +285,7 @@ def _first_stamp(rows: Changes) -> Stamp:
 
 
 def _opening_state(before: Door | None) -> Rows:
-    """Return the row that reports of the state in which a door was when the page begins."""
+    """Return the row with a door's state when the page begins."""
     if before is None:
         return np.empty(0, STATE_CHANGE)
     seen_ns = before.last_seen_ns or 0
@@ -333,7 +328,7 @@ def _counting_ms(rows: Rows, span: Span) -> Rows:
 
 
 def _step_ms(times: list[Rows], states: list[Rows]) -> int:
-    """Return the least step at which what is kept is not too much; 0: all is kept."""
+    """Return the least step at which few enough sightings are kept; 0: all are kept."""
     if sum(map(len, times)) <= MOST_STATES:
         return 0
     changes = sum(int(np.count_nonzero(np.diff(s))) for s in states)
@@ -346,7 +341,7 @@ def _step_ms(times: list[Rows], states: list[Rows]) -> int:
 
 
 def _kept(times: Rows, states: Rows, step_ms: int) -> Rows:
-    """Return what stays: each change, the last state, and of repeats the first in each step."""
+    """Return which rows stay: each change, the last state, and the first repeat in each step."""
     kept = np.ones(len(times), np.bool_)
     if step_ms and len(times):
         steps = times // step_ms
@@ -361,9 +356,9 @@ def _deltas(times: Rows) -> list[int]:
 
 
 def coded_life(page_door: PageDoor, span: Span) -> dict[str, Any]:
-    """Return when a door came and went, where it was, and the probabilities that were set.
+    """Return a door's lifetime, places, and the probabilities that were set.
 
-    Of what is no door, what its states are called, too.
+    For other objects, also the names of the states.
     """
     removed, shape = page_door.life.removed, page_door.shape
     words = [shape.object_class.word(state).capitalize() for state in DoorState]
@@ -382,9 +377,9 @@ def coded_life(page_door: PageDoor, span: Span) -> dict[str, Any]:
 
 
 def _place(row: Any, shape: ObjectShape, span: Span) -> list[Any]:
-    """Return [from when, level, x and y of its start, of its end]; nothing behind: unplaced.
+    """Return [from when, level, x and y of its start, of its end]; no coordinates: unplaced.
 
-    Of what is no line, x and y of each of its corners, the first once more at the end.
+    An object that is not a line has x and y of each corner, with the first repeated at the end.
     """
     since, level = span.since_begin(int(row["folds_ns"])), int(row["level"])
     x, y, theta, width = (float(row[name]) for name in ("x", "y", "theta", "width"))
@@ -406,20 +401,20 @@ POSE = np.dtype([("folds_ns", "i8"), ("level", "u2"), ("x", "f4"), ("y", "f4"), 
 STAMP = np.dtype([("folds_ns", "i8"), ("number", "i8")])
 
 MOST_CHANGES = 200
-"""So many of the last changes are given in words."""
+"""So many of the last changes are listed in words."""
 TOLD = tuple(
     kind
     for kind in KINDS
     if not (kind.effect.is_sighting or kind in (PatrolStarted, PatrolFinished, RobotPose))
 )
-"""Kinds that are given whatever they say; sightings are where they report of another state."""
+"""Kinds that are always listed; sightings are listed where they report another state."""
 
 Rows = NDArray[Any]
 
 
 @dataclass(slots=True)
 class PageEvents:
-    """What was found, in the order in which it counts: by (folds_ns, number)."""
+    """The findings in the order in which they count: by (folds_ns, number)."""
 
     states: Rows
     """Rows of `STATE_CHANGE`, by door first."""

@@ -18,7 +18,7 @@ MOST_CELLS = 1_000_000
 
 
 def rooms_of_page(plan: RoomPlan, level: int) -> dict[str, Any] | None:
-    """Return the picture as a data URI with where it lies, and names; None: there are no rooms.
+    """Return the picture as a data URI with its place, and names; None: there are no rooms.
 
     `matrix` is as that of the floor's picture. A name comes with the side of a square of the
     room's area, metres: how long it may be.

@@ -33,7 +33,7 @@ OCCUPIED = 100
 
 @dataclass(frozen=True, slots=True)
 class PageContent:
-    """What a page shows on its levels."""
+    """The content of a page on its levels."""
 
     told: Sequence[PageDoor]
     """Its doors."""
@@ -47,13 +47,13 @@ def shown_levels(
 ) -> list[dict[str, Any]]:
     """Return the levels with something on them, numbers ascending; at least one.
 
-    A level that was mapped again is as on its last plan, `since` then; `earlier` are the others.
+    A level that was mapped again has its last plan, valid from `since`; `earlier` holds the others.
 
     Args:
         excerpt: The part of the log.
         now: The map at its end.
-        content: What is shown.
-        home: Where level 0 is shown, and what is reported about it is already; None: nowhere.
+        content: The content of the page.
+        home: The level on which level 0 is shown, its content already moved there; None: nowhere.
     """
     used = {int(n) for door in content.told for n in np.unique(door.picture.placements["level"])}
     used |= set(np.unique(content.poses["level"]).tolist())
@@ -76,7 +76,7 @@ def shown_levels(
 
 
 def begins_of_plans(levels: Iterable[Mapping[str, Any]], span: Span) -> dict[int, list[int]]:
-    """Return, for each level that was mapped again, from when on each later plan is, ns."""
+    """Return, for each level that was mapped again, when each later plan begins, ns."""
     return {
         level["level"]: [
             (plan["since"] + span.begin_ms) * MS_NS for plan in [*level["earlier"][1:], level]
@@ -121,7 +121,7 @@ def _level(number: int, now: DoorMap, floor: FloorMap | None, bounds: Bounds) ->
 
 
 def _bounds(number: int, content: PageContent, time: tuple[int, int]) -> Bounds:
-    """Return what is around doors and robots of a level at some time, its ends included."""
+    """Return the bounds of a level's doors and robots in a time, its ends included."""
     poses = _during(content.poses, time)
     here = poses[poses["level"] == number]
     bounds = Bounds().around(here["x"], here["y"])
@@ -141,7 +141,7 @@ def _during(rows: Rows, time: tuple[int, int]) -> Rows:
 
 
 def picture_of(floor: FloorMap) -> Mapping[str, Any] | None:
-    """Return a floor plan as a PNG's data URI and where it lies; None: nothing of it is known.
+    """Return a floor plan as a PNG's data URI and its place; None: no cell is known.
 
     `matrix` takes the picture's (right, down) in units of its cells to (x, -y) in metres: SVG's
     six numbers.

@@ -1,20 +1,17 @@
-"""What the robot could believe, into a rerun recording: a curve a door, and its typical week.
+"""Beliefs and patrol rounds in a rerun recording: a curve a door, a typical week, a lane a robot.
 
-At each time of the curve counts what had happened by then, with all that is known today; so it
-stands on the timeline `happened` alone. What the estimator would have said as of each moment of
-recording, late events not there yet and those taken back still there, would have to be learnt again
-after each of them. The week is as known at the recording's end.
+A point of a curve rests on what had happened by then, with all that is known today; so it stands on
+the timeline `happened` alone. Beliefs as of each moment of recording, with late events still
+missing and retracted ones still there, would need a new model after each of those events. The week
+is as known at the recording's end.
 
-Patrol rounds into a rerun recording: a lane a robot, which says what it was driving for.
+A belief jumps at each sighting and drifts in between. It is computed just before and at each piece
+of evidence about the door, and every ten minutes; only those points are kept that a line through
+the others would miss.
 
-Along `happened` a round lasts from its start to its end as they are known today; along `recorded`
-and `event` as far as the log had learnt of them, what was taken back later included.
-
-What a robot could believe of a door over time, as points of a curve: pure numpy.
-
-A belief jumps at each sighting and drifts in between. So it is requested just before and at all
-that is known of the door, and every ten minutes; of those points only the ones are kept that a
-line through the others would miss.
+A round shows what the robot was driving for. Along `happened` it lasts from its start to its end as
+they are known today; along `recorded` and `event` as far as the log had learnt of them, including
+what was retracted later.
 """
 
 from __future__ import annotations
@@ -62,12 +59,12 @@ from semmap_log.views.rerun.week_pictures import write_weeks
 
 BELIEF = "belief"
 NO_MEANS = rr.components.AggregationPolicy.Off
-"""Else the viewer draws points that are less than a pixel apart as their mean: half a jump."""
+"""Otherwise the viewer draws points less than a pixel apart as their mean: half a jump."""
 MOST_CURVES = 8
-"""Doors with a curve, a tab each; those that were requested all have one."""
+"""Doors with a curve, a tab each; doors that were requested all have one."""
 MOST_CURVE_DAYS = 1_000
-"""For each day of each curve the estimator learns again, as it would have then: some seconds. In a
-recording of more than four months fewer doors have one."""
+"""The estimator learns again for each day of each curve, as of that day, which takes some seconds.
+In a recording of more than four months fewer doors have a curve."""
 MOST_WEEKS = 36
 """On a level with more doors the liveliest have a week: of more, ids would lie on each other."""
 
@@ -85,12 +82,12 @@ class BeliefsShown:
 def beliefs_to_show(
     excerpt: Excerpt, scene: Scene, chosen: Collection[DoorId] | None
 ) -> BeliefsShown | None:
-    """Return what can be shown of beliefs; None: of no door was enough known.
+    """Return the beliefs to show; None: too little was known of every door.
 
     Args:
         excerpt: The part of the log.
-        scene: What it shows.
-        chosen: Doors that were queried for: all of them have curves; None: the liveliest have.
+        scene: What the recording shows.
+        chosen: Requested doors, all of which have curves; None: the liveliest have.
     """
     now = ask(excerpt.log, at=None, estimator=default_estimator(), tz=None, doors=None)
     doors = [door for door in scene.liveliest() if chosen is None or door.door_id in chosen]
@@ -179,7 +176,7 @@ NO_ROUND = ""
 """A gap in the lane."""
 
 Value = tuple[RecordingEdge, str]
-"""From when on a lane says what."""
+"""When a lane's text changes, and to what."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +237,7 @@ class _Driving:
     def set(
         self, edge: RecordingEdge, patrol: int, driven: Round | None, robots: Iterable[str]
     ) -> None:
-        """Let a round be driven from then on; None: no longer, or not at all.
+        """Set what is driven of a round from then on; None: no longer, or not at all.
 
         Args:
             edge: When.
@@ -297,7 +294,7 @@ def _on_recorded(
 def _learnings(
     by_patrol: Mapping[int, Sequence[HistoryEntry]], excerpt: Excerpt
 ) -> list[tuple[RecordingEdge, int]]:
-    """Return when the log learnt something of which patrol, in that order."""
+    """Return when the log learnt something of each patrol, in order."""
     known = excerpt.retractions
     learnt = [(RecordingEdge(e.folds_ns, e.number, e.recorded_ns), patrol)
               for patrol, entries in by_patrol.items() for e in entries]  # fmt: skip
@@ -314,7 +311,7 @@ def _learnings(
 def _known(
     entries: Sequence[HistoryEntry], excerpt: Excerpt, number: int
 ) -> Iterator[HistoryEntry]:
-    """Yield what was known of a patrol up to an event, as if nothing was taken back since."""
+    """Yield what was known of a patrol up to an event, ignoring later retractions."""
     numbers = np.array([entry.number for entry in entries], np.int64)
     hidden = in_ranges(numbers, excerpt.retractions.up_to(number).ranges)
     for entry, is_hidden in zip(entries, hidden.tolist(), strict=True):
@@ -350,7 +347,7 @@ Times = NDArray[np.int64]
 
 
 def times_of_curve(evidence: DoorEvidence, first_ns: int, last_ns: int) -> Times:
-    """Return when to ask for a belief, ascending, from `first_ns` to `last_ns`."""
+    """Return the times to compute a belief at, ascending, from `first_ns` to `last_ns`."""
     step_ns = max(EVERY_NS, (last_ns - first_ns) // MOST_STEPS)
     jumps = np.concatenate([evidence.start_ns, evidence.end_ns, evidence.seen_ns])
     asked = np.concatenate([
@@ -381,12 +378,12 @@ def curve(times_ns: Times, p_open: NDArray[np.float64], is_known: NDArray[np.boo
 
 
 def telling(times_ns: Times, values: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the places of the points that a line through the others would miss.
+    """Return the indices of the points that a line through the others would miss.
 
     From a kept point on, each further one allows some slopes; once the next point lies outside of
     them all, the one before it is kept. (A swing filter: Elmeleegy et al., VLDB 2009.)
     """
-    # Whole nanoseconds: as seconds of some years, moments beside each other would be one.
+    # Whole nanoseconds: as seconds of some years, adjacent moments would be equal.
     times, heights = times_ns.tolist(), values.tolist()
     kept = [0]
     steepest, flattest = np.inf, -np.inf

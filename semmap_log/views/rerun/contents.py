@@ -1,8 +1,8 @@
 """The first pass over a log: what a recording of it will show.
 
 Names, lifetimes and bounds must be known before the first row is drawn: a door may get its name
-long after its first event, and a late event may tell that it had been removed. The pass keeps a few
-numbers a door, whatever the log's length.
+long after its first event, and a late event may report its removal. The pass keeps a few numbers a
+door, whatever the log's length.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ NOWHERE = RecordingEdge(-1, -1, -1)
 
 
 def find_scene(excerpt: Excerpt) -> Scene:
-    """Return what a recording of that part of a log has to show."""
+    """Return what a recording of a part of a log has to show."""
     taken = RecordingContents(excerpt)
     for batch in excerpt.read():
         taken.take(batch)
@@ -66,17 +66,17 @@ class RecordingContents:
         self._pass.take(batch)
 
     def is_late(self, batch: EventBatch) -> bool:
-        """Tell whether an event about a door counts before one that was taken, or is before it."""
+        """Return whether an event sorts before an event of the same door that was already taken."""
         return any(
             not self._pass.doors.get(DoorId(int(rows["door_id"][0])), NEW).goes_on(rows)
             for rows in by_door(door_changes(batch))
         )
 
     def scene(self) -> Scene:
-        """Return it, once all was taken; names and floor plans are those that the log has now."""
+        """Return the scene of all events taken; names and floor plans are those of today."""
         pass_ = self._pass
         if not self._is_whole:
-            self._is_whole = True  # behind this, nothing is taken back any more
+            self._is_whole = True  # from here on, nothing is retracted any more
             for one in taken_back(self._excerpt):
                 pass_.take_back(one)
         state = self._excerpt.log.state_in(Scope(at_ns=self._excerpt.last_ns()))
@@ -100,7 +100,7 @@ class RecordingContents:
 
 @dataclass(slots=True)
 class _Found:
-    """What the pass knows of a door."""
+    """The pass's data about a door."""
 
     before: Door | None = None
     known: list[KnownDoor] = field(default_factory=list)
@@ -150,7 +150,7 @@ class _Found:
         self._live(changes[happened & ((changes["sets"] & THERE) != 0)])
 
     def know(self, known: KnownDoor) -> None:
-        """Take what it goes on from along `recorded`."""
+        """Take a state from which it continues along `recorded`."""
         self.known.append(known)
         self.is_ever_there |= known.is_there
         if known.is_placed:
@@ -166,7 +166,7 @@ class _Found:
                 self.removed = stamp
 
     def goes_on(self, changes: Changes) -> bool:
-        """Return whether all of this door's next rows count after those taken, in their order."""
+        """Return whether all of this door's next rows come after those already taken, in order."""
         first = int(changes["folds_ns"][0]), int(changes["number"][0])
         return first >= self.latest and bool((np.diff(changes["folds_ns"]) >= 0).all())
 
@@ -178,7 +178,7 @@ class _Found:
 
     @property
     def life(self) -> DoorLifetime:
-        """When it is there; a removal before its adding was of no door."""
+        """When it is in the map; a removal before its addition was of no door."""
         return DoorLifetime(self.added, self.removed if self.removed > self.added else NEVER)
 
     @property
@@ -197,11 +197,11 @@ def _stamps(changes: Changes) -> Iterable[Stamp]:
 
 
 NEW = _Found()
-"""A door that nothing was heard of yet."""
+"""A door without any event yet."""
 
 
 class _Pass:
-    """What is gathered over all batches."""
+    """The data gathered over all batches."""
 
     def __init__(self, excerpt: Excerpt) -> None:
         self._excerpt = excerpt
@@ -209,7 +209,7 @@ class _Pass:
         self.bounds: dict[int, Bounds] = {}
         """Of the doors, by the level."""
         self.robot_bounds: dict[int, Bounds] = {}
-        """Of the robot's ways; level 0 is not yet where it is shown."""
+        """Of the robots' tracks; level 0 is not yet mapped to where it is shown."""
         self.robot_last: tuple[int, int | None] = (-1, None)
         """Happened time and level of the robot's latest pose."""
         self.events = 0
@@ -237,7 +237,7 @@ class _Pass:
                 found.is_plain &= _values(state.door(door_id)) == _values(found.before)
 
     def take_back(self, what: TakenBack) -> None:
-        """Take what is known of doors after a retraction."""
+        """Update the doors to what is known after a retraction."""
         state = self._excerpt.log.state_in(Scope(event=what.edge.number))
         for door_id in what.doors & self.doors.keys():
             self.doors[door_id].know(KnownDoor.of(state, door_id, what.edge))

@@ -1,11 +1,9 @@
-"""What the costmap of a recording needs to know of each door, kept until the end. Pure numpy.
-
-Which cells of the costmap's door layer each door shows, and from when. Pure numpy.
+"""Which cells of the costmap's door layer each door shows, and from when. Pure numpy.
 
 Of several doors on a cell the one with the greatest id has it, whatever its state (an unknown one
 erases): so a door shows the cells of its line that no door with a greater id lies on. That changes
-when it is put elsewhere, or another one is. What is no line, such as an area, lies above all that
-are: it shows all of its cells where it blocks, and nothing where it does not.
+when it, or another door there, is moved. An object that is not a line, such as an area, lies above
+all lines: it shows all of its cells where it blocks, and none where it does not.
 """
 
 from __future__ import annotations
@@ -50,13 +48,13 @@ Cells = NDArray[np.int64]
 Stamp = Changes
 """One row."""
 Version: TypeAlias = tuple[Stamp, Patch | None]
-"""From when a door shows which cells; None: it shows nothing."""
+"""Which cells a door shows, and from when on; None: it shows nothing."""
 
 
 def versions_of(
     doors: Mapping[DoorId, DoorRows], level: int, geometry: GridGeometry, order: Order
 ) -> dict[DoorId, list[Version]]:
-    """Return, for each door that is on a level at some time, from when it shows which cells.
+    """Return the cells that each door of a level shows over time.
 
     Args:
         doors: Id -> its rows.
@@ -90,7 +88,7 @@ def versions_of(
 
 
 def grid_around(doors: Iterable[DoorRows], level: int) -> GridGeometry | None:
-    """Return a grid of 0.05 m that holds all places of doors on a level; None: there is none."""
+    """Return a grid of 0.05 m that contains all places of a level's doors; None: there is none."""
     corners = [np.zeros((0, 2))]
     for rows in doors:
         here = _placed(rows.placements[rows.placements["level"] == level])
@@ -178,12 +176,12 @@ def _patch(move: _Move, mine: Sequence[int]) -> Patch | None:
 
 STAMPS = ("number", "folds_ns", "recorded_ns")
 STATE = np.dtype([(name, "i8") for name in STAMPS] + [("state", "u1")])
-"""All that is kept of a change of state until the recording is written: there may be millions."""
+"""What is kept of a change of state until the recording is written: there may be millions."""
 
 
 @dataclass(frozen=True, slots=True)
 class DoorRows:
-    """What happens to a door along a timeline, in the order in which it counts there."""
+    """A door's events along a timeline, in the order in which they count there."""
 
     states: Changes
     """Rows of `STATE`."""
@@ -194,7 +192,7 @@ class DoorRows:
 
     @classmethod
     def of(cls, picture: DoorPicture, shape: ObjectShape) -> DoorRows:
-        """Return what is needed of a picture."""
+        """Return the rows that a picture needs."""
         return cls(slim(picture.states), picture.placements, picture.removals, shape)
 
     def __len__(self) -> int:
@@ -209,13 +207,13 @@ class DoorRows:
 
     @classmethod
     def joined(cls, pieces: Sequence[DoorRows]) -> DoorRows:
-        """Return all of a door's rows, of which these are the pieces."""
+        """Return all of a door's rows, from their pieces."""
         fields = ((one.states, one.placements, one.removals) for one in pieces)
         states, placements, removals = map(np.concatenate, zip(*fields, strict=True))
         return cls(states, placements, removals, pieces[-1].shape)
 
     def last(self) -> DoorRows:
-        """Return what counts at the end: all that later rows need to go on from."""
+        """Return the final values, from which later rows continue."""
         return DoorRows(self.states[-1:], self.placements[-1:], self.removals[-1:], self.shape)
 
 

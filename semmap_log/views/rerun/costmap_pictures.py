@@ -1,11 +1,8 @@
-"""The costmap's door layer into a rerun recording: a small picture a door, of costs.
+"""The costmap's door layer in a rerun recording: a small picture of costs for each door.
 
-A whole grid at each change would be gigabytes; a door's cells are some twenty. The pictures hold
-the costs themselves, so that hovering over a cell shows them, and get their colours from a context.
-
-A door's pictures in the costmap's layer: which cells it shows at which cost, and from when.
-
-They change with its state, and with where it and those on its cells are put. Pure numpy.
+A whole grid at each change would be gigabytes; a door's cells are some twenty. A picture changes
+with its door's state, and with where it and the doors on its cells are. It holds the costs
+themselves, so that hovering over a cell shows them, and gets its colours from a context.
 """
 
 from __future__ import annotations
@@ -52,7 +49,7 @@ from semmap_log.views.rerun.scene import (
 PICTURE = np.dtype(
     [("number", "i8"), ("folds_ns", "i8"), ("recorded_ns", "i8"), ("patch", "i4"), ("cost", "u1")]
 )
-"""From when a door shows which of its patches at which cost; patch `NO_PATCH`: it shows nothing."""
+"""When a door shows which of its patches, at which cost; patch `NO_PATCH`: nothing."""
 NO_PATCH = -1
 
 Pictures = NDArray[np.void]
@@ -70,18 +67,18 @@ class DoorPatches:
         return DoorPatches(self.patches, self.pictures[self.pictures["number"] > number])
 
     def within(self, spans: Sequence[TimeSpan], *, recorded: bool) -> DoorPatches:
-        """Return what shows in some spans of time alone: it comes and goes with them.
+        """Return the pictures limited to some spans of time.
 
         Args:
             spans: Their beginnings and ends, times ascending.
-            recorded: The pictures are in the order of recording; else in that of happening.
+            recorded: Whether the pictures are in the order of recording; else in that of happening.
         """
         parts = [_within(self.pictures, span, recorded=recorded) for span in spans]
         return DoorPatches(self.patches, np.concatenate([self.pictures[:0], *parts]))
 
 
 class TimeSpan(NamedTuple):
-    """From when on something shows, and when it is over; rows of `STAMPS`."""
+    """When something begins and ends to show; rows of `STAMPS`."""
 
     since: NDArray[np.void]
     """One row."""
@@ -120,7 +117,7 @@ def patches_along(
         doors: Id -> its rows, in the order in question.
         level: The level.
         geometry: Of the layer.
-        recorded: In the order of recording; else in that of happening.
+        recorded: Whether in the order of recording; else in that of happening.
     """
     order = recorded_order if recorded else happened_order
     for door, versions in versions_of(doors, level, geometry, order).items():
@@ -175,17 +172,17 @@ def _changes_of_look(pictures: Pictures, *, recorded: bool) -> Pictures:
 COSTMAP = "costmap"
 
 ORDER_OF_LINES, ORDER_OF_AREAS = -5.0, -4.9
-"""What lies on the floor is above what stands in walls."""
+"""Objects on the floor are above those in walls."""
 
 NOTHING_WRITTEN = -2
 """Less than any event's number; -1 is what a recording begins with."""
 
 
 class CostmapWriter:
-    """Takes what happens to doors, and writes the layers of all levels when told that it is all.
+    """Collects what happens to doors, and writes the layers of all levels at the end.
 
-    More may come after it, if none of it is late. A level whose floor map is turned against its
-    grid has no costmap. One that was mapped again has a layer on each of its plans.
+    More events may come after that, if none of them is late. A level whose floor map is rotated
+    against its grid has no costmap. One that was mapped again has a layer on each of its plans.
     """
 
     def __init__(self, writer: RowWriter, scene: Scene, palette: Palette) -> None:
@@ -204,7 +201,7 @@ class CostmapWriter:
                 self._has_news = True
 
     def finish(self) -> None:
-        """Write what is new of all layers."""
+        """Write the new pictures of all layers."""
         if not self._has_news:
             return
         joined = {
@@ -305,7 +302,7 @@ class _Part:
 
     geometry: GridGeometry
     path: EntityPath
-    """After that of the layer."""
+    """Relative to that of the layer."""
     happened: Sequence[TimeSpan] | None
     """None: at all times."""
     recorded: Sequence[TimeSpan] | None
@@ -348,7 +345,7 @@ def _floors(level: SceneLevel) -> dict[int, FloorMap]:
 
 
 def has_costmap(scene: Scene, level: SceneLevel) -> bool:
-    """Return whether a level has a layer to show: doors, and no floor map that is turned."""
+    """Return whether a level has a layer to show: doors, and no rotated floor map."""
     floors = [level.floor] if level.plans.is_one else list(_floors(level).values())
     is_upright = any(floor is None or floor.origin_theta == 0 for floor in floors)
     return is_upright and any(level.level in door.lines for door in scene.doors.values())

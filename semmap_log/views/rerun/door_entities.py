@@ -1,9 +1,7 @@
-"""Doors into a rerun recording: each is one entity with its line, its lane and its curves.
+"""Doors in a rerun recording: each is one entity with its line, its lane and its curves.
 
-Along `happened` its events count in the order in which they happened, as far as they are not taken
-back today; along `recorded` and `event` as the log learnt of them, until they were taken back.
-
-Draws one door into a rerun recording, along some of its timelines.
+Along `happened` its events count in the order in which they happened, unless they are retracted
+today; along `recorded` and `event` as the log learnt of them, until they were retracted.
 """
 
 from __future__ import annotations
@@ -42,11 +40,11 @@ from semmap_log.views.rerun.scene import (
 )
 
 MOST_WAITING_ROWS = 2**18
-"""In all doors together, some 20 MB: then every door is written, however few its rows are."""
+"""Rows of all doors together, some 20 MB: then every door is written, however few it has."""
 
 
 class DoorsWriter:
-    """Hands each change to its door, and sees to it that not too many wait."""
+    """Passes each change to its door, and limits how many wait."""
 
     def __init__(
         self,
@@ -80,7 +78,7 @@ class DoorsWriter:
                 door.write()
 
     def flush(self) -> None:
-        """Write what waits; more will come, and none of it late."""
+        """Write what is pending; more will come, none of it late."""
         for door in self._plain.values():
             if door.rows_waiting:
                 door.write()
@@ -91,7 +89,7 @@ class DoorsWriter:
                 self._others[door_id] = []
 
     def finish(self) -> None:
-        """Write what still waits, and let the curves go on to the end."""
+        """Write what is pending, and extend the curves to the end."""
         for door in self._plain.values():
             door.write(self._scene.end)
         for door_id, parts in self._others.items():
@@ -108,12 +106,12 @@ class DoorsWriter:
                 self._others[door_id].append(rows)
 
     def _opening(self, doors: Iterable[SceneDoor]) -> Changes:
-        """Return how plain doors are when the recording begins in midst."""
+        """Return the plain doors' states when the recording begins amid the log."""
         there = [door.before for door in doors if door.is_plain and door.before is not None]
         return opening_changes(there, self._scene.begin)
 
     def _write_both(self, door: SceneDoor, changes: Changes) -> list[DoorWriter]:
-        """Write a door with late events, or ones that were taken back: their order is known now."""
+        """Write a door with late or retracted events, whose order is known now."""
         numbers = changes["number"]
         happened = changes[self._excerpt.has_happened(numbers, changes["folds_ns"])]
         opening = opening_changes([door.before] if door.before else [], self._scene.begin)
@@ -125,7 +123,7 @@ class DoorsWriter:
 
 
 class _PlainDoor:
-    """Lets a door's changes wait until they make a good chunk, then draws them."""
+    """Buffers a door's changes until they fill a chunk, then draws them."""
 
     def __init__(self, pen: DoorWriter) -> None:
         self._pen = pen
@@ -139,7 +137,7 @@ class _PlainDoor:
             self.write()
 
     def write(self, end: RecordingEdge | None = None) -> None:
-        """Draw what waits; with `end`, it is the last."""
+        """Draw what is pending; with `end`, it is the last."""
         changes = np.concatenate([np.empty(0, CHANGE), *self._waiting])
         self._waiting, self.rows_waiting = [], 0
         self._pen.draw(changes, end)
@@ -237,7 +235,7 @@ class DoorWriter:
             self._last_point = points[-1:]
 
     def _ends_of_curve(self, removals: Changes, end: RecordingEdge | None) -> Changes:
-        """Return the last probabilities once more, where the door or the recording ends.
+        """Return the last probabilities again, where the door or the recording ends.
 
         They hold until they are set again; without this, one that was set once would be a dot.
         """

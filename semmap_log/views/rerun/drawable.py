@@ -1,13 +1,13 @@
-"""Text that the rerun viewer can draw, and names that can be part of an entity path.
+"""Text that the rerun viewer can draw, names that can be part of an entity path, and event lines.
 
 The viewer has one font (Inter) and no other to fall back on: a character outside it is drawn as a
 box on the screen, and ends a headless viewer with a panic. The font has Latin, Greek and Cyrillic
 letters; no Chinese, Japanese or Korean ones, no Arabic, Hebrew, Thai or Indian ones, and few
-emoji. So a name with such a letter gives way to a number, and in other text they become boxes.
+emoji. So a name with such a letter gives way to a number, and in other text such letters become
+boxes.
 
-Events as lines of text: when, which door, what; who and why.
-
-What a recording without doors says in their place: what to do.
+An event is a line of text: when, which door, what, who and why. A recording without doors shows a
+hint on what to do instead.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 
 INFO, WARN, DEBUG = "INFO", "WARN", "DEBUG"
-"""INFO: the map is another than before; WARN: look here; DEBUG: it stayed as it was."""
+"""INFO: the map changed; WARN: look here; DEBUG: it did not change."""
 
 LAST_NUMBER = 2**63
 
@@ -67,7 +67,7 @@ class EventLine:
 
 
 class EventLines:
-    """Puts events into words; remembers each door's state, to tell changes from repeats."""
+    """Describes events in words; remembers each door's state, to separate changes from repeats."""
 
     def __init__(self, scene: Scene, excerpt: Excerpt, commits: Iterable[Commit]) -> None:
         self._scene = scene
@@ -107,14 +107,14 @@ class EventLines:
             yield EventLine(number, t, recorded.recorded_ns, event.kind, importance, text, state)
 
     def _shown(self, times_ns: NDArray[np.int64]) -> list[str]:
-        """Return what the clocks of the building show then: `2026-03-01T14:02:00`."""
+        """Return the time on the building's clocks: `2026-03-01T14:02:00`."""
         seconds = times_ns // SECOND_NS
         wall = (seconds + self._clock.offset_s(seconds)).astype("M8[s]")
         shown: list[str] = np.datetime_as_string(wall, unit="s").tolist()
         return shown
 
     def _offsets(self, times_ns: NDArray[np.int64]) -> list[str]:
-        """Return how far those clocks are ahead of UTC then: ` UTC+2`."""
+        """Return the offset of those clocks from UTC then: ` UTC+2`."""
         return [f" {from_utc(s)}" for s in self._clock.offset_s(times_ns // SECOND_NS).tolist()]
 
     def _is_repeat(self, batch: EventBatch, changes: Changes) -> NDArray[np.bool_]:
@@ -156,7 +156,7 @@ class EventLines:
         return INFO if is_news or sets & PLACING else DEBUG
 
     def _remember(self, event: DoorEvent, state: DoorState | None, stamp: Stamp) -> bool:
-        """Keep the door's state; return whether it is another than before."""
+        """Store the door's state; return whether it changed."""
         if state is None:
             return False
         latest_ns, known = self._states.get(event.door_id, (-1, None))
@@ -203,7 +203,7 @@ NOTHING = "nothing"
 
 
 def write_nothing(writer: RowWriter, excerpt: Excerpt, scene: Scene) -> None:
-    """Write why there are no doors, if there are none."""
+    """Write a hint if there are no doors."""
     if scene.doors:
         return
     said = how_to_begin(excerpt.log) or NOT_IN_THIS_PART
@@ -250,20 +250,20 @@ def drawable(text: str) -> str:
 
 
 def drawable_name(name: str, stand_in: str) -> str:
-    """Return a name as the viewer can draw it; what stands for it if a letter is missing."""
+    """Return a name as the viewer can draw it, or its substitute if a letter is missing."""
     return event_words.drawable_name(name, stand_in, _is_drawn)
 
 
 def is_drawable_name(name: str) -> bool:
-    """Return whether a name can be drawn, so that nothing needs to stand for it."""
+    """Return whether a name can be drawn without a substitute."""
     return drawable_name(name, "") != ""
 
 
 def path_part(text: str) -> str:
     """Return the text as part of an entity path that the viewer shows without escapes.
 
-    Letters, digits, `.`, `-` and `_` stay, as many as a lane's head has room for; whatever else is
-    between them becomes one `_`. Nothing stays of a name that the viewer cannot draw.
+    Letters, digits, `.`, `-` and `_` stay, as many as fit into a lane's head; anything between them
+    becomes one `_`. A name that the viewer cannot draw becomes empty.
     """
     kept = [character if character.isalnum() or character in ".-_" else " "
             for character in drawable_name(text, "")]  # fmt: skip
@@ -273,8 +273,8 @@ def path_part(text: str) -> str:
 def unique_parts(names: Iterable[tuple[int, str]], what: str = "door") -> dict[int, str]:
     """Return a path part for each (number, name): readable, and each a different one.
 
-    A name that nothing is left of becomes `<what>_<number>`; where two would be the same, in any
-    case of letters, all but the first get their number after.
+    A name without any usable character becomes `<what>_<number>`. Where two would be equal,
+    ignoring case, all but the first get their number appended.
     """
     parts: dict[int, str] = {}
     taken: set[str] = set()
@@ -285,7 +285,7 @@ def unique_parts(names: Iterable[tuple[int, str]], what: str = "door") -> dict[i
 
 
 def free_part(number: int, name: str, taken: Collection[str], what: str = "door") -> str:
-    """Return the path part for a name, with the number after if it is taken (case folded)."""
+    """Return the path part for a name, with the number appended if it is taken (case folded)."""
     part = path_part(name) or f"{what}_{number}"
     while part.casefold() in taken:
         part = f"{part}_{number}"

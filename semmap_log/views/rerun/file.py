@@ -1,14 +1,11 @@
-"""One .rrd file, from the first batch to the last.
+"""Write one .rrd file, from the first batch to the last.
 
-A file for a writer that cannot be trusted with a full disk.
+Rerun writes from a thread of its own. When a write fails, it reports to stderr, and the program may
+then wait for it for ever, or go on and leave a file without an end. So rerun gets a pipe, which is
+never full, and the bytes go to the disk here, where an error is an error.
 
-Rerun writes from a thread of its own. When that fails to write, it shows stderr, and the program
-may then wait for it for ever, or go on and leave a file without an end. So rerun gets a pipe, which
-is never full, and the bytes go to the disk here, where an error is an error.
-
-The event log into a rerun recording: one line of text an event, one entity a kind.
-
-Rooms into a rerun recording: tints over the floor, under the walls' grey, and their names.
+The event log is one line of text an event, one entity a kind. Rooms are tints over the floor, under
+the walls' grey, with their names.
 """
 
 from __future__ import annotations
@@ -151,14 +148,14 @@ class Converter:
         return LeftOut(self._lines.left_out, self._robot.left_out)
 
     def finish(self) -> None:
-        """Write what still waits, and let curves go on to the end of the scene."""
+        """Write what is pending, and extend the curves to the end of the scene."""
         self._doors.finish()
         if self._beliefs is not None:
             write_beliefs(self.writer, self._beliefs, self._scene, self._palette)
         self._write_rest()
 
     def flush(self) -> None:
-        """Write what waits, though more will come: after what was finished, in order of time."""
+        """Write what is pending, after what was finished and in order of time; more may come."""
         self._doors.flush()
         self._write_rest()
 
@@ -176,7 +173,7 @@ def open_recording(recording_id: str) -> Iterator[Any]:
     Args:
         recording_id: A viewer has one recording of an id.
     """
-    # No properties but its name: they would tell when it was made, and never be the same twice.
+    # No properties but its name: they would include its time, and never be the same twice.
     recording = rr.RecordingStream(APPLICATION_ID, recording_id=recording_id, send_properties=False)
     was_strict = rr.strict_mode()
     rr.set_strict_mode(True)  # else a mistake of ours would be a warning, and missing data
@@ -192,7 +189,7 @@ PIECE_BYTES = 2**20
 
 @contextmanager
 def piped_to(path: Path) -> Iterator[PipeToFile]:
-    """Hand out a pipe whose bytes go to the file; all of them are there when the block ends.
+    """Provide a pipe whose bytes go to the file; all are written when the block ends.
 
     Raises:
         OSError: The file cannot be written.
@@ -227,7 +224,7 @@ class PipeToFile:
             raise self._error
 
     def close(self) -> None:
-        """Wait for the last byte; whoever wrote has closed the inlet by now."""
+        """Wait for the last byte; the writing end is closed by now."""
         os.close(self._sink)
         self._thread.join()
         os.close(self._source)
@@ -248,7 +245,7 @@ LINE = np.dtype([
 
 
 class EventsWriter:
-    """Lets each kind's lines wait until they make a good chunk, then writes them."""
+    """Buffers each kind's lines until they fill a chunk, then writes them."""
 
     def __init__(self, writer: RowWriter, lines: EventLines, palette: Palette) -> None:
         self._writer = writer

@@ -1,13 +1,11 @@
-"""A log in a viewer while another process writes to it: first its history, then what comes.
+"""Show a log in a viewer while another process writes to it: first its history, then new commits.
 
 A commit that fits into what is shown (a sighting, a pose, a belief) becomes some more rows. One
-that changes what had been written already (it is late, takes something back, adds, names, moves or
+that changes what had been written already (it is late, retracts something, adds, names, moves or
 removes a door) cannot be taken out of a viewer: the history is written again, as another recording,
-which takes the first one's place. So what is shown is always what `save_rrd` would write.
+which replaces the first. So the viewer always shows what `save_rrd` would write.
 
-The rerun viewer in a browser of this machine: a page, and the port its recordings come from.
-
-Whether what comes can be shown after what is shown already.
+The viewer may also run in a browser of this machine: a page, and the port its recordings come from.
 """
 
 from __future__ import annotations
@@ -55,12 +53,12 @@ from semmap_log.views.rerun.scene import Scene, SceneDoor, SceneLevel
 
 POLL_S = 0.1
 SEND_S = 60.0
-"""What has not arrived by then will not: the viewer has gone, or is stuck."""
+"""Data that has not arrived by then will not: the viewer has gone, or is stuck."""
 
 
 @dataclass(frozen=True, slots=True)
 class LiveViewOptions:
-    """What of a log is shown, and how."""
+    """Which part of a log is shown, and how."""
 
     since: Time = None
     """From then on; None: from the log's start."""
@@ -70,7 +68,7 @@ class LiveViewOptions:
     costmap: bool = True
     """With the costmap's door layer."""
     beliefs: bool = True
-    """With what could be believed when the following began."""
+    """With the beliefs at the start of following."""
 
 
 def follow_in_viewer(
@@ -82,15 +80,15 @@ def follow_in_viewer(
     forget: Callable[[str], None] | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """Send a log to a viewer, then each commit as it comes, until stopped stop.
+    """Send a log to a viewer, then each commit as it comes, until `stop` returns true.
 
     Args:
         log: The log; it is refreshed.
         url: The viewer's address.
-        shown: What of it, and how.
-        stop: Asked some ten times a second.
+        shown: Which part of it, and how.
+        stop: Called some ten times a second; true ends the view.
         forget: Called with the id of a recording that another one has replaced.
-        progress: Called with how far the first reading is.
+        progress: Called with the progress of the first reading.
 
     Raises:
         CorruptLogError: The log is damaged, or was exchanged for another state of itself.
@@ -118,7 +116,7 @@ def follow_in_viewer(
 
 @dataclass(slots=True)
 class _Source:
-    """What all recordings of one following show."""
+    """What all recordings of one live view show."""
 
     excerpt: Excerpt
     shown: LiveViewOptions
@@ -126,7 +124,7 @@ class _Source:
     has_learnt: bool = False
 
     def learn(self, scene: Scene) -> None:
-        """Find out what can be believed: once, for it takes seconds."""
+        """Compute the beliefs: once, since it takes seconds."""
         if self.shown.beliefs and not self.has_learnt:
             self.beliefs = beliefs_to_show(self.excerpt, scene, self.shown.doors)
         self.has_learnt = True
@@ -148,7 +146,7 @@ class _Tail:
         self, source: _Source, contents: RecordingContents, scene: Scene, recording: Any
     ) -> None:
         self.is_outdated = False
-        """Something came that does not fit."""
+        """A commit came that does not fit."""
         self._source, self._contents, self._scene = source, contents, scene
         self._recording = recording
         self._commits = _Commits(source.excerpt.log.commits())
@@ -177,13 +175,13 @@ class _Tail:
         _deliver(self._recording)
 
     def go_on(self, stop: Callable[[], bool]) -> None:
-        """Send what comes, until stopped stop, or something comes that does not fit."""
+        """Send each new commit, until `stop` returns true or a commit does not fit."""
         log = self._source.excerpt.log
         for followed in log.follow(poll_s=POLL_S, stop=lambda: stop() or self._is_over()):
             self._waiting.append(followed)
 
     def _is_over(self) -> bool:
-        """Send what came since the last look; return whether some of it does not fit."""
+        """Send what came since the last poll; return whether some of it does not fit."""
         commits, self._waiting = self._waiting, []
         if commits and not self.is_outdated:
             self.is_outdated = not self._send(commits)
@@ -206,7 +204,7 @@ class _Tail:
 
 @dataclass(slots=True)
 class _Commits:
-    """The commits of a log, and after them those that come."""
+    """The commits of a log, followed by new ones as they come."""
 
     known: Iterator[Commit]
     coming: deque[Commit] = field(default_factory=deque)
@@ -218,7 +216,7 @@ class _Commits:
 
 
 def _deliver(recording: Any) -> None:
-    """Return once all that was written is in the viewer.
+    """Wait until all that was written is in the viewer.
 
     Raises:
         ViewerError: It does not take it.
@@ -245,7 +243,7 @@ Theme = Literal["light", "dark"]
 
 @dataclass(frozen=True, slots=True)
 class WebViewer:
-    """A web server of rerun's, and what it serves."""
+    """A web server of rerun's, and its addresses."""
 
     program: RerunProcess
     page_port: int
@@ -306,12 +304,12 @@ explores should not outgrow it again at once."""
 
 
 def fits(batch: EventBatch, contents: RecordingContents, scene: Scene) -> bool:
-    """Tell whether the next events can be shown as more rows of a scene; the contents take them in.
+    """Return whether the next events fit a scene as more rows; the contents take them in.
 
     Args:
         batch: The next events.
-        contents: Of all that came before.
-        scene: What is shown of that.
+        contents: The contents of all earlier events.
+        scene: What is shown of these.
     """
     if any(kind in batch for kind in NEVER_FIT) or contents.is_late(batch):
         return False
@@ -322,7 +320,7 @@ def fits(batch: EventBatch, contents: RecordingContents, scene: Scene) -> bool:
 
 
 def with_room(scene: Scene) -> Scene:
-    """Return the scene with room around plans that have no walls to say where they end."""
+    """Return the scene with room around plans whose extent no wall limits."""
     levels = {
         n: level if level.floor is not None else replace(level, bounds=_grown(level.bounds))
         for n, level in scene.levels.items()
@@ -331,7 +329,7 @@ def with_room(scene: Scene) -> Scene:
 
 
 def _look(scene: Scene) -> tuple[list[SceneDoor], list[SceneLevel], int | None]:
-    """Return all of a scene that is drawn once; not how much happened, nor how far it reaches."""
+    """Return all of a scene that is drawn once, without counts and extents."""
     doors = [replace(door, state_changes=0) for door in scene.doors.values()]
     levels = [
         replace(level, floor=None, plans=NO_PLANS, bounds=Bounds())

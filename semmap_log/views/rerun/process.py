@@ -1,6 +1,6 @@
-"""Rerun's own program as a process of ours: on this machine only, and gone when we are done.
+"""Run rerun's own program as a child process, on this machine only and no longer than ours.
 
-The rerun viewer: a window for a person, or a picture without any screen.
+The viewer is a window for a person, or makes a picture without any screen.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ SETTLE_S = 20.0
 """A picture that still changes after this long is taken as it is."""
 REPAINT_S = 0.5
 EMPTY_S = 2.0
-"""So long it has to be without any timeline, all being loaded, to be taken for an empty log's."""
+"""A loaded recording without a timeline for so long is taken for that of an empty log."""
 
 T = TypeVar("T")
 
 
 def open_viewer(rrd: Path, *, at_ns: int | None = None, timeline: str = "happened") -> None:
-    """Show a recording in a window; return when it is closed.
+    """Show a recording in a window, until it is closed.
 
     Args:
         rrd: The recording.
@@ -133,7 +133,7 @@ def headless(
 
 @dataclass(frozen=True, slots=True)
 class Viewer:
-    """A viewer that runs, and the line to it."""
+    """A running viewer, and the connection to it."""
 
     program: RerunProcess
 
@@ -143,7 +143,7 @@ class Viewer:
         return self.program.url
 
     def wait_until_loaded(self) -> None:
-        """Return once a recording and its layout are there; that of an empty log has no more."""
+        """Wait until a recording and its layout are loaded; an empty log's has no more."""
         bare_since: float | None = None
 
         def is_loaded() -> bool:
@@ -160,10 +160,10 @@ class Viewer:
         self.program.wait_for("load the recording", is_loaded, most_s=LOAD_S)
 
     def wait_until_closed(self) -> None:
-        """Return when the window is closed.
+        """Wait until the window is closed.
 
         Raises:
-            ViewerError: It was not a person who closed it.
+            ViewerError: It ended otherwise than by a person.
         """
         if self.program.process.wait() != 0:
             raise self.program.failure()
@@ -189,7 +189,7 @@ class Viewer:
         self.ask(lambda client: client.set_time(timeline, play_state="paused", **where))
 
     def show(self, view: str) -> str:
-        """Let a view have all the room, and return its id; what is in brackets may be left out."""
+        """Maximise a view, and return its id; the part in brackets may be left out."""
         ids = {each.name: each.view_id for each in self.state().views}
         short = {name.partition(" (")[0]: view_id for name, view_id in ids.items()}
         if (view_id := ids.get(view, short.get(view))) is None:
@@ -202,7 +202,7 @@ class Viewer:
     def picture(self, view: str | None = None) -> bytes:
         """Return what is shown, as PNG: the window, or the view of that name."""
         view_id = None if view is None else self.show(view)
-        # Nothing tells when all is drawn; so it is when a picture is the same as the one before.
+        # Nothing reports when all is drawn; so it is when a picture equals the one before.
         deadline = time.monotonic() + SETTLE_S
         earlier, picture = b"", b"-"
         while picture != earlier and time.monotonic() < deadline:
@@ -211,14 +211,14 @@ class Viewer:
         return picture
 
     def forget(self, recording_id: str) -> None:
-        """Let go of a recording that was sent to it; one that it does not have is no matter."""
+        """Close a recording that was sent to it; ignore one that it does not have."""
         old = [each.store_id for each in self.state().recordings
                if str(each.store_id).endswith(f":{recording_id}")]  # fmt: skip
         if old:
             self.ask(lambda client: client.close(store_ids=old))
 
     def ask(self, question: Callable[[Any], T]) -> T:
-        """Return the viewer's answer; ask again while it is too busy to give one."""
+        """Return the viewer's answer; repeat the request while it is too busy."""
         from rerun.experimental import ViewerClient
 
         answers: list[T] = []
@@ -261,7 +261,7 @@ def _is_laid_out(state: Any) -> bool:
 
 
 LOCAL = "127.0.0.1"
-"""Rerun listens on every interface unless told otherwise; a building's log is nobody else's."""
+"""Rerun listens on every interface by default; a building's log is nobody else's."""
 
 POLL_S = 0.2
 END_S = 10.0
@@ -285,15 +285,15 @@ class RerunProcess:
         return f"rerun+http://{LOCAL}:{self.port}/proxy"
 
     def has_ended(self) -> bool:
-        """Return whether it runs no more: its window was closed, or it failed."""
+        """Return whether it has ended: its window was closed, or it failed."""
         return self.process.poll() is not None
 
     def wait_for(self, what: str, done: Callable[[], bool], *, most_s: float) -> None:
-        """Return once something is so.
+        """Wait until a condition holds.
 
         Args:
             what: What is waited for, as the end of `The rerun viewer did not …`.
-            done: Tells whether it is so.
+            done: Returns whether it holds.
             most_s: How long to wait.
 
         Raises:
@@ -308,7 +308,7 @@ class RerunProcess:
             time.sleep(POLL_S)
 
     def ended_well(self) -> bool:
-        """Return whether it ends by itself, now or in a moment, as when a person closes its window.
+        """Return whether it ends normally, now or in a moment, as when a person closes its window.
 
         Raises:
             ViewerError: It ended otherwise.
@@ -322,12 +322,12 @@ class RerunProcess:
         return True
 
     def is_listening(self, port: int | None = None) -> bool:
-        """Return whether a port of it (else: its own) takes connections by now."""
+        """Return whether a port (default: its own) accepts connections yet."""
         with socket.socket() as probe:
             return probe.connect_ex((LOCAL, port or self.port)) == 0
 
     def failure(self) -> ViewerError:
-        """Return why it ended, as far as it stated."""
+        """Return why it ended, as far as its output shows."""
         return explained(self.log.read_text(errors="replace"), self.process.poll())
 
 
@@ -344,7 +344,7 @@ def running(arguments: Sequence[str], env: Mapping[str, str]) -> Iterator[RerunP
         with log.open("wb") as stderr:
             process = subprocess.Popen(  # noqa: S603 - rerun's own binary, with our arguments
                 command,
-                env={**env, "TMPDIR": folder},  # what it leaves behind there goes with the folder
+                env={**env, "TMPDIR": folder},  # what it leaves there goes with the folder
                 stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr,
                 start_new_session=True,  # Ctrl-C is for us; we end it when we are done with it
             )  # fmt: skip
@@ -356,9 +356,9 @@ def running(arguments: Sequence[str], env: Mapping[str, str]) -> Iterator[RerunP
 
 @contextmanager
 def reserved_port() -> Iterator[int]:
-    """Hand out a port that nobody listens on; on Linux nobody else gets it within the block.
+    """Reserve a free port; on Linux nobody else gets it within the block.
 
-    There it stays bound, and rerun may listen on it all the same, as both say SO_REUSEADDR.
+    There it stays bound, and rerun may still listen on it, since both set SO_REUSEADDR.
     """
     with socket.socket() as holder:
         holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -370,7 +370,7 @@ def reserved_port() -> Iterator[int]:
 
 
 def explained(log: str, code: int | None = None) -> ViewerError:
-    """Return what rerun's own words mean, or else its exit code."""
+    """Return an error that explains rerun's own message, or else its exit code."""
     if re.search("graphics adapter|render context", log):
         return ViewerError(
             "The rerun viewer found no graphics driver. Without a GPU, a software one will do: "

@@ -1,20 +1,18 @@
-"""A log as a rerun recording (.rrd): written by replay, whole or not at all, in flat memory.
+"""Write a log as a rerun recording (.rrd), by replay, whole or not at all, in constant memory.
 
 One file holds the data and its layout, so that `rerun x.rrd` opens ready to look at. Two passes: a
 quick one finds names, lifetimes and bounds (`find_scene`), the second converts batch by batch.
 
-At a moment of the timeline `happened` it shows what `replay(at=...)` gives, with all that is known
-today; of `recorded` what `replay(known_at=...)` gives, what was known then: late events from when
-they were recorded on, and those that were taken back until that was; of `event` what
-`replay(event=...)` gives. A door bears the name that it has today, along all of them. What could be
-believed of doors, beyond given probabilities, is on `happened` alone: see `beliefs`. A long
-recording leaves out what no eye would see: see `thinning`.
+At a moment of the timeline `happened` it shows what `replay(at=...)` returns, with all that is
+known today; of `recorded` what `replay(known_at=...)` returns, as known then: late events from
+their recording on, and retracted ones until their retraction; of `event` what `replay(event=...)`
+returns. A door bears its name of today along all of them. Beliefs, beyond given probabilities, are
+on `happened` alone: see `belief_curves`. A long recording leaves out what no eye would see: see
+`scene`.
 
-How the viewer lays a recording out: plans and weeks on the left, what goes with time right.
-
-On the right are state lanes over the curves of probabilities, on the same axis, over text.
-
-Rerun calls its blueprint types unstable; so all of them are used here and nowhere else.
+In the layout, plans and weeks are on the left. On the right are state lanes over the curves of
+probabilities, on the same time axis, over text. Rerun calls its blueprint types unstable; so all of
+them are used here and nowhere else.
 """
 
 from __future__ import annotations
@@ -62,22 +60,22 @@ if TYPE_CHECKING:
 
 
 LOOK_BACK_NS = 86_400 * 10**9
-"""Where a robot is that has told nothing for longer, nobody knows."""
+"""The place of a robot that has reported nothing for longer is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class RrdSummary:
-    """What was written, and what it took."""
+    """What was written, and at what cost."""
 
     events: int
     seconds: float
     bytes: int
     left_out: LeftOut
-    """What no eye would see: see `thinning`."""
+    """What no eye would see: see `scene`."""
     sightings_left_out: int = 0
-    """Visits whose scans are kept, and not shown."""
+    """Visits whose scans are kept but not shown."""
     problems: tuple[str, ...] = ()
-    """What could not be read of the scans that are kept next to the log."""
+    """Errors in reading the scans that are kept next to the log."""
 
 
 def save_rrd(
@@ -104,14 +102,14 @@ def save_rrd(
         doors: Only these doors; the robot and its patrols stay. They get the curves, in this order.
         at: The level where the robot was then is in front; None: where it is at the end; with
             `doors` that of the first of them. A recording cannot say where its cursor stands (it
-            opens at the end): tell `open_viewer` or `screenshot`.
+            opens at the end): pass it to `open_viewer` or `screenshot`.
         palette: Colours.
         costmap: With the costmap's door layer, cell for cell.
-        beliefs: With what the robot could believe of doors of which enough is known: a typical
-            week of each, and a curve of those chosen, or of the liveliest.
+        beliefs: With beliefs about doors of which enough is known: a typical week of each, and a
+            curve of those chosen, or of the liveliest.
         scans: Reads the scans that are kept next to the log (`interop`'s `kept_visits`), which get
             a view a door; None: without.
-        progress: Called with how far the reading is: (bytes done, bytes in all).
+        progress: Called with the progress of reading: (bytes done, bytes in all).
 
     Raises:
         MissingExtraError: rerun is not installed.
@@ -158,7 +156,7 @@ def save_rrd(
 def _front_level(
     log: DoorLog, scene: Scene, *, chosen: Collection[DoorId] | None, at: Time
 ) -> int | None:
-    """Return the level to look at first: that of the first door requested, else the robot's."""
+    """Return the level to show first: that of the first requested door, else the robot's."""
     for door_id in chosen or ():
         if door_id in scene.doors:
             levels = [n for n, path in scene.doors[door_id].lines.items()
@@ -171,7 +169,7 @@ def _front_level(
 
 
 def _robot_level(log: DoorLog, at: Time) -> int | None:
-    """Return the level where the robot was at a moment; None: nobody knows."""
+    """Return the level where the robot was at a moment; None: unknown."""
     at_ns = log.instant(at)
     assert at_ns is not None
     last_ns, level = -1, None
@@ -231,12 +229,12 @@ def layout(
     Args:
         scene: What the recording shows.
         palette: Its colours.
-        chosen: Doors that were requested; None: those that change most get the curves.
+        chosen: Requested doors; None: those that change most get the curves.
         level: The level whose plan is in front, if it has doors; else the one with most.
         costmap: Each level's costmap has a tab after the plans.
         beliefs: Their curves, and a view of typical weeks below the plans; None: there are none.
         rounds: Lanes over those of the doors.
-        tz: In which the event log shows times.
+        tz: IANA zone of the times in the event log.
         sightings: Views of doors as a laser saw them, in tabs after the plans; None: there are
             none.
         goes_on: More will come: lanes and curves move along with the cursor.
@@ -262,7 +260,7 @@ def layout(
 
 
 def _column(parts: Sequence[tuple[View | None, float]]) -> View | None:
-    """Return the views that there are, one above the other, each with its share of the height."""
+    """Return the existing views one above the other, each with its share of the height."""
     there = [(view, share) for view, share in parts if view is not None]
     if len(there) < 2:
         return there[0][0] if there else None
@@ -351,7 +349,7 @@ def _bounded_view(
 
 
 def _recent_track() -> Any:
-    """Return the range of segments that make up the track after the robot."""
+    """Return the range of segments that make up the track behind the robot."""
     here = rrb.TimeRangeBoundary.cursor_relative()
     back = {
         HAPPENED: rrb.TimeRangeBoundary.cursor_relative(seconds=-TRACK_NS / 1e9),
@@ -429,7 +427,7 @@ def _rounds(rounds: Sequence[Lane], axis: Any) -> View | None:
 
 
 def _lanes(scene: Scene, chosen: Sequence[DoorId] | None, axis: Any) -> View:
-    """Return the lanes of all doors; where these are many, those to look at first before."""
+    """Return the lanes of all doors; if there are many, the liveliest in a tab before."""
     if not scene.doors:
         return rrb.TextDocumentView(origin=f"/{NOTHING}", name="No doors")
     everything = _lane_view(axis, "Door states (UTC)", [f"+ /{ROOT}/**"])
@@ -478,7 +476,7 @@ def _time_axis(scene: Scene, *, goes_on: bool) -> Any:
 
 
 def _event_log(scene: Scene, tz: str) -> View:
-    """Return the events in words; its name says what its times are on the axes, which are UTC."""
+    """Return the event log; its name shows the offset of its times from the axes, which are UTC."""
     offsets = offsets_in(scene, tz)
     here = tz if offsets == [tz] else f"{tz}, {' and '.join(offsets)}"
     return rrb.TextLogView(
@@ -487,7 +485,7 @@ def _event_log(scene: Scene, tz: str) -> View:
         # The time is in the text: a column for it cannot be made wide enough to be read.
         columns=rrb.TextLogColumns(
             timeline_columns=[rrb.encodings.TimelineColumn(HAPPENED, visible=False)],
-            # Nor is there room for the level beside who and why; to filter by it needs no column.
+            # Nor is there room for the level next to who and why; filtering by it needs no column.
             text_log_columns=[rrb.encodings.TextLogColumn("Body")],
         ),
         rows=rrb.TextLogRows(filter_by_log_level=["WARN", "INFO"]),

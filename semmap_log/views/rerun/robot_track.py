@@ -1,11 +1,8 @@
-"""The robot into a rerun recording: an arrow where it is, and its track after it.
+"""The robot in a rerun recording: an arrow where it is, and the track that it leaves.
 
-Each robot has a track of its own, if the log is of several.
-
-In a long recording poses that hardly differ from the ones before are left out: see `thinning`.
-Along `recorded` poses that were taken back stay where they are.
-
-Floor plans into a rerun recording: dark pictures under the doors, in metres.
+Each robot has a track of its own, if the log has several. In a long recording poses that hardly
+differ from the ones before are left out: see `scene`. Along `recorded` poses that were retracted
+stay where they are. Floor plans are dark pictures under the doors, in metres.
 """
 
 from __future__ import annotations
@@ -66,7 +63,7 @@ class RobotWriter:
 
     @property
     def left_out(self) -> int:
-        """Poses so far that are not drawn: others stand in their place."""
+        """Poses so far that are not drawn, since others represent them."""
         return sum(track.left_out for track in self._tracks)
 
     def take(self, batch: EventBatch) -> None:
@@ -84,12 +81,12 @@ class RobotWriter:
 
 
 def _named(scene: Scene) -> Sequence[str]:
-    """Return what the robots are called where there are several; one alone needs no name."""
+    """Return the robots' names if there are several; a single one needs none."""
     return scene.robots if len(scene.robots) > 1 else ("",)
 
 
 class _RobotTrack:
-    """Lets the poses of one robot wait until they make a good chunk, then writes them."""
+    """Buffers the poses of one robot until they fill a chunk, then writes them."""
 
     def __init__(self, writer: RowWriter, scene: Scene, palette: Palette, name: str) -> None:
         self._writer = writer
@@ -103,7 +100,7 @@ class _RobotTrack:
         self._has_last = False
         self._thins = is_long(scene)
         self.left_out = 0
-        """Poses so far that are not drawn: others stand in their place."""
+        """Poses so far that are not drawn, since others represent them."""
         for level in self._levels:
             self._write_style(level, palette)
             self._leave_old_plans(level, scene)
@@ -141,7 +138,7 @@ class _RobotTrack:
         self._last, self._has_last = poses[-1:].copy(), True
 
     def _leave_old_plans(self, level: SceneLevel, scene: Scene) -> None:
-        """Let the robot vanish when another plan comes: it told its place on the one before."""
+        """Hide the robot when another plan comes: its place was reported on the one before."""
         for timelines, eras in eras_along(level):
             for row in since_of(eras, scene)[1:]:
                 path = _pose_path(level, self._name)
@@ -226,7 +223,7 @@ def _poses_of(batch: EventBatch) -> Poses:
 
 
 def _arrows(poses: Poses, shows: NDArray[np.bool_], length_m: float) -> Sequence[Any]:
-    """Return an arrow for each row that shows one; the others take it away."""
+    """Return an arrow for each row that shows one; other rows remove it."""
     shown = poses[shows]
     heading = np.stack([np.cos(shown["theta"]), np.sin(shown["theta"])], -1) * length_m
     # The arrow stands on the robot, not before it.
@@ -264,7 +261,7 @@ def eras_along(level: SceneLevel) -> list[tuple[Sequence[str], Sequence[PlanEra]
 
 
 def since_of(eras: Sequence[PlanEra], scene: Scene) -> list[Stamps]:
-    """Return from when on each plan shows, a row of `PLAN` each: the first from the beginning."""
+    """Return when each plan begins to show, a row of `PLAN` each: the first from the start."""
     begin = np.array([(scene.begin.number, scene.begin.folds_ns, scene.begin.recorded_ns)], PLAN)
     return [begin, *(era.since for era in eras[1:])][: len(eras)]
 

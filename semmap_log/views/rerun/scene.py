@@ -1,23 +1,18 @@
 """What a recording of a log shows: its doors and levels, with their names, paths and bounds.
 
-Rows into a rerun recording: by columns, at most 4096 rows a call, on our three timelines.
+Rows are written by columns, at most 4096 rows a call, on our three timelines. Along `happened` an
+event stands where it happened, along `recorded` where its commit was recorded (a commit is known as
+a whole), along `event` at its number. `rr.log` takes a millisecond a row and adds timelines of its
+own; columns are 50 times faster and 10 times smaller. Chunks beyond 4096 rows make rerun's own
+tools slow.
 
-Along `happened` an event stands where it happened, along `recorded` where its commit was recorded:
-a commit is known as a whole. Along `event` it stands at its number.
+Up to `FULL_UP_TO` events a recording holds everything. Beyond, what no eye would see is left out:
+sightings that only repeat what a door is have no line in the event log, and poses that hardly
+differ from the one before are missing from the robot's track. A change of a state is never left
+out, nor anything of lanes, plans and curves.
 
-`rr.log` takes a millisecond a row and adds timelines of its own; columns are 50 times faster and 10
-times smaller. Chunks beyond 4096 rows make rerun's own tools slow.
-
-What a long recording leaves out, since no eye would see it: pure numpy.
-
-Up to `FULL_UP_TO` events it holds everything. Beyond, sightings that only repeat what a door is
-have no line in the event log, and poses that hardly differ from the one before are left out of
-the robot's track. A change of a state is never left out, nor anything of lanes, plans and curves.
-
-What was known of a door as its events were recorded: late ones, and ones that were taken back.
-
-Recorded late, an event sets only what nothing newer has set by then. What a retraction does comes
-out of the project's own fold: from there on a door goes on from what `state_at` says of it.
+Recorded late, an event sets only what nothing newer has set by then. The effect of a retraction
+comes from the project's own fold: from there on a door continues from what `state_at` returns.
 """
 
 from __future__ import annotations
@@ -67,7 +62,7 @@ class RowWriter:
 
         Args:
             recording: Rerun's.
-            excerpt: Says which events stand on which timelines.
+            excerpt: Determines which events stand on which timelines.
             commits: Number of the first event of each commit, ascending.
         """
         self._recording = recording
@@ -76,7 +71,7 @@ class RowWriter:
         self._last_commit = np.full(1, -1)
 
     def note_commits(self, numbers: NDArray[np.int64], recorded_ns: NDArray[np.int64]) -> None:
-        """Take in where commits begin that have come since, from events in order."""
+        """Take in where new commits begin, from events in order."""
         bases = recorded_ns - numbers  # the same in all of a commit, and in no other
         starts = numbers[np.append(self._last_commit, bases)[:-1] != bases]
         known = int(self._commits[-1]) if len(self._commits) else -1
@@ -127,7 +122,7 @@ class RowWriter:
     def one(
         self, path: EntityPath, row: Rows, archetypes: Sequence[Any], timelines: Sequence[str]
     ) -> None:
-        """Write what an entity is from one row on, as `static` takes it."""
+        """Write an entity's properties from one row on, as `static` takes them."""
         batches = [each for one in archetypes for each in one.as_component_batches()]
         columns = [each.partition([len(each.as_arrow_array())]) for each in batches]
         self.rows(path, row, lambda _: columns, timelines)
@@ -135,14 +130,14 @@ class RowWriter:
     def clear(
         self, path: EntityPath, rows: Rows, timelines: Sequence[str], *, returns: Rows
     ) -> None:
-        """Let the entity vanish at these rows; what is static of it stays for its return.
+        """Hide the entity at these rows; its static part stays for its return.
 
         Args:
             path: The entity.
-            rows: When it vanishes; they are written after all that is shown until then.
+            rows: When it vanishes; written after all rows that are shown until then.
             timelines: On which.
-            returns: When it shows something again. At the same time as one of these, but before
-                it, nothing vanishes.
+            returns: When it shows something again. A row at the same time as one of these, but
+                before it, hides nothing.
         """
         if not len(rows):
             return
@@ -160,7 +155,7 @@ class RowWriter:
         return is_back
 
     def _times(self, timeline: str, rows: Rows) -> NDArray[np.int64]:
-        """Return where rows stand; what was committed together became known together."""
+        """Return the times of rows; events of one commit became known together."""
         if timeline == HAPPENED:
             return np.asarray(rows["folds_ns"])
         if timeline == EVENT:
@@ -208,7 +203,7 @@ class LeftOut:
     """Poses that hardly differ from the one before."""
 
     def __str__(self) -> str:
-        """Return it in words; empty: everything is there."""
+        """Return the omissions in words; empty: nothing was left out."""
         parts = []
         if self.repeats:
             parts.append(f"{counted(self.repeats, 'line')} of sightings that repeat a state")
@@ -223,7 +218,7 @@ def is_long(scene: Scene) -> bool:
 
 
 class RepeatFinder:
-    """Finds the sightings that see what was known already."""
+    """Finds the sightings that repeat what was known already."""
 
     def __init__(self, doors: Mapping[DoorId, SceneDoor]) -> None:
         self._disturbed = {int(i): door.disturbed_ns for i, door in doors.items()
@@ -258,9 +253,9 @@ class RepeatFinder:
         return repeats
 
     def _restless(self, changes: Changes) -> Changes:
-        """Return those of a door with late events, or ones that were taken back.
+        """Return the repeats of a door with late or retracted events.
 
-        Between two sightings that are alike nothing else may have been reported of.
+        Between two equal sightings there must be no report of anything else.
         """
         door_id = int(changes["door_id"][0])
         disturbed_ns = self._disturbed[door_id]
@@ -304,11 +299,11 @@ EVENTS = "events"
 
 @dataclass(frozen=True, slots=True)
 class SceneDoor:
-    """A door that turns up in the recording."""
+    """A door in the recording."""
 
     door_id: DoorId
     label: str
-    """What people call it, as the viewer can draw it."""
+    """Its label, as the viewer can draw it."""
     short_label: str
     """The same without the name of its level."""
     path: EntityPath
@@ -319,16 +314,16 @@ class SceneDoor:
     before: Door | None
     """As it was when the recording begins; None: not in the map by then."""
     known: Sequence[KnownDoor] = field(compare=False)
-    """From where it goes on along `recorded`: at the beginning, if that is in midst of the log, and
-    after each retraction of one of its events."""
+    """States from which it continues along `recorded`: at the beginning, if that is amid the log,
+    and after each retraction of one of its events."""
     state_changes: int
     has_probabilities: bool
     shape: ObjectShape
     is_plain: bool
-    """All its events came in the order in which they count, and none was taken back: along every
-    timeline it is the same."""
+    """All its events came in the order in which they count, and none was retracted: it is the same
+    along every timeline."""
     disturbed_ns: NDArray[np.int64] = field(compare=False)
-    """When late events and ones that were taken back set its state, ascending."""
+    """When late and retracted events set its state, ascending."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -347,7 +342,7 @@ class SceneLevel:
     doors: int
     has_robot: bool
     plans: LevelPlans = NO_PLANS
-    """All plans that it is drawn on, from when on each; `floor` is the last of them."""
+    """All plans that it is drawn on, each with its begin; `floor` is the last of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,11 +352,11 @@ class Scene:
     doors: Mapping[DoorId, SceneDoor]
     levels: Mapping[int, SceneLevel]
     home_of_0: int | None
-    """Where poses of level 0 are drawn: see `excerpt.levels`."""
+    """Where poses of level 0 are drawn: see `excerpt.shown_levels`."""
     robot_level: int | None
-    """Where the robot is at the end; None: it never told, or nobody knows on which level."""
+    """Where the robot is at the end; None: it never reported a pose, or its level is unknown."""
     robots: tuple[str, ...]
-    """Those that the log reports of."""
+    """The robots in the log."""
     events: int
     """That stand on any of its timelines."""
     commits: NDArray[np.int64]
@@ -388,7 +383,7 @@ class KnownDoor:
     row: Changes
     """One row, which sets everything."""
     stamps: Mapping[int, Stamp]
-    """Bit of `sets` -> the event that had said so."""
+    """Bit of `sets` -> the event that had set it."""
 
     @property
     def is_there(self) -> bool:
@@ -407,7 +402,7 @@ class KnownDoor:
 
     @classmethod
     def of(cls, state: DoorMapState, door_id: DoorId, since: RecordingEdge) -> KnownDoor:
-        """Return what a fold of what was known has of a door."""
+        """Return a door's state in a fold of what was known."""
         row = np.zeros(1, CHANGE)
         since.stamp(row)
         row["door_id"], row["sets"] = door_id, EVERYTHING
@@ -427,8 +422,8 @@ def as_recorded(changes: Changes, known: Sequence[KnownDoor]) -> Changes:
     """Return a door's rows in the order of recording, each setting only what it won then.
 
     Args:
-        changes: Its events, numbers ascending, also those that were taken back later.
-        known: From where the door goes on from something else: at the beginning, and after each
+        changes: Its events, numbers ascending, including later retracted ones.
+        known: The states from which the door continues: at the beginning, and after each
             retraction of one of its events; numbers ascending.
     """
     cuts = np.searchsorted(changes["number"], [one.row["number"][0] for one in known], "right")
@@ -440,7 +435,7 @@ def as_recorded(changes: Changes, known: Sequence[KnownDoor]) -> Changes:
 
 
 def _winning(changes: Changes, first: Mapping[int, Stamp]) -> Changes:
-    """Return rows that set only what nothing before them has set with a greater stamp.
+    """Return rows without values that an earlier row has set with a greater stamp.
 
     Args:
         changes: Numbers ascending.

@@ -1,8 +1,8 @@
-"""Sightings by a laser into a rerun recording: of each door the latest visit at the cursor.
+"""Sightings by a laser in a rerun recording: for each door the latest visit at the cursor.
 
-From when a visit ended, until the next one has, a view of the door shows its beams by what became
-of them, the way of the laser, the door's line, the leaf where it most likely stands, and what was
-reported about it. They stand along `happened` alone.
+From the end of a visit until the end of the next, a view of the door shows its beams by their
+outcome, the path of the laser, the door's line, the leaf where it most likely stands, and the
+verdict. All of it stands along `happened` alone.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from semmap_log.views.sightings.visit_words import (
 
 SIGHTINGS = "sightings"
 MOST_DOORS = 24
-"""So many have a view; who wants to see others asks for them."""
+"""Doors with a view by default; others have one on request."""
 MOST_VISITS = 400
 """Of a door; of more, those that are worth a look."""
 MOST_POINTS, MOST_BEAMS = 1000, 60
 """Of a visit."""
 AROUND_M = 2.0
-"""What is shown around a door, next to its width."""
+"""What is shown around a door, beyond its width."""
 ASIDE_POINTS, TOLD_POINTS = 1.0, 2.2
 """Radius of where a beam ended, points of the screen."""
 AT_ONCE = 64
@@ -64,7 +64,7 @@ class SightingsShown:
     left_out: int
     """Visits that are kept, and not shown."""
     problems: tuple[str, ...]
-    """Files that end in midst, or are of another log."""
+    """Files that are truncated, or of another log."""
     read_visits: VisitReader
     """Reads them again, with their scans."""
 
@@ -80,13 +80,13 @@ class SightingsShown:
 def sightings_to_show(
     reader: VisitReader, excerpt: Excerpt, scene: Scene, chosen: Collection[DoorId] | None
 ) -> SightingsShown | None:
-    """Return what there is to be shown of the scans that are kept next to a log; None: nothing.
+    """Return what to show of the scans that are kept next to a log; None: nothing.
 
     Args:
         reader: Reads the visits that are kept.
         excerpt: The part of the log.
         scene: What is shown of it.
-        chosen: Doors that were requested; None: those with most visits.
+        chosen: Requested doors; None: those with most visits.
     """
     problems: list[str] = []
     by_door: defaultdict[DoorId, list[KeptVisit]] = defaultdict(list)
@@ -115,7 +115,7 @@ def sightings_to_show(
 
 
 def sighting_path(door: SceneDoor) -> EntityPath:
-    """Return the entity of what was seen of a door, on the level where it was put last."""
+    """Return the entity of a door's sightings, on the level where it was put last."""
     return (*door.path[:-2], SIGHTINGS, door.path[-1])
 
 
@@ -226,7 +226,7 @@ class _DoorPen:
         self, rows: Any, part: str, strips: Sequence[Sequence[Points]],
         colours: NDArray[np.uint32] | None = None,
     ) -> None:  # fmt: skip
-        """Write strips of each visit; of a visit with none, that there are none."""
+        """Write strips of each visit, or an empty set for a visit with none."""
         counts = np.array([len(of_visit) for of_visit in strips], np.uint32)
         flat = [strip.astype(np.float32) for of_visit in strips for strip in of_visit]
         of_each = None if colours is None else np.repeat(colours, counts)
@@ -240,7 +240,7 @@ class _DoorPen:
         self.writer.rows(self._entity(part), rows, columns, [HAPPENED])
 
     def _points(self, rows: Any, pairs: Sequence[tuple[KeptVisit, DoorScene]]) -> None:
-        """Write where beams ended, in the colours of what became of them."""
+        """Write where beams ended, in the colours of their fates."""
         look = np.array([
             self.palette.plain_text, BEAM_SHORT, self.palette.closed, self.palette.open,
             self.palette.plain_text,

@@ -18,11 +18,11 @@ class TakenBack:
     edge: RecordingEdge
     """When it was recorded."""
     doors: frozenset[DoorId]
-    """Those that the events which it hides are about."""
+    """The doors of the events that it hides."""
 
 
 def taken_back(excerpt: Excerpt) -> Iterator[TakenBack]:
-    """Yield the retractions along `recorded` that are about doors, numbers ascending."""
+    """Yield the retractions of door events along `recorded`, numbers ascending."""
     later = excerpt.retractions.after(excerpt.number_before())
     for number, (first, last) in zip(later.numbers, later.ranges, strict=True):
         recorded_ns = excerpt.log.event(number).recorded_ns

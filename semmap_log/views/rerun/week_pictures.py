@@ -1,4 +1,4 @@
-"""Typical weeks into a rerun recording: a picture a level, 7 rows of 24 cells a door.
+"""Typical weeks in a rerun recording: a picture a level, with 7 rows of 24 cells for each door.
 
 The cells hold P(open) in percent, so that hovering over one shows it. Hours stand below each
 column of doors, days at the left where there is room for them, the colours' key at the right.
@@ -23,26 +23,26 @@ from semmap_log.views.rerun.scene import EntityPath, RowWriter, Scene, SceneLeve
 WEEKS = "weeks"
 
 UNKNOWN_CELL, NO_CELL = 101, 102
-"""Next to 0..100, percent."""
+"""Values of cells without a percentage of 0 to 100."""
 
 ASPECT = 3.3
 """Width of the doors' part of the view over its height."""
 LABELS_ACROSS = 45
-"""So many times the height of a label is the width of the view: labels do not grow with it."""
+"""Width of the view in heights of a label: labels do not grow with the view."""
 LABELS_DOWN = 9
-"""And so many times the height of all weeks, where these fill the view from top to bottom."""
+"""Height of all weeks in heights of a label, where they fill the view from top to bottom."""
 MOST_NAMES = 12
-"""So many weeks have their door's name above; of more it stands next to, where there is room for
-the longest, else the id."""
+"""Up to so many weeks have their door's name above them. Of more, the name stands at the side
+where the longest has room, else the id."""
 LETTER = 0.45
 """Width of a letter, in heights of a label."""
 TALLEST_LABEL = 8.5
-"""Next to a week; in cells. A taller one would reach into those above and below."""
+"""At the side of a week, in cells. A taller label would reach into those above and below."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """The room that a door takes, in cells: its week at the lower right, its label next to."""
+    """The space that a door takes, in cells: its week at the lower right, its label next to it."""
 
     width: int
     height: int
@@ -64,7 +64,7 @@ NUMBERED = Tile(HOURS + 14, DAYS + 2, (-6.0, 0.0), (0, 12, 24), ())
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """How the tiles of a level lie next to each other, and what is around them; in cells."""
+    """How the tiles of a level are arranged, and what is around them; in cells."""
 
     tile: Tile
     doors: int
@@ -72,7 +72,7 @@ class Sheet:
 
     @classmethod
     def of(cls, doors: int, letters: int) -> Sheet:
-        """Return the one for so many doors, the longest of whose names has so many letters."""
+        """Return the sheet for a number of doors, by the letters of their longest name."""
         if doors > MOST_NAMES and (named := _named_beside(doors, letters)) is not None:
             return named
         tile = NAMED if doors <= MOST_NAMES else NUMBERED
@@ -130,7 +130,7 @@ class Sheet:
 
 
 def _named_beside(doors: int, letters: int) -> Sheet | None:
-    """Return the sheet with the largest cells whose names stand next to; None: there is no room."""
+    """Return the sheet with the largest cells that has names at the side; None: no room."""
     sheets = (_beside(doors, columns, letters) for columns in range(1, doors + 1))
     fitting = [sheet for sheet in sheets if sheet is not None and sheet.line <= TALLEST_LABEL]
     return min(fitting, key=lambda sheet: sheet.line, default=None)
@@ -162,7 +162,7 @@ def weeks_path(level: SceneLevel) -> EntityPath:
 
 
 def write_weeks(writer: RowWriter, weeks: Sequence[TypicalWeek], scene: Scene) -> None:
-    """Write the picture of each level, and what its doors are called."""
+    """Write the picture of each level, and its doors' labels."""
     for level in scene.levels.values():
         here = weeks_on(weeks, scene, level)
         if not here:
@@ -181,7 +181,7 @@ def weeks_on(weeks: Sequence[TypicalWeek], scene: Scene, level: SceneLevel) -> l
 
 
 def sheet_of(weeks: Sequence[TypicalWeek], scene: Scene) -> Sheet:
-    """Return how the weeks of a level lie next to each other."""
+    """Return how the weeks of a level are arranged."""
     names = [scene.doors[week.door.door_id].short_label for week in weeks]
     return Sheet.of(len(names), max(map(len, names), default=0))
 
@@ -189,8 +189,8 @@ def sheet_of(weeks: Sequence[TypicalWeek], scene: Scene) -> Sheet:
 def picture(weeks: Sequence[TypicalWeek], sheet: Sheet) -> NDArray[np.uint8]:
     """Return the cells: door by door from left to right, row by row; and the key.
 
-    Of a door Monday is on top, midnight at the left; of the key, 1 is on top, and what is not
-    known at the bottom.
+    A door has Monday on top and midnight at the left; the key has 1 on top, and unknown at the
+    bottom.
     """
     cells = np.full((sheet.height, sheet.width), NO_CELL, np.uint8)
     for place, week in enumerate(weeks):
@@ -204,7 +204,7 @@ def picture(weeks: Sequence[TypicalWeek], sheet: Sheet) -> NDArray[np.uint8]:
 
 
 def door_labels(names: Sequence[str], sheet: Sheet) -> Iterator[Label]:
-    """Yield what the doors are called, and where that stands."""
+    """Yield the doors' labels, and their places."""
     for place, name in enumerate(names):
         left, top = sheet.corner(place)
         right, down = sheet.tile.label
@@ -253,7 +253,7 @@ def _write_labels(
 
 
 def _context() -> Any:
-    """Return what gives each cell its colour and its words; what is no cell is not drawn."""
+    """Return the context that gives each cell its colour and words; other places are not drawn."""
     cells = [
         rr.AnnotationInfo(id=percent, label=f"P(open) {percent} %", color=shade(percent / 100))
         for percent in range(101)

@@ -1,12 +1,8 @@
-"""What a visit says, in a few words under or over its picture.
+"""Visits to doors as pictures: their captions, their geometry, and which of them to draw.
 
-A visit as it lies around its door: where beams ended, where the laser went, how the leaf stands.
-
-In the frame of the door: its line runs along from 0 to its width; across is positive to the left.
-
-Which doors and visits are drawn of all that a report is about, with their scans.
-
-Which of many visits a person should look at.
+Geometry lies in the frame of the door: its line runs along from 0 to its width; across is positive
+to the left. It holds where beams ended, where the laser went, and how the leaf stands. Of many
+visits, those that a person should look at are chosen.
 """
 
 from __future__ import annotations
@@ -36,7 +32,7 @@ ALMOST_SURE = 0.995
 
 
 def verdict(visit: Visit) -> str:
-    """Return what it says: `CLOSED .98`, `UNKNOWN: ajar`."""
+    """Return a visit's verdict: `CLOSED .98`, `UNKNOWN: ajar`."""
     if visit.passed:
         return f"{visit.state.name}, driven through"
     if is_undecided(visit):
@@ -45,7 +41,7 @@ def verdict(visit: Visit) -> str:
 
 
 def grounds(visit: Visit) -> str:
-    """Return what that rests on: `12 looks: 0.0 through, 5.2 on the line, +0.03 m`."""
+    """Return the verdict's grounds: `12 looks: 0.0 through, 5.2 on the line, +0.03 m`."""
     looks, through, stopped = map(_about, (visit.looks, visit.through, visit.stopped))
     said = f"{looks} looks: {through} through, {stopped} on the line"
     is_told = isfinite(visit.behind_m) and visit.state is not DoorState.OPEN
@@ -60,7 +56,7 @@ def when(visit: Visit, tz: str) -> str:
 def share(value: float) -> str:
     """Return a share of 1 with two digits, none before the point: `.98`; with more from `.995` on.
 
-    What is not quite sure does not look so.
+    A value below 1 is never shown as 1.
     """
     digits = 2 if value < ALMOST_SURE else 3
     while value < 1 and float(f"{value:.{digits}f}") >= 1:
@@ -81,7 +77,7 @@ class Fate(IntEnum):
     """What became of a beam that was sent toward the door's line."""
 
     aside = 0
-    """It was not: it passes the line's ends, or would have met it too flat."""
+    """Not toward the line: it passes the ends, or would have met it too flat."""
     short = 1
     """It ended before the line: somebody stood there."""
     stopped = 2
@@ -94,7 +90,7 @@ class Fate(IntEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenBeams:
-    """Beams of some scans, `n` in all, but for those that were not measured."""
+    """Beams of some scans, `n` in all, without those that were not measured."""
 
     begins: Points
     ends: Points
@@ -115,7 +111,7 @@ class SeenBeams:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DoorScene:
-    """What a picture of a visit shows, in the door's frame."""
+    """The content of a visit's picture, in the door's frame."""
 
     width: float
     beams: SeenBeams
@@ -126,7 +122,7 @@ class DoorScene:
 
 
 def door_scene(kept: KeptVisit) -> DoorScene:
-    """Return what there is to draw of a visit."""
+    """Return the content to draw for a visit."""
     places = [scan.origins[len(scan.origins) // 2] for scan in kept.scans]
     leaves = np.array(kept.visit.leaves, np.float64).reshape(-1, 2)
     return DoorScene(
@@ -202,11 +198,11 @@ def on_the_map(points: Points, line: DoorLine) -> Points:
 
 
 ReadVisits = Callable[[Callable[[Visit], bool] | None], Iterable[KeptVisit]]
-"""Yields visits, with the scans of those that are wanted."""
+"""Yields visits, with scans where they are wanted."""
 
 
 def drawn_visits(read: ReadVisits, most: int) -> dict[DoorId, list[KeptVisit]]:
-    """Return of each door at most so many visits that are worth a look, with their scans."""
+    """Return the visits of each door that are most worth a look, with their scans."""
     by_door: defaultdict[DoorId, list[Visit]] = defaultdict(list)
     for kept in read(None):
         by_door[kept.visit.door_id].append(kept.visit)
@@ -228,10 +224,10 @@ def _wanted(read: ReadVisits, chosen: set[tuple[object, ...]]) -> Iterator[KeptV
 
 
 def worth_a_look(visits: Sequence[Visit], most: int) -> list[int]:
-    """Return the places of at most so many visits, in their order.
+    """Return the indices of the visits to show, at most so many, in their order.
 
-    Half are those that are least sure; the others are spread evenly over the rest, so that what
-    is usual is there, too. Where the robot drove through there is no scan to look at.
+    Half are the least certain ones; the others are spread evenly over the rest, so that usual ones
+    are included. Passages are left out, since they have no scan to look at.
     """
     seen = [place for place, visit in enumerate(visits) if not visit.passed]
     if len(seen) <= most:

@@ -1,6 +1,6 @@
 """A door as a hidden Markov chain.
 
-`looks` are the evidence as a chain takes it, `markov_chain` weighs, with `matrix_scan`'s products;
-`regimes` are ways in which doors go on. For `first_passages`, which tell how long one waits,
-`hour_looks` holds what was looked at against `hour_modes`, how a door is used in an hour.
+`looks` are the evidence as a chain takes it, and how well `hour_modes`, the ways in which a door is
+used in an hour, explain them. `matrix_scan` computes the chain, by products of many matrices.
+`regimes` are ways in which doors behave. `first_passages` estimates waiting times.
 """

@@ -1,9 +1,9 @@
 """How likely a door that is closed is opened within the hour, by hour of the week; or the reverse.
 
 Not how often it changes: openings come in bursts, and who waits at a closed door waits through the
-long closings more often than through the short ones. Where the state is known, each half hour is
-asked whether the door was in the other state before the next. Of what is seen in visits, the modes
-that explain it tell (`hour_looks`); both together say in which mode each hour is (`hour_modes`).
+long closings more often than through the short ones. Where the state is known, each half hour
+counts as a trial: did the door change before the next? Visits count through the modes that explain
+them (`looks`); both together show in which mode each hour is (`hour_modes`).
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ Times = NDArray[np.int64]
 LEARNT_FROM_D = 182
 """Rates are learnt from the last half year."""
 ROUNDS = 3
-"""So often what was seen in an hour is explained by the hours before and after it."""
+"""Iterations in which an hour is explained by the hours before and after it."""
 DRAWS = 16
-"""So often days are drawn again, to see how far a wait rests on a few of them."""
+"""So often days are resampled, to see how far a wait rests on a few of them."""
 TOGETHER = 1 / 3
-"""So much of what single hours leave open hangs together; found on simulated doors."""
+"""The correlation of the uncertainty of single hours; found on simulated doors."""
 
 
 class Passages:
     """How soon doors in the other state pass to this one."""
 
     def __init__(self, told: Reals, days: Days, mode_per_h: Reals) -> None:
-        """Take what was given.
+        """Take the observations.
 
         Args:
             told: (days, 24, modes): log-likelihood of what was seen in each hour.
-            days: Which they are.
-            mode_per_h: (modes,): how many an hour pass in each.
+            days: The days of its rows.
+            mode_per_h: (modes,): passages per hour in each.
         """
         self._told = told
         self._days = days
@@ -57,7 +57,7 @@ class Passages:
 
     @computed_once
     def per_h(self) -> Reals:
-        """(7, 24), Monday first: how many an hour pass, of those that have not yet."""
+        """(7, 24), Monday first: the hazard, passages per hour of doors not passed yet."""
         return self._within_the_hour(self._likely)
 
     def interval(self, wait: Callable[[Reals], float]) -> tuple[float, float]:
@@ -80,18 +80,18 @@ class Passages:
 
     @computed_once
     def _drawn(self) -> list[Reals]:
-        """`per_h`, had other days been as likely to be seen."""
+        """`per_h` of resampled days."""
         weights = np.random.default_rng(0).exponential(size=(DRAWS, len(self._days.old)))
         weights *= self._days.old / weights.mean(1, keepdims=True)
         told = (self._days.by_week(self._told, weight) for weight in weights)
         return [self._within_the_hour(likely_modes(of_week)) for of_week in told]
 
     def _within_the_hour(self, likely: Reals) -> Reals:
-        """Return (7, 24): rates by which as many have passed after an hour as are expected to."""
+        """Return (7, 24): rates that give the expected number of passages after an hour."""
         return np.asarray(-np.log(likely @ np.exp(-self._mode_per_h)))
 
     def _quantile(self, part: float) -> Reals:
-        """Return (7, 24): the rates that are not exceeded with that probability."""
+        """Return (7, 24): quantiles of the rates."""
         order = np.argsort(self._mode_per_h, kind="stable")
         likely = self._likely[..., order].reshape(-1, len(order))
         below = np.cumsum(likely, axis=1) - likely / 2
@@ -122,7 +122,7 @@ class Days(NamedTuple):
 
     first: int
     old: Reals
-    """(days,): how much each still counts."""
+    """(days,): the weight of each."""
 
     @classmethod
     def of(cls, evidence: DoorEvidence, clock: LocalClock) -> Days:
@@ -133,7 +133,7 @@ class Days(NamedTuple):
         return cls(first, 0.5 ** (np.arange(last - first, -1, -1) / HALF_LIFE_D))
 
     def sums(self, hour: Times, told: Reals) -> Reals:
-        """Return (days, 24, k): what was reported of each hour, (n, k), added up."""
+        """Return (days, 24, k): the values of each hour, (n, k), added up."""
         place = hour - self.first * 24
         inside = place >= 0
         found = np.zeros((len(self.old) * 24, told.shape[1]))
@@ -141,7 +141,7 @@ class Days(NamedTuple):
         return found.reshape(-1, 24, told.shape[1])
 
     def by_week(self, told: Reals, weight: Reals) -> Reals:
-        """Return (7, 24, k): days added up, (days, 24, k), each by so much, (days,)."""
+        """Return (7, 24, k): the weighted sum of days, (days, 24, k) and (days,)."""
         weekday = (self.first + np.arange(len(self.old))) % WEEK[0]
         parts = ((weight[weekday == day], told[weekday == day]) for day in range(WEEK[0]))
         return np.stack([np.tensordot(*part, 1) for part in parts])
@@ -167,7 +167,7 @@ def _known(
 
 
 def _with_visits(told: Reals, days: Days, evidence: DoorEvidence, clock: LocalClock) -> Reals:
-    """Return (days, 24, modes): what was given, and what visits tell."""
+    """Return (days, 24, modes): the log-likelihoods given, plus those from visits."""
     none = slice(0)
     alone = replace(
         evidence, start_ns=evidence.start_ns[none], end_ns=evidence.end_ns[none],

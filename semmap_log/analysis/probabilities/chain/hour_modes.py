@@ -24,14 +24,14 @@ SHARE, PER_H = (part.ravel() for part in np.meshgrid(SHARES, PACES_PER_H, indexi
 """(modes,): of each."""
 
 PRIOR = likely_paces(1 / PER_H)
-"""(modes,): how likely each is before anything is known; long runs all alike."""
+"""(modes,): the prior of each; long runs are equally likely."""
 PRIOR_HOURS = 0.2
-"""So many hours of a day that prior counts."""
+"""The weight of that prior, in hours of a day."""
 LIKE = np.array([4.0, 1.0, 1.0, 1.0])
-"""How often an hour is as at that hour of such days, of any day, as the hours next to it, or in a
-mode of its own: so many hours each counts before any is known."""
+"""Prior counts, in hours, of what an hour resembles: that hour of such days, of any day, the
+adjacent hours, or none of these (a mode of its own)."""
 BESIDE = 0.5
-"""How much the hours next to one say about it."""
+"""The weight of adjacent hours."""
 ROUNDS = 15
 _OWN = 3
 _SUCH_DAYS = slice(WORKING_DAYS), slice(WORKING_DAYS, None)
@@ -61,7 +61,7 @@ def likely_modes(told: Reals) -> Reals:
 
 
 def _expected(told: Reals, modes: Reals) -> Reals:
-    """Return what each hour's mode may be by what others say, (kinds of `LIKE`, 7, 24, modes)."""
+    """Return each hour's distribution of modes by the others, (kinds of `LIKE`, 7, 24, modes)."""
     before = np.log(modes)
     found = np.empty((len(LIKE), *told.shape))
     for days in _SUCH_DAYS:

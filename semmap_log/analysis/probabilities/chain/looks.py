@@ -1,6 +1,6 @@
 """A door's evidence as a chain takes it: looks at certain times, and what each saw.
 
-How well modes explain what was looked at, hour by hour.
+It also measures how well modes explain the looks, hour by hour.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from semmap_log.core.model.moments import HOUR_NS, SECOND_NS
 Reals = NDArray[np.float64]
 
 HOURS_AT_ONCE = 256
-"""So many hours' steps are worked out together: more would fill memory."""
+"""Hours whose steps are computed together: more would fill memory."""
 
 
 class HourLooks:
-    """What was looked at in each hour, as what it makes of the state before, in each mode."""
+    """The looks of each hour, as the transitions of the state that they imply in each mode."""
 
     def __init__(self, looks: Looks, clock: LocalClock) -> None:
         """Go through looks at a door.
@@ -39,7 +39,7 @@ class HourLooks:
         hour = np.maximum.accumulate(clock.hour_of(looks.times_ns - gap_ns // 2))
         begins = np.flatnonzero(np.diff(hour, prepend=hour[:1] - 1))
         self.hour = hour[begins]
-        """(hours,): which they are, ascending, counted as in `LocalClock.hour_of`."""
+        """(hours,): their numbers, ascending, as in `LocalClock.hour_of`."""
         self._through = _through(gap_ns / HOUR_NS, looks.llr, begins)
 
     def explained(self, likely: Reals | None) -> Reals:
@@ -64,7 +64,7 @@ class HourLooks:
 
 
 def _through(gap_h: Reals, llr: Reals, begins: NDArray[np.intp]) -> Reals:
-    """Return (2, 2, hours, modes): from the weight of a state before an hour to that after it."""
+    """Return (2, 2, hours, modes): transitions from the state before each hour to that after it."""
     lasts = np.diff(np.append(begins, len(llr)))
     found = np.zeros((2, 2, len(begins), len(hour_modes.SHARE)))
     found[0, 0] = found[1, 1] = 1.0
@@ -84,17 +84,17 @@ Times = NDArray[np.int64]
 Places = NDArray[np.intp]
 
 LOOK_NS = HOUR_S * SECOND_NS // 2
-"""Where the state is known all through, a look each half hour shows it: the pace of a patrol."""
+"""Where the state is known throughout, a look each half hour sees it: the pace of a patrol."""
 CERTAIN_LLR = float(np.log(MOST_ACCURACY / (1 - MOST_ACCURACY)))
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Looks:
-    """When something was seen; ascending. Before all of it stands one that saw nothing.
+    """Looks at a door, ascending. The first one saw nothing.
 
-    Sightings of the same five minutes are one look, at the last of them: how many there are costs
-    nothing. One that is certain is a look of its own.
+    Sightings of the same five minutes are one look, at the last of them, so that their number costs
+    nothing. A certain one is a look of its own.
     """
 
     times_ns: Times
@@ -114,12 +114,12 @@ class Looks:
 
     @property
     def sees(self) -> NDArray[np.bool_]:
-        """(n,): something was seen, be it that readings cancelled each other."""
+        """(n,): something was seen, even if readings cancelled each other."""
         return np.asarray((self.llr != 0) | (np.diff(self.sightings, prepend=0) > 0), np.bool_)
 
 
 def is_certain(llr: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which readings, or stretches, leave no doubt."""
+    """Return which readings, or stretches, are certain."""
     return np.abs(llr) > CERTAIN_LLR - _ROUNDING
 
 
@@ -131,7 +131,7 @@ def looks(
     Args:
         evidence: Of the door.
         clock: Whose half hours.
-        until_ns: And what came after is left out.
+        until_ns: Later evidence is left out.
         blind_from_ns: From then on a look, too, in each half hour in which nothing was seen, and
             none of what came before; None: no such looks.
     """
@@ -171,12 +171,12 @@ def _half_hours_ns(
 
 
 def seen_between(evidence: DoorEvidence, first: Places, behind: Places) -> NDArray[np.float64]:
-    """Return what sightings of some looks add up to, nats, (n,).
+    """Return the sum of each look's sightings, nats, (n,).
 
     Args:
         evidence: Of the door.
         first: (n,), the first sighting of each.
-        behind: (n,), the one after the last; as much as `first`: 0.
+        behind: (n,), the one after the last; equal to `first`: no sighting, 0.
     """
     alone = np.clip(evidence.llr, -CERTAIN_LLR, CERTAIN_LLR)
     certain = is_certain(alone)
@@ -211,7 +211,8 @@ def _ends_look(evidence: DoorEvidence) -> NDArray[np.bool_]:
 def _last_known(evidence: DoorEvidence) -> NDArray[np.bool_]:
     """Return the stretches after which the state is not known: their ends are looks, too.
 
-    Where the next stretch begins at once the change is none: rates are those at the pace of looks.
+    Where the next stretch begins at once, the change does not count as a look of its own: rates
+    are those at the pace of looks.
     """
     goes_on = np.append(evidence.start_ns[1:] == evidence.end_ns[:-1], evidence.holds_on)
     return np.asarray(~goes_on[: len(evidence.end_ns)], np.bool_)

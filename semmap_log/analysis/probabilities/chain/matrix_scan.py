@@ -1,14 +1,13 @@
-"""Products of many 2 x 2 matrices, one after another, without a loop over all of them.
+"""A door as a hidden Markov chain in continuous time, by products of many 2 x 2 matrices.
 
-The sequence is cut into blocks that are multiplied side by side; then their products are chained.
-It is the two-level form of a parallel prefix sum (Blelloch 1990). Where the cuts are does not
-depend on how many matrices follow, so that what stands at a place is the same to the last digit.
+The chain has two states. Looks come at arbitrary times and are never certain: they count by their
+likelihood. This is the continuous-time form of the hidden Markov models of Meyer-Delius et al.
+(AAAI 2012) for cells that change.
 
-A door as a hidden Markov chain in continuous time: two states, seen now and then.
-
-The state is never seen for sure, and at any times: looks weigh on it by their likelihood. This is
-the continuous-time form of the hidden Markov models of Meyer-Delius et al. (AAAI 2012) for cells
-that change.
+Products are taken without a loop over all matrices. The sequence is cut into blocks that are
+multiplied side by side; then their products are chained. It is the two-level form of a parallel
+prefix sum (Blelloch 1990). Where the cuts are does not depend on how many matrices follow, so that
+the result at each place is the same to the last digit.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ CLOSED, OPEN = 0, 1
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """From each look to the next: how likely the door is open there; of some chains."""
+    """Transitions from each look to the next, of some chains."""
 
     from_closed: Reals
     """(n, chains): P(open at look i | closed at the one before)."""
@@ -39,7 +38,7 @@ class Steps:
 
 
 def filtered(steps: Steps, llr: Reals, first: Reals) -> tuple[Reals, Reals]:
-    """Return P(open) at each look by what was seen up to there, and at the one before.
+    """Return P(open) at each look, from the looks up to it and from those before it.
 
     Args:
         steps: Of chains.
@@ -90,11 +89,11 @@ each is long."""
 
 
 MOST_STEPS = 8192
-"""So many are multiplied side by side: more would fill memory."""
+"""Matrices that are multiplied side by side: more would fill memory."""
 
 
 def states(matrices: Matrices, first: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what the matrices make of vectors, one after another.
+    """Apply the matrices to vectors, one after another, and return all results.
 
     Args:
         matrices: (2, 2, n, chains), none negative; step i of a chain is `matrices[:, :, i, chain]`.
@@ -102,7 +101,7 @@ def states(matrices: Matrices, first: NDArray[np.float64]) -> NDArray[np.float64
 
     Returns:
         (2, n, chains): matrix i x ... x matrix 0 x first, each scaled to the sum 1. It is the same
-        whatever matrices come after i.
+        whatever matrices follow i.
     """
     found = np.empty((2, *matrices.shape[2:]))
     for start, end, length in _parts(matrices.shape[2]):
@@ -170,7 +169,7 @@ def _total(matrices: Matrices) -> NDArray[np.float64]:
 def _chained(
     products: Matrices, first: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (2, blocks, chains): the vector before each block, scaled; and after the last."""
+    """Return (2, blocks, chains): the scaled vector before each block; and that after the last."""
     found = np.empty((2, *products.shape[2:]))
     here = first
     for block in range(products.shape[2]):

@@ -1,9 +1,9 @@
-"""Ways in which a door goes on: it follows its hours, or is left closed, or open; at several paces.
+"""Ways in which a door behaves: it follows its hours, or is left closed, or open; at several paces.
 
-Each regime is a hidden Markov chain of two states with a long run and a pace of its own. All of
-them see what is seen; how far each is believed, the likelihood of that decides: multiple models
-(Magill, IEEE Trans. Autom. Control 10, 1965), with the fixed share of `averaging`, for a door that
-was left closed is used again. Nothing is fitted: what holds of all doors is given here.
+Each regime is a hidden Markov chain of two states, with a long-run share and a pace of its own. All
+of them see the same looks; their likelihoods decide how far each is believed: multiple models
+(Magill, IEEE Trans. Autom. Control 10, 1965), with the fixed share of `habits`, since a door that
+was left closed is used again. Nothing is fitted: the constants here hold for all doors.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ Reals = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 PACES_H = np.array([0.25, 1.0, 2.0, 4.0, 16.0, 64.0])
-"""So soon what was seen is forgotten, e-fold, where the long run is the schedule."""
+"""Time constants of forgetting where the long run is the schedule."""
 USUAL_H, SPREAD = 4.0, 2.0
-"""How likely each of them is before anything is known: the likeliest; a spread, in doublings."""
+"""The prior of the paces: the likeliest one, and a spread in doublings."""
 LEFT_PACE_H = 4.0
-"""And so soon where the door is left as it is."""
+"""The time constant where the door is left as it is."""
 LEFT_P = 0.97
 """P(open) of a door that is left open, in the long run; of one that is left closed 1 - that."""
 LEFT_SHARE = 0.25
-"""How likely it is before anything is known that it is left, closed or open."""
+"""The prior of being left, closed or open."""
 LEFT_LASTS_H = 48.0
-"""It is used again after so long, on average, after what was seen last."""
+"""It is used again after so long, on average, since it was last seen."""
 
 PACE_H = np.append(PACES_H, [LEFT_PACE_H, LEFT_PACE_H])
 """(regimes,): first those that follow the schedule, then left closed, then left open."""
@@ -38,13 +38,13 @@ _LEFT_AT = np.append(0 * PACES_H, [1 - LEFT_P, LEFT_P])
 
 
 def likely_paces(paces_h: Reals) -> Reals:
-    """Return how likely each of some paces is before anything is known, (n,); 1 together."""
+    """Return the prior of some paces, (n,), which sums to 1."""
     usual = np.exp(-0.5 * (np.log2(paces_h / USUAL_H) / SPREAD) ** 2)
     return np.asarray(usual / usual.sum())
 
 
 PRIOR = np.append(likely_paces(PACES_H) * (1 - LEFT_SHARE), [LEFT_SHARE / 2] * 2)
-"""(regimes,): how far each is believed before anything is known."""
+"""(regimes,): the prior of each."""
 
 
 def long_run(schedule: Reals) -> Reals:
@@ -53,13 +53,13 @@ def long_run(schedule: Reals) -> Reals:
 
 
 def kept(gap_ns: Times) -> Reals:
-    """Return (n, regimes): what is left of a deviation after such times; 1 of a fresh one."""
+    """Return (n, regimes): the remaining share of a deviation after such times."""
     found: Reals = np.exp(-np.maximum(gap_ns, 0)[:, None] / (PACE_H * HOUR_NS))
     return found
 
 
 def still_left(age_ns: Times) -> Reals:
-    """Return (n,): how far a door that was left is still, so long after it was seen."""
+    """Return (n,): the probability that a left door is still left, so long after it was seen."""
     found: Reals = np.exp(-np.maximum(age_ns, 0) / (LEFT_LASTS_H * HOUR_NS))
     return found
 
@@ -68,7 +68,7 @@ def stays(gap_ns: Times, age_ns: Times) -> Reals:
     """Return (n, regimes): how far a forecast is not yet the schedule's.
 
     Args:
-        gap_ns: (n,), since it was given.
+        gap_ns: (n,), since the last belief.
         age_ns: (n,), since the door was really seen.
     """
     return np.where(IS_LEFT, still_left(age_ns)[:, None], kept(gap_ns))

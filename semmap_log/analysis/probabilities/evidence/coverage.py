@@ -1,6 +1,6 @@
-"""When a door was looked at: the hours of the week that were ever seen, and those that never were.
+"""When a door was looked at: the hours of the week that were seen, and those that never were.
 
-A patrol by day shows nothing of the night; whoever reads a probability must be given so.
+A patrol by day shows nothing of the night, and a reader of a probability must know that.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def spans_in_words(hours: WeekMask) -> list[str]:
 
 
 def spans_in_short(hours: WeekMask) -> str:
-    """Return the same in a few words: whole days, what is common to the others, and how much more.
+    """Return hours of the week in a few words: whole days, hours common to the others, the rest.
 
     Such as `Sat, Sun; 22:00-06:00; 5 more hours of the week`.
     """
@@ -124,7 +124,7 @@ def _runs(hours: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _over_midnight(runs: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Join the run up to midnight, if there is one, with that from midnight on: every night."""
+    """Join the run up to midnight, if there is one, with the one after it: every night."""
     if len(runs) > 1 and (runs[0][0], runs[-1][1]) == (0, HOURS):
         return [*runs[1:-1], (runs[-1][0], runs[0][1])]
     return runs

@@ -1,13 +1,10 @@
 """A door's evidence by day and hour: how long its state was known, and how long it was open.
 
-Local days as the rows of a table, in which a long gap between them takes few rows.
-
-What is known of a door may lie years apart: the robot's clock showed 1970 before it was set, or the
-robot was stored. A table has a row for each day; but of a gap of more than `LONGEST_GAP_D` days it
-has few, and one that stands for all others. Nothing is known of them, so that what they make of a
-value has a closed form. So a table costs what is known, not the time that it spans.
-
-How much time lies in stretches.
+A table has a row for each local day, but few rows for a long gap. What is known of a door may lie
+years apart: the robot's clock showed 1970 before it was set, or the robot was stored. A gap of more
+than `LONGEST_GAP_D` days has a few rows, one of which stands for all others. Nothing is known of
+those days, so that their effect on a value has a closed form. So a table costs what is known, not
+the time that it spans.
 """
 
 from __future__ import annotations
@@ -68,9 +65,9 @@ def day_tables(evidence: DoorEvidence, clock: LocalClock) -> DayTables:
     A visit outside of the stretches says something about its hour: a reading r of a sensor with
     accuracies a and b stands for P(open) = (r - (1 - b)) / J, with J = a + b - 1 (the correction
     of misclassified rates by Rogan and Gladen, Am. J. Epidemiol. 107, 1978), and counts as J^2 of
-    an hour: what it shows, as a share of what a certain one does. Of a visit's sightings in an hour
-    the mean is one reading; several visits in an hour still tell no more than that hour, and fill
-    at most what the stretches leave of it.
+    an hour: its information as a share of that of a certain reading. The mean of a visit's
+    sightings in an hour is one reading. Several visits in an hour count no more than that hour, and
+    fill at most what the stretches leave of it.
 
     Of a long gap in what is known there are only the ends: see `DayRows`.
 
@@ -120,7 +117,7 @@ class _Readings(NamedTuple):
     weight: Table
     """In hours."""
     p_open: Table
-    """Corrected and not clipped; 0 without a visit that shows anything."""
+    """Corrected and not clipped; 0 without an informative visit."""
 
 
 def _readings(evidence: DoorEvidence, place: NDArray[np.int64], places: int) -> _Readings:
@@ -137,7 +134,7 @@ def _readings(evidence: DoorEvidence, place: NDArray[np.int64], places: int) -> 
     def mean(of_sightings: Table) -> Table:
         return np.asarray(np.bincount(of_visit, of_sightings) / count)
 
-    # Of each visit, and then of each hour: readings weigh by what they tell, so that of sensors of
+    # Of each visit, and then of each hour: readings weigh by what they show, so that of sensors of
     # one kind the plain mean is corrected.
     tell, said = mean(tells**2), mean(tells * excess)
     tell_of_hour, square, said_of_hour = (
@@ -150,7 +147,7 @@ def _readings(evidence: DoorEvidence, place: NDArray[np.int64], places: int) -> 
 Days = NDArray[np.int64]
 
 LONGEST_GAP_D = 84
-"""So many days of which nothing is known all have rows of their own."""
+"""Gaps of up to so many days have a row for each day."""
 
 
 class Lag(NamedTuple):
@@ -217,7 +214,7 @@ class DayRows:
         return DayRows(self.midnights[: count + 1], self.is_gap[:count])
 
     def before(self, lead_d: int) -> Lag:
-        """Return what stands for the midnight so many days before each row's."""
+        """Return the midnight so many days before each row's."""
         days = self.days - lead_d
         row = self.row(days)
         return Lag(row, np.where((row >= 0) & self.is_gap[row], days - self.days[row], 0))
@@ -227,7 +224,7 @@ class DayRows:
         return np.searchsorted(self.midnights, days, "right") - 1
 
     def place(self, hours: NDArray[np.int64]) -> NDArray[np.intp]:
-        """Return the place of each hour, (n,), of those that the rows have: 24 x row + hour."""
+        """Return the index of each hour, (n,), in the rows: 24 x row + hour."""
         return 24 * self.row(hours // 24) + hours % 24
 
     def hours(self, clock: LocalClock) -> Hours:

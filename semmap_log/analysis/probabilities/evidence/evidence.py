@@ -1,6 +1,6 @@
 """What events say about how doors are: stretches in which a state is known, and sightings.
 
-When a state that was set is known to hold, and which sightings stand by themselves.
+It decides how long a state that was set is known to hold, and which sightings stand by themselves.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class DoorEvidence:
     door_id: DoorId
     until_ns: int
     start_ns: Times
-    """(m,), ascending: when stretches begin in which the state is known all through."""
+    """(m,), ascending: when stretches begin in which the state is known throughout."""
     end_ns: Times
     """(m,): when they end; <= the next one's start, and <= `until_ns`. Two that touch are in
     different states, unless a sighting that disagreed lies between them; only one that begins at
@@ -66,7 +66,7 @@ class DoorEvidence:
 
     @classmethod
     def nothing(cls, door_id: DoorId, until_ns: int) -> DoorEvidence:
-        """Return what is known of a door that nobody ever told of."""
+        """Return the evidence about a door without any report."""
         return _evidence_of(door_id, Reports().about(door_id), Reports().sensors()).up_to(until_ns)
 
     @property
@@ -81,7 +81,7 @@ class DoorEvidence:
         return min(firsts, default=self.until_ns)
 
     def up_to(self, until_ns: int) -> DoorEvidence:
-        """Return what was known at an earlier time: the same as without the events after it."""
+        """Return what was known at an earlier time, as without the events after it."""
         held = slice(int(np.searchsorted(self.start_ns, until_ns, "right")))
         last = self.end_ns[held][-1:]
         holds_on = bool((last > until_ns).any()) or (self.holds_on and until_ns >= self.until_ns)
@@ -104,16 +104,16 @@ _OF_SIGHTINGS = (
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """How much was reported about a door."""
+    """The number of reports about a door."""
 
     words: int
-    """Events that tell its state: that it was set, seen, or passed."""
+    """Events that report its state: that it was set, seen, or passed."""
     sightings: int
     """Of these, those that saw it open or closed."""
     visits: int
     """Passes in which it was seen while its state was not known."""
     last_seen_ns: int | None
-    """When it was last said to be open or closed; None: never."""
+    """When it was last reported open or closed; None: never."""
 
 
 class Evidence:
@@ -124,7 +124,7 @@ class Evidence:
         self.latest_ns = latest_ns
         """The latest time of all events, whatever they are about."""
         self._known: dict[DoorId, _Known] = {}
-        """Of the doors that were requested, what the first `_count` reports mean."""
+        """Of the doors requested so far, the evidence from the first `_count` reports."""
         self._count = 0
 
     def __len__(self) -> int:
@@ -138,17 +138,17 @@ class Evidence:
             self._reports.take(batch)
 
     def add(self, other: Evidence) -> None:
-        """Fold in what other events, none of them among those here, made of nothing."""
+        """Add the evidence of other events, none of which is among those here."""
         self.latest_ns = max(self.latest_ns, other.latest_ns)
         self._reports.add(other._reports)
 
     @property
     def door_ids(self) -> list[DoorId]:
-        """Doors that something was reported about, removed ones, too, ascending."""
+        """Doors with any report, removed ones included, ascending."""
         return [DoorId(door_id) for door_id in self._reports.door_ids().tolist()]
 
     def door(self, door_id: DoorId, until_ns: int | None = None) -> DoorEvidence:
-        """Return what is known of a door; of one that nobody told of: nothing.
+        """Return what is known of a door; without any report, nothing.
 
         Args:
             door_id: Any.
@@ -158,9 +158,9 @@ class Evidence:
         return self._about(door_id).evidence.up_to(_or(until_ns, self.latest_ns))
 
     def as_last_reported(self, door_id: DoorId, until_ns: int) -> DoorEvidence:
-        """Return what is known of a door when the last report about it comes, at most at a time.
+        """Return what was known of a door at its last report, no later than `until_ns`.
 
-        It stays the same until more is reported of this door, however long that takes.
+        It stays the same until the next report about this door, however long that takes.
         """
         known = self._about(door_id)
         count = int(np.searchsorted(known.reports["folds_ns"], until_ns, "right"))
@@ -168,11 +168,11 @@ class Evidence:
         return known.evidence.up_to(last_ns)
 
     def up_to(self, until_ns: int | None = None) -> Mapping[DoorId, DoorEvidence]:
-        """Return what is known of each of `door_ids`, made when it is requested."""
+        """Return what is known of each of `door_ids`, computed on request."""
         return _EvidenceOfDoors(self, _or(until_ns, self.latest_ns))
 
     def counts(self, door_id: DoorId, until_ns: int | None = None) -> Counts:
-        """Return how much was reported about a door up to then."""
+        """Return the number of reports about a door up to then."""
         until_ns = _or(until_ns, self.latest_ns)
         known = self._about(door_id)
         reports = known.reports[: np.searchsorted(known.reports["folds_ns"], until_ns, "right")]
@@ -187,7 +187,7 @@ class Evidence:
     def readings(
         self, door_ids: Iterable[DoorId], until_ns: int, *, most: int
     ) -> tuple[Rows, list[Sensor]]:
-        """Return what was read of some doors, each by itself, and the sensors by their places.
+        """Return each reading of some doors, and the sensors by their indices.
 
         Args:
             door_ids: The doors.
@@ -207,15 +207,15 @@ class Evidence:
 
     @classmethod
     def load(cls, data: bytes) -> Evidence:
-        """Return the evidence that `dump` made these bytes of.
+        """Return the evidence in the bytes of `dump`.
 
         Raises:
-            ValueError: They are not of its making.
+            ValueError: They are not from `dump`.
         """
         return cls(Reports.load(data[8:]), int.from_bytes(data[:8], "little"))
 
     def _about(self, door_id: DoorId) -> _Known:
-        """Return all that is known of a door; what a new report touches is made again."""
+        """Return all that is known of a door; new reports cause it to be computed again."""
         if self._count < len(self._reports):
             for changed in self._reports.newer(self._count).tolist():
                 self._known.pop(DoorId(changed), None)
@@ -253,7 +253,7 @@ class EvidenceProjection:
         return state.dump()
 
     def load(self, data: bytes, /) -> Evidence:
-        """Return the evidence that `dump` made these bytes of."""
+        """Return the evidence in the bytes of `dump`."""
         return Evidence.load(data)
 
 
@@ -285,7 +285,7 @@ class _EvidenceOfDoors(Mapping[DoorId, DoorEvidence]):
 
 
 def _while_there(reports: Rows) -> Rows:
-    """Return the reports from a door's adding to its removal; others are about no door."""
+    """Return the reports from a door's addition to its removal; others are about no door."""
     added = np.flatnonzero(of_presence(reports, Presence.COMES))
     reports = reports[added[0] :] if len(added) else reports[:0]
     removed = np.flatnonzero(of_presence(reports, Presence.GOES))
@@ -293,7 +293,7 @@ def _while_there(reports: Rows) -> Rows:
 
 
 def _evidence_of(door_id: DoorId, reports: Rows, sensors: Sensors) -> DoorEvidence:
-    """Return what reports about a door mean, whatever the time."""
+    """Return the meaning of the reports about a door."""
     known = known_intervals(reports)
     seen_ns, state, code = (reports[name][known.points] for name in ("folds_ns", "state", "sensor"))
     accuracy_open, accuracy_closed, sensor = (column[code] for column in sensors)
@@ -329,18 +329,18 @@ def _or(given: int | None, default: int) -> int:
 
 
 HOLDS_NS = 30 * DAY_NS
-"""A state that was set is known for so long after the last report that agreed; silence that is
-longer is a gap, and not "as before"."""
+"""How long after the last report that agreed a set state is known; a longer silence is a gap,
+and not "as before"."""
 
 
 class KnownIntervals(NamedTuple):
-    """What the reports about a door mean."""
+    """The meaning of the reports about a door."""
 
     start_ns: NDArray[np.int64]
     """(m,), ascending: when stretches begin in which the state is known. Two that touch are in
     different states, unless a sighting that disagreed lies between them."""
     end_ns: NDArray[np.int64]
-    """(m,), > start: when they end, as far as these reports tell."""
+    """(m,), > start: when they end, as far as these reports show."""
     is_open: NDArray[np.bool_]
     """(m,)."""
     points: NDArray[np.intp]
@@ -351,12 +351,12 @@ class KnownIntervals(NamedTuple):
 
 
 def known_intervals(reports: Rows) -> KnownIntervals:
-    """Return what reports mean that are all about one door which is there all through.
+    """Return the meaning of reports about one door that exists throughout.
 
     A state that was set is known from then on: until the next report that is not a sighting, until
-    a sighting that disagrees, or `HOLDS_NS` after the last report that agreed. What `DoorAdded`
-    says is only what somebody thought when he drew the map: any sighting takes its place. UNKNOWN,
-    MOVING, OFFLINE, set or seen, and the removal, end it, and nothing is known.
+    a sighting that disagrees, or `HOLDS_NS` after the last report that agreed. The state of
+    `DoorAdded` is only an assumption of the map's author: any sighting replaces it. UNKNOWN,
+    MOVING and OFFLINE, set or seen, and the removal end it, and nothing is known.
 
     Args:
         reports: In the order of the fold.

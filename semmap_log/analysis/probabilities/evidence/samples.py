@@ -15,7 +15,7 @@ Times = NDArray[np.int64]
 Seconds = NDArray[np.float64]
 
 SAMPLE_S = 60.0
-"""What a visit weighs, next to stretches in which the state is known all through."""
+"""The weight of a visit, against stretches in which the state is known throughout."""
 
 
 @dataclass(frozen=True, slots=True)

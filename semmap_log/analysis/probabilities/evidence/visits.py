@@ -1,6 +1,7 @@
-"""Sightings as visits: what a sensor says again and again in one pass is one proof, not many.
+"""Reports about doors as compact rows, and sightings grouped into visits.
 
-What events said about how doors are, as compact rows: the store that evidence is made of.
+The rows are the store that evidence is made of. What a sensor says again and again in one pass is
+one proof, not many.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from semmap_log.core.model.events import (
 )
 
 LEAST_ACCURACY, MOST_ACCURACY = 0.5, 0.999
-"""What a sensor's accuracies count as; no reading proves more."""
+"""The bounds of a sensor's accuracies; no reading proves more."""
 
 _FINE = 2.0**32
 """Sums are of whole parts of a nat, so that they do not depend on what else is summed up."""
@@ -102,7 +103,7 @@ def _firsts(
 
 
 def _added(llr: NDArray[np.float64], first: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Return by how much each sighting moves the mean of its pass."""
+    """Return how much each sighting changes the mean of its pass."""
     place = np.arange(len(llr))
     fine = np.rint(llr * _FINE).astype(np.int64)
     total = np.cumsum(fine)
@@ -115,7 +116,7 @@ Rows = NDArray[np.void]
 
 REPORT = np.dtype([*((name, STATE_CHANGE[name]) for name in STATE_CHANGE.names or ()),
                    ("sensor", "u4")])  # fmt: skip
-"""What an event says of a door's state, and which of the sensors saw it: 26 bytes."""
+"""An event's report of a door's state, and the sensor that saw it: 26 bytes."""
 
 
 class Sensor(NamedTuple):
@@ -136,7 +137,7 @@ class Sensor(NamedTuple):
 
 
 CERTAIN = Sensor(1.0, 1.0, "")
-"""Of what is not a reading, and of who went through a door."""
+"""The sensor of events that are not readings, and of passages."""
 
 
 class Sensors(NamedTuple):
@@ -149,7 +150,7 @@ class Sensors(NamedTuple):
 
 
 class Reports:
-    """What was stated about all doors, in any order."""
+    """The reports about all doors, in any order."""
 
     def __init__(self) -> None:
         self._rows = np.empty(0, REPORT)
@@ -162,7 +163,7 @@ class Reports:
         return self._count
 
     def take(self, batch: EventBatch) -> None:
-        """Take up what the events of a batch say."""
+        """Take in the reports of a batch."""
         for kind in STATE_KINDS:
             if kind in batch:
                 places = chosen_of(batch, kind, setting=STATE | THERE)
@@ -172,7 +173,7 @@ class Reports:
             self._take_thinned(batch)
 
     def _take_thinned(self, batch: EventBatch) -> None:
-        """Take up sightings that were taken out: as many, spread over the time that they took.
+        """Take in thinned sightings: as many as there were, spread over their time.
 
         They have the number of the first: while that is here, too, they do not count.
         """
@@ -195,7 +196,7 @@ class Reports:
             rows["sensor"] = self._sensors_of(batch[kind][places], codes[places], names)
 
     def add(self, other: Reports) -> None:
-        """Take up what others say; events that both have would count twice."""
+        """Take in other reports; events that both have would count twice."""
         codes = np.array([self._code(sensor) for sensor in other._sensors], np.uint32)
         rows = self._room_for(len(other))
         rows[:] = other._rows[: len(other)]
@@ -206,7 +207,7 @@ class Reports:
         return distinct(self._rows["door_id"][: self._count])
 
     def about(self, door_id: DoorId) -> Rows:
-        """Return what is said of a door, in the order of the fold: by time, then by number."""
+        """Return the reports about a door, in the order of the fold: by time, then by number."""
         behind = self._rows[self._index.count : self._count]
         if len(behind) > max(_FEW, self._index.count // 4):
             self._index = _Index(self._rows["door_id"][: self._count])
@@ -218,11 +219,11 @@ class Reports:
         return _that_count(self._rows.take(places[order]))
 
     def newer(self, count: int) -> NDArray[np.uint32]:
-        """Return which doors the reports after the first `count` are about."""
+        """Return the doors of the reports after the first `count`."""
         return distinct(self._rows["door_id"][count : self._count])
 
     def latest(self, door_ids: NDArray[np.integer[Any]], until_ns: int, most: int) -> Rows:
-        """Return what was reported about some doors up to a time, by door, then time, then number.
+        """Return the reports about some doors up to a time, by door, then time, then number.
 
         Args:
             door_ids: The doors.
@@ -259,10 +260,10 @@ class Reports:
 
     @classmethod
     def load(cls, data: bytes) -> Reports:
-        """Return the reports that `dump` made these bytes of.
+        """Return the reports in the bytes of `dump`.
 
         Raises:
-            ValueError: They are not of its making.
+            ValueError: They are not from `dump`.
         """
         source = io.BytesIO(data)
         rows = np.lib.format.read_array(source, allow_pickle=False)
@@ -305,7 +306,7 @@ class Reports:
 
 
 def _that_count(rows: Rows) -> Rows:
-    """Return reports without sightings that a thinning reports of, and that are still there."""
+    """Return the reports, without records of thinned sightings that are still in the log."""
     is_told = rows["kind"] == SightingsThinned.kind
     if not is_told.any():
         return rows
@@ -331,4 +332,4 @@ class _Index:
 
 
 _FEW = 1024
-"""So many reports are looked through rather than sorted."""
+"""Up to so many reports are searched rather than sorted."""

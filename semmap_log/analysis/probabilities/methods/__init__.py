@@ -1,5 +1,5 @@
-"""The estimators, a file a method; and their parts.
+"""The estimators, a file a method, and their parts.
 
-`schedule` is made of `told_days`, `habits`, `averaging`, `slots`, `effective_days` and
-`sensor_noise`; `filter` of that, of `belief_history` and `memory`.
+`schedule` is made of `effective_days` and `habits`, with slots and sensor noise of its own;
+`filter` of `schedule`, `belief_history` and `memory`.
 """

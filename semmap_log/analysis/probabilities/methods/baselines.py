@@ -1,6 +1,6 @@
-"""What better methods are held against: the constant, and plain tables by hour of day or week.
+"""What better methods are compared with: the constant, and plain tables by hour of day or week.
 
-They take what was read for true, know of no sensor's errors, and count all days the same.
+They take readings for true, know of no sensor's errors, and count all days the same.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class HourTable:
     def learn(
         self, evidence: Mapping[DoorId, DoorEvidence], clock: LocalClock
     ) -> LearntByDoor[DoorHours]:
-        """Return the tables of all doors; each is made when it is requested."""
+        """Return the tables of all doors, each computed on request."""
         return LearntByDoor(evidence, lambda door: DoorHours(door, clock, self.period_s))
 
 
@@ -59,7 +59,7 @@ HOUR_OF_WEEK = HourTable("hour_of_week", WEEK_S)
 
 
 class DoorHours:
-    """A table by hour, as it was at any time: what was known by then is its content."""
+    """A table by hour, as of any time: it contains what was known by then."""
 
     def __init__(self, evidence: DoorEvidence, clock: LocalClock, period_s: int | None) -> None:
         """Take a door.

@@ -40,19 +40,19 @@ LEADS_H = np.array([0.0, 2.0, 8.0, 24.0])
 TEMPER = 1 / (1 + 3 * LEADS_H)
 """How much of a look's likelihood counts: forecasts that overlap say the same again."""
 SHARE = 0.01
-"""So much of the weight is handed out again each day."""
+"""The share of the weight that is redistributed each day."""
 DOUBT = 0.5
-"""Regimes are given apart by all hours, and by night a door may go another way than by day: until
-today has said more, which one it is stays so doubtful as before anything was known."""
+"""All hours decide between regimes, and by night a door may behave otherwise than by day: until
+today has shown more, the regime stays as doubtful as before anything was known."""
 _CERTAIN = 1e-12
 """Of a variance: whoever sees a door again and again at once leaves none."""
 
 
 class Belief(NamedTuple):
-    """What was believed at some times, since when."""
+    """The beliefs at some times, and since when they hold."""
 
     p_open: Reals
-    """(n, regimes): when it was last told."""
+    """(n, regimes): at the last look."""
     weight: Reals
     """(n, regimes): how far each was believed."""
     maybe: Reals
@@ -64,14 +64,14 @@ class Belief(NamedTuple):
     seen_ns: Times
     """(n,): when the door was really seen, at that look or before; `NEVER`: it was not."""
     is_held: NDArray[np.bool_]
-    """(n,): it is no belief: the state was known."""
+    """(n,): whether the state was known, and so is not a belief."""
 
 
 class BeliefHistory:
-    """What was believed of a door after each look."""
+    """The beliefs about a door after each look."""
 
     def __init__(self, evidence: DoorEvidence, schedule: DoorSchedule, clock: LocalClock) -> None:
-        """Follow a door through all that is known of it.
+        """Follow a door through all its evidence.
 
         Args:
             evidence: Of the door.
@@ -89,7 +89,7 @@ class BeliefHistory:
         self._seen_ns = np.where(sees >= 0, times_ns[sees], NEVER)
         """(n,): when it was last really seen."""
         self._tends_to = schedule.p_open(times_ns, times_ns)
-        """(n,): what the schedule said."""
+        """(n,): what the schedule forecast."""
         steps = self._steps(times_ns - seen.gap_ns, times_ns, self._tends_to)
         first = regimes.long_run(self._tends_to[:1])[0]
         self._p_open, before = filtered(_certain_apart(steps, seen.llr), seen.llr, first)
@@ -105,7 +105,7 @@ class BeliefHistory:
         """(rows, leads, regimes): as each midnight knew them."""
 
     def at(self, known_ns: Times) -> Belief:
-        """Return what was believed at each time; where the state is known, that."""
+        """Return the belief at each time, or the state where it is known."""
         found = self._of_looks(known_ns)
         held, is_open = held_at(self._evidence, known_ns)
         sure = held[:, None]
@@ -120,10 +120,10 @@ class BeliefHistory:
         )
 
     def _of_looks(self, known_ns: Times) -> Belief:
-        """Return what was believed by what was looked at so far.
+        """Return the belief from the looks so far.
 
-        Sightings of which not all are known yet are no look yet. So that what is believed then is
-        the same to the last digit, the last look is always gone through again.
+        Sightings that are not all known yet are no look yet. The last look is always processed
+        again, so that the belief is then the same to the last digit.
         """
         seen, evidence = self._looks, self._evidence
         place = np.maximum(np.searchsorted(seen.times_ns, known_ns, "right") - 1, 0)
@@ -195,7 +195,7 @@ class BeliefHistory:
         return found
 
     def _rows(self, times_ns: Times) -> NDArray[np.intp]:
-        """Return the row of the day of each time; of later ones that of what was told of last."""
+        """Return the row of the day of each time; for later times, the last row."""
         return self._row_of(self._clock.hour_of(times_ns) // 24)
 
     def _row_of(self, day: Days) -> NDArray[np.intp]:

@@ -1,4 +1,4 @@
-"""What most methods do: learn about one door at a time, when it is first requested."""
+"""What most methods do: learn about one door at a time, on its first request."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.moments import DAY_NS
 
 MOST_DOORS, MOST_DAYS = 8, 1_100
-"""So many doors' tables are kept, of so many days together: those requested last. A thousand days
-are some 40 MB."""
+"""The tables of so many doors, of so many days in all, are kept: those requested last. A thousand
+days are some 40 MB."""
 
 
 class LearntOfDoor(Protocol):
@@ -42,7 +42,7 @@ class LearntByDoor(Generic[D]):
         self.evidence = evidence
         self._learn = learn
         self._doors: dict[DoorId, tuple[D, int]] = {}
-        """What was learnt, and from how many days; requested last: last."""
+        """What was learnt, and from how many days; ordered by the last request."""
 
     def predict(self, door_id: DoorId, times_ns: Times, known_ns: Times) -> Forecast:
         """Return how likely the door is open: see `LearntModel`."""

@@ -1,13 +1,13 @@
-"""How many independent days the days after a table are worth, by how long deviations last.
+"""How many independent days the days of a table are worth, by how long deviations last.
 
 A door that forgets in minutes shows its habit within hours; one that stays as it is for two days
 shows little in two weeks. The variance of a time average is p (1 - p) times the sum of the
 residuals' correlations over the lags between what is averaged (Bartlett, J. R. Stat. Soc. 8, 1946).
 Correlations are measured on the residuals of the slowest tables, `NEAR_H` and `FAR_H` hours apart,
-as each midnight knew them; beyond that they fall off as a chain's do. A sensor's errors come on
-top: they do not hang together.
+as each midnight knew them; beyond that they fall off as a chain's do. A sensor's errors are added:
+they are independent.
 
-The days that a door's habits are learnt from, and what each midnight knew of them.
+`ToldDays` are the days that a door's habits are learnt from, and what each midnight knew of them.
 """
 
 from __future__ import annotations
@@ -32,24 +32,24 @@ Tables = NDArray[np.float64]
 Reals = NDArray[np.float64]
 
 NEAR_H, FAR_H = (1, 2), (5, 6, 7, 8)
-"""So far apart residuals are held against each other; several lags, for each is noisy."""
+"""So far apart residuals are correlated; several lags, since each is noisy."""
 WARM_UP_D = 3.0
-"""Residuals of the first days report of bad forecasts: day d counts d / (d + that)."""
+"""Residuals of the first days come from bad forecasts: day d counts d / (d + that)."""
 PRIOR_FORGETS_H, PRIOR_WEIGHT = 24.0, 2.4
-"""Until residuals tell, deviations are forgotten so slowly; it counts as ten hours of a door
+"""The prior of how slowly deviations are forgotten; it counts as ten hours of a door
 that is as likely open as closed: a door that never changed has not shown how long it stays."""
 FAST, LEAST_SIGNAL = 0.2, 0.1
-"""Where residuals an hour apart hardly hang together, what is far apart has that share of it."""
+"""If residuals an hour apart are hardly correlated, far ones have that share of it."""
 FEW_TIMES = 2.0
 """A record of so many times the memory counts half: its length is not known that well."""
 _MOST_KEPT = 0.995
 _LEAST_SPREAD = 0.02
 _MOST_NEAR = 1.2
-"""Residuals of tables that are still wrong hang together more than any door's do."""
+"""Residuals of tables that are still wrong are more correlated than any door's."""
 
 
 class Lasting(NamedTuple):
-    """How much less an average proves than as many fresh tosses, as each midnight knew it."""
+    """How much less an average proves than independent samples, as each midnight knew it."""
 
     of_hour: Reals
     """(rows,): the variance of averages of the same hour of different days over p (1 - p), times
@@ -128,7 +128,7 @@ def lasting_of(slowest: Tables, tables: DayTables, noise: Reals) -> Lasting:
     together, most = np.array(sums[: len(lags)]), np.array(sums[len(lags) :])
 
     def kept_over(hours: tuple[int, ...]) -> Reals:
-        """Return (rows,): what is kept of a deviation so many hours later, on average."""
+        """Return (rows,): the mean remaining share of a deviation so many hours later."""
         chosen = np.isin(lags, hours)
         until_told = PRIOR_WEIGHT * np.exp(-np.array(hours) / PRIOR_FORGETS_H).sum()
         found: Reals = (together[chosen].sum(0) + until_told) / (
@@ -188,7 +188,7 @@ Times = NDArray[np.int64]
 
 
 class ToldDays:
-    """Whole days up to the last that shows something; a row for each midnight between them."""
+    """Whole days up to the last with evidence; a row for each midnight between them."""
 
     def __init__(
         self, evidence: DoorEvidence, clock: LocalClock, *, with_today: bool = False
@@ -203,8 +203,8 @@ class ToldDays:
         self.midnights = self.tables.rows.midnights
         """(rows,): the day that begins then."""
         self._told = np.zeros(len(self.midnights), np.int64)
-        """(rows,): the row of the last day that shows something; through a gap nothing is learnt,
-        and what is known grows old."""
+        """(rows,): the row of the last day with evidence; during a gap nothing is learnt, and what
+        is known grows old."""
         self._told[tells] = tells
         np.maximum.accumulate(self._told, out=self._told)
 

@@ -1,8 +1,8 @@
 """`filter`: what was seen lately, and the schedule, weighed by how fast the door forgets.
 
-What is believed now decays toward how the door is at such hours, by several `regimes` at once:
-paces, and a door that is left closed, or open. How far each is believed at the lead that is queried
-for, the door's own past says (`belief_history`).
+The present belief decays toward how the door is at such hours, by several `regimes` at once:
+paces, and a door that is left closed, or open. The door's own past decides how far each is believed
+at the requested lead (`belief_history`).
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ Times = NDArray[np.int64]
 Reals = NDArray[np.float64]
 
 WAIT_D = 28
-"""So far ahead a wait is worked out by the hour."""
+"""How far ahead a wait is computed by the hour."""
 FRESH = 0.6
 """The belief counts as known while so much is left of what was seen last."""
 TOGETHER_H = 3.0
-"""So long the errors of a schedule hang together; found on simulated doors."""
+"""How long the errors of a schedule are correlated; found on simulated doors."""
 
 
 class DoorFilter:
@@ -76,7 +76,7 @@ class DoorFilter:
             for now in (belief.weight, belief.maybe)
         )
         p_open = tends_to + (weight * (each - tends_to[:, None])).sum(1)
-        # What is not known: which regime it is; what the schedule should say; what it said before.
+        # Unknown are the regime, what the schedule should forecast, and what it forecast before.
         stays = weight * regimes.stays(gap_ns, age_ns)
         variance *= _leaned(np.maximum(1 - stays.sum(1), 0), gap_ns)
         variance += (maybe * (each - p_open[:, None]) ** 2).sum(1)
@@ -99,7 +99,7 @@ class DoorFilter:
         known_ns: int | None = None,
         is_other: bool = False,
     ) -> float:
-        """Return how long it will take, on average, until the door is open, or closed; seconds.
+        """Return the mean time until the door is open, or closed; seconds.
 
         It is the mean first passage: through time t survive e^(-H(t)) of the doors that are not so
         yet, H being the sum of their rates.
@@ -107,9 +107,9 @@ class DoorFilter:
         Args:
             at_ns: From then on.
             until_open: Or until it is closed.
-            most_s: Who waits so long goes; None: nobody does.
-            known_ns: By what was known then; None: at `at_ns`.
-            is_other: It is found closed, or open, then: there is a wait for sure.
+            most_s: The longest wait; None: no limit.
+            known_ns: When the evidence ends; default: `at_ns`.
+            is_other: The door is found in the other state then, so that there is a wait.
         """
         told_ns = at_ns if known_ns is None else min(known_ns, at_ns)
         per_h = self._passages(told_ns, until_open).per_h
@@ -117,7 +117,7 @@ class DoorFilter:
         return waited_s if is_other else self._waits(at_ns, told_ns, until_open) * waited_s
 
     def wait_interval_s(self, at_ns: int, *, until_open: bool) -> tuple[float, float]:
-        """Return the ends of the 90 % interval of that mean, as what was seen leaves it open."""
+        """Return the ends of the 90 % interval of that mean, given the evidence."""
         waits = self._waits(at_ns, at_ns, until_open)
         passages = self._passages(at_ns, until_open)
         shortest, longest = passages.interval(lambda per_h: self._mean_wait_s(at_ns, per_h))
@@ -141,7 +141,7 @@ class DoorFilter:
         return float(((left[:-1] - left[1:]) / rate).sum())
 
     def _passages(self, told_ns: int, until_open: bool) -> Passages:  # noqa: FBT001 - private
-        """Return how soon it passes to that state, as the last midnight knew it."""
+        """Return the passages to that state, as the last midnight knew them."""
         day = self._clock.hour_of(np.array([told_ns])) // 24
         midnight_ns = int(self._clock.midnights_ns(day)[0])
         key = midnight_ns, until_open
@@ -173,9 +173,9 @@ class LearntFilter(LearntByDoor[DoorFilter]):
             door_id: The door.
             at_ns: From then on.
             until_open: Or until it is closed.
-            most_s: Who waits so long goes; None: nobody does.
-            known_ns: By what was known then; None: at `at_ns`.
-            is_other: It is found closed, or open, then: there is a wait for sure.
+            most_s: The longest wait; None: no limit.
+            known_ns: When the evidence ends; default: `at_ns`.
+            is_other: The door is found in the other state then, so that there is a wait.
         """
         if door_id not in self.evidence:
             return math.nan

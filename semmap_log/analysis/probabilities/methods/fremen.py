@@ -37,9 +37,9 @@ OMEGA = 2 * np.pi / PERIODS_S
 SATURATION = 0.01
 """Forecasts keep so far away from 0 and 1."""
 LEARNS_EVERY_NS = HOUR_S * SECOND_NS
-"""A model is that of the last full hour before what is known ends."""
+"""A model is as of the last full hour before the end of the evidence."""
 MOST_HOURS = 100_000
-"""Eleven years: of doors of which something was learnt in more hours only the models that are asked
+"""Eleven years: of doors of which something was learnt in more hours only the models that are used
 for are made."""
 CHUNK = 65_536
 """Forecasts made at a time, to bound memory."""
@@ -131,7 +131,7 @@ class Models:
 
 
 def models_at(known: KnownTime, clock: LocalClock, at_ns: Times, order: int) -> Models:
-    """Return the models that what was known at some times makes.
+    """Return the models of the evidence at some times.
 
     Args:
         known: Of a door.

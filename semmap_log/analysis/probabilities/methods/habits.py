@@ -1,16 +1,15 @@
 """A door's habits: P(open) by hour and weekday, as each local midnight would have had it.
 
 Each table is shrunk toward a coarser one: the hour of a weekday to that of working days or
-weekends, that to the hour of any day, that to the hours next to it, and all to the mean. Weights
-are in days: an hour that was open through once is one observation, however often it was looked at.
-Old days count less, by several half-lives at once; which table is right, `averaging` finds out.
+weekends, that to the hour of any day, that to the adjacent hours, and all to the mean. Weights are
+in days: an hour that was open throughout is one observation, however often it was looked at. Old
+days count less, by several half-lives at once.
 
-Which of a door's habits to believe: Bayesian averaging by how well each foretold the past.
-
-The weights are those of Herbster and Warmuth's fixed share (Machine Learning 32, 1998) over
-tempered likelihoods: a table that was right gains, and none is ever lost, for habits drift. What
-foretells tomorrow best need not foretell next month: weights are kept for several leads, each
-scored by tables as old as its forecasts are.
+Bayesian averaging decides which table to believe, by how well each forecast the past. The weights
+are those of Herbster and Warmuth's fixed share (Machine Learning 32, 1998) over tempered
+likelihoods: a table that was right gains, and none is ever lost, since habits drift. What forecasts
+tomorrow best need not forecast next month: weights are kept for several leads, each scored by
+tables as old as its forecasts are.
 """
 
 from __future__ import annotations
@@ -29,11 +28,11 @@ from semmap_log.core.model.local_clock import DAYS_IN_WEEK, WORKING_DAYS
 Weights = NDArray[np.float64]
 
 LEADS_D = np.array([0, 1, 3, 7, 14, 28, 56])
-"""Days from the midnight up to which is known to the day that is foretold."""
+"""Days from the midnight at which the evidence ends to the forecast day."""
 RATE = 0.25
-"""A known hour counts as a quarter of an independent observation: hours of a day hang together."""
+"""A known hour counts as a quarter of an independent observation: a day's hours are correlated."""
 SHARE = 0.02
-"""So much of the weight is handed out again each day."""
+"""The share of the weight that is redistributed each day."""
 
 
 def weights(habits: Habits, tables: DayTables, lead_d: int) -> Weights:
@@ -52,7 +51,7 @@ def weights(habits: Habits, tables: DayTables, lead_d: int) -> Weights:
 def foretold(
     habits: Habits, tables: DayTables, worth: Weights, mean: Weights, lead_d: int
 ) -> Weights:
-    """Return (days, 24): what the tables said of each day, on average, so many days before it.
+    """Return (days, 24): the tables' average forecast of each day, made `lead_d` days before it.
 
     Args:
         habits: As of `weights`; so are `tables` and `lead_d`.
@@ -73,7 +72,7 @@ def foretold(
 
 
 def _handed_out(habits: Habits, lead_d: int) -> tuple[Weights, float]:
-    """Return what weights are like where nothing is known, and how much a day is handed out so."""
+    """Return the prior weights, and the share of them that is redistributed each day."""
     start = 1 / (1 + lead_d / habits.half_lives_d)
     return start / start.sum(), SHARE / (1 + lead_d)
 
@@ -99,13 +98,13 @@ def weights_of_days(gain: Weights, days: DayRows, start: Weights, share: float) 
 
 
 def shared_anew(before: Weights, gain: Weights, start: Weights, share: Weights | float) -> Weights:
-    """Return the weights of experts after they foretold something; they lie along the last axis.
+    """Return the weights of experts, along the last axis, after a forecast.
 
     Args:
         before: Their weights before, which add up to 1.
         gain: Log-likelihood of what came, by each.
-        start: What weights are like where nothing is known.
-        share: How much is handed out again, by that.
+        start: The prior weights.
+        share: How much is redistributed, by that.
     """
     gained = before * np.exp(gain - gain.max(-1, keepdims=True))
     gained /= gained.sum(-1, keepdims=True)
@@ -116,7 +115,7 @@ def shared_anew(before: Weights, gain: Weights, start: Weights, share: Weights |
 def shared_idly(
     before: Weights, start: Weights, share: float, days: int | NDArray[np.int64]
 ) -> Weights:
-    """Return the weights of experts after so many days on which none foretold anything."""
+    """Return the weights of experts after so many days without a forecast."""
     found: Weights = start + (1 - share) ** days * (before - start)
     return found
 
@@ -132,7 +131,7 @@ def averaged(worth: Weights, tables: KindTables) -> NDArray[np.float64]:
 
 
 def lead_of(days_ahead: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Return which of `LEADS_D` speaks for so many days ahead: the greatest up to that."""
+    """Return which of `LEADS_D` stands for so many days ahead: the greatest up to that."""
     return np.searchsorted(LEADS_D, days_ahead, "right") - 1
 
 
@@ -160,11 +159,11 @@ KINDS = ("mean", "hour", "day type and hour", "weekday and hour")
 """How fine a table is, from coarse to fine."""
 
 PRIOR_DAYS = 0.1
-"""So many days `PRIOR_P` counts: it is gone after the first one."""
+"""The weight of `PRIOR_P`, days: it vanishes after the first one."""
 HOUR_DAYS, WEEK_DAYS = 2.0, 4.0
 """How many days the coarser table counts, where a finer one has evidence of its own."""
 NEIGHBOURS_H = 1.5
-"""The hours next to one count e^(-distance / that)."""
+"""Other hours count e^(-distance / that)."""
 ROWS_AT_ONCE = 128
 
 
@@ -172,7 +171,7 @@ class WeekCells(NamedTuple):
     """WeekCells of tables by midnight, weekday and hour, all (n,)."""
 
     row: NDArray[np.int64]
-    """As which midnight knew it."""
+    """The midnight at which the evidence ends."""
     weekday: NDArray[np.int64]
     hour: NDArray[np.int64]
 
@@ -180,8 +179,8 @@ class WeekCells(NamedTuple):
 class KindTables(NamedTuple):
     """Tables of a week of all half-lives and kinds: table i x kinds + k is of half-life i, kind k.
 
-    What a kind says of several hours stands there once: (rows, half-lives), then hours of a day,
-    and day types or weekdays before them, where it shows these apart.
+    Values that are equal for several hours are stored once: (rows, half-lives), then hours of a
+    day, and before them day types or weekdays, if the kind distinguishes these.
     """
 
     kinds: Sequence[Tables]
@@ -193,7 +192,7 @@ class KindTables(NamedTuple):
         return cls([np.concatenate(kind) for kind in zip(*(p.kinds for p in parts), strict=True)])
 
     def at(self, cells: WeekCells) -> Tables:
-        """Return what they say at some cells, (n, tables)."""
+        """Return their P(open) at some cells, (n, tables)."""
         row, weekday, hour = cells
         parts = (
             part[row] if part.ndim == 2
@@ -204,7 +203,7 @@ class KindTables(NamedTuple):
         return np.stack([*parts], axis=-1).reshape(len(row), -1)
 
     def of_days(self, row: NDArray[np.int64], weekday: NDArray[np.int64]) -> Tables:
-        """Return what some rows say of a weekday each, (n, tables, 24)."""
+        """Return the P(open) of some rows for a weekday each, (n, tables, 24)."""
         parts = (
             part[row, ..., None] if part.ndim == 2
             else part[row] if part.ndim == 3
@@ -215,7 +214,7 @@ class KindTables(NamedTuple):
         return found.reshape(len(row), -1, 24)
 
     def of_weeks(self, rows: slice) -> Tables:
-        """Return all that some rows say, (rows, tables, 7, 24)."""
+        """Return the P(open) of some rows, (rows, tables, 7, 24)."""
         whole = [np.empty((*self.kinds[0][rows].shape, DAYS_IN_WEEK, 24)) for _ in self.kinds]
         for found, part in zip(whole, self.kinds, strict=True):
             told = part[rows].reshape(
@@ -346,12 +345,12 @@ def discounted(
 
 
 def kept(half_life_d: float | Tables, days: int | Days) -> Any:
-    """Return how much of a day still counts so many days later."""
+    """Return the remaining weight of a day so many days later."""
     return 0.5 ** (days / half_life_d)
 
 
 def blocks(first: int, end: int, most: int = ROWS_AT_ONCE) -> Iterator[slice]:
-    """Yield the rows from one to before another, some at a time: all would fill memory."""
+    """Yield a range of rows, some at a time: all would fill memory."""
     for start in range(first, end, most):
         yield slice(start, min(start + most, end))
 
@@ -388,7 +387,7 @@ def _shrunk(sums: Tables, prior: Tables) -> tuple[KindTables, KindTables]:
 def _level(
     opened: Tables, known: Tables, coarser: Tables, weight_days: float
 ) -> tuple[Tables, Tables]:
-    """Return a table shrunk to the hours next to each, and these to a coarser table; and its days.
+    """Return a table shrunk toward adjacent hours, these toward a coarser table, and its days.
 
     Where an hour was never seen, its neighbours speak for it, and far from all of them the day.
     """
@@ -409,7 +408,7 @@ def _by_day_type(table: Tables) -> Tables:
 
 
 def _day(table: Tables, weekday: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return which of the days that a table shows apart weekdays are: day types, or themselves."""
+    """Return the index of weekdays in a table: their day types, or the weekdays themselves."""
     return weekday if table.shape[2] == DAYS_IN_WEEK else weekday // WORKING_DAYS
 
 

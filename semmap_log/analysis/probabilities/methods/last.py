@@ -18,7 +18,7 @@ Times = NDArray[np.int64]
 
 
 class DoorLast:
-    """The last words about one door."""
+    """The last reports about one door."""
 
     def __init__(self, evidence: DoorEvidence) -> None:
         self._said_ns, self._said = _said(evidence)
@@ -48,7 +48,7 @@ class Last:
 
 
 def _said(evidence: DoorEvidence) -> tuple[Times, Probabilities]:
-    """Return when the door was said to be open or closed, ascending, and P(open) by that alone."""
+    """Return when the door was reported open or closed, ascending, and P(open) by that alone."""
     seen = np.where(
         evidence.reads_open,
         evidence.accuracy_open / (evidence.accuracy_open + 1 - evidence.accuracy_closed),

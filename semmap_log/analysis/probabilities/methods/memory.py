@@ -2,9 +2,9 @@
 
 A door that was opened a minute ago will soon be closed; one that stood open all morning will not.
 The chain forgets how it came to its state; this corrects its forecasts by how far the door was off
-its schedule during the last hour, four hours and day. How much each counts, some time ahead, is
-fitted by ridge regression toward what the chain says, again at each midnight: the sums of the days
-before are all that it takes.
+its schedule during the last hour, four hours and day. The weight of each, some time ahead, is
+fitted by ridge regression toward the chain's forecast, at each midnight; it only takes sums over
+the days before.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ STEP_H = 24 / STEPS_A_DAY
 SPANS_H = np.array([1.0, 4.0, 24.0])
 """Over how long deviations are averaged, with weights that fall off."""
 AHEAD_H = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
-"""For these times ahead it is fitted; between them, and to nothing at 0 and after them, a line."""
+"""Fitted for these times ahead; linear between them, and toward zero at 0 and beyond them."""
 RIDGE_H = 10.0
-"""The chain's own word counts as much as so many hours in which the door was fully off."""
+"""The weight of the chain's own forecast, in hours in which the door was fully off."""
 
 
 class Memory:
-    """What is remembered of a door, and what it was worth so far."""
+    """The memory of a door, and its worth so far."""
 
     def __init__(self, evidence: DoorEvidence, schedule: DoorSchedule, clock: LocalClock) -> None:
         self._evidence, self._schedule, self._clock = evidence, schedule, clock
 
     def correction(self, kept: Kept, times_ns: Times, known_ns: Times, deviation: Reals) -> Reals:
-        """Return what to add to the chain's forecasts, (n,).
+        """Return the corrections of the chain's forecasts, (n,).
 
         Args:
             kept: What the chain keeps of a deviation, (n, gaps), of (n,) times, over (gaps,).
@@ -70,7 +70,7 @@ class Memory:
 
     @computed_once
     def _past(self) -> _Past:
-        """Return all deviations, and the sums that tell what they were worth."""
+        """Return all deviations, and the sums that show their worth."""
         grid_ns, left_out_d = _steps(self._evidence)
         held, is_open = held_at(self._evidence, grid_ns)
         expected = self._schedule.p_open(grid_ns, grid_ns)
@@ -114,7 +114,7 @@ class _Past:
     """(rows, ahead, spans + 1): of that with how the door then was off its schedule."""
 
     def weights(self, rows: NDArray[np.intp], kept: Reals) -> Reals:
-        """Return (rows, ahead, spans + 1): how much what is remembered adds to the chain's word.
+        """Return (rows, ahead, spans + 1): the weight of the memory in addition to the chain.
 
         Args:
             rows: As of which midnights.

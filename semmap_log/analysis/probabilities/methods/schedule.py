@@ -1,18 +1,16 @@
-"""`schedule`: how the door is at that hour of that weekday, as far as the days so far tell.
+"""`schedule`: how the door is at that hour of that weekday, as far as past days show.
 
-Learnt again at each local midnight, it uses nothing of today. It is what every other estimator
-tends to as the moment that it foretells moves away.
+It learns at each local midnight, and uses nothing of today. Every other estimator tends to it as
+the forecast moves further ahead. The errors of sensors add to the variance of what was read, as
+each midnight knew it.
 
-How much the errors of sensors add to the variance of what was read, as each midnight knew it.
-
-Hours of the week that are not like that hour of other days: a door that opens on Wednesdays.
-
-Tables that are shrunk toward the hour of any day (`habits`) need months to believe in such a slot.
-Here each cell of the week may have a rate of its own, by itself or with the hour before or after
-it, where it foretold that cell better, week after week: spike and slab (Mitchell and Beauchamp,
-J. Am. Stat. Assoc. 83, 1988), the spike being what the schedule says anyway. Weights are a fixed
-share's, as in `averaging`, cell by cell. How far slots are heard, their worth for the whole door
-decides: where a habit of many hours ends, its slots are dropped within days, not weeks.
+Tables that are shrunk toward the hour of any day (`habits`) need months to believe in an hour of
+the week that differs from that hour of other days, such as a door that opens on Wednesdays. Here
+each cell of the week may have a rate of its own, by itself or with the hour before or after it,
+where it forecast that cell better, week after week: spike and slab (Mitchell and Beauchamp, J. Am.
+Stat. Assoc. 83, 1988), the spike being the schedule's own forecast. Weights are a fixed share's, as
+in `habits`, cell by cell. How much such slots count depends on their worth for the whole door:
+where a habit of many hours ends, its slots are dropped within days, not weeks.
 """
 
 from __future__ import annotations
@@ -65,7 +63,7 @@ LEAST_H = 3.0
 """Known hours at that time of day, an hour more or less: with fewer the schedule is UNKNOWN.
 
 One whole day makes them; of a robot's rounds, a few at that time (a visit counts for what its
-sensor can see, 0.64 h at an accuracy of 0.9)."""
+sensor can show, 0.64 h at an accuracy of 0.9)."""
 
 
 WEEK_LEAD_D = 3
@@ -75,7 +73,7 @@ CELLS_AT_ONCE = 4096
 
 
 class Expected(NamedTuple):
-    """What a schedule says: the arguments of `Forecast.around`."""
+    """A schedule's forecast: the arguments of `Forecast.around`."""
 
     p_open: Probabilities
     variance: Probabilities
@@ -144,10 +142,10 @@ class DoorSchedule:
         return Forecast.around(*self.expect(times_ns, known_ns))
 
     def week(self) -> Forecast:
-        """Return what a week is like, (168,) hours, Monday first.
+        """Return the forecast of a typical week, (168,) hours, Monday first.
 
-        It rests on the evidence alone, and on no moment that it is asked at: each hour is forecast
-        `WEEK_LEAD_D` days ahead of the last midnight that something is known of.
+        It rests on the evidence alone, not on the moment of the query: each hour is forecast
+        `WEEK_LEAD_D` days ahead of the last midnight with evidence.
         """
         hours = np.arange(24 * DAYS_IN_WEEK)
         if not len(self._tables):
@@ -168,7 +166,7 @@ class DoorSchedule:
     def _between_hours(
         self, at: LookUp, otherwise: float, times_ns: Times, known_ns: Times
     ) -> Table:
-        """Return the values of an hour's middle and the next one's, in a line from each to each."""
+        """Return values interpolated between the middle of an hour and that of the next."""
         wall_s, row = self._clock.wall_s(times_ns), self._days_told.row(known_ns)
         from_middle = wall_s % HOUR_S / HOUR_S - 0.5
         beside = wall_s + np.where(from_middle < 0, -HOUR_S, HOUR_S)
@@ -202,7 +200,7 @@ class DoorSchedule:
 
 
 class _OfLead:
-    """What a schedule says so far ahead; most leads are never requested."""
+    """A schedule's forecasts at one lead; most leads are never requested."""
 
     def __init__(
         self, by_table: Habits, tables: DayTables, slot_rates: SlotRates, lead: int
@@ -210,7 +208,7 @@ class _OfLead:
         lead_d = int(LEADS_D[lead])
         self._worth = weights(by_table, tables, lead_d)
         self._by_habit = np.clip(averaged(self._worth, by_table.p_open), LEAST, MOST)
-        """(rows, 7, 24): P(open) without slots."""
+        """P(open) without slots, (rows, 7, 24)."""
         self._days = by_table.days
         said = foretold(by_table, tables, self._worth, self._by_habit, lead_d)
         self._slots = Slots(np.clip(said, LEAST, MOST), tables, slot_rates, lead_d)
@@ -242,7 +240,7 @@ class _OfLead:
         return found
 
     def days_at(self, cells: WeekCells) -> Table:
-        """Return days of evidence after it, (n,)."""
+        """Return the days of evidence that it rests on, (n,)."""
         found: Table = (self._worth[cells.row] * self._days.at(cells)).sum(1)
         return found
 
@@ -278,7 +276,7 @@ def noise_of(evidence: DoorEvidence, tables: DayTables, clock: LocalClock) -> Re
     """Return (rows,): the variance of what a known hour says of the door, by its readings' errors.
 
     A corrected reading (see `day_tables`) errs by a (1 - a) / J^2, and counts as J^2 of an hour;
-    several in an hour err less than one, and still tell no more than that hour.
+    several in an hour err less than one, but count no more than that hour.
 
     Args:
         evidence: Of the door.
@@ -320,31 +318,31 @@ _BESIDE = sorted({hour for block in BLOCKS for hour in block})
 RATES = (1.5, 0.9, 0.9)
 """How much a known hour of a block counts: those of a cell lie a week apart, and prove much."""
 PRIOR = 0.015
-"""P(a cell is a slot) before anything is known, all blocks together. It buys no hearing: only what
-a slot has earned beyond it does."""
+"""The prior of a cell being a slot, all blocks together. A slot counts only by what it has earned
+beyond it."""
 SLAB_P, SLAB_WEEKS = 0.2, 1.0
 """A slot's rate begins at that, or at the schedule's if it is higher, as after so many weeks."""
 SHARE = 0.01
-"""So much of a cell's weights is handed out again each week."""
+"""The share of a cell's weights that is redistributed each week."""
 MOST_GAIN = 3.0
 """No week proves more, nats: a slot is what comes again."""
 HEARD, HEARD_SHARE = 0.8, 0.005
-"""How far slots are heard at first; and so much of it is handed out again each day."""
+"""How much slots count at first, and the share of that which is redistributed each day."""
 _MOST_NATS = 20.0
 
 
 class OfSlots(NamedTuple):
-    """What slots say next to a schedule, all (n,)."""
+    """The forecasts of slots, in addition to a schedule's; all (n,)."""
 
     weight: Tables
-    """How far that is heard."""
+    """How much they count."""
     p_open: Tables
     weeks: Tables
     """Of how many weeks it is."""
 
 
 class SlotRates:
-    """P(open) of blocks by what was seen of them alone."""
+    """P(open) of blocks, from their own evidence alone."""
 
     def __init__(self, tables: DayTables) -> None:
         sums = discounted(weekly_sums(tables), tables.rows.lasts_d, HALF_LIFE_D)
@@ -388,11 +386,11 @@ class Slots:
         """Find them.
 
         Args:
-            said: (days, 24): what the schedule without them reported about each day, so many days
+            said: (days, 24): what the schedule without them forecast for each day, `lead_d` days
                 before.
             tables: The days that it is made of.
             rates: Of the same days.
-            lead_d: How many days ahead they foretell.
+            lead_d: How many days ahead they forecast.
         """
         self._rates = rates
         self._trials = trials = _Trials.of(tables, lead_d)
@@ -411,7 +409,7 @@ class Slots:
         """(rows,)."""
 
     def at(self, cells: WeekCells, schedule: Tables) -> OfSlots:
-        """Return what they say at some cells, where the schedule says (n,)."""
+        """Return their forecasts at some cells, given the schedule's, (n,)."""
         row, weekday, hour = cells
         cell = self._trials.weeks_before(row, weekday), weekday, hour
         rates = self._rates.of(schedule, cells)
@@ -423,7 +421,7 @@ class Slots:
 
 
 class _Trials(NamedTuple):
-    """Each day, foretold by the table of so many days before it: places, (days,)."""
+    """Each day, forecast by the table of so many days before it: indices, (days,)."""
 
     row: Indices
     idle_d: Indices
@@ -455,7 +453,7 @@ class _Trials(NamedTuple):
         )
 
     def gain(self, p_open: Tables, other: Tables) -> Tables:
-        """Return by how much one foretold the days better, nats, (days, 24, ...)."""
+        """Return how much better one forecast the days, nats, (days, 24, ...)."""
         of_open, of_closed = np.log(p_open / other), np.log((1 - p_open) / (1 - other))
         found = self.opened * of_open + self.closed * of_closed
         return np.where(self.is_known[:, None, None], found, 0.0)
@@ -499,7 +497,7 @@ def _weights(gain: Tables, trials: _Trials) -> Tables:
 
 
 def _heard(gain: Tables, rows: DayRows, lead_d: int) -> Tables:
-    """Return (rows + 1,): how far slots are heard, who gained so much on each day."""
+    """Return (rows + 1,): how much slots count, given their gains on each day."""
     share = HEARD_SHARE / (1 + lead_d)
     found = [HEARD]
     nats = np.clip(gain / (1 + lead_d / DAYS_IN_WEEK), -_MOST_NATS, _MOST_NATS)

@@ -43,9 +43,9 @@ from semmap_log.core.model.events import DoorPassed
 Reals = NDArray[np.float64]
 
 MOST_READINGS = 100_000
-"""So many, the latest, are looked at: a sensor is judged by how it is now."""
+"""Only so many of the latest readings count: a sensor is judged by its present state."""
 LEAST_OFF = 0.02
-"""A sensor that moves no door's P(open) by so much is not worth a word."""
+"""A sensor that changes no door's P(open) by so much is not reported."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class SensorDoubt:
     p_open_off: float
     """How much higher P(open) would be with what was seen, at the door where that is most."""
     too_sure: float
-    """How much surer one reading makes than it would with what was seen; 0: not at all."""
+    """How much more certain one reading makes than by the evidence; 0: not at all."""
     door_id: DoorId
     """The door of `p_open_off`."""
     door: str = ""
@@ -93,7 +93,7 @@ def sensor_doubts(
 
     Args:
         evidence: Of the log.
-        door_ids: The doors that are queried.
+        door_ids: The queried doors.
         until_ns: What comes after does not count.
     """
     rows, sensors = evidence.readings(door_ids, until_ns, most=MOST_READINGS)
@@ -113,7 +113,7 @@ def sensor_doubts(
 
 
 def _doubt_of(rows: Rows, sensor: Sensor, passages: Rows) -> SensorDoubt | None:
-    """Return what is wrong with one sensor's declared accuracies; None: nothing, for all we know.
+    """Return the doubt about one sensor's declared accuracies; None: there is none.
 
     Args:
         rows: Its readings, by door, in order.

@@ -23,13 +23,13 @@ Reals = NDArray[np.float64]
 BEYOND_DOUBT = 6.9
 """Nats: under what is declared the evidence is as unlikely as exp(-6.9) = 1e-3, at most."""
 ALSO_WITHOUT_ONE = 3.0
-"""And so unlikely, 0.05, without the door that says it loudest."""
+"""And so unlikely, 0.05, without the door of the strongest evidence."""
 QUIET_SHARE = 0.1
 """And it errs in the quietest third of the hours, too: so much of what it errs in all of them."""
 FEWEST = 30
 """A door with fewer occasions does not count."""
 LEAST_EFFECT = 0.02
-"""A smaller difference of accuracies is not worth a word."""
+"""A smaller difference of accuracies is not reported."""
 NEAR_PASSAGE_NS = 3 * SECOND_NS
 """A reading so near to a passage saw the door that the robot went through."""
 WHOLE_VISITS = 5.0
@@ -37,7 +37,7 @@ WHOLE_VISITS = 5.0
 
 
 class Seen(NamedTuple):
-    """How often a sensor was right while a door was in a state, as far as that can be known."""
+    """How often a sensor was right while a door was in a state, as far as that is known."""
 
     accuracy: float
     low: float

@@ -1,4 +1,4 @@
-"""A sensor's readings as visits, and three in a row of one visit: what shows how it errs."""
+"""A sensor's readings as visits, and three in a row of one visit, which show how it errs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Flags = NDArray[np.bool_]
 STEADY = 0.8
 """Hours count in which so many visits, between two that agree on a state, agree with them."""
 FEW_BY_CHANCE = 4
-"""So many that do not agree are thought beside: a few of a restless door may agree by chance."""
+"""So many disagreeing visits are added: a few of a restless door may agree by chance."""
 FEWEST_OF_HOURS = 20
 """Some hours of a door with fewer occasions do not count."""
 UNITS = 6

@@ -1,6 +1,6 @@
-"""Scans in, proposed doors out: the front of this room.
+"""Scans in, proposed doors out: the entry point of this package.
 
-At which end of a proposed door its leaf hangs, where a leaf was seen standing open.
+It also finds at which end a proposed door's leaf hangs, if a leaf was seen standing open.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from semmap_log.core.model.doors import DoorState
 Floats = NDArray[np.float64]
 
 FREE = 0.6
-"""So large a share of a gap's line has to be free."""
+"""The least share of a gap's line that must be free."""
 OPENS_AT_M = (0.35, 0.5, 0.65)
-"""So far before and behind the line it is looked at whether the space is wider than the gap ..."""
+"""Distances from the line, on both sides, at which the space should be wider than the gap ..."""
 OPENS_BY_M = 0.22
-"""... so far next to its ends."""
+"""... by so much beyond its ends."""
 LEAST_SCORE = 0.5
 LEAST_M, USUAL_M, MOST_M = 0.65, 1.4, 2.6
 """From jamb to jamb: a narrower gap is no door, wider ones than usual are rarer."""
@@ -48,9 +48,9 @@ class Proposal:
     """x, y of the line's start and width m, theta rad: as of a door; frame `map`. It starts at the
     hinge, where that was seen."""
     kind: str
-    """As the annotation: `hinged`, a leaf was seen at the line's start; empty: nobody knows."""
+    """As the annotation: `hinged`, a leaf was seen at the line's start; empty: unknown."""
     score: float
-    """0..1: how much speaks for a door; no probability."""
+    """0..1: the evidence for a door; not a probability."""
     walls: float
     """Share of the line next to the gap that is wall, 0.6 m on both sides."""
     along: float
@@ -58,8 +58,8 @@ class Proposal:
     free: float
     """Share of the gap that beams went through."""
     opens: float
-    """Share of the places next to the gap, before and behind it, that are free: of a corridor's
-    mouth few are."""
+    """Share of the places next to the gap, on both sides, that are free: at a corridor's mouth few
+    are."""
     scans: int
     """That saw it."""
     visits: int
@@ -82,7 +82,7 @@ class Proposal:
 def proposals_of(
     scans: Sequence[PlacedScan], doors: DoorPlaces, walls: Floats | None = None
 ) -> list[Proposal]:
-    """Return the doors that scans of one level show, best first, and the log does not have.
+    """Return doors that scans of one level show and the log lacks, best first.
 
     Args:
         scans: Of that level.
@@ -147,7 +147,7 @@ def _free_share(swept: SweptCells, gaps: Gaps) -> Floats:
 
 
 def _opens(swept: SweptCells, gaps: Gaps) -> Floats:
-    """Return (n,) how much wider than the gap the space is, before it and behind it.
+    """Return (n,) how much wider than the gap the space is, on both sides.
 
     On each side the better of both ends counts: an open leaf stands at one, a corner can be there.
     """
@@ -206,7 +206,7 @@ def _from_hinge(line: Floats, hinge: str) -> Floats:
 
 
 def _score(along: float, opens: float, width: float, *, passed: int, seen_open: int) -> float:
-    """Return how much speaks for a door, 0..1: the wall it is in, space behind it, width, use."""
+    """Return the evidence for a door, 0..1, by its wall, the space beyond it, its width and use."""
     use = 1.0 if passed else (0.8 if seen_open else 0.3)
     wide = float(np.clip((MOST_M - width) / (MOST_M - USUAL_M), 0.4, 1.0))
     return along * opens * wide * use
@@ -229,13 +229,13 @@ def _distance(one: Proposal, other: Proposal) -> float:
 TURNED = radians(24)
 """A leaf that is turned less against the line may be a recess, or slide."""
 LOOKS = 4.0
-"""A visit that is worth fewer shows no leaf."""
+"""A visit that is worth fewer does not show a leaf."""
 LEAST_VISITS = 2
 """That saw it."""
 AGREED = 0.75
 """So large a share of the visits that saw a leaf has to see it at the same end."""
 WIDEST_M = 1.4
-"""In a wider opening one leaf is not given from one of two."""
+"""In a wider opening a single leaf cannot be distinguished from one of two."""
 
 
 def hinge_of(line: NDArray[np.float64], visits: Sequence[Visit]) -> str:

@@ -1,6 +1,6 @@
 """Which cells of a level beams went through, and in which they ended.
 
-Of many scans those that show something new: enough to draw walls and to judge gaps.
+Of many scans only those count that show something new: enough to draw walls and to judge gaps.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FARTHEST_M = 10.0
 STEP_M = 0.1
 """Between two places of a beam that are looked at."""
 SHORT_M = 0.15
-"""A beam is stated to go through cells up to so far before its end."""
+"""A beam counts as going through cells up to so far before its end."""
 MOST_CELLS = 60_000_000
 AT_ONCE = 2_000_000
 """Places of beams."""

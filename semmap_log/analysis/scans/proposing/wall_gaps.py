@@ -44,7 +44,7 @@ class Gaps:
     lines: Floats
     """(n, 4): x, y of the start m, theta rad, width m; as those of doors."""
     walls: Floats
-    """(n, 2): share of the line next to the start, and next to the end, that is wall."""
+    """(n, 2): share of the line that is wall, beyond the start and beyond the end."""
     along: Floats
     """(n,) the same of `ALONG_M` on both sides together: furniture stands in no long row."""
 
