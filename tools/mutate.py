@@ -118,7 +118,12 @@ def _enter_copy(folder: Path) -> None:
     for name in LINKED:
         (tree / name).symlink_to(ROOT / name)
     os.chdir(tree)
-    others = [each for each in sys.path if each and not Path(each).is_relative_to(ROOT)]
+    libraries = Path(sys.prefix)  # which lies in the tree itself, as README has it
+    others = [
+        each
+        for each in sys.path
+        if each and (Path(each).is_relative_to(libraries) or not Path(each).is_relative_to(ROOT))
+    ]
     sys.path[:] = [str(tree), *others]
     sys.dont_write_bytecode = True
     os.environ.update(PYTHONPATH=os.pathsep.join(sys.path), PYTHONDONTWRITEBYTECODE="1",
@@ -130,15 +135,16 @@ def _fate(mutant: Mutant) -> Fate:
     path = function.path.relative_to(ROOT)
     original = path.read_bytes()
     path.write_text(function.before + mutant.text() + function.after, encoding="utf-8")
-    killer, environment = "", {}
+    killer, environment, tests = "", {}, []
     try:
         for tests, environment in _stages(function):
             if killer := _failed(tests, environment):
                 break
     finally:
         path.write_bytes(original)
-    if killer.startswith("tests") and _failed([killer], environment):
-        raise BrokenTestError(killer)
+    again = [killer] if killer.startswith("tests") else tests
+    if killer and (broken := _failed(again, environment)):
+        raise BrokenTestError(broken)
     name = ".".join((*path.with_suffix("").parts, function.name))
     return Fate(mutant.key, name, mutant.change(), killer, round(time.monotonic() - start, 1))
 
