@@ -160,6 +160,8 @@ def run(
     tell_how_to_begin(opened)
     if screenshot is not None:
         refuse_own_folder(opened.path, screenshot)
+    if follow:
+        os.environ.setdefault("RUST_LOG", SDK_SAYS)
     start, end = range_of(opened, since, until)
     if follow and end is not None:
         raise typer.BadParameter("--follow has no end; leave T2 out", param_hint="--since")
@@ -309,7 +311,6 @@ is one, we say so."""
 def _follow(
     opened: DoorLog, looks: dict[str, Any], *, web: bool, theme: ThemeName | None, browser: bool
 ) -> None:
-    os.environ.setdefault("RUST_LOG", SDK_SAYS)
     from semmap_log.errors import ViewerError
     from semmap_log.views.rerun.live_view import LiveViewOptions, follow_in_viewer, web_viewer
     from semmap_log.views.rerun.process import RerunProcess, window

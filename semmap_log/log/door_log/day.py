@@ -58,14 +58,22 @@ def day_of_doors(log: DoorLog, day: Time = None) -> Day:
 
     Args:
         log: The log.
-        day: A moment of that day; None: the last one with a report of a door's state.
+        day: A moment of that day; None: the last one with a report of a door's state, or the log's
+            last day where no door was in the map on that one yet.
 
     Raises:
         MomentError: The time cannot be read.
     """
     asked_ns = log.instant(day)
+    if asked_ns is None:
+        found = _states_of_day(log, log.states_end_ns())
+        return found if found.doors else _states_of_day(log, log.end_ns())
+    return _states_of_day(log, asked_ns)
+
+
+def _states_of_day(log: DoorLog, moment_ns: int) -> Day:
     clock = LocalClock(log.info.timezone)
-    number = clock.hour_of(np.array([log.states_end_ns() if asked_ns is None else asked_ns])) // 24
+    number = clock.hour_of(np.array([moment_ns])) // 24
     start_ns, end_ns = clock.midnights_ns(np.append(number, number + 1)).tolist()
     known_ns = max(start_ns, log.horizon_ns() + 1, 0)  # what was before is no longer kept
     found = log.timelines(since=Moment(ns=known_ns), until=Moment(ns=max(end_ns, known_ns)))

@@ -130,14 +130,8 @@ def test_ctrl_c_keeps_what_has_answered(made_fleet: Path, tmp_path: Path) -> Non
 
 _SLOWLY = """
 import sys, time
-from semmap_log.fleet.jobs import kept_answers
+from semmap_log.fleet.jobs import door_jobs as kept_answers
 from semmap_log.cli import main
-
-
-def code_of(*words: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main(["fleet", *map(str, words)])
-    return int(ended.value.code or 0)
 keep = kept_answers.KeptAnswers.keep
 def slowly(self, answer):
     keep(self, answer)

@@ -428,7 +428,7 @@ for name in ("replace", "rename", "link", "unlink", "mkdir", "rmdir", "fsync"):
     setattr(os, name, before(getattr(os, name)))
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.salvage import swap
+from semmap_log.store.salvage import recovering as swap
 from semmap_log.log.replay.care import recover
 swap._exchange = before(swap._exchange)
 recover(pathlib.Path({str(log)!r}))

@@ -130,7 +130,9 @@ def test_rows_have_the_number_of_their_last_line(
     path.write_bytes(f"door\n{text}".encode())
     reader = csv.reader([f"{line}\n" for line in f"door\n{text}".split("\n")], strict=True)
     try:
-        expected = [(reader.line_num, cells) for cells in reader if cells]
+        expected = [
+            (reader.line_num, [cell.strip() for cell in cells]) for cells in reader if cells
+        ]
     except csv.Error:
         expected = []
 
