@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.store.reading import segment_scan as scan
+from semmap_log.store.reading import segment_scan
 
 LONG_S = 20
 """Whoever waits longer waits for ever."""
@@ -32,7 +32,7 @@ def logs(tmp_path: Path) -> list[Path]:
 def _summary_being_read(path: Path, patch: pytest.MonkeyPatch) -> Iterator[None]:
     """Have a thread stand in the middle of reading a log's summary."""
     is_there, may_go_on = threading.Event(), threading.Event()
-    usual, mine = scan.read_summary, path.name
+    usual, mine = segment_scan.read_summary, path.name
 
     def read_summary(file: Path, *rest: object) -> object:
         if file.parent.name == mine and threading.current_thread() is reading:
@@ -40,7 +40,7 @@ def _summary_being_read(path: Path, patch: pytest.MonkeyPatch) -> Iterator[None]
             may_go_on.wait()
         return usual(file, *rest)  # type: ignore[arg-type]
 
-    patch.setattr(scan, "read_summary", read_summary)
+    patch.setattr(segment_scan, "read_summary", read_summary)
     reading = threading.Thread(target=lambda: sl.read(path).replay())
     reading.start()
     try:

@@ -199,7 +199,7 @@ def test_a_field_of_a_door_is_told_in_four_files(tmp_path: Path) -> None:
     """
     program = Program(tmp_path / "program")
     for kind in ("DoorAdded", "DoorUpdated"):
-        program.edit(f"messages/msg/{kind}.msg", (FIELD_MSG, HEIGHT_MSG))
+        program.edit(f"core/messages/msg/{kind}.msg", (FIELD_MSG, HEIGHT_MSG))
     program.edit(
         "core/model/meaning.py",
         ("    PROB_CLOSED = 16\n", "    PROB_CLOSED = 16\n    HEIGHT = 32\n"),

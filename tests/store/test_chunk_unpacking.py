@@ -19,7 +19,6 @@ from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.replay.care import verify
 from semmap_log.store import record_scan
-from semmap_log.store import record_scan as chunk_unpacking
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import NO_SPAN, BuiltChunk, ChunkFacts, assemble_chunk
 from semmap_log.store.folder import LogFolder
@@ -91,12 +90,12 @@ def test_what_is_no_record_is_not_unpacked_further(monkeypatch: pytest.MonkeyPat
     """
     taken = []
 
-    def pieces(stored: memoryview, usual=chunk_unpacking._pieces) -> Iterator[bytes]:  # type: ignore[no-untyped-def]
+    def pieces(stored: memoryview, usual=record_scan._pieces) -> Iterator[bytes]:  # type: ignore[no-untyped-def]
         for piece in usual(stored):
             taken.append(len(piece))
             yield piece
 
-    monkeypatch.setattr(chunk_unpacking, "_pieces", pieces)
+    monkeypatch.setattr(record_scan, "_pieces", pieces)
     with pytest.raises(ChunkDamage, match="no message"):
         _unpacked(bytes(128 * MIB))
 
@@ -166,7 +165,7 @@ def test_a_segment_of_too_much_is_refused_before_it_is_unpacked(
         log.append([replace(FLOOR, level=level)])
     if closed:
         log.close()
-    monkeypatch.setattr(chunk_unpacking, "FREE_SEGMENT_BYTES", 9_000_000)
+    monkeypatch.setattr(record_scan, "FREE_SEGMENT_BYTES", 9_000_000)
 
     assert any(expected in finding.text for finding in verify(path).findings)
     if closed:

@@ -19,8 +19,7 @@ from semmap_log.log.replay.care import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.form import DIGEST_KEY
 from semmap_log.store.header import _signed, index_metadata
-from semmap_log.store.reading import segment_head
-from semmap_log.store.reading import segment_scan as scan
+from semmap_log.store.reading import segment_head, segment_scan
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import page_at
 from semmap_log.store.verification import Severity
@@ -110,7 +109,7 @@ def test_the_head_of_a_closed_segment_is_told_without_its_chunks(
     def refuse(*_: object) -> None:
         raise AssertionError("chunks were read")
 
-    monkeypatch.setattr(scan, "last_commit_in", refuse)
+    monkeypatch.setattr(segment_scan, "last_commit_in", refuse)
 
     assert all(segment.head for segment in LogReader(log).segments)
     with pytest.raises(AssertionError, match="chunks were read"):
@@ -255,7 +254,7 @@ def test_heads_are_compared_by_what_is_written(log: Path, monkeypatch: pytest.Mo
         asked.append(summary.path)
         return segment_head.stored_head(summary)
 
-    monkeypatch.setattr(scan, "stored_head", count)
+    monkeypatch.setattr(segment_scan, "stored_head", count)
     (first, *_) = LogReader(log).segments
 
     assert first.head == first.head

@@ -196,7 +196,7 @@ def _conversion(folder: Path, made: Rounds, most_ms: int, most_mb: int, rounds: 
 
 def _ours(path: Path, rrd: Path, numbers: list[int]) -> Work:
     import semmap_log as sl
-    from semmap_log.views.rerun import recording as blueprint  # noqa: F401 - loads rerun: not timed
+    from semmap_log.views.rerun import recording  # noqa: F401 - loads rerun: not timed
     from semmap_log.views.rerun.recording import RrdSummary, save_rrd
 
     def answer(_: RrdSummary) -> States:

@@ -10,7 +10,7 @@ import pytest
 from semmap_log.analysis.probabilities.belief_fold import ESTIMATORS, by_name
 from semmap_log.analysis.probabilities.chain.looks import looks
 from semmap_log.analysis.probabilities.estimator import LearntModel, StateModel
-from semmap_log.analysis.probabilities.evidence import day_tables as day_rows
+from semmap_log.analysis.probabilities.evidence import day_tables as day_tables_module
 from semmap_log.analysis.probabilities.evidence.day_tables import DayRows, day_tables
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.methods.effective_days import ToldDays
@@ -58,7 +58,7 @@ def test_forecasts_are_those_that_go_through_every_day(
 
     sparse = learnt(name, told)
     found = sparse.predict(DOOR, times_ns, known_ns)
-    monkeypatch.setattr(day_rows, "LONGEST_GAP_D", 10**6)
+    monkeypatch.setattr(day_tables_module, "LONGEST_GAP_D", 10**6)
     dense = learnt(name, told)
     expected = dense.predict(DOOR, times_ns, known_ns)
 
@@ -80,8 +80,8 @@ def test_what_is_made_of_evidence_goes_by_the_evidence(years: int) -> None:
         return len(day_tables(told, VIENNA)), len(looks(told, VIENNA, told.until_ns))
 
     for rows, most in zip(sizes(far), sizes(near), strict=True):
-        assert rows <= most + day_rows.LONGEST_GAP_D
-    assert 24 < len(ToldDays(far, VIENNA).tables) < 24 + day_rows.LONGEST_GAP_D
+        assert rows <= most + day_tables_module.LONGEST_GAP_D
+    assert 24 < len(ToldDays(far, VIENNA).tables) < 24 + day_tables_module.LONGEST_GAP_D
 
 
 def test_a_gap_leaves_out_whole_weeks() -> None:
@@ -101,7 +101,7 @@ def test_a_gap_that_is_not_long_has_all_rows() -> None:
     """
     `LONGEST_GAP_D` days between two; with one more, one row stands for what is left.
     """
-    last = 1 + day_rows.LONGEST_GAP_D
+    last = 1 + day_tables_module.LONGEST_GAP_D
     whole, cut = (DayRows.of(ends, ends) for ends in np.array([[0, last], [0, last + 1]]))
 
     assert list(range(last + 1)) == whole.days.tolist()

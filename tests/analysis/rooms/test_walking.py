@@ -13,8 +13,14 @@ import pytest
 from hypothesis import given
 
 import semmap_log as sl
-from semmap_log.analysis.rooms import Place, TravelTimes, WalkingDistances, plan_of, room_plan
-from semmap_log.analysis.rooms import door_ways as measured_parts_module
+from semmap_log.analysis.rooms import (
+    Place,
+    TravelTimes,
+    WalkingDistances,
+    door_ways,
+    plan_of,
+    room_plan,
+)
 from semmap_log.analysis.rooms.walking_floor import grown
 from semmap_log.core.model.doors import DoorId, DoorMap, Level
 from semmap_log.errors import CostmapError, UnknownKeywordError
@@ -243,8 +249,8 @@ def test_what_is_not_kept_is_measured_anew(monkeypatch: pytest.MonkeyPatch) -> N
     points = [LEFT, RIGHT, (2.5, 4.4)]
     expected = WalkingDistances(TWO_ROOMS, [BETWEEN]).between(points, points)
 
-    monkeypatch.setattr(measured_parts_module, "MOST_KEPT", 300)
-    monkeypatch.setattr(measured_parts_module, "MOST_TOGETHER", 1)
+    monkeypatch.setattr(door_ways, "MOST_KEPT", 300)
+    monkeypatch.setattr(door_ways, "MOST_TOGETHER", 1)
     walking = WalkingDistances(TWO_ROOMS, [BETWEEN])
 
     for _ in range(2):

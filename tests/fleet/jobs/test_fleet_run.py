@@ -25,7 +25,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.errors import EngineError, MomentError
 from semmap_log.fleet.jobs import dask_engine, door_jobs
-from semmap_log.fleet.jobs import job as fold_job
+from semmap_log.fleet.jobs import job as job_module
 from semmap_log.fleet.jobs.job import FleetAnswer
 from tests.bucket import put_folder
 from tests.fleet.jobs.fleets import START_NS, doors_then, events_of, make_log, openings_then
@@ -113,7 +113,7 @@ def test_parts_of_a_long_log_make_the_answer_of_the_whole(
     fleet = sl.fleet(made_fleet, engine="serial", fresh=True)
     openings, folded = fleet.openings(), fleet.fold(Sightings())
     monkeypatch.setattr(door_jobs, "PART_EVENTS", 20)
-    monkeypatch.setattr(fold_job, "PART_EVENTS", 7)
+    monkeypatch.setattr(job_module, "PART_EVENTS", 7)
 
     in_parts, merged, whole = fleet.openings(), fleet.fold(Sightings()), fleet.fold(Whole())
 
@@ -135,7 +135,7 @@ def test_parts_are_of_the_moment_at_which_the_log_was_looked_at(
     log = tmp_path / "log"
     shutil.copytree(made_fleet / "tug0", log)
     last = sl.read(log).last_event()
-    jobs = (door_jobs.OpeningsJob(), fold_job.FoldJob(Sightings()))
+    jobs = (door_jobs.OpeningsJob(), job_module.FoldJob(Sightings()))
     expected = [job.ask(sl.read(log)) for job in jobs]
     with sl.append(log) as writer:
         for number in range(12, 20):

@@ -130,13 +130,13 @@ def test_ctrl_c_keeps_what_has_answered(made_fleet: Path, tmp_path: Path) -> Non
 
 _SLOWLY = """
 import sys, time
-from semmap_log.fleet.jobs import door_jobs as kept_answers
+from semmap_log.fleet.jobs import door_jobs
 from semmap_log.cli import main
-keep = kept_answers.KeptAnswers.keep
+keep = door_jobs.KeptAnswers.keep
 def slowly(self, answer):
     keep(self, answer)
     time.sleep(0.3)
-kept_answers.KeptAnswers.keep = slowly
+door_jobs.KeptAnswers.keep = slowly
 sys.exit(main([*sys.argv[1:], "--engine", "serial"]))
 """
 

@@ -16,8 +16,7 @@ import semmap_log as sl
 from semmap_log.core.model.doors import DoorId, DoorMap, reduced
 from semmap_log.core.model.events import DoorAdded, RobotPose
 from semmap_log.errors import FormatError, MomentError, OutputError
-from semmap_log.interop.exporting import stream as in_order
-from semmap_log.interop.exporting import stream as stream_plan
+from semmap_log.interop.exporting import stream as stream_module
 from semmap_log.interop.exporting.log_files import record_bag
 from semmap_log.interop.exporting.stream import StreamOptions, log_stream
 from semmap_log.interop.formats.ros.ros_types import RosVersion
@@ -217,7 +216,7 @@ def test_a_log_with_very_many_changes_gets_an_interval(
     log = lively_log(tmp_path / "log", seed=5)
 
     plenty = record_bag(log, tmp_path / "x.mcap", MARKED).every_s
-    monkeypatch.setattr(stream_plan, "MOST_DOORS_SENT", 1000)
+    monkeypatch.setattr(stream_module, "MOST_DOORS_SENT", 1000)
     few = record_bag(log, tmp_path / "y.mcap", MARKED).every_s
 
     assert (0, 600) == (plenty, few)
@@ -383,9 +382,9 @@ def test_the_same_log_gives_the_same_bytes(
     """
     log = lively_log(tmp_path / "log", seed=8)
 
-    for folder, events in (("one", in_order.SLICE_EVENTS), ("two", 7)):
+    for folder, events in (("one", stream_module.SLICE_EVENTS), ("two", 7)):
         (tmp_path / folder).mkdir()
-        monkeypatch.setattr(in_order, "SLICE_EVENTS", events)
+        monkeypatch.setattr(stream_module, "SLICE_EVENTS", events)
         record_bag(log, tmp_path / folder / name, MARKED)
 
     assert digests(tmp_path / "one") == digests(tmp_path / "two")
@@ -424,7 +423,7 @@ def test_progress_goes_up_to_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyP
     It is told how many of the events are done.
     """
     log = lively_log(tmp_path / "log", seed=2)
-    monkeypatch.setattr(in_order, "SLICE_EVENTS", 50)
+    monkeypatch.setattr(stream_module, "SLICE_EVENTS", 50)
     told: list[tuple[int, int]] = []
 
     record_bag(log, tmp_path / "x.mcap", MARKED, progress=lambda *shares: told.append(shares))

@@ -9,7 +9,7 @@ import pytest
 
 from semmap_log.core.model.doors import DoorState
 from semmap_log.errors import FormatError
-from semmap_log.interop import topics as ros_mapping
+from semmap_log.interop import topics as topics_module
 from semmap_log.interop.formats.ros.ros_types import (
     DOOR_MAP,
     GRID,
@@ -35,7 +35,7 @@ from semmap_log.interop.topics.topic_rules import (
     TopicRule,
 )
 
-FOLDER = Path(ros_mapping.__file__).parent
+FOLDER = Path(topics_module.__file__).parent
 
 
 def _read(tmp_path: Path, text: str) -> RosMapping:

@@ -15,7 +15,6 @@ from semmap_log.core.model.events import DoorObserved, FloorMap, LevelAdded, Ret
 from semmap_log.errors import CommandError
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.store.compaction import compact, merge
-from semmap_log.store.compaction import merge as repaging
 from semmap_log.store.writing import segment_chain
 from tests.conftest import SteadyClock
 from tests.store.logs import answers
@@ -29,8 +28,8 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(segment_chain, "ROLL_BYTES", 24_000)
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 7)
     monkeypatch.setattr(segment_chain, "CONTINUE_BELOW_BYTES", 20_000)
-    monkeypatch.setattr(repaging, "CHUNK_BYTES", 900)
-    monkeypatch.setattr(repaging, "READ_BYTES", 500)
+    monkeypatch.setattr(merge, "CHUNK_BYTES", 900)
+    monkeypatch.setattr(merge, "READ_BYTES", 500)
     monkeypatch.setattr(merge, "MERGE_BYTES", 20_000)
 
 

@@ -15,7 +15,6 @@ import semmap_log as sl
 from semmap_log.core.model.events import Event
 from semmap_log.errors import CorruptLogError, LogAccessError, LogLockedError
 from semmap_log.store.compaction import Compacted, compact, merge, plan_compaction
-from semmap_log.store.compaction import merge as repaging
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import KEYFRAME_CHANNEL
 from semmap_log.store.reading.reader import LogReader
@@ -80,7 +79,7 @@ def test_heads_of_parts_stay_as_keyframes_where_they_are_of_use(
     """
     Each by itself in a chunk; those with few records between them and the last are left out.
     """
-    monkeypatch.setattr(repaging, "KEYFRAME_EVERY_BYTES", every)
+    monkeypatch.setattr(merge, "KEYFRAME_EVERY_BYTES", every)
 
     compact(log)
 

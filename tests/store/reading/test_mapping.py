@@ -12,9 +12,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, NotALogError, UnreadableLogError
-from semmap_log.store.reading import chunk_table, live_scan
-from semmap_log.store.reading import live_scan as live_records
-from semmap_log.store.reading import mapped_file as mapping
+from semmap_log.store.reading import chunk_table, live_scan, mapped_file
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.mapped_file import MappedFile, map_file
 from semmap_log.store.reading.page_reading import read_page
@@ -137,7 +135,7 @@ def test_an_error_of_the_system_is_told_with_its_place(
 
     opened = map_file(file)
     monkeypatch.setattr("semmap_log.core.io.disk.read_into", read_into)
-    monkeypatch.setattr(mapping, "read_into", read_into)
+    monkeypatch.setattr(mapped_file, "read_into", read_into)
 
     with pytest.raises(UnreadableLogError, match="cannot be read at byte 8192: Input/output") as e:
         opened.read(100, 40_000)
@@ -198,7 +196,7 @@ def test_a_live_segment_is_read_in_windows(
     eventful_log(tmp_path / "log", copy=tmp_path / "live", per_segment=100)
     (path,) = segment_files(tmp_path / "live")
     whole = open_segment(path).live
-    monkeypatch.setattr(live_records, "WINDOW_BYTES", window)
+    monkeypatch.setattr(live_scan, "WINDOW_BYTES", window)
     monkeypatch.setattr(live_scan, "_HEAD_BYTES", window)
 
     scan = open_segment(path).live

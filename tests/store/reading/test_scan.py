@@ -23,7 +23,6 @@ from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import NO_HASH
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.reading import live_scan
-from semmap_log.store.reading import live_scan as live_records
 from semmap_log.store.reading.resync import whole_chunks
 from semmap_log.store.reading.segment_reading import pages_of
 from semmap_log.store.reading.segment_scan import Segment, open_segment
@@ -293,8 +292,8 @@ def test_reading_on_costs_what_was_added(path: Path, monkeypatch: pytest.MonkeyP
         looks.append(offset)
         return read_head(file, offset, length, base)
 
-    read_head = live_records.read_chunk_head
-    monkeypatch.setattr(live_records, "read_chunk_head", counted)
+    read_head = live_scan.read_chunk_head
+    monkeypatch.setattr(live_scan, "read_chunk_head", counted)
     segment = open_segment(path, earlier=earlier)
 
     assert 1000 == _events(segment)

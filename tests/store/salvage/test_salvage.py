@@ -22,7 +22,6 @@ from semmap_log.store.form import RECOVERING_NAME
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.salvage import recovering
-from semmap_log.store.salvage import recovering as swap
 from semmap_log.store.salvage.recovering import ACTOR
 from semmap_log.store.salvage.rewriting import Renumbering
 from tests.store.eventful import contents, eventful_log, flip
@@ -428,9 +427,9 @@ for name in ("replace", "rename", "link", "unlink", "mkdir", "rmdir", "fsync"):
     setattr(os, name, before(getattr(os, name)))
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.salvage import recovering as swap
+from semmap_log.store.salvage import recovering
 from semmap_log.log.replay.care import recover
-swap._exchange = before(swap._exchange)
+recovering._exchange = before(recovering._exchange)
 recover(pathlib.Path({str(log)!r}))
 """
     done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True)
@@ -448,7 +447,7 @@ def test_where_folders_cannot_be_swapped(log: Path, tmp_path: Path, monkeypatch)
     def refuse(one: Path, other: Path) -> None:
         raise OSError(22, os.strerror(22))
 
-    monkeypatch.setattr(swap, "_exchange", refuse)
+    monkeypatch.setattr(recovering, "_exchange", refuse)
     with pytest.raises(LogAccessError, match=r"--out NEW"):
         recover(log)
 
@@ -470,7 +469,7 @@ def test_a_strangers_links_lead_nowhere(log: Path, tmp_path: Path) -> None:
     recover(log)
 
     assert ["letter.txt"] == [path.name for path in theirs.iterdir()]
-    swap.beside(log).symlink_to(theirs)
+    recovering.beside(log).symlink_to(theirs)
     (theirs / RECOVERING_NAME).touch()
     spoil(log, 0, 2)
     with pytest.raises(LogAccessError, match="expected nothing at this place"):
@@ -483,13 +482,13 @@ def test_a_folder_of_somebody_else_in_the_way_stays(log: Path) -> None:
     It has the name of an unfinished recovery's, but not its mark.
     """
     spoil(log, 0, 2)
-    swap.beside(log).mkdir()
-    (swap.beside(log) / "letter.txt").write_text("mine")
+    recovering.beside(log).mkdir()
+    (recovering.beside(log) / "letter.txt").write_text("mine")
 
     with pytest.raises(LogAccessError, match="expected nothing at this place"):
         recover(log)
 
-    assert "mine" == (swap.beside(log) / "letter.txt").read_text()
+    assert "mine" == (recovering.beside(log) / "letter.txt").read_text()
 
 
 def test_a_log_that_was_moved_is_not_exchanged(

@@ -26,7 +26,6 @@ from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading import command_rows
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
-from semmap_log.store.writing import segment_chain as command_memory
 from semmap_log.store.writing.segment_chain import CommandMemory
 from tests.conftest import SteadyClock
 from tests.store.eventful import flip
@@ -236,7 +235,7 @@ def test_commands_with_one_fingerprint_are_told_apart(
     """
     A fingerprint only says where to look: here all have the same.
     """
-    for module in (command_index, command_memory):
+    for module in (command_index, segment_chain):
         monkeypatch.setattr(module, "fingerprint", lambda _: 2**32 - 1)
     path = tmp_path / "log"
     events = made(path, range(18))
@@ -261,7 +260,7 @@ def test_nothing_is_read_until_a_command_with_an_id_comes(
         return rows_of(segment)
 
     rows_of = command_rows.rows_of
-    monkeypatch.setattr(command_memory, "rows_of", look)
+    monkeypatch.setattr(segment_chain, "rows_of", look)
     with sl.append(path, compact=False) as log:
         for number in range(20):
             log.append(sighting(number))
@@ -307,7 +306,7 @@ def test_numbers_beyond_32_bits_are_found(tmp_path: Path) -> None:
     rows = command_index.command_rows(
         an_id(1) + an_id(2), np.array([first, first + 5], np.uint64), first
     )
-    kept = command_memory.StoredCommands(LogFolder(tmp_path), [])
+    kept = segment_chain.StoredCommands(LogFolder(tmp_path), [])
     kept.add("x", first, rows)
 
     assert [first, first - 2**32, first - 2 * 2**32] == list(kept._events(fingerprint(an_id(1))))

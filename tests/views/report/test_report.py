@@ -16,7 +16,7 @@ import semmap_log as sl
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorObserved, LogExported, PatrolStarted
 from semmap_log.errors import MomentError
-from semmap_log.views.report import page_events as coding
+from semmap_log.views.report import page_events
 from semmap_log.views.report.content import report
 from tests.conftest import SteadyClock
 from tests.views.report.pages import (
@@ -251,7 +251,7 @@ def test_of_very_many_sightings_only_repeats_are_left_out(
     """
     States stay those of a replay; `last seen` lags by no more than the page says.
     """
-    monkeypatch.setattr(coding, "MOST_STATES", 100)
+    monkeypatch.setattr(page_events, "MOST_STATES", 100)
     clock = SteadyClock(START)
     rng = random.Random(3)
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as writer:

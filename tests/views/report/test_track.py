@@ -9,7 +9,7 @@ from itertools import accumulate
 import numpy as np
 import pytest
 
-from semmap_log.views.report import page_events as tracks
+from semmap_log.views.report import page_events
 from semmap_log.views.report.page_events import POSE, track_of
 from semmap_log.views.zone_times import MS_NS, Span
 
@@ -80,13 +80,13 @@ def test_of_too_many_points_the_tolerance_grows(monkeypatch: pytest.MonkeyPatch)
     """
     The track says by how much.
     """
-    monkeypatch.setattr(tracks, "MOST_POINTS", 20)
+    monkeypatch.setattr(page_events, "MOST_POINTS", 20)
     poses = walk(1, 400)
 
     track = track_of(poses, SPAN)
 
     assert len(track.runs[0]) <= 1 + 3 * 20
-    assert track.within_m > tracks.TOLERANCE_M + tracks.ROUNDING_M
+    assert track.within_m > page_events.TOLERANCE_M + page_events.ROUNDING_M
 
 
 def test_no_poses_no_track() -> None:

@@ -24,7 +24,7 @@ from semmap_log.errors import AddressError, QuestionError
 from semmap_log.live.planners.addresses import read_address
 from semmap_log.live.planners.door_view import STATE_QUESTIONS, LearntDoors
 from semmap_log.live.planners.line_protocol import ask_server
-from semmap_log.live.planners.line_protocol import connection as admission
+from semmap_log.live.planners.line_protocol import connection as connection_module
 from semmap_log.live.planners.line_protocol.ask_server import MOST_KNOWN_LINES, AskServer
 from semmap_log.live.planners.line_protocol.connection import MOST_ANSWERS_BYTES, Connection
 from semmap_log.live.planners.line_protocol.tokens import AskClient
@@ -753,7 +753,7 @@ def test_clients_leave_files_for_the_log(
     """
     with contextlib.ExitStack() as files:  # what other tests have open may lie between
         numbers = [files.enter_context(Path(os.devnull).open()).fileno() for _ in range(40)]
-    monkeypatch.setattr(admission, "_allow_files", lambda _: max(numbers))
+    monkeypatch.setattr(connection_module, "_allow_files", lambda _: max(numbers))
     with serving(ask, unix_in(tmp_path)) as server, contextlib.ExitStack() as clients:
         told = [""]
         while len(told) < 500 and not told[-1].startswith("ERROR"):
@@ -774,7 +774,7 @@ def test_some_files_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     for limit, most in (((64, 64), 48), ((256, 1000), 936), ((5000, 9000), 4936)):
         monkeypatch.setattr(resource, "getrlimit", lambda _, limit=limit: limit)
         monkeypatch.setattr(resource, "setrlimit", lambda *_: None)
-        assert most == admission._allow_files(1200)
+        assert most == connection_module._allow_files(1200)
 
 
 def test_a_client_that_asked_more_and_died(
