@@ -107,7 +107,7 @@ def run(
             doors=[opened.resolve_ever(name) for name in door] if door else None,
         )  # fmt: skip
     if plot is not None:
-        from semmap_log.views.plots.figures import plot_calibration
+        from semmap_log.views.plots.calibration import plot_calibration
 
         plot_calibration(found, plot, name=log_name(log))
     if found.protocol.step_s != step:

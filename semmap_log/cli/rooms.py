@@ -118,7 +118,8 @@ def _write(log: DoorLog, plan: RoomPlan, out: Path, level: int | None) -> None:
 def _plot(log: DoorLog, plan: RoomPlan, plot: Path, level: int | None) -> None:
     from semmap_log.core.io.disk import refuse_own_folder
     from semmap_log.core.model.moments import format_short
-    from semmap_log.views.plots.figures import draw_rooms, letters_of, save_figure
+    from semmap_log.views.plots.figures import letters_of, save_figure
+    from semmap_log.views.plots.room_plans import draw_rooms
 
     refuse_own_folder(log.path, plot)
     name = log.info.building or log.path.name

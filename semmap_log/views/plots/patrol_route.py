@@ -25,7 +25,8 @@ from semmap_log.views.palette import (
     PLOT_WORDS,
     VIRIDIS,
 )
-from semmap_log.views.plots.figures import mpl, new_figure, patches, plan_cells, save_figure
+from semmap_log.views.plots.figures import mpl, new_figure, patches, save_figure
+from semmap_log.views.plots.room_plans import plan_cells
 from semmap_log.views.timeline_table import duration
 
 LONG_IN, LEAST_IN, MOST_IN = 13.0, 5.0, 13.0

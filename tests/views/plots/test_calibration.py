@@ -13,7 +13,7 @@ from semmap_log.analysis.beliefs.evaluation import Evaluation, evaluate
 from semmap_log.analysis.beliefs.protocol import Protocol
 from semmap_log.analysis.probabilities.belief_fold import by_name
 from semmap_log.analysis.probabilities.scores import BINS
-from semmap_log.views.plots.figures import draw_calibration, plot_calibration
+from semmap_log.views.plots.calibration import draw_calibration, plot_calibration
 from tests.analysis.beliefs.patrolled import patrolled
 
 

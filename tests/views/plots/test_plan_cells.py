@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from semmap_log.core.model.events import FloorMap
-from semmap_log.views.plots.figures import plan_cells
+from semmap_log.views.plots.room_plans import plan_cells
 
 
 def plan(cells: np.ndarray) -> FloorMap:
