@@ -286,9 +286,10 @@ def _costmap(log: DoorLog, path: Path, at_ns: int) -> Path:
 
 def _rrd(log: DoorLog, path: Path) -> tuple[Path | None, str]:
     from semmap_log.interop.formats.kept_scans.reading import kept_visits
-    from semmap_log.views.rerun.recording import save_rrd
 
     try:
+        from semmap_log.views.rerun.recording import save_rrd
+
         save_rrd(log, path, scans=kept_visits)
     except MissingExtraError as error:
         return None, str(error)

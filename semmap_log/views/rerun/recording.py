@@ -33,10 +33,19 @@ from semmap_log.core.model.events import RobotPose
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import DEFAULT, Palette
-from semmap_log.views.rerun.belief_curves import MOST_CURVES, MOST_WEEKS, ROUNDS, BeliefsShown, Lane
+from semmap_log.views.rerun.belief_curves import (
+    MOST_CURVES,
+    MOST_WEEKS,
+    ROUNDS,
+    BeliefsShown,
+    Lane,
+    beliefs_to_show,
+    round_lanes,
+)
 from semmap_log.views.rerun.contents import find_scene
 from semmap_log.views.rerun.costmap_pictures import COSTMAP, has_costmap
 from semmap_log.views.rerun.drawable import NOTHING, offsets_in
+from semmap_log.views.rerun.file import write_recording
 from semmap_log.views.rerun.rerun_sdk import rr, rrb
 from semmap_log.views.rerun.robot_track import track_paths
 from semmap_log.views.rerun.scene import (
@@ -51,7 +60,13 @@ from semmap_log.views.rerun.scene import (
     SceneLevel,
     entity,
 )
-from semmap_log.views.rerun.sighting_views import AROUND_M, SIGHTINGS, SightingsShown, sighting_path
+from semmap_log.views.rerun.sighting_views import (
+    AROUND_M,
+    SIGHTINGS,
+    SightingsShown,
+    sighting_path,
+    sightings_to_show,
+)
 from semmap_log.views.rerun.week_pictures import sheet_of, weeks_on, weeks_path
 
 if TYPE_CHECKING:
@@ -117,11 +132,6 @@ def save_rrd(
         OutputError: The file would lie in the log's own folder, or cannot be written; what was
             there stays.
     """
-    # Here, not above: who only wants the error for a missing rerun gets it by calling.
-    from semmap_log.views.rerun.belief_curves import beliefs_to_show, round_lanes
-    from semmap_log.views.rerun.file import write_recording
-    from semmap_log.views.rerun.sighting_views import sightings_to_show
-
     refuse_own_folder(log.path, path)
     started = time.monotonic()
     excerpt = Excerpt.of(log, since, until, doors)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
+from semmap_log.cli.demonstration import demo
 from semmap_log.errors import MissingExtraError
+from semmap_log.interop.exporting.log_files import export
 from tests.views.rerun.some_logs import small_log
 
-EDGE = ("rerun_sdk", "rows", "robot_track", "blueprint", "file", "door_entities", "event_markers",
-        "floor", "live_view")  # fmt: skip
+ROOM = "semmap_log.views.rerun"
 
 
 @pytest.fixture(autouse=True)
@@ -19,19 +21,24 @@ def without_rerun(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if rerun-sdk had never been installed."""
     for name in ("rerun", "rerun_cli"):
         monkeypatch.setitem(sys.modules, name, None)
-    for name in EDGE:
-        monkeypatch.delitem(sys.modules, f"semmap_log.views.rerun.{name}", raising=False)
+    for name in [name for name in sys.modules if name.startswith(f"{ROOM}.")]:
+        monkeypatch.delitem(sys.modules, name)
 
 
 def test_saving_says_what_to_install(tmp_path: Path) -> None:
     """
-    The module itself can be imported; nothing is written.
+    As soon as its module is imported; a demo goes on without a recording.
     """
-    from semmap_log.views.rerun.recording import save_rrd
+    log = small_log(tmp_path / "log")
 
     with pytest.raises(MissingExtraError, match=r"pip install 'semmap-log\[viewer\]'"):
-        save_rrd(small_log(tmp_path / "log"), tmp_path / "x.rrd")
+        import_module(f"{ROOM}.recording")
+    with pytest.raises(MissingExtraError, match=r"pip install 'semmap-log\[viewer\]'"):
+        export(log, tmp_path / "x.rrd")
+    recording, why = demo._rrd(log, tmp_path / "x.rrd")
 
+    assert recording is None
+    assert "semmap-log[viewer]" in why
     assert not (tmp_path / "x.rrd").exists()
 
 
