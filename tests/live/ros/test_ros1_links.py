@@ -17,9 +17,9 @@ from tests.live.ros.running import Running
 from tests.live.ros.stock_client import StockClient
 
 PATIENT = """
-from semmap_log.live import ros1_links
+from semmap_log.live.ros import ros1_topics
 
-ros1_links.LISTENS_WITHIN_S = 1000
+ros1_topics.LISTENS_WITHIN_S = 1000
 """
 
 LATE_LINKS = """

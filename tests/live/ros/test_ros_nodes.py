@@ -12,9 +12,9 @@ from tests.live.ros.ros_world import RosWorld
 from tests.live.ros.running import Running
 
 PATIENCE = """
-from semmap_log.live import ros1, ros1_links, ros2, ros2_actions
+from semmap_log.live.ros import ros1, ros1_topics, ros2, ros2_topics
 ros1.SENT_WITHIN_S = ros2.ACKNOWLEDGED_WITHIN_S = 100
-ros1_links.LISTENS_WITHIN_S = ros2_actions.KNOWN_WITHIN_S = 100
+ros1_topics.LISTENS_WITHIN_S = ros2_topics.KNOWN_WITHIN_S = 100
 ros2.RESULT_KEPT_S = 600
 """
 """Who is waited for is there in the end, however busy this machine is."""

@@ -14,7 +14,7 @@ from tests.live.ros.ros_world import ROOT, RosWorld
 
 PATIENT_CALL = """
 from semmap_log.cli import main
-from semmap_log.live import client
+from semmap_log.live.ros import client
 client.REASON_WITHIN_S = 100
 main()
 """

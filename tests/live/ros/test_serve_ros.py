@@ -39,10 +39,10 @@ YAML = """\
 """
 SERVE = """
 from semmap_log.cli import main
-from semmap_log.live import ros2, ros2_actions
+from semmap_log.live.ros import ros2, ros2_topics
 
 ros2.RESULT_KEPT_S = 600
-ros2_actions.KNOWN_WITHIN_S = 100
+ros2_topics.KNOWN_WITHIN_S = 100
 main()
 """
 """`serve`, but that on a busy machine, too, ROS 2 knows what was done before, and who asked."""
