@@ -100,7 +100,7 @@ def run(
 
 
 def _show(answer: pa.Table, log: DoorLog) -> None:
-    from semmap_log.views.scan_report_table import answer_pages
+    from semmap_log.views.sql_answer_table import answer_pages
 
     printed = console()
     for page in answer_pages(answer, tz=log.info.timezone):

@@ -57,7 +57,9 @@ class SigningKey:
     @property
     def public_bytes(self) -> bytes:
         """The public key, 32 bytes."""
-        return self._key.public_key().public_bytes_raw()
+        return self._key.public_key().public_bytes(
+            serialization.Encoding.Raw, serialization.PublicFormat.Raw
+        )
 
     def sign(self, data: bytes) -> bytes:
         """Return the signature, 64 bytes; always the same for the same data."""

@@ -290,7 +290,7 @@ def test_a_recorder_that_is_ended_amid_a_visit_leaves_a_whole_log(
         answered = ros.semmap(verb, office, *(["lab"] if verb == "timeline" else []))
         assert 0 == answered.wait(), answered
     report = ros.semmap("scan-report", office)
-    assert report.wait() == (0 if is_told else 1), report
+    assert report.wait() == (0 if is_told else 1), report.output + report.errors
 
 
 def _drive_by(ros: RosWorld, talker: Talker, recorder: Running, *, seconds: float = 12.0) -> None:
