@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import pkgutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +13,7 @@ import pytest
 from batch_columns import MODULE, written
 
 import semmap_log as sl
-from semmap_log.analysis.beliefs.applying import apply_probabilities
-from semmap_log.analysis.beliefs.best_times import best_time
-from semmap_log.analysis.beliefs.door_beliefs import learn, probabilities, typical_weeks
-from semmap_log.analysis.beliefs.evaluation import evaluate
-from semmap_log.analysis.beliefs.protocol import Patrol, Protocol
-from semmap_log.analysis.beliefs.sensor_calibration import calibrate
-from semmap_log.analysis.costmaps import costmap_at
-from semmap_log.analysis.costmaps.level_costmap import CostmapOptions
-from semmap_log.analysis.planning.round_planner import begun_round, patrol_plan
+from semmap_log.analysis.planning.round_planner import patrol_plan
 from semmap_log.core.batches.taken_columns import MadeOfColumns
 from semmap_log.core.messages import OBJECT_KINDS
 from semmap_log.core.model.doors import DoorState
@@ -32,69 +24,33 @@ from semmap_log.errors import (
     UnknownDoorError,
     UnknownKeywordError,
 )
-from semmap_log.fleet.jobs.fleet_run import fleet
-from semmap_log.interop.exporting.log_files import export
-from semmap_log.interop.exporting.stream import StreamOptions
-from semmap_log.interop.importing.importing import ImportOptions, import_file
-from semmap_log.live.ros.player import PlayOptions
-from semmap_log.live.ros.serving.server import ServeOptions
-from semmap_log.log.door_log.queries import LogTables
 from tests.conftest import SteadyClock
 
 UNKNOWN = "acuracy_of_nothing"
 
-WRITTEN_WITH = (sl.DoorLog, sl.DoorLogWriter, sl.EventBatch, sl.Note)
-OPTIONS = (CostmapOptions, ImportOptions, PlayOptions, ServeOptions, StreamOptions, Protocol,
-           Patrol)  # fmt: skip
-FUNCTIONS = (
-    sl.create, sl.append, sl.read, import_file, export, probabilities, apply_probabilities,
-    best_time, typical_weeks, evaluate, calibrate, learn, costmap_at, patrol_plan, begun_round,
-    fleet,
-)  # fmt: skip
 
+@pytest.mark.parametrize(
+    ("call", "expected"),
+    [
+        (lambda log: log.observe(1, "open", acuracy=0.9), "did you mean 'accuracy'"),
+        (lambda log: log.to_arrow(colums=["door_id"]), "colums"),
+        (lambda log: patrol_plan(log, rums=["1"]), "rums"),
+        (lambda log: log.pin("noon", actr="me"), "did you mean 'actor'"),
+        (lambda log: sl.append(log.path, durabilty="none"), "did you mean 'durability'"),
+        (lambda log: sl.create(log.path / "new", buildng="x"), "did you mean 'building'"),
+    ],
+)
+def test_a_keyword_that_many_calls_share_is_named_where_it_was_meant(
+    call: Callable[[Any], object], expected: str, tmp_path: Path
+) -> None:
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        log.add_door()
+        before = log.replay().event
 
-def _public_calls() -> Iterator[tuple[str, Callable[..., Any]]]:
-    for function in FUNCTIONS:
-        yield function.__name__, function
-    for cls in (*WRITTEN_WITH, *OPTIONS):
-        yield cls.__name__, cls
-    for cls in (*WRITTEN_WITH, LogTables):  # which is a part of a log, and made by nobody
-        for name, member in vars(cls).items():
-            call = getattr(member, "__func__", member)
-            if not name.startswith("_") and inspect.isfunction(call):
-                yield f"{cls.__name__}.{name}", call
+        with pytest.raises(TypeError, match=expected):
+            call(log)
 
-
-CALLS = dict(_public_calls())
-
-
-@pytest.mark.parametrize("name", CALLS)
-def test_an_unknown_keyword_is_refused_by_a_word_on_the_known_ones(name: str) -> None:
-    """
-    Before anything else is looked at: what was meant is not done in part.
-    """
-    parameters = inspect.signature(CALLS[name]).parameters.values()
-    known = {p.name for p in parameters if p.kind is not p.VAR_POSITIONAL} - {"self", "cls"}
-
-    with pytest.raises(UnknownKeywordError if known else TypeError, match=UNKNOWN) as error:
-        CALLS[name](**{UNKNOWN: 1})
-
-    told = str(error.value).rpartition("expected some of ")[2]
-    assert not known or known == {word.strip(".,") for word in told.split()}
-
-
-@pytest.mark.parametrize("name", CALLS)
-def test_a_call_says_what_it_takes(name: str) -> None:
-    """
-    Each parameter by its name and type, so that editors and type checkers know.
-    """
-    parameters = list(inspect.signature(CALLS[name]).parameters.values())
-
-    assert [] == [p.name for p in parameters if p.kind is inspect.Parameter.VAR_KEYWORD]
-    assert [] == [
-        p.name for p in parameters
-        if p.annotation is inspect.Parameter.empty and p.name not in ("self", "cls")
-    ]  # fmt: skip
+        assert before == log.replay().event
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.kind not in OBJECT_KINDS])
@@ -118,14 +74,13 @@ def test_events_refuse_what_they_do_not_know(kind: type[Any]) -> None:
 
 
 TAKE_ANY = {
-    "semmap_log.core.model.keywords.checked": "asks for unknown ones first",
     "semmap_log.core.batches.taken_columns.of": "asks the kind for its fields",
     "semmap_log.views.plots.figures.new_figure": "matplotlib's own, which refuses others",
     "semmap_log.interop.formats.ros.ros_types.new": "a message's fields, which its class knows",
     "semmap_log.core.arrow.scanned_table.scanner": "DuckDB's own, which says more than is wanted",
     "semmap_log.log.door_log.queries.sql": "names of logs, as whoever asks calls them",
     "semmap_log.analysis.sql.sql_query.sql": "names of logs, as whoever asks calls them",
-    "semmap_log.fleet.__call__": "hands all on to `fleet_run.fleet`, which is looked at above",
+    "semmap_log.fleet.__call__": "passes all on to `fleet_run.fleet`, which knows its keywords",
 }
 """Functions outside the command line that take any keyword, and why nothing is swallowed."""
 
@@ -133,9 +88,8 @@ TAKE_ANY = {
 def test_nothing_else_takes_any_keyword() -> None:
     """
     Whoever adds `**` to a function looks here, and says who refuses the wrong ones. Keywords that
-    are told of a `TypedDict` are refused by the calls that are looked at above.
+    are those of a `TypedDict` are looked at above.
     """
-    looked_at = {f"{call.__module__}.{call.__name__}" for call in CALLS.values()}
     package = Path(sl.__file__).parent
     found = set()
     for module in pkgutil.walk_packages([str(package)], "semmap_log."):
@@ -144,10 +98,9 @@ def test_nothing_else_takes_any_keyword() -> None:
         if ".cli" in module.name or not path.exists():  # what is compiled has no such functions
             continue
         for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.FunctionDef) and node.args.kwarg is not None:
-                name = f"{module.name}.{node.name}"
-                if name not in looked_at or "Unpack[" not in ast.unparse(node.args.kwarg):
-                    found.add(name)
+            any_of = node.args.kwarg if isinstance(node, ast.FunctionDef) else None
+            if any_of is not None and "Unpack[" not in ast.unparse(any_of):
+                found.add(f"{module.name}.{node.name}")
 
     assert found == TAKE_ANY.keys()
 

@@ -21,7 +21,7 @@ from semmap_log.core.model.events import (
     LevelAdded,
     RobotPose,
 )
-from semmap_log.errors import CommandError, SemmapError, UnknownKeywordError
+from semmap_log.errors import CommandError, SemmapError
 from semmap_log.store.compaction import compact
 from semmap_log.store.writing import segment_chain
 from tests.conftest import SteadyClock
@@ -197,11 +197,6 @@ def test_a_column_that_is_not_there_is_an_error(
     """
     with pytest.raises(CommandError, match=r"expected some of event, kind, .*got '(colour|event)'"):
         logs[0].tables(columns=names)
-
-
-def test_an_unknown_keyword_is_told(logs: list[sl.DoorLog]) -> None:
-    with pytest.raises(UnknownKeywordError, match="did you mean 'columns'"):
-        logs[0].to_arrow(column=["event"])
 
 
 def test_a_log_without_events_is_a_table_without_rows(tmp_path: Path) -> None:

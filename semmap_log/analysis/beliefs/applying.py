@@ -13,7 +13,6 @@ from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Note
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.core.model.events import DoorUpdated
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.meaning import Changed
 from semmap_log.core.model.moments import format_local
 from semmap_log.core.texts import counted
@@ -40,7 +39,6 @@ class Applied:
     """None: nothing changed, and nothing was written."""
 
 
-@knows_keywords
 def apply_probabilities(
     log: DoorLogWriter,
     *,

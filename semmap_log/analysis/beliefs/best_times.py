@@ -24,7 +24,6 @@ from semmap_log.analysis.probabilities.estimator import StateModel
 from semmap_log.analysis.probabilities.evidence.coverage import HOURS, WeekMask
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.local_clock import HOUR_S
 from semmap_log.log.door_log.door_log import DoorLog, Time
 
@@ -80,7 +79,6 @@ class BestTime:
     """Sensors that are not as accurate as declared: the numbers are off."""
 
 
-@knows_keywords
 def best_time(
     log: DoorLog,
     door: DoorId | str,

@@ -22,7 +22,6 @@ from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId, DoorMap, ShownAsTable
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.core.model.moments import HOUR_NS, Moment
 from semmap_log.errors import MomentError, UnknownDoorError
@@ -119,7 +118,6 @@ class TypicalWeeks(list[TypicalWeek]):
     """Sensors that are not as accurate as declared: the numbers are off."""
 
 
-@knows_keywords
 def typical_weeks(
     log: DoorLog,
     *,
@@ -237,7 +235,6 @@ class DoorBeliefs(list[DoorBelief], ShownAsTable):
         self.sensor_doubts = sensor_doubts
 
 
-@knows_keywords
 def probabilities(
     log: DoorLog,
     *,
@@ -446,7 +443,6 @@ def _door_then(
         raise UnknownDoorError(f"{error} {later}".strip()) from None
 
 
-@knows_keywords
 def learn(
     log: DoorLog,
     *,

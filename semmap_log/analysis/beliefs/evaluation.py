@@ -34,7 +34,6 @@ from semmap_log.analysis.probabilities.scores import (
 from semmap_log.analysis.probabilities.sensors.sensor_doubts import SensorDoubt
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.errors import EstimatorError
 from semmap_log.log.door_log.clock_warnings import believable_span, warn_of_clock
@@ -92,7 +91,6 @@ class Evaluation:
         }
 
 
-@knows_keywords
 def evaluate(
     log: DoorLog,
     estimators: Sequence[Estimator],

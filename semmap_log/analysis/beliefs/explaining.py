@@ -16,7 +16,6 @@ from semmap_log.core.folds.history import HistoryEntry
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorPassed, DoorRequested
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.moments import Moment
 from semmap_log.errors import UnknownDoorError
 from semmap_log.log.door_log.door_log import DoorLog, Time
@@ -25,7 +24,6 @@ from semmap_log.log.door_log.known_later import moment_asked_ns, state_reason
 from semmap_log.log.door_log.queries import NEAR_NS
 
 
-@knows_keywords
 def explain(
     log: DoorLog,
     door: DoorId | str,

@@ -16,7 +16,6 @@ from semmap_log.analysis.probabilities.evidence.evidence import Evidence
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorObserved
-from semmap_log.core.model.keywords import knows_its_keywords
 from semmap_log.core.model.local_clock import DAY_S, LocalClock
 from semmap_log.core.model.moments import SECOND_NS
 from semmap_log.errors import EstimatorError
@@ -28,7 +27,6 @@ MOST_S = 100 * 366 * DAY_S
 """The longest time: more nanoseconds do not fit into 64 bits."""
 
 
-@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class Protocol:
     """What is known at each forecast. By default, what was known at the split.
@@ -96,7 +94,6 @@ def _check(name: str, expected: str, got: float, is_right: bool) -> None:  # noq
 MINUTE_NS = 60 * 10**9
 
 
-@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class Patrol:
     """A robot that passes all doors once in each interval, day and night."""

@@ -22,7 +22,6 @@ from semmap_log.analysis.probabilities.sensors.sensor_doubts import SensorDoubt,
 from semmap_log.core.batches.event_batch import distinct
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorObserved
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.texts import command_line
 from semmap_log.core.users_line import frames_of_ours
 from semmap_log.errors import EstimatorError, SensorWarning
@@ -95,7 +94,6 @@ class Calibration:
         return sum(self.doors.values(), DoorCalibration())
 
 
-@knows_keywords
 def calibrate(
     log: DoorLog, truths: Mapping[DoorId, StateIntervals], *, source: str | None = None
 ) -> Calibration:

@@ -35,7 +35,6 @@ from semmap_log.core.model.events import (
     FloorMap,
     Retracted,
 )
-from semmap_log.core.model.keywords import knows_its_keywords, knows_keywords
 from semmap_log.errors import CostmapError
 from semmap_log.log.door_log.clock_warnings import warn_of_clock
 from semmap_log.log.door_log.door_log import DoorLog, Time
@@ -51,7 +50,6 @@ Point: TypeAlias = tuple[float, float]
 """(x, y), metres, frame `map`."""
 
 
-@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class CostmapOptions:
     """How a costmap is made; names and defaults of ROS's parameters in brackets."""
@@ -150,7 +148,6 @@ def layers_of(
     return layers
 
 
-@knows_keywords
 def costmap_at(
     log: DoorLog,
     options: CostmapOptions = CostmapOptions(),
@@ -252,7 +249,6 @@ class CostmapFrame:
     another one, on another grid."""
 
 
-@knows_keywords
 def costmap_frames(
     log: DoorLog,
     options: CostmapOptions = CostmapOptions(),
@@ -334,7 +330,6 @@ def _frames_on(
             yield CostmapFrame(at_ns, state.event, windows, costmap)
 
 
-@knows_keywords
 def costmap_live(
     log: DoorLog,
     options: CostmapOptions = CostmapOptions(),

@@ -38,7 +38,6 @@ from semmap_log.analysis.rooms import OUTSIDE, Place, RoomGraph, RoomId, room_pl
 from semmap_log.analysis.rooms.walking import SPEED_M_S
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.moments import SECOND_NS, Moment
 from semmap_log.core.texts import counted
 from semmap_log.errors import PlanError
@@ -89,7 +88,6 @@ class DoorTrip:
     notes: tuple[str, ...]
 
 
-@knows_keywords
 def door_trip(
     log: DoorLog,
     start_at: str,

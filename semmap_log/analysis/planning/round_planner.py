@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +55,6 @@ from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.core.model.events import RobotPose
-from semmap_log.core.model.keywords import knows_keywords, share_keywords
 from semmap_log.core.model.moments import SECOND_NS, Moment
 from semmap_log.errors import PlanError
 from semmap_log.log.door_log.door_log import DoorLog, Time
@@ -77,20 +76,6 @@ class RoundWish(TypedDict, total=False):
     progress: Progress | None
 
 
-_USUAL: Final[RoundWish] = {
-    "start_at": None,
-    "rooms": (),
-    "doors": (),
-    "start": None,
-    "estimator": None,
-    "tz": None,
-    "options": PatrolOptions(),
-    "progress": None,
-}
-share_keywords(RoundWish, _USUAL)
-
-
-@knows_keywords
 def patrol_plan(log: DoorLog, **wish: Unpack[RoundWish]) -> PatrolPlan:
     """Return the order of rooms and doors with the least mean time to visit.
 
@@ -116,13 +101,21 @@ def patrol_plan(log: DoorLog, **wish: Unpack[RoundWish]) -> PatrolPlan:
     return begun_round(log, **wish).plan
 
 
-@knows_keywords
-def begun_round(log: DoorLog, **wish: Unpack[RoundWish]) -> BegunRound:
+def begun_round(
+    log: DoorLog,
+    *,
+    start_at: str | None = None,
+    rooms: Sequence[str] = (),
+    doors: Sequence[str] = (),
+    start: Time = None,
+    estimator: str | None = None,
+    tz: str | None = None,
+    options: PatrolOptions = PatrolOptions(),
+    progress: Progress | None = None,
+) -> BegunRound:
     """Return the plan with all that is needed to continue it: see `FollowedRound`.
 
-    Args:
-        log: The log of the building.
-        **wish: The keywords of `patrol_plan`.
+    Its keywords are those of `patrol_plan`.
 
     Raises:
         PlanError: There is nothing to visit, no such place, no time, or no way.
@@ -130,19 +123,17 @@ def begun_round(log: DoorLog, **wish: Unpack[RoundWish]) -> BegunRound:
         EstimatorError: There is no such estimator.
         MomentError: The time or the zone cannot be read.
     """
-    given = _USUAL | wish
-    options = given["options"]
     check_options(options)
     query, start_ns = beliefs_at(
-        log, given["start"], estimator=given["estimator"], tz=given["tz"],
-        progress=given["progress"],
+        log, start, estimator=estimator, tz=tz,
+        progress=progress,
     )  # fmt: skip
     at = None if start_ns > query.known_ns else Moment(ns=start_ns)
     ways = WaysBetween(room_plan(log, at=at), speed_m_s=options.speed_m_s)
     names = NamedPlaces(log, ways, at)
-    where = _start_place(log, names, given["start_at"], at)
-    if given["rooms"] or given["doors"]:
-        wanted = wanted_by_name(ways, names, given["rooms"], given["doors"], where)
+    where = _start_place(log, names, start_at, at)
+    if rooms or doors:
+        wanted = wanted_by_name(ways, names, rooms, doors, where)
     else:
         wanted = all_wanted(ways, where)
     passing = None

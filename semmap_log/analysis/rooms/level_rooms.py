@@ -40,7 +40,6 @@ from semmap_log.analysis.rooms.room_graph import (
 from semmap_log.core.folds.levels import only_doors
 from semmap_log.core.model.doors import Door, DoorMap
 from semmap_log.core.model.events import FloorMap
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.moments import format_local
 from semmap_log.log.door_log.door_log import DoorLog, Time
 
@@ -86,7 +85,6 @@ class RoomPlan:
         return found if found >= OUTSIDE else None
 
 
-@knows_keywords
 def rooms_of(
     log: DoorLog, *, at: Time = None, known_at: Time = None, event: int | None = None
 ) -> RoomGraph:
@@ -109,7 +107,6 @@ def rooms_of(
     return room_plan(log, at=at, known_at=known_at, event=event).graph
 
 
-@knows_keywords
 def room_plan(
     log: DoorLog, *, at: Time = None, known_at: Time = None, event: int | None = None
 ) -> RoomPlan:

@@ -14,7 +14,6 @@ from semmap_log.analysis.rooms.room_graph import Lift
 from semmap_log.analysis.rooms.walking_floor import WalkingFloor
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.core.model.events import FloorMap
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.errors import CostmapError
 
 RADIUS_M = 0.25
@@ -31,7 +30,6 @@ class WalkingDistances:
     and diagonal steps, at most 8 % longer than the straight line.
     """
 
-    @knows_keywords
     def __init__(
         self,
         floor: FloorMap,
@@ -99,7 +97,6 @@ class TravelTimes:
     their levels by a ride that takes the same time between any two.
     """
 
-    @knows_keywords
     def __init__(
         self,
         floors: Mapping[int, FloorMap],
@@ -139,7 +136,6 @@ class TravelTimes:
         self._ride_s = ride_s
 
     @classmethod
-    @knows_keywords
     def of_plan(
         cls,
         plan: RoomPlan,

@@ -37,7 +37,6 @@ from semmap_log.core.model.events import (
     event_of,
     events_of_columns,
 )
-from semmap_log.core.model.keywords import knows_its_keywords
 from semmap_log.core.texts import counted
 from semmap_log.errors import InvalidEventError
 
@@ -145,7 +144,6 @@ class RecordedEvent:
         return self.event.happened_ns
 
 
-@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class EventBatch(MadeOfColumns):
     """Events in order of their numbers, as numpy columns.

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TypeAlias
 
-from semmap_log.core.model.keywords import knows_its_keywords
 from semmap_log.errors import InvalidEventError
 
 
@@ -55,7 +54,6 @@ MOST_NOTE_CHARACTERS = 4 * 2**20
 """Of all of a note's texts together: at most 16 MiB."""
 
 
-@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class Note:
     """Who did it, with what, why; empty texts say nothing."""

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 
 from semmap_log.core.folds.projection import Projection
 from semmap_log.core.io.url_path import place_of
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.errors import MomentError
 from semmap_log.fleet.answer_places import default_folder
 from semmap_log.fleet.jobs.door_jobs import (
@@ -195,7 +194,6 @@ class Fleet:
         return joined_answers(job, [answers[place] for place in self.places])
 
 
-@knows_keywords
 def fleet(
     urls: str | PurePath | Iterable[str | PurePath],
     *,

@@ -22,7 +22,6 @@ from pathlib import Path, PurePath
 
 from semmap_log.core.io.object_cache import VARIABLE
 from semmap_log.core.io.url_path import place_of
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.rigid_transform import RigidTransform
 from semmap_log.errors import LogAccessError, LogError
 from semmap_log.fleet.join.door_plan import plan_doors
@@ -159,7 +158,6 @@ def view_of_file(path: Path) -> JoinedView:
     return view_of(open_joined(read_definition(path)))
 
 
-@knows_keywords
 def join(
     logs: Iterable[str | PurePath] | Mapping[str, str | PurePath],
     *,

@@ -28,7 +28,6 @@ from semmap_log.core.io.progress import Progress
 from semmap_log.core.lazily import computed_once
 from semmap_log.core.model.doors import Door, middle_of
 from semmap_log.core.model.events import FloorMap
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.moments import format_local
 from semmap_log.errors import FormatError
 from semmap_log.interop.formats.bags.bag_reading import bytes_of, new_bag
@@ -197,7 +196,6 @@ class RecordedCostmap:
     bytes: int
 
 
-@knows_keywords
 def record_costmap(
     log: DoorLog,
     out: Path,

@@ -9,7 +9,6 @@ from pathlib import Path
 from semmap_log.core.io.disk import output_errors, refuse_own_folder, replace_file
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.errors import FormatError
 from semmap_log.log.door_log.door_log import DoorLog, Time
 from semmap_log.views.palette import DEFAULT, Palette
@@ -27,7 +26,6 @@ class ReportWritten:
     bytes: int
 
 
-@knows_keywords
 def write_report(
     log: DoorLog,
     out: Path,

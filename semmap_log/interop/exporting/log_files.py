@@ -25,7 +25,6 @@ from semmap_log.core.io.disk import output_errors, refuse_own_folder, whole_file
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DoorId, DoorMap
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.moments import Moment
 from semmap_log.core.texts import counted
 from semmap_log.errors import CommandError, FormatError, UnknownLevelError
@@ -67,7 +66,6 @@ class Exported:
     """What else to know of it."""
 
 
-@knows_keywords
 def export(
     log: DoorLog,
     out: Path,
@@ -486,7 +484,6 @@ class RecordedBag:
     bytes: int
 
 
-@knows_keywords
 def record_bag(
     log: DoorLog,
     out: Path,

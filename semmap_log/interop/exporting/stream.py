@@ -35,7 +35,6 @@ from semmap_log.core.model.events import (
     LevelAdded,
     RobotPose,
 )
-from semmap_log.core.model.keywords import knows_its_keywords
 from semmap_log.core.model.moments import refuse_reversed
 from semmap_log.interop.exporting.stream_topics import (
     LatestDoors,
@@ -66,7 +65,6 @@ from semmap_log.views.event_words import printable, words_of
 from semmap_log.views.palette import DEFAULT, Palette
 
 
-@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class StreamOptions:
     """What is exported, and how."""

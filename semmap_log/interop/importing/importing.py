@@ -16,7 +16,6 @@ from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import NO_CONTENT, Note
 from semmap_log.core.model.doors import suspect_cells
 from semmap_log.core.model.events import Event
-from semmap_log.core.model.keywords import knows_its_keywords, knows_keywords
 from semmap_log.core.model.moments import Moment
 from semmap_log.errors import CommandError, FormatError
 from semmap_log.interop.formats.bags.bag_reading import READABLE_BAGS, files_of, is_bag
@@ -74,7 +73,6 @@ TOLD_EVERY = 1000
 """Events between two words of progress, or a whole batch of them."""
 
 
-@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class ImportOptions:
     """How a file is to be taken."""
@@ -113,7 +111,6 @@ class ImportOptions:
     sighting that the log holds by any other file is the same."""
 
 
-@knows_keywords
 def import_file(
     log: DoorLogWriter,
     path: Path,

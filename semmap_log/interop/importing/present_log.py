@@ -16,7 +16,6 @@ from semmap_log.core.lazily import computed_once
 from semmap_log.core.model.commits import Commit, Note
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAdded, DoorRemoved, Event, FloorMap
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.core.model.moments import format_local
 from semmap_log.errors import FormatError
 from semmap_log.interop.importing.import_plan import Imported, ImportPlan, Present
@@ -219,7 +218,6 @@ class _ReadCommits(StoredCommits):
         return None if found is None else StoredCommand(found)
 
 
-@knows_keywords
 def backdate(
     log: DoorLogWriter, since_ns: int, *, note: Note = Note(), command_id: bytes | None = None
 ) -> Imported:

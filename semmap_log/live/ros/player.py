@@ -9,7 +9,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from threading import Event
 
-from semmap_log.core.model.keywords import knows_its_keywords
 from semmap_log.interop.exporting.stream import LogStream, StreamMessage
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
 from semmap_log.interop.formats.ros.ros_types import CLOCK, Messages, encoded
@@ -39,7 +38,6 @@ Told = Callable[[int, int], None]
 """Takes the log's time of now, and that of the next message."""
 
 
-@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class PlayOptions:
     """How it is played."""

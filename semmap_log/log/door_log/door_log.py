@@ -33,7 +33,6 @@ from semmap_log.core.model.events import (
     is_whole_number,
     kinds_meant,
 )
-from semmap_log.core.model.keywords import knows_its_keywords
 from semmap_log.core.model.moments import (
     Moment,
     format_local,
@@ -79,7 +78,6 @@ PIN = "pin:"
 """Prefix of the name of a pinned moment, where a time is given."""
 
 
-@knows_its_keywords
 class DoorLog(LogTables, LogQueries, ShownAsTable):
     """A log that is read: as it was when it was opened, or last refreshed."""
 

@@ -20,7 +20,7 @@ from semmap_log.core.model.events import (
     RobotPose,
     is_whole_number,
 )
-from semmap_log.core.model.keywords import knows_its_keywords, share_keywords
+from semmap_log.core.model.keywords import check_keywords
 from semmap_log.errors import InvalidEventError
 from semmap_log.log.door_log.appender import Appended, Appender
 from semmap_log.log.door_log.current_map import (
@@ -88,10 +88,8 @@ _NOT_GIVEN: Final[About] = {
     "command_id": None,
     "expected_event": None,
 }
-share_keywords(About, _NOT_GIVEN)
 
 
-@knows_its_keywords
 class DoorLogWriter(DoorLog):
     """A log that is written, by the commands that a door map knows. Several threads may use it.
 
@@ -138,8 +136,9 @@ class DoorLogWriter(DoorLog):
             InvalidEventError: A value that no door can have.
         """
         corners = tuple((float(x), float(y)) for x, y in outline)
-        command = AddDoor(_context(about), door_id, level, x, y, theta, width, _state(state),
-                          prob_open, prob_closed, name, object_class, corners)  # fmt: skip
+        command = AddDoor(_context(self.add_door, about), door_id, level, x, y, theta, width,
+                          _state(state), prob_open, prob_closed, name, object_class,
+                          corners)  # fmt: skip
         return _first_of(DoorAdded, self._appender.append(command)).door_id
 
     def define_class(
@@ -167,7 +166,9 @@ class DoorLogWriter(DoorLog):
         shape = geometry.value if isinstance(geometry, Geometry) else geometry
         if blocks is None:
             blocks = ",".join(split_words(states)[1:2])
-        return self._appender.append(DefineClass(_context(about), name, shape, states, blocks))
+        return self._appender.append(
+            DefineClass(_context(self.define_class, about), name, shape, states, blocks)
+        )
 
     def update_door(
         self,
@@ -191,8 +192,8 @@ class DoorLogWriter(DoorLog):
             InvalidEventError: Nothing is given, or a value that no door can have.
         """
         wanted = None if state is None else _state(state)
-        command = UpdateDoor(_context(about), door, x, y, theta, level, width, wanted, prob_open,
-                             prob_closed)  # fmt: skip
+        command = UpdateDoor(_context(self.update_door, about), door, x, y, theta, level, width,
+                             wanted, prob_open, prob_closed)  # fmt: skip
         return self._appender.append(command)
 
     def remove_door(
@@ -201,7 +202,7 @@ class DoorLogWriter(DoorLog):
         **about: Unpack[About],
     ) -> Appended:
         """Take a door out of the map; its history stays, its id is never used again."""
-        return self._appender.append(RemoveDoor(_context(about), door))
+        return self._appender.append(RemoveDoor(_context(self.remove_door, about), door))
 
     def observe(
         self,
@@ -225,8 +226,8 @@ class DoorLogWriter(DoorLog):
             opening: How far the door stands open, 0..1.
             **about: When, who and why: see the class.
         """
-        command = ObserveDoor(_context(about), door, _state(state), accuracy, accuracy_open,
-                              accuracy_closed, opening)  # fmt: skip
+        command = ObserveDoor(_context(self.observe, about), door, _state(state), accuracy,
+                              accuracy_open, accuracy_closed, opening)  # fmt: skip
         return self._appender.append(command)
 
     def annotate(
@@ -237,7 +238,7 @@ class DoorLogWriter(DoorLog):
         **about: Unpack[About],
     ) -> Appended:
         """Say something about a door in words; an empty value takes it back."""
-        return self._appender.append(AnnotateDoor(_context(about), door, key, value))
+        return self._appender.append(AnnotateDoor(_context(self.annotate, about), door, key, value))
 
     def request(
         self,
@@ -246,7 +247,9 @@ class DoorLogWriter(DoorLog):
         **about: Unpack[About],
     ) -> Appended:
         """Record that a state was requested; the door's state stays as it is."""
-        return self._appender.append(RequestDoor(_context(about), door, _state(state)))
+        return self._appender.append(
+            RequestDoor(_context(self.request, about), door, _state(state))
+        )
 
     def passed(
         self,
@@ -257,7 +260,7 @@ class DoorLogWriter(DoorLog):
         **about: Unpack[About],
     ) -> Appended:
         """Record that a robot went through a door, or gave up waiting."""
-        return self._appender.append(PassDoor(_context(about), door, passed, waited_s))
+        return self._appender.append(PassDoor(_context(self.passed, about), door, passed, waited_s))
 
     def retract(
         self,
@@ -280,7 +283,9 @@ class DoorLogWriter(DoorLog):
             CommandError: There is no such event, the range runs backwards, or nothing in it can be
                 taken back.
         """
-        command = RetractEvents(_context(about), first, first if last is None else last)
+        command = RetractEvents(
+            _context(self.retract, about), first, first if last is None else last
+        )
         return self._appender.append(command)
 
     def pin(self, name: str, **about: Unpack[About]) -> Appended:
@@ -296,7 +301,7 @@ class DoorLogWriter(DoorLog):
         """
         at = about.get("at")
         self.replay(at=at)
-        return self._appender.append(PinMoment(_context(about), name, self.instant(at)))
+        return self._appender.append(PinMoment(_context(self.pin, about), name, self.instant(at)))
 
     def rebase(
         self,
@@ -333,7 +338,7 @@ class DoorLogWriter(DoorLog):
 
         transform = by if isinstance(by, RigidTransform) else RigidTransform(*by)
         measured = {door: MeasuredDoor(*at) for door, at in doors.items()}
-        command = RebaseMap(_context(about), floor, transform, measured, level)
+        command = RebaseMap(_context(self.rebase, about), floor, transform, measured, level)
         return self._appender.append(command)
 
     def start_patrol(
@@ -341,7 +346,7 @@ class DoorLogWriter(DoorLog):
         **about: Unpack[About],
     ) -> tuple[Appended, int]:
         """Record that a round began; return its number, one more than the last one's."""
-        appended = self._appender.append(StartPatrol(_context(about)))
+        appended = self._appender.append(StartPatrol(_context(self.start_patrol, about)))
         return appended, _first_of(PatrolStarted, appended).patrol
 
     def finish_patrol(
@@ -353,7 +358,7 @@ class DoorLogWriter(DoorLog):
         Raises:
             CommandError: No round is under way.
         """
-        appended = self._appender.append(FinishPatrol(_context(about)))
+        appended = self._appender.append(FinishPatrol(_context(self.finish_patrol, about)))
         return appended, _first_of(PatrolFinished, appended).patrol
 
     def append(
@@ -573,9 +578,10 @@ def _first_of(kind: type[E], appended: Appended) -> E:
     return next(event for event in appended.events if isinstance(event, kind))
 
 
-def _context(about: About) -> CommandContext:
+def _context(verb: Callable[..., object], about: About) -> CommandContext:
     if not about:
         return _NOTHING_TOLD
+    check_keywords(verb, about, About)
     whole = _NOT_GIVEN | about
     said = (whole["actor"], whole["source"], whole["reason"], whole["correlation"])
     note = Note(*said) if any(said) else Note()

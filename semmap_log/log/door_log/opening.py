@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol, TypedDict
 
 from semmap_log.core.io.clock import Clock, SystemClock
 from semmap_log.core.io.url_path import local_path
 from semmap_log.core.model.commits import Durability, check_text
-from semmap_log.core.model.keywords import knows_keywords, share_keywords
+from semmap_log.core.model.keywords import check_keywords
 from semmap_log.core.model.moments import MOST_HOLDS, USUAL_HOLDS, zone
 from semmap_log.errors import InvalidEventError
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
@@ -55,10 +56,8 @@ _USUAL: Final[WritingOptions] = {
     "entropy": os.urandom,
     "signer": None,
 }
-share_keywords(WritingOptions, _USUAL)
 
 
-@knows_keywords
 def create(
     path: str | Path,
     *,
@@ -85,7 +84,7 @@ def create(
         MomentError: No such zone.
         InvalidEventError: No such durability, or `holds` is out of range.
     """
-    environment = _environment(writing)
+    environment = _environment(create, writing)
     timezone = machine_zone() if tz is None else tz
     zone(timezone)
     check_text("building", building)
@@ -96,7 +95,6 @@ def create(
     return _followed(create_log(local_path(path), info, WrittenState, environment), writing)
 
 
-@knows_keywords
 def append(path: str | Path, **writing: Unpack[WritingOptions]) -> DoorLogWriter:
     """Open a log for writing; what a crash left unfinished is put in order first.
 
@@ -117,7 +115,7 @@ def append(path: str | Path, **writing: Unpack[WritingOptions]) -> DoorLogWriter
         LogAccessError: It is on a read-only place.
         InvalidEventError: No such durability.
     """
-    opened = open_for_append(local_path(path), WrittenState, _environment(writing))
+    opened = open_for_append(local_path(path), WrittenState, _environment(append, writing))
     return _followed(opened, writing)
 
 
@@ -128,7 +126,8 @@ def _followed(opened: OpenedLog[WrittenState], writing: WritingOptions) -> DoorL
     return DoorLogWriter(opened)
 
 
-def _environment(writing: WritingOptions) -> Environment:
+def _environment(call: Callable[..., object], writing: WritingOptions) -> Environment:
+    check_keywords(call, writing, WritingOptions)
     given = _USUAL | writing
     policy = DurabilityPolicy.of(given["durability"], given["batch_events"], given["batch_s"])
     clock = given["clock"] or SystemClock()

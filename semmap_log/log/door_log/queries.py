@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from datetime import date
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypedDict, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict, cast
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from semmap_log.core.model.events import (
     Event,
     is_whole_number,
 )
-from semmap_log.core.model.keywords import knows_its_keywords, share_keywords
 from semmap_log.core.model.moments import INSTANTS, SECOND_NS, Moment, parse_moment
 from semmap_log.errors import MomentError, UnknownDoorError
 from semmap_log.log.door_log.door_index import (
@@ -161,18 +160,6 @@ class EventChoice(TypedDict, total=False):
     progress: Progress | None
 
 
-_USUAL: Final[EventChoice] = {
-    "recorded": False,
-    "doors": None,
-    "kinds": None,
-    "retracted": False,
-    "columns": None,
-    "progress": None,
-}
-share_keywords(EventChoice, _USUAL)
-
-
-@knows_its_keywords
 class LogTables(ABC):
     """A log as tables: one row an event, by event number, with who did it and why.
 

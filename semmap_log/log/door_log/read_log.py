@@ -5,14 +5,12 @@ from __future__ import annotations
 from pathlib import Path, PurePath
 
 from semmap_log.core.io.url_path import place_of
-from semmap_log.core.model.keywords import knows_keywords
 from semmap_log.errors import NotALogError
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_folder import store_at
 
 
-@knows_keywords
 def read(
     path: str | PurePath, *, cache: str | Path | None = None, with_url: str | None = None
 ) -> DoorLog:

@@ -14,7 +14,7 @@ import semmap_log as sl
 from semmap_log.analysis.rooms import OUTSIDE, RoomGraph, RoomPlan, plan_of, room_plan, rooms_of
 from semmap_log.core.model.doors import DoorId, DoorMap, Level
 from semmap_log.core.model.events import FloorMap, LevelAdded
-from semmap_log.errors import CostmapError, UnknownKeywordError
+from semmap_log.errors import CostmapError
 from semmap_log.interop.importing.importing import import_file
 from tests.analysis.rooms.buildings import Building, buildings, door_at, drawn, floor_of
 from tests.analysis.rooms.flood import flooded
@@ -278,14 +278,6 @@ def test_rooms_are_numbered_over_the_levels(log: sl.DoorLog) -> None:
     assert [(1, 1), (2, 1), (3, 2), (4, 2)] == [(r.room_id, r.level) for r in graph.rooms.values()]
     assert ((3,), [1, 2]) == (graph.levels_without_plan, list(graph.doorways))
     assert None is room_plan(log).room_at(3, 5.0, 3.0)
-
-
-def test_an_unknown_keyword_is_refused(log: sl.DoorLog) -> None:
-    """
-    With those that are known.
-    """
-    with pytest.raises(UnknownKeywordError, match="known_at"):
-        rooms_of(log, time="@100")  # type: ignore[call-arg]
 
 
 def test_lifts_join_the_rooms_before_their_doors() -> None:

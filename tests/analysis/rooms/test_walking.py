@@ -23,7 +23,7 @@ from semmap_log.analysis.rooms import (
 )
 from semmap_log.analysis.rooms.walking_floor import grown
 from semmap_log.core.model.doors import DoorId, DoorMap, Level
-from semmap_log.errors import CostmapError, UnknownKeywordError
+from semmap_log.errors import CostmapError
 from semmap_log.interop.importing.importing import import_file
 from tests.analysis.rooms.buildings import CELL_M, Building, buildings, door_at, drawn, floor_of
 from tests.analysis.rooms.grid_graph import shortest
@@ -227,8 +227,6 @@ def test_numbers_that_no_robot_has_are_refused(name: str, value: float) -> None:
     """
     with pytest.raises(CostmapError, match=name):
         WalkingDistances(TWO_ROOMS, [BETWEEN], **{name: value})
-    with pytest.raises(UnknownKeywordError, match="radius_m"):
-        WalkingDistances(TWO_ROOMS, [BETWEEN], radius=value)  # type: ignore[call-arg]
 
 
 def test_too_fine_a_grid_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

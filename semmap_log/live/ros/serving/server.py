@@ -31,7 +31,6 @@ from semmap_log.analysis.costmaps.level_costmap import (
 )
 from semmap_log.core.model.doors import Door, DoorId, DoorMap
 from semmap_log.core.model.events import FloorMap
-from semmap_log.core.model.keywords import knows_its_keywords
 from semmap_log.errors import CostmapError
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
 from semmap_log.interop.formats.ros.door_messages import GridFrame, GridStream
@@ -68,7 +67,6 @@ class Doors(Protocol):
         """Do what a goal asks for."""
 
 
-@knows_its_keywords
 @dataclass(frozen=True, slots=True)
 class ServeOptions:
     """What is offered besides the thesis's topic and actions."""
