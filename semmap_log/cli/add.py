@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog, print_json, refuse_nan, say, takes_about
-from semmap_log.cli.update import End, Line, Start, Theta, Width, X, Y, corners_of, line_of
+from semmap_log.cli.door_options import End, Line, Start, Theta, Width, X, Y, corners_of, line_of
 
 if TYPE_CHECKING:
     from semmap_log.log.door_log.door_log_writer import About
@@ -58,9 +58,9 @@ def run(
       semmap-log add office --class dock --x 4 --y 2 --state free
       semmap-log add office --class spill --outline "2,1 4,1 4,3" --state wet
     """
-    import semmap_log as sl
-    from semmap_log.cli.observe import a_state_typed
-    from semmap_log.core.model.doors import suspect_units
+    from semmap_log.cli.door_options import a_state_typed
+    from semmap_log.core.model.doors import DoorId, suspect_units
+    from semmap_log.log.door_log.opening import append
 
     refuse_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
     line = line_of(Line(x, y, theta, width), start, end)
@@ -69,7 +69,7 @@ def run(
     if is_half_given and not object_class:
         raise typer.BadParameter("give --x --y --theta --width all together, or none of them")
     given = [math.nan if value is None else value for value in place]
-    with sl.append(log) as opened, a_state_typed():
+    with append(log) as opened, a_state_typed():
         added = opened.add_door(
             x=given[0],
             y=given[1],
@@ -80,7 +80,7 @@ def run(
             state=state,
             prob_open=math.nan if prob_open is None else prob_open,
             prob_closed=math.nan if prob_closed is None else prob_closed,
-            door_id=None if door_id is None else sl.DoorId(door_id),
+            door_id=None if door_id is None else DoorId(door_id),
             object_class=object_class,
             outline=corners_of(outline, "--outline"),
             **about,

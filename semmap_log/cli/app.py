@@ -11,7 +11,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from semmap_log.cli.plain_streams import READER_GONE, Offers, forget_output, with_plain_readers
+from semmap_log.cli.completion import Offers
+from semmap_log.cli.plain_streams import READER_GONE, forget_output
+from semmap_log.cli.plain_values import with_plain_readers
 from semmap_log.cli.verb import CLICK_ERROR, offered
 from semmap_log.cli.verb_table import FIRST_WEEK, GROUPS, SHOWN, VerbsByName
 

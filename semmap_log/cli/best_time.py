@@ -60,13 +60,13 @@ def run(
       semmap-log best-time office L1/front --state closed -n 3
       semmap-log best-time office front --at "yesterday 14:00" --json
     """
-    import semmap_log as sl
     from semmap_log.analysis.beliefs.best_times import best_time
     from semmap_log.errors import UnknownDoorError
     from semmap_log.interop.formats.json.beliefs_json import best_time_to_json
+    from semmap_log.log.door_log.read_log import read
     from semmap_log.views.timeline_table import best_time_table
 
-    opened = sl.read(log)
+    opened = read(log)
     with progress("Reading") as told:
         try:
             found = best_time(

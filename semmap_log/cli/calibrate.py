@@ -53,12 +53,12 @@ def run(
       semmap-log calibrate office --truth contact.csv
       semmap-log calibrate office --truth contact.csv --source lidar --door front
     """
-    import semmap_log as sl
     from semmap_log.analysis.beliefs.sensor_calibration import calibrate
     from semmap_log.interop.formats.json.evaluation_json import calibration_to_json
+    from semmap_log.log.door_log.read_log import read
     from semmap_log.views.health import calibration_table
 
-    opened = sl.read(log)
+    opened = read(log)
     chosen = {opened.resolve_ever(name) for name in door} if door else None
     truths = _truths(opened, truth, windows, opened.info.timezone if tz is None else tz, chosen)
     found = calibrate(opened, truths, source=source)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, print_json, refuse_nan, say
+from semmap_log.cli.door_options import End, Line, Start, Theta, Width, X, Y, line_of
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
-from semmap_log.cli.update import End, Line, Start, Theta, Width, X, Y, line_of
 
 if TYPE_CHECKING:
     from semmap_log.core.model.doors import DoorState

@@ -386,7 +386,7 @@ def _bar(unit: str) -> Any:
     from rich.text import Text
 
     from semmap_log.cli.printer import PlainConsole
-    from semmap_log.views.timeline_table import duration
+    from semmap_log.core.model.moments import duration
 
     class RateColumn(ProgressColumn):
         """How much a second, as `TransferSpeedColumn` shows for bytes."""

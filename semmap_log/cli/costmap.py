@@ -148,12 +148,12 @@ def run(
       semmap-log costmap office p.png --by belief --inflate 0.3 --door-inflate 0.8
       semmap-log costmap office day.mcap --since 08:00 --until 18:00 --inflate 0.4
     """
-    import semmap_log as sl
     from semmap_log.analysis.costmaps import CostmapOptions, costmap_at
     from semmap_log.interop.exporting.costmap_files import write_costmap
     from semmap_log.interop.formats.bags.bag_reading import tells_a_bag
     from semmap_log.interop.formats.files.map_server import read_map
     from semmap_log.interop.formats.json.plan_json import costmap_to_json
+    from semmap_log.log.door_log.read_log import read
 
     refuse_nan(inflate=inflate, door_inflate=door_inflate, scaling=scaling, inscribed=inscribed,
                resolution=resolution, every=every)  # fmt: skip
@@ -165,7 +165,7 @@ def run(
     over_time = {"--since": since, "--until": until, "--every": every, "--updates": updates}
     is_bag = tells_a_bag(out)
     _refuse_given(of_a_moment if is_bag else over_time, out, is_bag=is_bag)
-    opened = sl.read(log)
+    opened = read(log)
     tell_how_to_begin(opened)
     options = CostmapOptions(
         level=level,

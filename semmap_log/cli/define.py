@@ -52,10 +52,10 @@ def run(
       semmap-log define office spill --geometry polygon --states dry,wet --blocks wet
       semmap-log add office --class spill --name foyer --outline "2,1 4,1 4,3 2,3"
     """
-    import semmap_log as sl
-    from semmap_log.cli.annotate import tell
+    from semmap_log.cli.door_options import tell
+    from semmap_log.log.door_log.opening import append
 
-    with sl.append(log) as opened:
+    with append(log) as opened:
         appended = opened.define_class(
             name,
             geometry=geometry.value,

@@ -124,6 +124,6 @@ def _free_folder() -> Path:
 
 
 def _zone(log: Path) -> str:
-    import semmap_log as sl
+    from semmap_log.log.door_log.read_log import read
 
-    return sl.read(log).info.timezone
+    return read(log).info.timezone

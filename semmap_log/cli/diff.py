@@ -46,11 +46,11 @@ def run(
       semmap-log diff office --since yesterday
       semmap-log diff office event:100 event:200 --json
     """
-    import semmap_log as sl
     from semmap_log.interop.formats.json.door_json import diff_to_json
+    from semmap_log.log.door_log.read_log import read
 
     _refuse_twice(log, first, second, since, until)
-    opened = sl.read(log)
+    opened = read(log)
     start, end = _ends(opened, first or since, second or until)
     found = opened.diff(start, end)
     if as_json:

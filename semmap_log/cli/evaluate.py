@@ -83,13 +83,13 @@ def run(
       semmap-log evaluate office --horizon 1h --estimator filter --estimator last
       semmap-log evaluate lab --patrol 30m --accuracy 0.9 --seed 7 --json
     """
-    import semmap_log as sl
     from semmap_log.analysis.beliefs.evaluation import evaluate
     from semmap_log.analysis.beliefs.protocol import Protocol
     from semmap_log.analysis.probabilities.belief_fold import ESTIMATORS, by_name
     from semmap_log.core.io.disk import log_name, refuse_own_folder
     from semmap_log.core.model.moments import parse_duration
     from semmap_log.interop.formats.json.evaluation_json import evaluation_to_json
+    from semmap_log.log.door_log.read_log import read
     from semmap_log.views.timeline_table import evaluation_table
 
     protocol = Protocol(
@@ -97,7 +97,7 @@ def run(
         _patrol(patrol, accuracy, seed), step,
     )  # fmt: skip
     methods = [by_name(name) for name in dict.fromkeys(estimator or ESTIMATORS)]
-    opened = sl.read(log)
+    opened = read(log)
     if plot is not None:
         refuse_own_folder(opened.path, plot)
     start, end = range_of(opened, since, until)

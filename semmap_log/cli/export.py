@@ -163,12 +163,12 @@ def run(
       semmap-log export office day.mcap --markers
       semmap-log export office morning.bag --since 06:00 --until 12:00
     """
-    import semmap_log as sl
     from semmap_log.core.io.disk import refuse_own_folder
     from semmap_log.core.texts import told_once
     from semmap_log.interop.exporting.log_files import export
     from semmap_log.interop.formats.bags.bag_reading import tells_a_bag
     from semmap_log.interop.formats.files.pddl import Wishes
+    from semmap_log.log.door_log.read_log import read
 
     is_bag = markers or tells_a_bag(out)
     if out.suffix.lower() not in OF_ONE_CLASS:
@@ -185,7 +185,7 @@ def run(
         _refuse_given(of_pddl, "only for .pddl")
     if not pseudonymous:
         _refuse_given({"--with-tracks": with_tracks or None}, "only with --pseudonymous")
-    opened = sl.read(log)
+    opened = read(log)
     span, scope = range_of(opened, since, until), opened.scope(at, known_at, event)
     if not is_bag:
         refuse_untold_map(opened, at, known_at, event)

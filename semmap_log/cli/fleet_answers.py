@@ -18,9 +18,9 @@ MOST_ROWS = 40
 def write_rows(found: FleetAnswer, out: Path) -> None:
     """Write the rows of an answer as a file; its name says whether CSV or Parquet."""
     from semmap_log.core.arrow.parquet import write_parquet
-    from semmap_log.core.arrow.plain_rows import write_csv
     from semmap_log.core.io.disk import output_errors, whole_file
     from semmap_log.core.texts import counted
+    from semmap_log.views.fleet_tables import write_csv
 
     with output_errors(out), whole_file(out) as temporary:
         if out.suffix == ".csv":
@@ -49,8 +49,8 @@ def tell_answer(found: FleetAnswer, out: Path | None) -> None:
 
 def answer_to_json(found: FleetAnswer) -> dict[str, Any]:
     """Return a fleet's answer as `--json` prints it; times are nanoseconds UTC."""
-    from semmap_log.core.arrow.plain_rows import plain_rows
     from semmap_log.fleet.jobs.job import FoldAnswer
+    from semmap_log.views.fleet_tables import plain_rows
 
     states = found.states if isinstance(found, FoldAnswer) else None
     return {

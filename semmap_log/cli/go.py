@@ -50,12 +50,12 @@ def run(
       semmap-log go office 2,1.5 10,-4 --depart "2026-03-02T12:30" --asks
       semmap-log go office front room:3 --json
     """
-    import semmap_log as sl
     from semmap_log.analysis.planning.door_trip import door_trip
     from semmap_log.interop.formats.json.trip_json import trip_to_json
+    from semmap_log.log.door_log.read_log import read
     from semmap_log.views.rebase_table import trip_table
 
-    opened = sl.read(log)
+    opened = read(log)
     refuse_untold_map(opened, depart, None)
     with progress("Reading") as told:
         trip = door_trip(

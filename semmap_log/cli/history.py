@@ -72,15 +72,15 @@ def run(
       semmap-log history office -n 20 --json
       semmap-log history office --since yesterday --plot lanes.svg
     """
-    import semmap_log as sl
     from semmap_log.core.model.events import KIND_BY_NAME, KINDS, RobotPose, UnknownEvent
     from semmap_log.interop.formats.json.door_json import entry_to_json
+    from semmap_log.log.door_log.read_log import read
 
     for name in kind or []:
         if name not in KIND_BY_NAME:
             known = ", ".join(KIND_BY_NAME)
             raise typer.BadParameter(f"{name!r}: expected one of {known}", param_hint="--kind")
-    opened = sl.read(log)
+    opened = read(log)
     tell_how_to_begin(opened)
     start, end = range_of(opened, since, until)
     doors = doors_meant(opened, None if door is None else [door], object_class)

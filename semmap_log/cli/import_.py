@@ -10,18 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, MapServer, WritableLog, print_json, progress, say
-from semmap_log.cli.proposing import (
-    Only,
-    Plot,
-    ProposeDoors,
-    Proposing,
-    Yes,
-    check_proposing,
-    numbers_of,
-    propose,
-)
-from semmap_log.cli.scan_report import (
+from semmap_log.cli.bag_options import (
     MAPPING_HELP,
     DryRun,
     Heights,
@@ -34,6 +23,17 @@ from semmap_log.cli.scan_report import (
     heights_of,
     tell_plan,
     tell_scan_import,
+)
+from semmap_log.cli.common import AsJson, MapServer, WritableLog, print_json, progress, say
+from semmap_log.cli.proposing import (
+    Only,
+    Plot,
+    ProposeDoors,
+    Proposing,
+    Yes,
+    check_proposing,
+    numbers_of,
+    propose,
 )
 
 if TYPE_CHECKING:
@@ -249,12 +249,14 @@ def run(
       semmap-log import office patrol.bag --scan --propose-doors --plot doors.png
       semmap-log import office patrol.bag --scan --propose-doors --yes --only 4
     """
-    import semmap_log as sl
     from semmap_log.analysis.scans.visit import folder_beside
+    from semmap_log.core.model.commits import Note
     from semmap_log.interop.formats.files.door_table import form_of
     from semmap_log.interop.importing.importing import ImportOptions, import_file
     from semmap_log.interop.importing.present_log import backdate
     from semmap_log.interop.importing.scan_topics import ScanOptions
+    from semmap_log.log.door_log.opening import append
+    from semmap_log.log.door_log.read_log import read
 
     files = files or []
     check_scan(scan, pose_topic, heights)
@@ -286,13 +288,13 @@ def run(
             form=form, accuracy=accuracy, as_recorded=as_recorded,
         )  # fmt: skip
 
-    note = sl.Note(actor=actor, source=source, reason=reason)
+    note = Note(actor=actor, source=source, reason=reason)
     if dry_run:
-        reader = sl.read(log)
+        reader = read(log)
         _show(reader, files, options_for(reader), note)
         return
     results = []
-    with sl.append(log) as opened:
+    with append(log) as opened:
         options = options_for(opened)
         since_ns = options.since_ns
         if not files:

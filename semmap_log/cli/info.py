@@ -38,18 +38,18 @@ def run(
       semmap-log info office --day yesterday --all-doors
       semmap-log info office/office_000000.mcap --json
     """
-    import semmap_log as sl
     from semmap_log.core.io.made_logs import is_called_as_made
     from semmap_log.core.io.url_path import place_of
     from semmap_log.interop.formats.json.door_json import day_to_json
     from semmap_log.log.door_log.day import day_of_doors
+    from semmap_log.log.door_log.read_log import read
     from semmap_log.log.door_log.summary import open_any, summarize
 
     with progress("Reading") as told:
         summary = summarize(open_any(log), progress=told)
     # A single file has no day: what the files before it have is not there.
     has_days = log.suffix != ".mcap" and summary.events and summary.is_understood
-    drawn = day_of_doors(sl.read(log), day) if has_days else None
+    drawn = day_of_doors(read(log), day) if has_days else None
     if as_json:
         print_json({**_to_json(summary), "day": None if drawn is None else day_to_json(drawn)})
         return

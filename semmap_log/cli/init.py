@@ -103,14 +103,14 @@ def make_log(
     as_json: bool = False,
 ) -> None:
     """Make a new log, with a floor plan if there is one, and say so."""
-    import semmap_log as sl
     from semmap_log.interop.formats.files.map_server import read_map
     from semmap_log.interop.importing.importing import ImportOptions, import_file
+    from semmap_log.log.door_log.opening import create
 
     # Read before anything is made: a map that is none must not leave half a log.
     floor = None if floor_map is None else read_map(floor_map, rules=map_rules)
     since_ns = None if since is None else _since_ns(since, tz)
-    with sl.create(log, tz=tz, building=building, robot=robot, holds=holds) as made:
+    with create(log, tz=tz, building=building, robot=robot, holds=holds) as made:
         if floor_map is not None:
             import_file(made, floor_map, ImportOptions(map_rules=map_rules, since_ns=since_ns))
         if as_json:

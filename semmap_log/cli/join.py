@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, a_local_log, console, print_json, progress, say
+from semmap_log.core.model.rigid_transform import EXPECTED, RigidTransform
 from semmap_log.core.texts import command_line, counted
+from semmap_log.errors import LogError
 
 if TYPE_CHECKING:
     from semmap_log.fleet.join.door_plan import DoorPlan
@@ -83,7 +85,6 @@ def _defined(
 ) -> JoinDefinition:
     from semmap_log.fleet.join.joined_logs import read_definition
     from semmap_log.fleet.join.joining_logs import defined
-    from semmap_log.fleet.join.map_frame import frame_of
 
     if not logs:
         if doors is not None or frame or reference:
@@ -194,3 +195,26 @@ def to_json(joined: JoinedLogs, plan: DoorPlan) -> dict[str, Any]:
             for each in door_conflicts(joined, plan)
         ],
     }
+
+
+def frame_of(text: str) -> tuple[str, RigidTransform]:
+    """Return a log's name, and the transform to the building's frame, of `log=dx,dy,theta`.
+
+    Raises:
+        LogError: It is none.
+    """
+    name, _, numbers = text.rpartition("=")
+    try:
+        if name:
+            return name, RigidTransform.parse(numbers)
+    except LogError:
+        if _are_numbers(numbers):  # and one of them is not finite
+            raise
+    raise LogError(f"{text!r}: expected LOG={EXPECTED}, such as tug2=12.5,-3,1.5708.")
+
+
+def _are_numbers(text: str) -> bool:
+    try:
+        return len([float(number) for number in text.split(",")]) == 3
+    except ValueError:
+        return False

@@ -1,51 +1,17 @@
-"""`observe`: a sensor saw a door; and states as they are typed on the command line."""
+"""`observe`: a sensor saw a door."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from semmap_log.cli.common import AsJson, DoorName, WritableLog, refuse_nan, takes_about
-from semmap_log.errors import InvalidEventError
+from semmap_log.cli.door_options import StateOption, a_state_typed, state_given
 
 if TYPE_CHECKING:
     from semmap_log.log.door_log.door_log_writer import About
-
-
-StateOption = Annotated[
-    str | None,
-    typer.Option("--state", metavar="STATE", help="OPEN, CLOSED, UNKNOWN, MOVING or OFFLINE."),
-]
-
-
-def state_given(word: str | None, option: str | None) -> str | None:
-    """Return the state that is typed as a word, or by `--state`.
-
-    Raises:
-        typer.BadParameter: It is given twice.
-    """
-    if word is not None and option is not None:
-        raise typer.BadParameter(f"is given already: {word}", param_hint="--state")
-    return word if option is None else option
-
-
-@contextmanager
-def a_state_typed() -> Iterator[None]:
-    """Treat an unknown state, for which the log lists those of its classes, as a wrong option.
-
-    Raises:
-        typer.BadParameter: Instead of the error that the log has.
-    """
-    try:
-        yield
-    except InvalidEventError as error:
-        if error.where != "state":
-            raise
-        raise typer.BadParameter(str(error).partition(": ")[2], param_hint="STATE") from None
 
 
 @takes_about
@@ -78,14 +44,14 @@ def run(
       semmap-log observe office L1/coe_door closed --accuracy 0.9 --source lidar
       semmap-log observe office 3 open --at 2026-03-01T14:02
     """
-    import semmap_log as sl
-    from semmap_log.cli.annotate import tell
+    from semmap_log.cli.door_options import tell
+    from semmap_log.log.door_log.opening import append
 
     refuse_nan(opening=opening)
     state = state_given(state, seen)
     if state is None:
         raise typer.BadParameter("expected what was seen, such as open", param_hint="STATE")
-    with sl.append(log) as opened, a_state_typed():
+    with append(log) as opened, a_state_typed():
         appended = opened.observe(
             door,
             state,

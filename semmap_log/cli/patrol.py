@@ -38,12 +38,12 @@ def run(
       semmap-log patrol office start "evening round" --actor tug1
       semmap-log patrol office finish
     """
-    import semmap_log as sl
-    from semmap_log.cli.annotate import tell
+    from semmap_log.cli.door_options import tell
+    from semmap_log.log.door_log.opening import append
 
     if name:
         about["reason"] = f"{name}: {about['reason']}" if about["reason"] else name
-    with sl.append(log) as opened:
+    with append(log) as opened:
         if phase is Phase.start:
             appended, number = opened.start_patrol(**about)
         else:

@@ -24,7 +24,7 @@ def follow(opened: DoorLog, begun: BegunRound, *, as_json: bool) -> None:
         BrokenPipeError: Nobody reads any more.
     """
     from semmap_log.analysis.planning.followed_round import FollowedRound, events_since
-    from semmap_log.views.belief_words import over_line
+    from semmap_log.views.patrol_plan_table import over_line
 
     round_ = FollowedRound(begun, opened.opened_anew)
     show = _shown(begun, round_, as_json=as_json)
@@ -48,8 +48,8 @@ def _shown(
     """Return what prints a step, and lets go of it at once."""
     from semmap_log.cli.plain_streams import is_for_people
     from semmap_log.interop.formats.json.plan_json import step_to_json
-    from semmap_log.views.belief_words import STEP_ROW, step_line, step_row
     from semmap_log.views.column_table import line_of
+    from semmap_log.views.patrol_plan_table import STEP_ROW, step_line, step_row
 
     plan, for_people = begun.plan, is_for_people()
     if not (as_json or for_people):

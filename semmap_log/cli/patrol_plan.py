@@ -118,12 +118,12 @@ def run(
       semmap-log patrol-plan office --doors front,side --plot plan.png
       semmap-log patrol-plan office --rooms 2,3 --follow
     """
-    import semmap_log as sl
     from semmap_log.analysis.planning.door_chances import SkipRule
     from semmap_log.analysis.planning.patrol_plan import PatrolOptions, listed
     from semmap_log.analysis.planning.round_planner import begun_round
     from semmap_log.core.io.disk import refuse_own_folder
     from semmap_log.interop.formats.json.plan_json import plan_to_json
+    from semmap_log.log.door_log.read_log import read
     from semmap_log.views.patrol_plan_table import patrol_plan_table
 
     if everything and (rooms or doors):
@@ -134,7 +134,7 @@ def run(
     if plot is not None and plot.suffix not in PLOTS:
         raise typer.BadParameter(f"expected a name that ends in .png or .svg, got {plot}",
                                  param_hint="--plot")  # fmt: skip
-    opened = sl.read(log)
+    opened = read(log)
     refuse_untold_map(opened, start, None)
     if plot is not None:
         refuse_own_folder(opened.path, plot)
@@ -187,7 +187,7 @@ def seconds_of(text: str, option: str) -> float:
 
 def _plot(opened: DoorLog, plan: PatrolPlan, path: Path) -> None:
     from semmap_log.analysis.planning.patrol_plan import WaysBetween, patrol_ways
-    from semmap_log.analysis.rooms import room_plan
+    from semmap_log.analysis.rooms.level_rooms import room_plan
     from semmap_log.core.texts import counted
     from semmap_log.views.plots.patrol_route import plot_patrol
 

@@ -33,11 +33,11 @@ def run(
       semmap-log pin office accident --at 2026-03-02T14:02 --actor anna
       semmap-log replay office --at pin:accident
     """
-    import semmap_log as sl
-    from semmap_log.cli.annotate import tell
+    from semmap_log.cli.door_options import tell
+    from semmap_log.log.door_log.opening import append
 
     if not name:
         raise typer.BadParameter("expected a name", param_hint="NAME")
     about["at"] = at
-    with sl.append(log) as opened:
+    with append(log) as opened:
         tell(opened.pin(name, **about), as_json=as_json)

@@ -109,11 +109,11 @@ def run(
       semmap-log play office --ros2 --markers --loop --skip-empty 10
       semmap-log play office --ros2 --since 14:00 --ros-args -r __ns:=/replayed
     """
-    import semmap_log as sl
     from semmap_log.core.io.url_path import place_of
     from semmap_log.errors import CommandError
     from semmap_log.interop.exporting.stream import StreamOptions, log_stream
     from semmap_log.live.ros.player import PlayOptions, play
+    from semmap_log.log.door_log.read_log import read
 
     version = chosen_ros(ros1=ros1, ros2=ros2)
     refuse_nan(rate=rate, default_prob=default_prob, skip_empty=skip_empty, clock_hz=clock_hz)
@@ -124,7 +124,7 @@ def run(
         )  # fmt: skip
     if palette is not None and not markers:
         raise typer.BadParameter("only with --markers", param_hint="--palette")
-    opened = sl.read(log)
+    opened = read(log)
     shown = StreamOptions(
         markers, (palette or PaletteName.default).colours, default_prob, every_s=0
     )
@@ -161,8 +161,7 @@ def run(
 
 def _status_line(stream: LogStream, rate: float) -> Told:
     """Return what draws where in the log it is, and how long nothing will come."""
-    from semmap_log.core.model.moments import format_short
-    from semmap_log.views.timeline_table import duration
+    from semmap_log.core.model.moments import duration, format_short
 
     begin_ns, end_ns = stream.span_ns or (0, 0)
     tz = stream.log.info.timezone

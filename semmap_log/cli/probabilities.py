@@ -124,10 +124,10 @@ def run(
       semmap-log probabilities office --plot weeks.png
       semmap-log probabilities office --apply --actor night-job
     """
-    import semmap_log as sl
     from semmap_log.analysis.beliefs.door_beliefs import probabilities
     from semmap_log.core.model.moments import parse_duration
     from semmap_log.interop.formats.json.beliefs_json import beliefs_to_json
+    from semmap_log.log.door_log.read_log import read
 
     if when is not None and (by is not None or plot is not None):
         raise typer.BadParameter("shows one hour; leave it out, or --by and --plot",
@@ -142,13 +142,13 @@ def run(
         "tz": tz, "doors": doors or None,
     }  # fmt: skip
     if object_class is not None:
-        asked["doors"] = _of_class(sl.read(log), object_class, asked)
+        asked["doors"] = _of_class(read(log), object_class, asked)
     if typical:
         del asked["estimator"]
         _show_typical(log, asked, by, plot, when, as_json=as_json)
         return
     asked["horizon_ns"] = parse_duration(horizon) if horizon else 0
-    opened, applied = sl.read(log), None
+    opened, applied = read(log), None
     tell_how_to_begin(opened)
     with progress("Reading") as told:
         if apply:
@@ -241,17 +241,17 @@ def _show_typical(
     *,
     as_json: bool,
 ) -> None:
-    import semmap_log as sl
     from semmap_log.analysis.beliefs.door_beliefs import typical_weeks
     from semmap_log.core.io.disk import refuse_own_folder
     from semmap_log.core.model.moments import parse_weekday
     from semmap_log.interop.formats.json.beliefs_json import weeks_to_json
+    from semmap_log.log.door_log.read_log import read
 
     hour = None if when is None else parse_weekday(when)
     if when is not None and hour is None:
         raise typer.BadParameter(f'expected a day and an hour such as "Tue 10:00", got {when!r}',
                                  param_hint="--when")  # fmt: skip
-    opened = sl.read(log)
+    opened = read(log)
     tell_how_to_begin(opened)
     if plot is not None:
         refuse_own_folder(opened.path, plot)
@@ -297,12 +297,13 @@ def _print_weeks(weeks: Sequence[TypicalWeek], by: By, hour: tuple[int, int] | N
 
 
 def _apply(log: Path, asked: dict[str, Any], about: About, told: Any) -> Applied:
-    import semmap_log as sl
     from semmap_log.analysis.beliefs.applying import apply_probabilities
+    from semmap_log.core.model.commits import Note
+    from semmap_log.log.door_log.opening import append
 
-    note = sl.Note(actor=about["actor"], source=about["source"], reason=about["reason"],
+    note = Note(actor=about["actor"], source=about["source"], reason=about["reason"],
                    correlation=about["correlation"])  # fmt: skip
-    with sl.append(log) as opened:
+    with append(log) as opened:
         return apply_probabilities(
             opened, **asked, note=note, command_id=about["command_id"],
             expected_event=about["expected_event"], progress=told,

@@ -88,11 +88,13 @@ def propose(
         FormatError: It is no bag, cannot be read, or no scan of it has a place on the map.
         CommandError: A number that no proposal has.
     """
-    import semmap_log as sl
+    from semmap_log.core.model.commits import Note
     from semmap_log.errors import CommandError
     from semmap_log.interop.importing.door_proposing import append_proposed, propose_doors
+    from semmap_log.log.door_log.opening import append
+    from semmap_log.log.door_log.read_log import read
 
-    opened = sl.read(log)
+    opened = read(log)
     with progress(f"Reading {file.name}", unit="messages") as told:
         found = propose_doors(opened, file, options, told)
     unknown = [number for number in asked.only or () if number > len(found.proposals)]
@@ -104,8 +106,8 @@ def propose(
         _plot(opened, file, found, asked.plot)
     added: list[int] = []
     if asked.yes and found.proposals:
-        note = sl.Note(actor=actor, source=str(file), reason=reason)
-        with sl.append(log) as writer:
+        note = Note(actor=actor, source=str(file), reason=reason)
+        with append(log) as writer:
             added = [*append_proposed(writer, found, note, asked.only or ())]
     if as_json:
         _print_json(file, found, added)

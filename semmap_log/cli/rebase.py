@@ -100,16 +100,18 @@ def run(
       semmap-log rebase office new.yaml --pairs points.csv --doors measured.yaml
       semmap-log rebase clinic L2.yaml --level L2 --by 0,0,3.1416 --json
     """
-    import semmap_log as sl
-    from semmap_log.cli.annotate import tell
+    from semmap_log.cli.door_options import tell
     from semmap_log.interop.formats.files.map_server import read_map
     from semmap_log.interop.formats.json.evaluation_json import rebase_to_json
+    from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+    from semmap_log.log.door_log.opening import append
+    from semmap_log.log.door_log.read_log import read
     from semmap_log.log.door_log.rebasing import MOST_RESIDUAL_M
 
     _check_together(by, pairs, most_residual)
     most_m = MOST_RESIDUAL_M if most_residual is None else most_residual
     floor = read_map(floor_map, rules=map_rules.value)
-    with sl.read(log) if dry_run else sl.append(log) as opened:
+    with read(log) if dry_run else append(log) as opened:
         moment = _moment(opened, level, about)
         fit, transform = _transform(moment, by, pairs, most_m, as_json=as_json)
         measured = moment.measured(doors)
@@ -117,7 +119,7 @@ def run(
         told = rebase_to_json(plan, fit, measured.strangers) if as_json else {}
         if not as_json:
             _show(plan, measured.strangers, dry_run=dry_run)
-        if not isinstance(opened, sl.DoorLogWriter):
+        if not isinstance(opened, DoorLogWriter):
             if as_json:
                 print_json({"dry_run": True, **told})
             return
@@ -139,13 +141,13 @@ def _check_together(by: str | None, pairs: Path | None, most_residual: float | N
 
 def _moment(log: DoorLog, level: str | None, about: About) -> RebaseMoment:
     """Return what the log holds when the new map comes; of a command sent again, as it was then."""
-    import semmap_log as sl
     from semmap_log.core.io.clock import SystemClock
     from semmap_log.interop.importing.rebase_files import RebaseMoment
+    from semmap_log.log.door_log.door_log_writer import DoorLogWriter
     from semmap_log.log.door_log.queries import happened_ns_of
 
     now_ns, before, command_id = SystemClock().wall_ns(), None, about.get("command_id")
-    if isinstance(log, sl.DoorLogWriter):
+    if isinstance(log, DoorLogWriter):
         now_ns = log.now_ns()
         known = None if command_id is None else log.find_command(command_id)
         before = None if known is None else known.first_event

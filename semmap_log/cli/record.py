@@ -6,27 +6,14 @@
 from __future__ import annotations
 
 import sys
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import asdict, replace
-from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from semmap_log.cli.common import WritableLog, a_url, on_stop, print_json, say, stopped_for_good
-from semmap_log.cli.plain_streams import json_text
-from semmap_log.cli.retain import (
-    EVERY,
-    Adopt,
-    SignEvery,
-    SignKey,
-    signed_beside,
-    signer_of,
-    told_at_end,
-)
-from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
-from semmap_log.cli.scan_report import (
+from semmap_log.cli.bag_options import (
     MAPPING_HELP,
     ClickedPoints,
     DryRun,
@@ -40,15 +27,27 @@ from semmap_log.cli.scan_report import (
     check_scan,
     heights_of,
 )
+from semmap_log.cli.common import WritableLog, on_stop, print_json, say, stopped_for_good
+from semmap_log.cli.plain_streams import json_text
+from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 from semmap_log.cli.verb import HELP_MADE_LATE, problems_to_json, tell
-from semmap_log.core.texts import command_line
+from semmap_log.cli.writing_options import (
+    EVERY,
+    Adopt,
+    ShipTo,
+    SignEvery,
+    SignKey,
+    SyncChoice,
+    shipped_beside,
+    signed_beside,
+    signer_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from semmap_log.core.model.commits import Note
     from semmap_log.core.model.events import Event
-    from semmap_log.fleet.ship_beside import ShipBeside
     from semmap_log.interop.formats.ros.ros_types import RosVersion
     from semmap_log.interop.topics.lasers.scan_keeper import ScanKeeper
     from semmap_log.interop.topics.topic_rules import RosMapping
@@ -110,10 +109,11 @@ def record_topics(
     Raises:
         typer.Exit: Messages were dropped.
     """
-    import semmap_log as sl
     from semmap_log.interop.topics.mapping_file import read_mapping
     from semmap_log.interop.topics.topic_rules import WELL_KNOWN
     from semmap_log.live.ros.ros_recorder import LogSink, PrintedSink
+    from semmap_log.log.door_log import read_log
+    from semmap_log.log.door_log.opening import append
 
     with stopped_for_good():
         mapping = WELL_KNOWN if read.mapping is None else read_mapping(read.mapping)
@@ -129,12 +129,12 @@ def record_topics(
                 param_hint="--keep-scans",
             )
     if promised is None:
-        known = sl.read(log) if log.exists() else None
+        known = read_log.read(log) if log.exists() else None
         _check_level(known, read.level)
         _record(context, version, mapping, PrintedSink(_show, known), "nothing was written")
         return
     with stopped_for_good():
-        opened = sl.append(log, signer=signer, **promised._asdict())
+        opened = append(log, signer=signer, **promised._asdict())
     with opened:
         _check_level(opened, read.level)
         with _keeping(opened, wanted=read.keep_scans) as keeper:
@@ -199,55 +199,6 @@ def _show(event: Event, note: Note) -> None:
     typer.echo(json_text(event_to_json(event, note=said)))
 
 
-def _checked(text: str | None) -> str | None:
-    """Return the URL that was given.
-
-    Raises:
-        typer.BadParameter: It is none.
-    """
-    return None if text is None else str(a_url(text))
-
-
-ShipTo = Annotated[
-    str | None,
-    typer.Option(
-        "--ship",
-        metavar="URL",
-        help="Send each segment there once it is closed, as `ship` does.",
-        callback=_checked,
-    ),
-]
-
-
-def shipped_beside(log: Path, url: str | None) -> AbstractContextManager[None]:
-    """Return what ships a log while it is written, and once more when its writer has ended.
-
-    Args:
-        log: Its folder.
-        url: Where to; None: nothing is shipped.
-
-    Raises:
-        MissingExtraError: A package for stores is not installed.
-        LogAccessError: The environment names no store that can be reached.
-    """
-    if url is None:
-        return nullcontext()
-    from semmap_log.fleet.ship_beside import ShipBeside
-
-    beside = ShipBeside(log, a_url(url), tell=tell)
-    return told_at_end(beside, lambda: _say_how_far(log, beside))
-
-
-def _say_how_far(log: Path, beside: ShipBeside) -> None:
-    status = beside.status
-    if status.is_all_sent and status.shipped is not None:
-        done = status.shipped
-        say(f"{done.url}: shipped up to event {done.manifest.mark.next_event - 1}.")
-    else:
-        why = "" if status.problem else ": the end does not wait for it any longer"  # as reported
-        tell(f"not all is shipped{why}. To send it: {command_line('ship', log, beside.url)}")
-
-
 def _kinds_of_lines() -> str:
     from semmap_log.interop.formats.json.trip_json import help_text
 
@@ -255,15 +206,6 @@ def _kinds_of_lines() -> str:
 
 
 HELP_MADE_LATE["record"] = _kinds_of_lines
-
-
-class SyncChoice(str, Enum):
-    """`semmap_log.core.model.commits.Durability`, as typer wants its choices."""
-
-    event = "event"
-    batch = "batch"
-    flush = "flush"
-    none = "none"
 
 
 def run(
@@ -400,9 +342,9 @@ def run(
         )
     if ack and as_json:
         raise typer.BadParameter("answers each line as JSON already", param_hint="--ack")
-    import semmap_log as sl
     from semmap_log.core.texts import MOST_TOLD, Repeats, counted
     from semmap_log.live.ros.line_recorder import LineAnswer, LineRecorder
+    from semmap_log.log.door_log.opening import append
 
     refused = Repeats()
 
@@ -421,7 +363,7 @@ def run(
     with (
         shipped_beside(log, ship),
         signed_beside(log, signer),
-        sl.append(
+        append(
             log,
             durability=durability.value,
             batch_events=batch_events,

@@ -64,14 +64,14 @@ def run(
       semmap-log redact office --tracks --until "90d ago"
       semmap-log redact office --door 3 --key name --dry-run
     """
-    import semmap_log as sl
     from semmap_log.core.model.commits import Note
+    from semmap_log.log.door_log.read_log import read
     from semmap_log.log.trimming.redaction import Redaction
     from semmap_log.store.reading.reader import LogReader
 
     if (door is None) == bool(key):
         raise typer.BadParameter("expected both, got one", param_hint="--door and --key")
-    with sl.read(log) as opened:
+    with read(log) as opened:
         parts = [*_notes(actor, all_of_them=notes), *_others(opened, door, key, tracks=tracks)]
         limit = opened.limit_of(opened.scope(known_at=until))
         before = (opened.last_event() if limit is None else limit) + 1

@@ -18,9 +18,9 @@ def run(log: WritableLog, door: DoorName, *, as_json: AsJson = False, about: Abo
     Example:
       semmap-log remove office 3 --actor survey --reason "walled up"
     """
-    import semmap_log as sl
-    from semmap_log.cli.annotate import tell
+    from semmap_log.cli.door_options import tell
+    from semmap_log.log.door_log.opening import append
 
-    with sl.append(log) as opened:
+    with append(log) as opened:
         appended = opened.remove_door(door, **about)
     tell(appended, as_json=as_json)

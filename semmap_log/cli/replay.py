@@ -44,11 +44,11 @@ def run(
       semmap-log replay office --known-at 2026-03-01T14:02 --json
       semmap-log replay office --class dock
     """
-    import semmap_log as sl
     from semmap_log.core.model.doors import DoorState
     from semmap_log.interop.formats.json.door_json import door_map_to_json
+    from semmap_log.log.door_log.read_log import read
 
-    opened = sl.read(log)
+    opened = read(log)
     tell_how_to_begin(opened)
     with progress("Reading") as told:
         door_map = opened.replay(at, known_at, event, progress=told)

@@ -55,11 +55,11 @@ def run(
       semmap-log report office monday.html --since 2026-03-02 --until 2026-03-03
       semmap-log report office two.html --door front --palette colour-blind
     """
-    import semmap_log as sl
     from semmap_log.core.texts import counted
     from semmap_log.interop.exporting.html_report import write_report
+    from semmap_log.log.door_log.read_log import read
 
-    opened = sl.read(log)
+    opened = read(log)
     tell_how_to_begin(opened)
     start, end = range_of(opened, since, until)
     doors = doors_meant(opened, door, object_class)

@@ -6,137 +6,30 @@ long, `--sign-key` and the status of background tasks are here, too.
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, WritableLog, print_json, progress, say, stopped_for_good
-from semmap_log.cli.verb import tell
-from semmap_log.core.texts import command_line, counted
+from semmap_log.cli.common import AsJson, WritableLog, print_json, progress
+from semmap_log.cli.writing_options import key_to_sign
+from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.core.model.commits import Note
     from semmap_log.interop.copies.copies_of_log import Copy
     from semmap_log.log.door_log.door_log import DoorLog
     from semmap_log.log.signing.ed25519_sdk import SigningKey
-    from semmap_log.log.signing.sign_beside import SignBeside
     from semmap_log.log.trimming.trim_log import TrimmedLog, TrimRule
 
 
-@contextmanager
-def told_at_end(beside: AbstractContextManager[object], say: Callable[[], None]) -> Iterator[None]:
-    """Run something in the background; report its status at the end, whatever the exit code."""
-    left: typer.Exit | None = None
-    with beside:
-        try:
-            yield
-        except typer.Exit as asked:  # no failure: the log is closed, and says its exit code
-            left = asked
-    say()
-    if left is not None:
-        raise left
-
-
-EVERY, LEAST_S = "1m", 0.1
-"""How often a recorder signs; and how often it can at most."""
-PASSPHRASE = "SEMMAP_LOG_KEY_PASSPHRASE"  # noqa: S105 - the name of a variable
-
-SignKey = Annotated[
-    Path | None,
-    typer.Option(
-        "--sign-key",
-        metavar="KEY",
-        help="Sign the log's end with it, from time to time and when it is closed.",
-    ),
-]
-SignEvery = Annotated[
-    str, typer.Option("--sign-every", metavar="TIME", help="--sign-key: how often.")
-]
-Adopt = Annotated[
-    bool,
-    typer.Option(
-        "--adopt", help="--sign-key: sign also events found there that were not written with it."
-    ),
-]
 TrimKey = Annotated[
     Path | None,
     typer.Option(
         "--sign-key", metavar="KEY", help="Vouch for what is taken out, with an officer's key."
     ),
 ]
-
-
-def key_to_sign(log: Path, path: Path) -> SigningKey:
-    """Return the key to sign a log with; a terminal prompts for its passphrase.
-
-    Raises:
-        SigningError: It cannot be used, or lies in the log's folder.
-        MissingExtraError: A package is not installed.
-    """
-    from semmap_log.log.signing.log_signing import read_key
-
-    return read_key(path, log=log, passphrase=lambda: _passphrase(path))
-
-
-def _passphrase(path: Path) -> str | None:
-    """Return the passphrase of a key, from the environment or a terminal; None: there is none."""
-    from getpass import getpass
-
-    said = os.environ.get(PASSPHRASE)
-    if said is not None or not sys.stderr.isatty():
-        return said
-    return getpass(f"Passphrase of {path}: ")  # from the terminal: stdin may be events
-
-
-def signer_of(log: Path, path: Path | None, every: str, *, adopt: bool) -> SignBeside | None:
-    """Return what signs a log while it is written; None: nothing is signed.
-
-    Args:
-        log: Its folder.
-        path: Of the private key; None: nothing is signed.
-        every: How often.
-        adopt: Whether it signs also what it finds there.
-
-    Raises:
-        SigningError: It cannot be used, or lies in the log's folder.
-        MissingExtraError: A package is not installed.
-        typer.BadParameter: `every` is no length of time, or there is no key.
-    """
-    from semmap_log.core.model.moments import SECOND_NS, parse_duration
-    from semmap_log.errors import MomentError
-
-    if path is None:
-        if adopt:
-            raise typer.BadParameter("only with --sign-key", param_hint="--adopt")
-        return None
-    try:
-        every_s = parse_duration(every) / SECOND_NS
-    except MomentError as error:
-        raise typer.BadParameter(str(error), param_hint="--sign-every") from None
-    with stopped_for_good():
-        key = key_to_sign(log, path)
-    from semmap_log.log.signing.sign_beside import SignBeside
-
-    return SignBeside(log, key, adopt=adopt, tell=tell, every_s=max(every_s, LEAST_S))
-
-
-def signed_beside(log: Path, signer: SignBeside | None) -> AbstractContextManager[None]:
-    """Run what signs a log while it is written, and say at the end how far it has come."""
-    if signer is None:
-        return nullcontext()
-    return told_at_end(signer, lambda: _say_how_far(log, signer))
-
-
-def _say_how_far(log: Path, beside: SignBeside) -> None:
-    if not beside.is_all_signed:
-        tell(f"not all is signed. To sign it: {command_line('sign', log, '--key', 'KEY')}")
-    elif beside.signed_before:
-        say(f"{log}: signed up to event {beside.signed_before - 1}.")
 
 
 DryRun = Annotated[
@@ -305,15 +198,15 @@ def run(
       semmap-log retain office --thin 90d
       semmap-log retain office --keep 2026-01-01
     """
-    import semmap_log as sl
     from semmap_log.core.model.commits import Note
+    from semmap_log.log.door_log.read_log import read
     from semmap_log.log.trimming.repeated_sightings import Thinning
     from semmap_log.log.trimming.trim_log import Retention
     from semmap_log.store.reading.reader import LogReader
 
     if (keep is None) == (thin is None):
         raise typer.BadParameter("expected --keep or --thin", param_hint="what to keep")
-    with sl.read(log) as opened:
+    with read(log) as opened:
         until_ns = _until_ns(opened, keep or thin or "")
     rule = (Thinning if keep is None else Retention)(LogReader(log), until_ns)
     note = Note(actor=by, reason=reason)

@@ -42,15 +42,16 @@ def run(
       semmap-log retract office 58 --actor porter --reason "sun on the glass"
       semmap-log retract office 120..131 --reason "dirty lens"
     """
-    import semmap_log as sl
-    from semmap_log.cli.annotate import tell
+    from semmap_log.cli.door_options import tell
     from semmap_log.log.door_log.known_past import newly_hidden
+    from semmap_log.log.door_log.opening import append
+    from semmap_log.log.door_log.read_log import read
 
     first, last = _range(events)
-    with sl.append(log) as opened:
+    with append(log) as opened:
         appended = opened.retract(first, last, **about)
-    read = sl.read(log)
-    hidden = newly_hidden(read, appended.first_event)
+    after = read(log)
+    hidden = newly_hidden(after, appended.first_event)
     if as_json:
         from semmap_log.interop.formats.json.door_json import entry_to_json
 
@@ -58,8 +59,8 @@ def run(
         tell(appended, as_json=True, first_event=first, last_event=last, hidden=entries)
         return
     tell(appended, as_json=False)
-    _show(read, hidden)
-    _say_what_stays(read, first, last)
+    _show(after, hidden)
+    _say_what_stays(after, first, last)
 
 
 def _range(text: str) -> tuple[int, int]:

@@ -21,7 +21,7 @@ from semmap_log.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.analysis.rooms import RoomPlan
+    from semmap_log.analysis.rooms.level_rooms import RoomPlan
     from semmap_log.log.door_log.door_log import DoorLog
 
 
@@ -62,13 +62,13 @@ def run(
       semmap-log rooms clinic --level L2 --out L2.tmap2.yaml
       semmap-log annotate clinic front rooms "lobby,corridor"
     """
-    import semmap_log as sl
-    from semmap_log.analysis.rooms import room_plan
+    from semmap_log.analysis.rooms.level_rooms import room_plan
     from semmap_log.core.folds.levels import resolve_level
     from semmap_log.interop.formats.json.evaluation_json import rooms_to_json
+    from semmap_log.log.door_log.read_log import read
     from semmap_log.views.join_table import RoomWords, room_table
 
-    opened = sl.read(log)
+    opened = read(log)
     tell_how_to_begin(opened)
     scope = opened.scope(at, known_at, event)
     refuse_untold_map(opened, at, known_at, event)

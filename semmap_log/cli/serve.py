@@ -35,16 +35,18 @@ from semmap_log.cli.common import (
 )
 from semmap_log.cli.costmap import By
 from semmap_log.cli.init import make_log
-from semmap_log.cli.record import ShipTo, SyncChoice, shipped_beside
-from semmap_log.cli.retain import (
+from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
+from semmap_log.cli.writing_options import (
     EVERY,
     Adopt,
+    ShipTo,
     SignEvery,
     SignKey,
+    SyncChoice,
+    shipped_beside,
     signed_beside,
     signer_of,
 )
-from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
@@ -245,7 +247,6 @@ def run(
       semmap-log serve office --ros2 --sign-key ~/.ssh/office
       semmap-log serve office --oprs 127.0.0.1:3300 --oprs-to K1 --oprs-to K2
     """
-    import semmap_log as sl
     from semmap_log.analysis.costmaps.level_costmap import CostmapOptions
     from semmap_log.analysis.planning.patrol_plan import listed
     from semmap_log.live.ros.serving.door_server import DoorServer
@@ -253,6 +254,7 @@ def run(
     from semmap_log.live.ros.serving.served_topics import PatrolWish
     from semmap_log.live.ros.serving.server import ServeOptions, Server
     from semmap_log.live.ros.serving.yaml_start import POLL_S, DoorFollower, start_with_yaml
+    from semmap_log.log.door_log.opening import append
 
     asking = Asking.of(ask, token_file, any_host=ask_any_host)
     planners = Planners.of(asking, chosen_kernels(oprs, oprs_name, oprs_to), ask_now)
@@ -327,7 +329,7 @@ def run(
         saver = DoorSaver(root, log, default_prob=default_prob)
         with stopped_for_good():
             doors = DoorServer(
-                lambda: sl.append(
+                lambda: append(
                     log,
                     durability=durability.value,
                     batch_events=batch_events,

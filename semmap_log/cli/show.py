@@ -21,10 +21,10 @@ def run(
     Example:
       semmap-log show office 42
     """
-    import semmap_log as sl
     from semmap_log.interop.formats.json.door_json import entry_to_json
+    from semmap_log.log.door_log.read_log import read
 
-    opened = sl.read(log)
+    opened = read(log)
     entry = opened.entry(number)
     if as_json:
         print_json(entry_to_json(entry))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog, print_json, progress, say
-from semmap_log.cli.retain import key_to_sign
+from semmap_log.cli.writing_options import key_to_sign
 from semmap_log.core.texts import command_line, counted
 
 if TYPE_CHECKING:
@@ -147,10 +147,10 @@ def _only_key(path: Path, option: str) -> PublicKey:
 
 def _new_key(log: Path, path: Path) -> SigningKey:
     """Make a key pair, for a log that is there."""
-    import semmap_log as sl
+    from semmap_log.log.door_log.read_log import read
     from semmap_log.log.signing.log_signing import make_key
 
-    made = make_key(path, log=log, comment=sl.read(log).info.robot)
+    made = make_key(path, log=log, comment=read(log).info.robot)
     say(f"{path}: a new private key; keep it from others. Whom to believe: {path}.pub")
     return made
 

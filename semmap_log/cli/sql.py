@@ -66,17 +66,17 @@ def run(
       semmap-log sql east --log west=west "select name from doors
         except select name from west.doors"
     """
-    import semmap_log as sl
     from semmap_log.analysis.sql.answer_rows import csv_lines, json_rows, write_answer, writer_for
     from semmap_log.analysis.sql.sql_query import table_of_query
     from semmap_log.core.io.disk import refuse_own_folder
+    from semmap_log.log.door_log.read_log import read
 
     if as_csv and as_json:
         raise typer.BadParameter("expected one of --csv and --json, got both", param_hint="--csv")
     if out is not None:
         writer_for(out)  # a wrong name fails before the work
     text = _query(query, file)
-    opened, others = sl.read(log), _logs(more or [])
+    opened, others = read(log), _logs(more or [])
     for one in (opened, *others.values()):
         if out is not None:
             refuse_own_folder(one.path, out)
@@ -144,7 +144,7 @@ def _logs(given: list[str]) -> dict[str, DoorLog]:
     Raises:
         typer.BadParameter: One is not so written, or a name comes twice.
     """
-    import semmap_log as sl
+    from semmap_log.log.door_log.read_log import read
 
     found: dict[str, DoorLog] = {}
     for text in given:
@@ -153,5 +153,5 @@ def _logs(given: list[str]) -> dict[str, DoorLog]:
             raise typer.BadParameter(
                 f"expected NAME=LOG, each name once, got {text!r}", param_hint="--log"
             )
-        found[name] = sl.read(path)
+        found[name] = read(path)
     return found

@@ -65,12 +65,12 @@ def run(
       semmap-log tail office -f --door front
       semmap-log tail office -f --json --after 1234 | my_program
     """
-    import semmap_log as sl
     from semmap_log.cli.plain_streams import is_for_people
+    from semmap_log.log.door_log.read_log import read
     from semmap_log.views.column_table import line_of
     from semmap_log.views.tail_lines import ROW
 
-    opened = sl.read(log)
+    opened = read(log)
     wanted = _filter(opened, door, poses=poses or as_json)
     show = _json_line if as_json else _words(opened, for_people=is_for_people())
     if not (as_json or is_for_people()):

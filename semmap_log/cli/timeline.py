@@ -42,11 +42,11 @@ def run(
       semmap-log timeline office front --since yesterday --until now
       semmap-log timeline office 17 --known-at 2026-03-01T14:02 --json
     """
-    import semmap_log as sl
     from semmap_log.core.model.doors import DoorState
     from semmap_log.interop.formats.json.door_json import timeline_to_json
+    from semmap_log.log.door_log.read_log import read
 
-    opened = sl.read(log)
+    opened = read(log)
     start, end = range_of(opened, since, until)
     door_id = opened.resolve_ever(door)
     with progress("Reading") as told:

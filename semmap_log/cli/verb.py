@@ -27,7 +27,9 @@ import typer
 from typer import core
 from typer.core import TyperCommand
 
-from semmap_log.cli.plain_streams import OFFERS, Offers, PlainStream, json_text, with_plain_readers
+from semmap_log.cli.completion import OFFERS, Offers
+from semmap_log.cli.plain_streams import PlainStream, json_text
+from semmap_log.cli.plain_values import with_plain_readers
 from semmap_log.core.lazily import late_pattern
 from semmap_log.core.texts import Repeats
 from semmap_log.errors import FormatError

@@ -153,10 +153,10 @@ def run(
     _check_ending("--screenshot", screenshot, ".png")
     pixels = (1920, 1080) if size is None else _pixels(size)
 
-    import semmap_log as sl
     from semmap_log.core.io.disk import refuse_own_folder
+    from semmap_log.log.door_log.read_log import read
 
-    opened = sl.read(log)
+    opened = read(log)
     tell_how_to_begin(opened)
     if screenshot is not None:
         refuse_own_folder(opened.path, screenshot)

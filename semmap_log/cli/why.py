@@ -54,11 +54,11 @@ def run(
       semmap-log why office front --at event:58
       semmap-log why office L1/front --at 2026-03-01T14:02 --near 1h --json
     """
-    import semmap_log as sl
     from semmap_log.core.model.moments import parse_duration
     from semmap_log.interop.formats.json.explanation_json import explanation_to_json
+    from semmap_log.log.door_log.read_log import read
 
-    opened = sl.read(log)
+    opened = read(log)
     tell_how_to_begin(opened)
     with progress("Reading") as told:
         found = opened.why(door, at, known_at, near_ns=parse_duration(near), progress=told)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
-from semmap_log.analysis.rooms import RoomPlan, plan_of
+from semmap_log.analysis.rooms.level_rooms import RoomPlan, plan_of
 from semmap_log.core.model.doors import DoorMap
 from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import CostmapError

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
 from semmap_log.core.arrow.arrow_sdk import pa
-from semmap_log.core.arrow.plain_rows import plain_rows
+from semmap_log.core.model.moments import format_utc
 from semmap_log.core.texts import counted
 from semmap_log.fleet.jobs.job import AskedLog
 from semmap_log.views.column_table import ColumnTable, TableColumn
@@ -72,3 +74,36 @@ def _text(value: Any, *, is_time: bool) -> str:
     if is_time and value is not None:
         return f"{value[:SECONDS]}Z"
     return f"{value:.3g}" if isinstance(value, float) else "" if value is None else str(value)
+
+
+def plain_rows(table: pa.Table) -> Iterator[dict[str, Any]]:
+    """Yield rows, column -> value: times as text in UTC, bytes in hexadecimal, NaN as None."""
+    columns = [_plain(table[name]) for name in table.column_names]
+    for values in zip(*columns, strict=True):
+        yield dict(zip(table.column_names, values, strict=True))
+
+
+def write_csv(path: Path, table: pa.Table) -> None:
+    """Write a table as CSV with a head: what is not known is empty.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    import csv
+
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(table.column_names)
+        writer.writerows(row.values() for row in plain_rows(table))
+
+
+def _plain(column: pa.ChunkedArray) -> list[Any]:
+    if pa.types.is_timestamp(column.type):  # to Python's own times nanoseconds are lost
+        times = column.cast(pa.int64()).to_pylist()
+        return [None if time is None else format_utc(time) for time in times]
+    values: list[Any] = column.to_pylist()
+    if pa.types.is_binary(column.type):
+        return [None if value is None else value.hex() for value in values]
+    if pa.types.is_floating(column.type):
+        return [None if value is None or math.isnan(value) else value for value in values]
+    return values

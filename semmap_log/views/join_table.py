@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.analysis.rooms import OUTSIDE, Doorway, Room, RoomId, RoomPlan
-from semmap_log.analysis.rooms.level_rooms import OCCUPIED_FROM
+from semmap_log.analysis.rooms.level_rooms import OCCUPIED_FROM, RoomPlan
+from semmap_log.analysis.rooms.room_graph import OUTSIDE, Doorway, Room, RoomId
 from semmap_log.analysis.scans.proposing.proposals import Proposal
 from semmap_log.core.folds.levels import told
 from semmap_log.core.model.events import FloorMap

@@ -23,8 +23,8 @@ from semmap_log.analysis.costmap_2d.costs import (
     NO_INFORMATION,
     to_occupancy,
 )
-from semmap_log.analysis.rooms import RoomId
 from semmap_log.analysis.rooms.level_rooms import LevelRooms
+from semmap_log.analysis.rooms.room_graph import RoomId
 from semmap_log.core.model.doors import DoorState, reduced
 
 COLOUR_MAP = "viridis"

@@ -16,14 +16,13 @@ from semmap_log.analysis.planning.door_trip import DoorTrip, TripStop
 from semmap_log.analysis.planning.patrol_round import EXPECTED_P
 from semmap_log.analysis.planning.round_task import AtShutDoor, ShutDoorChoice
 from semmap_log.core.model.doors import Door, DoorId, DoorState
-from semmap_log.core.model.moments import SECOND_NS, format_local, format_short
+from semmap_log.core.model.moments import SECOND_NS, duration, format_local, format_short
 from semmap_log.core.texts import counted
 from semmap_log.log.door_log.rebasing import MapFit, MovedDoor, RebasePlan
 from semmap_log.views.belief_words import named, with_interval
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME, STATE_COLOURS
-from semmap_log.views.timeline_table import duration
 
 MOST_NAMED = 10
 

@@ -23,7 +23,7 @@ from semmap_log.analysis.probabilities.scores import Scores
 from semmap_log.core.folds.history import HistoryEntry
 from semmap_log.core.folds.timeline import Hold, Interval, Timeline
 from semmap_log.core.model.doors import DOOR, DoorId, DoorState, ObjectClass
-from semmap_log.core.model.moments import DAY_NS, SECOND_NS, format_local, format_short
+from semmap_log.core.model.moments import SECOND_NS, duration, format_local, format_short
 from semmap_log.core.texts import counted, percent
 from semmap_log.log.door_log.explanation import Explanation, StateReason
 from semmap_log.views.belief_words import moment_in_words, why_unknown, with_interval
@@ -498,8 +498,6 @@ def _until_in_words(evaluation: Evaluation) -> str:
 
 PAGE_ROWS = 500
 TIME_WIDTH = len("2026-03-02 08:00:00")
-UNITS = ((DAY_NS, "d"), (3600 * SECOND_NS, "h"), (60 * SECOND_NS, "min"), (SECOND_NS, "s"))
-"""Nanoseconds in a unit, and its name."""
 
 
 def timeline_pages(timeline: Timeline, *, tz: str, of: ObjectClass = DOOR) -> Iterator[ColumnTable]:
@@ -555,18 +553,6 @@ def hold_in_words(hold: Hold | None) -> str:
     looks = f"{counted(hold.looks, 'look')} {tell} no median gap"
     gaps = f"{counted(hold.gaps, 'gap')} of {duration(hold.gap_ns)}"
     return f"a sighting holds for {duration(hold.ns)} ({gaps}, as {looks})"
-
-
-def duration(ns: int) -> str:
-    """Return a length of time in its largest unit and the next: `2 d 3 h`, `5 min`, `0.250 s`."""
-    if ns < 10 * SECOND_NS:
-        return f"{ns / SECOND_NS:.3f} s" if ns % SECOND_NS else f"{ns // SECOND_NS} s"
-    place = next(i for i, (unit_ns, _) in enumerate(UNITS) if ns >= unit_ns)
-    parts = []
-    for unit_ns, name in UNITS[place : place + 2]:
-        count, ns = divmod(ns, unit_ns)
-        parts.append(f"{count} {name}" if count else "")
-    return " ".join(filter(None, parts))
 
 
 def _page(intervals: list[Interval], of: ObjectClass, *, tz: str, show_header: bool) -> ColumnTable:

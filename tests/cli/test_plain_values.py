@@ -10,7 +10,7 @@ import pytest
 import typer
 from typer.core import TyperCommand
 
-from semmap_log.cli.plain_streams import with_plain_readers
+from semmap_log.cli.plain_values import with_plain_readers
 
 
 class Colour(str, Enum):

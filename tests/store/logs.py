@@ -22,7 +22,7 @@ from semmap_log.store.header import _signed, index_metadata
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.segment import SegmentWriter
-from semmap_log.store.writing.writer import KeyframeMessage, keyframe_chunk
+from semmap_log.store.writing.keyframe_source import KeyframeMessage, keyframe_chunk
 
 
 def write_log(path: Path, commits: int, *, per_commit: int = 1, clock: Any = None) -> Path:

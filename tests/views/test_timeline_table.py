@@ -10,9 +10,9 @@ import pytest
 
 from semmap_log.core.folds.timeline import Hold, Timeline
 from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.moments import duration
 from semmap_log.views.timeline_table import (
     PAGE_ROWS,
-    duration,
     hold_in_words,
     timeline_pages,
     timeline_totals,

@@ -34,7 +34,9 @@ from semmap_log.analysis.planning.round_task import (
     TripTask,
     opened,
 )
-from semmap_log.analysis.rooms import OUTSIDE, Place, RoomGraph, RoomId, room_plan
+from semmap_log.analysis.rooms.door_ways import Place
+from semmap_log.analysis.rooms.level_rooms import room_plan
+from semmap_log.analysis.rooms.room_graph import OUTSIDE, RoomGraph, RoomId
 from semmap_log.analysis.rooms.walking import SPEED_M_S
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId

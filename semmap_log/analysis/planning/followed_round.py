@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 from semmap_log.analysis.planning.patrol_plan import PlannedStop, WantedTarget, middle_of
 from semmap_log.analysis.planning.patrol_round import PatrolRound, PlannedTry
 from semmap_log.analysis.planning.round_planner import BegunRound
-from semmap_log.analysis.rooms import Place
+from semmap_log.analysis.rooms.door_ways import Place
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent, Retractions
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import (

@@ -17,8 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.planning.door_chances import LONGEST_S, SkipRule
-from semmap_log.analysis.rooms import OUTSIDE, Place, Room, RoomId, RoomPlan, TravelTimes
-from semmap_log.analysis.rooms.walking import SPEED_M_S
+from semmap_log.analysis.rooms.door_ways import Place
+from semmap_log.analysis.rooms.level_rooms import RoomPlan
+from semmap_log.analysis.rooms.room_graph import OUTSIDE, Room, RoomId
+from semmap_log.analysis.rooms.walking import SPEED_M_S, TravelTimes
 from semmap_log.core.folds.levels import resolve_level
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.errors import PlanError, UnknownDoorError, UnknownLevelError

@@ -50,7 +50,8 @@ from semmap_log.analysis.planning.patrol_round import (
 )
 from semmap_log.analysis.planning.round_task import RoundTask
 from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs
-from semmap_log.analysis.rooms import Place, room_plan
+from semmap_log.analysis.rooms.door_ways import Place
+from semmap_log.analysis.rooms.level_rooms import room_plan
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import semmap_log as sl
 from semmap_log.analysis.beliefs.door_beliefs import DoorBelief, probabilities
 from semmap_log.analysis.costmaps import CostmapOptions, costmap_at
 from semmap_log.core.folds.history import HistoryEntry
@@ -31,6 +30,8 @@ from semmap_log.interop.importing.scan_topics import ScanOptions
 from semmap_log.live.ros.line_recorder import LineAnswer, LineRecorder
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log.door_log.opening import create
+from semmap_log.log.door_log.read_log import read
 from semmap_log.log.replay.replay import Scope
 
 SCANS = "office_scans"
@@ -70,15 +71,15 @@ def see_by_laser(folder: Path, recordings: Path, *, tz: str) -> SeenByLaser:
         tz: The building's zone.
     """
     log = folder / SCANS
-    with sl.create(log, tz=tz, building="rmf_office") as writer:
+    with create(log, tz=tz, building="rmf_office") as writer:
         import_file(writer, recordings / f"{SCANS}.doors.jsonl")
         import_file(writer, recordings / f"{SCANS}.mcap", ImportOptions(scan=ScanOptions()))
     truth = json.loads((recordings / f"{SCANS}.truth.json").read_text(encoding="utf-8"))
     doors = {door["door_id"]: door for door in truth["doors"]}
-    return SeenByLaser(log, _seen(sl.read(log), doors, truth["start_ns"]))
+    return SeenByLaser(log, _seen(read(log), doors, truth["start_ns"]))
 
 
-def _seen(log: sl.DoorLog, doors: dict[DoorId, Any], start_ns: int) -> list[SeenDoor]:
+def _seen(log: DoorLog, doors: dict[DoorId, Any], start_ns: int) -> list[SeenDoor]:
     found = []
     for entry in log.history():
         match entry.event:
@@ -148,13 +149,13 @@ def run_demo(folder: Path, *, tell: Callable[[str], None] = lambda _text: None) 
             f"{folder}: there is something here already; name another folder: "
             f"{command_line('demo', 'OTHER')}"
         )
-    source = sl.read(shipped_recording(RECORDING))
+    source = read(shipped_recording(RECORDING))
     history = [entry for entry in source.history() if not _is_of_that_log_only(entry)]
     half = _middle(history)
     path = folder / RECORDING
     info = source.info
     clock = _RecordingClock()
-    with sl.create(
+    with create(
         path, tz=info.timezone, building=info.building, robot=info.robot, clock=clock
     ) as log:
         begin = counted(half, "event")
@@ -162,7 +163,7 @@ def run_demo(folder: Path, *, tell: Callable[[str], None] = lambda _text: None) 
         _copy(log, history[:half], clock)
         tell(f"recording the other {len(history) - half}, one JSON line each, as `record` does")
         recorded = _record(log, history[half:], clock)
-    made = sl.read(path)
+    made = read(path)
     moments = [history[i].happened_ns for i in (half - 1, (half + len(history)) // 2, -1)]
     first, middle, last = (made.replay(at=ns) for ns in moments)
     yaml = folder / "doors.yaml"

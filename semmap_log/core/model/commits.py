@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TypeAlias
 
+from semmap_log.core.model.rules import text_expected
 from semmap_log.errors import InvalidEventError
 
 
@@ -95,19 +96,6 @@ def check_text(where: str, text: str) -> None:
     expected = text_expected(text)
     if expected:
         raise InvalidEventError(where, expected, text)
-
-
-def text_expected(text: object) -> str:
-    """Return what is expected instead of a text that cannot be stored; "": it can be."""
-    if not isinstance(text, str):
-        return "a text"
-    if "\0" in text:
-        return "text without NUL characters"
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return "text that UTF-8 can hold"
-    return ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -394,3 +394,19 @@ def _checked(ns: int, text: str) -> int:
     if not 0 <= ns <= MAX_TIME_NS:
         raise MomentError(f"{text!r}: expected a time from 1970 to 2262.")
     return ns
+
+
+UNITS = ((DAY_NS, "d"), (3600 * SECOND_NS, "h"), (60 * SECOND_NS, "min"), (SECOND_NS, "s"))
+"""Nanoseconds in a unit, and its name."""
+
+
+def duration(ns: int) -> str:
+    """Return a length of time in its largest unit and the next: `2 d 3 h`, `5 min`, `0.250 s`."""
+    if ns < 10 * SECOND_NS:
+        return f"{ns / SECOND_NS:.3f} s" if ns % SECOND_NS else f"{ns // SECOND_NS} s"
+    place = next(i for i, (unit_ns, _) in enumerate(UNITS) if ns >= unit_ns)
+    parts = []
+    for unit_ns, name in UNITS[place : place + 2]:
+        count, ns = divmod(ns, unit_ns)
+        parts.append(f"{count} {name}" if count else "")
+    return " ".join(filter(None, parts))

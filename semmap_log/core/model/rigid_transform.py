@@ -55,3 +55,20 @@ class RigidTransform:
         cos, sin = math.cos(self.theta), math.sin(self.theta)
         turned = np.remainder(theta + self.theta + math.pi, 2 * math.pi) - math.pi
         return self.dx + cos * x - sin * y, self.dy + sin * x + cos * y, turned
+
+
+def yaw_of(orientation: Any) -> float:
+    """Return the angle around z of a quaternion, radians.
+
+    Raises:
+        ValueError: It is no rotation: its length is not 1, as of one that was never set.
+    """
+    x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    if not abs(length - 1) < LENGTH_OFF:  # NaN, too
+        raise ValueError(f"an orientation of length {length:g}, which is no rotation")
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+LENGTH_OFF = 0.01
+"""tf2 takes no quaternion whose length is further from 1."""

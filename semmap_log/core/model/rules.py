@@ -21,12 +21,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.io.clock import MAX_TIME_NS
-from semmap_log.core.model.commits import text_expected
 
 _Mark = TypeVar("_Mark")
 
 GREATEST = sys.float_info.max
 """The greatest finite number."""
+
+
+def text_expected(text: object) -> str:
+    """Return what is expected instead of a text that cannot be stored; "": it can be."""
+    if not isinstance(text, str):
+        return "a text"
+    if "\0" in text:
+        return "text without NUL characters"
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return "text that UTF-8 can hold"
+    return ""
 
 
 def is_whole_number(value: object) -> bool:

@@ -32,7 +32,7 @@ from semmap_log.fleet.join.joined_logs import DoorRow, JoinedLog, JoinedLogs
 from semmap_log.log.door_log.robot_names import BEHIND_ROBOT, BETWEEN_ROBOTS
 from semmap_log.log.replay.replay import kept_commits
 from semmap_log.log.replay.state import retractions_behind
-from semmap_log.log.rewriting.new_numbers import LogAnew
+from semmap_log.log.rewriting.rewritten_log import LogAnew
 from semmap_log.store.header import LogInfo
 from semmap_log.store.pages import bits_of_kinds
 from semmap_log.store.reading.following import FollowedCommit

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from semmap_log.analysis.rooms import RoomPlan
+from semmap_log.analysis.rooms.level_rooms import RoomPlan
 from semmap_log.core.folds.levels import OPTION, told
 from semmap_log.core.io.disk import output_errors, refuse_own_folder, whole_file
 from semmap_log.errors import FormatError, UnknownLevelError

@@ -40,11 +40,12 @@ from semmap_log.core.model.events import (
     RobotPose,
 )
 from semmap_log.core.model.meaning import NOTHING, PLACING, Changed
+from semmap_log.core.model.rigid_transform import yaw_of
 from semmap_log.core.texts import command_line
 from semmap_log.errors import InvalidEventError
 from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.topics.lasers.lasers import Lasers
-from semmap_log.interop.topics.topic_reader import Context, TopicMessage, deviations, yaw_of
+from semmap_log.interop.topics.topic_reader import Context, TopicMessage, deviations
 from semmap_log.interop.topics.topic_rules import ReadClicks, ReadDoorMap, ReadPose, ReadTransforms
 from semmap_log.interop.topics.transforms import TransformTree
 

@@ -165,23 +165,6 @@ def field_of(message: Any, path: str) -> Any:
     return message
 
 
-def yaw_of(orientation: Any) -> float:
-    """Return the angle around z of a quaternion, radians.
-
-    Raises:
-        ValueError: It is no rotation: its length is not 1, as of one that was never set.
-    """
-    x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
-    length = math.sqrt(x * x + y * y + z * z + w * w)
-    if not abs(length - 1) < LENGTH_OFF:  # NaN, too
-        raise ValueError(f"an orientation of length {length:g}, which is no rotation")
-    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-
-
-LENGTH_OFF = 0.01
-"""tf2 takes no quaternion whose length is further from 1."""
-
-
 def deviations(covariance: Any) -> tuple[float, float]:
     """Return the standard deviations in the plane and around z; NaN where none is given.
 

@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.interop.topics.topic_reader import yaw_of
+from semmap_log.core.model.rigid_transform import yaw_of
 
 LONGEST_CHAIN = 100
 MOST_FRAMES = 5000

@@ -23,6 +23,7 @@ from semmap_log.core.model.events import (
     PatrolFinished,
     PatrolStarted,
 )
+from semmap_log.core.model.rigid_transform import yaw_of
 from semmap_log.errors import CommandError, SemmapError, UnknownLevelError
 from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.formats.ros.ros_types import MessageType, decode_message, short_name
@@ -43,7 +44,6 @@ from semmap_log.interop.topics.topic_reader import (
     TopicProblems,
     TopicReader,
     field_of,
-    yaw_of,
 )
 from semmap_log.interop.topics.topic_rules import (
     ONLY_TYPES,

@@ -37,7 +37,7 @@ from semmap_log.errors import (
 from semmap_log.log.door_log.current_map import WAITING_POSES, Command, CurrentMap, TakenOver
 from semmap_log.log.door_log.known_past import Validator
 from semmap_log.log.door_log.summary import labels_ever, remedy
-from semmap_log.log.replay.care import WrittenState
+from semmap_log.log.replay.written_state import WrittenState
 from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.writing.writer_opening import OpenedLog
 

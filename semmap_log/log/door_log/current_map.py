@@ -52,7 +52,7 @@ from semmap_log.log.door_log.door_index import (
 from semmap_log.log.door_log.known_past import KnownPast
 from semmap_log.log.door_log.queries import Time, happened_ns_of
 from semmap_log.log.door_log.rebasing import are_same
-from semmap_log.log.replay.care import WrittenState
+from semmap_log.log.replay.written_state import WrittenState
 from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing.writer_opening import OpenedLog

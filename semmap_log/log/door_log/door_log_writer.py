@@ -50,8 +50,8 @@ from semmap_log.log.door_log.door_index import DoorIndex
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.known_past import KnownPast
 from semmap_log.log.door_log.queries import Time
-from semmap_log.log.replay.care import WrittenState
 from semmap_log.log.replay.replay import Scope
+from semmap_log.log.replay.written_state import WrittenState
 from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing.durability import DurabilityPolicy

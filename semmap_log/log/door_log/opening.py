@@ -14,8 +14,8 @@ from semmap_log.core.model.keywords import check_keywords
 from semmap_log.core.model.moments import MOST_HOLDS, USUAL_HOLDS, zone
 from semmap_log.errors import InvalidEventError
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.log.replay.care import WrittenState
 from semmap_log.log.replay.read_model.indexing import keep_up
+from semmap_log.log.replay.written_state import WrittenState
 from semmap_log.store.commit_records import Entropy
 from semmap_log.store.header import LogInfo
 from semmap_log.store.writing.durability import DurabilityPolicy

@@ -40,8 +40,8 @@ from semmap_log.log.replay.replay import Scope, replay
 from semmap_log.store.pages import bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of
-from semmap_log.store.reading.segment_scan import Segment
-from semmap_log.store.reading.window import EVERYTHING, Window, numbers_of
+from semmap_log.store.reading.segment_scan import Segment, numbers_of
+from semmap_log.store.reading.window import EVERYTHING, Window
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

@@ -81,8 +81,8 @@ from semmap_log.store.header import TrimReason
 from semmap_log.store.pages import EVENT_BITS, EXPIRING_BITS, KEYFRAME_BIT, bits_of_kinds
 from semmap_log.store.reading.reader import BEGINNING, ChunkPlace, LogReader
 from semmap_log.store.reading.segment_reading import page_at
-from semmap_log.store.reading.segment_scan import Segment
-from semmap_log.store.reading.window import Window, numbers_of
+from semmap_log.store.reading.segment_scan import Segment, numbers_of
+from semmap_log.store.reading.window import Window
 from semmap_log.store.record_scan import most_unpacked
 
 

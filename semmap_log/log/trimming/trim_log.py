@@ -45,8 +45,8 @@ from semmap_log.store.header import TrimReason
 from semmap_log.store.pages import EXPIRING, KEYFRAME_BIT, Page, bits_of_kinds
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import commit_of, end_of
-from semmap_log.store.reading.segment_scan import Segment
-from semmap_log.store.reading.window import Window, numbers_of
+from semmap_log.store.reading.segment_scan import Segment, numbers_of
+from semmap_log.store.reading.window import Window
 from semmap_log.store.trimming.records_left import Selection
 from semmap_log.store.trimming.trimming import (
     Trimming,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +12,8 @@ from semmap_log.core.model.commits import Durability
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL, kinds_of
 from semmap_log.store.pages import Page
-from semmap_log.store.reading.page_reading import (
-    TIMES_VIOLATION,
-    first_violation,
-    times_of_chunks,
+from semmap_log.store.record_scan import (
+    ScannedChunks,
 )
 
 _SEQUENCE_MASK = 0xFFFF_FFFF
@@ -204,3 +202,60 @@ def _first(
     """Return the first place that is wrong; `messages`: where the places lie among all."""
     places = np.flatnonzero(wrong) if messages is None else messages[wrong]
     return Violation(int(places[0]), problem) if len(places) else None
+
+
+TIMES_VIOLATION = "its head does not tell the least and greatest log time of its messages"
+
+
+KINDS_MISFIT = "it holds other kinds of messages than the segment's summary says"
+
+
+def in_chunks(page: Page, ends: NDArray[np.int64]) -> ScannedChunks:
+    """Return what is in the chunks of a page, by numpy.
+
+    Args:
+        page: Their records.
+        ends: Where those of each end among them.
+    """
+    counts = np.searchsorted(page.offsets, ends)
+    least_ns, greatest_ns = times_of_chunks(page.heads["log_time"], counts)
+    return ScannedChunks(counts, kinds_of_chunks(page, counts), least_ns, greatest_ns)
+
+
+def kinds_of_chunks(page: Page, ends: NDArray[np.intp]) -> NDArray[np.uint32]:
+    """Return which kinds of record are in each chunk of a page: `pages`.
+
+    Args:
+        page: Their records.
+        ends: How many messages there are to the end of each; each has at least one.
+    """
+    kinds: NDArray[np.uint32] = np.bitwise_or.reduceat(page.bits, np.append(0, ends[:-1]))
+    return kinds
+
+
+def times_of_chunks(
+    log_time: NDArray[np.int64], ends: NDArray[np.intp]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the least log time of each chunk's messages, and the greatest.
+
+    Args:
+        log_time: Of all messages.
+        ends: How many messages there are to the end of each chunk; each has at least one.
+    """
+    starts = np.append(0, ends[:-1])
+    return np.minimum.reduceat(log_time, starts), np.maximum.reduceat(log_time, starts)
+
+
+def first_violation(
+    least_ns: NDArray[np.int64], greatest_ns: NDArray[np.int64], rows: NDArray[np.void]
+) -> int | None:
+    """Return the place of the first chunk that states other times than its messages, or None.
+
+    Args:
+        least_ns: The least log time of each chunk's messages.
+        greatest_ns: The greatest.
+        rows: What is stated about the chunks: `start_ns`, `end_ns`.
+    """
+    wrong = (least_ns != rows["start_ns"]) | (greatest_ns != rows["end_ns"])
+    places: Sequence[int] = np.flatnonzero(wrong).tolist()
+    return places[0] if places else None

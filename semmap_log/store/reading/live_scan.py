@@ -32,8 +32,7 @@ from semmap_log.store.header import SegmentHeader
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.chunk_table import ROW, ChunkTable
 from semmap_log.store.reading.closed_summary import SPAN, spans_of_chunks
-from semmap_log.store.reading.invariants import Reading, ReadPosition
-from semmap_log.store.reading.page_reading import kinds_of_chunks
+from semmap_log.store.reading.invariants import Reading, ReadPosition, kinds_of_chunks
 from semmap_log.store.reading.resync import whole_chunks
 from semmap_log.store.record_scan import (
     ChunkDamage,

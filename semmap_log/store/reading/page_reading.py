@@ -17,6 +17,12 @@ from semmap_log.store import records as mcap
 from semmap_log.store.chunks import crc_problem
 from semmap_log.store.pages import Page, compiled_scan
 from semmap_log.store.reading.chunk_table import ChunkTable, LoadedChunks
+from semmap_log.store.reading.invariants import (
+    KINDS_MISFIT,
+    TIMES_VIOLATION,
+    first_violation,
+    in_chunks,
+)
 from semmap_log.store.record_scan import (
     ChunkDamage,
     ScannedChunks,
@@ -191,12 +197,6 @@ def _first_misfit_of_crc(
     return CorruptLogError(chunks.path, int(chunks.rows["offset"][place]), problem)
 
 
-TIMES_VIOLATION = "its head does not tell the least and greatest log time of its messages"
-
-
-KINDS_MISFIT = "it holds other kinds of messages than the segment's summary says"
-
-
 def _violation(chunks: ScannedChunks, rows: NDArray[np.void]) -> tuple[int, str] | None:
     """Return the place of a chunk that is not what the table says, and what is wrong with it."""
     place = first_violation(chunks.least_ns, chunks.greatest_ns, rows)
@@ -204,57 +204,6 @@ def _violation(chunks: ScannedChunks, rows: NDArray[np.void]) -> tuple[int, str]
         return place, TIMES_VIOLATION
     wrong = np.flatnonzero(chunks.kinds != rows["kinds"])
     return (int(wrong[0]), KINDS_MISFIT) if len(wrong) else None
-
-
-def in_chunks(page: Page, ends: NDArray[np.int64]) -> ScannedChunks:
-    """Return what is in the chunks of a page, by numpy.
-
-    Args:
-        page: Their records.
-        ends: Where those of each end among them.
-    """
-    counts = np.searchsorted(page.offsets, ends)
-    least_ns, greatest_ns = times_of_chunks(page.heads["log_time"], counts)
-    return ScannedChunks(counts, kinds_of_chunks(page, counts), least_ns, greatest_ns)
-
-
-def kinds_of_chunks(page: Page, ends: NDArray[np.intp]) -> NDArray[np.uint32]:
-    """Return which kinds of record are in each chunk of a page: `pages`.
-
-    Args:
-        page: Their records.
-        ends: How many messages there are to the end of each; each has at least one.
-    """
-    kinds: NDArray[np.uint32] = np.bitwise_or.reduceat(page.bits, np.append(0, ends[:-1]))
-    return kinds
-
-
-def times_of_chunks(
-    log_time: NDArray[np.int64], ends: NDArray[np.intp]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the least log time of each chunk's messages, and the greatest.
-
-    Args:
-        log_time: Of all messages.
-        ends: How many messages there are to the end of each chunk; each has at least one.
-    """
-    starts = np.append(0, ends[:-1])
-    return np.minimum.reduceat(log_time, starts), np.maximum.reduceat(log_time, starts)
-
-
-def first_violation(
-    least_ns: NDArray[np.int64], greatest_ns: NDArray[np.int64], rows: NDArray[np.void]
-) -> int | None:
-    """Return the place of the first chunk that states other times than its messages, or None.
-
-    Args:
-        least_ns: The least log time of each chunk's messages.
-        greatest_ns: The greatest.
-        rows: What is stated about the chunks: `start_ns`, `end_ns`.
-    """
-    wrong = (least_ns != rows["start_ns"]) | (greatest_ns != rows["end_ns"])
-    places: Sequence[int] = np.flatnonzero(wrong).tolist()
-    return places[0] if places else None
 
 
 def _page_of_one(loaded: LoadedChunks, first_event: int, records: Records) -> Page:

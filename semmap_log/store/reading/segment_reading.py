@@ -29,8 +29,7 @@ from semmap_log.store.pages import COMMIT_BIT, UNKNOWN_BIT, Page
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.page_reading import read_page
 from semmap_log.store.reading.segment_head import last_commit_in
-from semmap_log.store.reading.segment_scan import Segment
-from semmap_log.store.reading.window import numbers_of
+from semmap_log.store.reading.segment_scan import Segment, numbers_of
 from semmap_log.store.record_scan import ChunkDamage, gather
 
 if TYPE_CHECKING:

@@ -428,3 +428,9 @@ def head_in(path: PurePath, file: memoryview) -> tuple[SegmentHeader, int]:
         raise (NewerLogError if error.is_newer else LogError)(f"{path}: {error}.") from None
     except ValueError as error:
         raise CorruptLogError(path, second[1], str(error)) from None
+
+
+def numbers_of(segment: Segment) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return, for each chunk, the number of its first event and the number after its last."""
+    ends = segment.next_events
+    return np.append(segment.header.first_event, ends)[: len(ends)], ends

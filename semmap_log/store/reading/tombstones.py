@@ -18,8 +18,7 @@ from semmap_log.store.gone_commands import (
 )
 from semmap_log.store.pages import TOMBSTONE_BIT
 from semmap_log.store.reading.segment_reading import page_at
-from semmap_log.store.reading.segment_scan import Segment
-from semmap_log.store.reading.window import numbers_of
+from semmap_log.store.reading.segment_scan import Segment, numbers_of
 
 
 def tombstones(segment: Segment, first_chunk: int = 0) -> Iterator[tuple[Tombstone, bytes]]:

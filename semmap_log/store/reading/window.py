@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.store.pages import EVENT_BITS, bits_of_counts, bits_of_kind_numbers
-from semmap_log.store.reading.segment_scan import Segment
+from semmap_log.store.reading.segment_scan import Segment, numbers_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,12 +111,6 @@ class Window:
 
 
 EVERYTHING = Window()
-
-
-def numbers_of(segment: Segment) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return, for each chunk, the number of its first event and the number after its last."""
-    ends = segment.next_events
-    return np.append(segment.header.first_event, ends)[: len(ends)], ends
 
 
 def _meets(span: tuple[int, int], first: int | None, before: int | None) -> bool:

@@ -63,7 +63,11 @@ from semmap_log.store.verification import GoneCommits, Progress, Verifier, Whole
 from semmap_log.store.verification.file_place import DiskPlace
 from semmap_log.store.verification.findings import arrange
 from semmap_log.store.verification.keyframe_place import NewKeyframeCheck
-from semmap_log.store.writing.writer import KeyframeSource, NewKeyframeSource, keyframe_chunk
+from semmap_log.store.writing.keyframe_source import (
+    KeyframeSource,
+    NewKeyframeSource,
+    keyframe_chunk,
+)
 
 MOST_NAMED = 20
 """Losses that the note of the new log's last commit names one by one."""

@@ -66,7 +66,7 @@ from semmap_log.store.verification.file_place import Vanished
 from semmap_log.store.verification.findings import FolderFiles
 from semmap_log.store.verification.keyframe_place import NewKeyframeCheck
 from semmap_log.store.verification.pieces import Piece, SegmentWalk
-from semmap_log.store.writing.writer import KeyframeMessage, keyframe_chunk
+from semmap_log.store.writing.keyframe_source import KeyframeMessage, keyframe_chunk
 
 
 @dataclass(frozen=True, slots=True)

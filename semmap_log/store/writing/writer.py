@@ -6,24 +6,21 @@ The writer's keyframes come from a source that returns their bytes; it does not 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol, TypeVar
-
-import numpy as np
+from typing import NamedTuple
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.io.clock import Clock, SystemClock, believable_ns
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.core.model.events import Event
 from semmap_log.errors import CommandError, LogError, LogPoisonedError
-from semmap_log.store import records as mcap
-from semmap_log.store.chunks import BuiltChunk, build_chunk
+from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.command_index import COMMAND_ID_BYTES
 from semmap_log.store.commit_records import CommitBuilder, Entropy, Stamp
 from semmap_log.store.compaction.background import KeepUp
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import KEYFRAME_CHANNEL, NO_HASH
+from semmap_log.store.form import NO_HASH
 from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.lock import WriterLock
@@ -35,6 +32,7 @@ from semmap_log.store.writing.durability import (
     DurabilityPolicy,
     SharedSync,
 )
+from semmap_log.store.writing.keyframe_source import KeyframeSource, keyframe_chunk
 from semmap_log.store.writing.segment_chain import CommandMemory, LogEnd, SegmentChain
 from semmap_log.store.writing.uniform_commit import uniform_commit
 
@@ -433,64 +431,3 @@ class LogWriter:
                 self._begin_next(wall_ns - 1)  # the commit's time stays free
             self._syncs.durable_before = self.next_event
         self._in_commit = False
-
-
-Flush = Callable[[], None]
-"""Hands the kernel what a writer holds back, before its log is read."""
-
-
-@dataclass(frozen=True, slots=True)
-class KeyframeMessage:
-    """A state as it is stored."""
-
-    event: int
-    """The last event in it; -1: none."""
-    data: bytes
-    """The CDR bytes of its Keyframe message."""
-
-
-class KeyframeSource(Protocol):
-    """Knows the state after what was written, and when it should be stored."""
-
-    def add(self, chunk: BuiltChunk) -> None:
-        """Take in a chunk that was written; of a commit's several one after the other."""
-
-    def wants_keyframe(self, *, is_commit_begun: bool) -> bool:
-        """Return whether a keyframe should stand before what is written next.
-
-        Args:
-            is_commit_begun: A part of a commit was written; the log cannot be read up to here.
-        """
-
-    def keyframe(self) -> KeyframeMessage:
-        """Return the state after what was written; it is stored now."""
-
-
-K_co = TypeVar("K_co", bound=KeyframeSource, covariant=True)
-
-
-class NewKeyframeSource(Protocol[K_co]):
-    """Makes the source of a writer that is about to begin."""
-
-    def __call__(self, folder: LogFolder, flush: Flush, reader: LogReader | None = None) -> K_co:
-        """Return a source whose state is that of the log.
-
-        Args:
-            folder: The log's.
-            flush: To be called before the log is read.
-            reader: The log as it is; None: there is no event in it.
-
-        Raises:
-            LogError: The state cannot be known.
-        """
-
-
-def keyframe_chunk(keyframe: KeyframeMessage, log_time_ns: int) -> BuiltChunk:
-    """Return the chunk that holds a keyframe.
-
-    Args:
-        keyframe: What it holds.
-        log_time_ns: Of the record before it, or later.
-    """
-    record = mcap.message(KEYFRAME_CHANNEL, keyframe.event, log_time_ns, log_time_ns, keyframe.data)
-    return build_chunk(record, np.zeros(1, np.int64))

@@ -18,7 +18,8 @@ from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_folder import check_is_log
-from semmap_log.store.writing.writer import Environment, K_co, LogWriter, NewKeyframeSource
+from semmap_log.store.writing.keyframe_source import K_co, NewKeyframeSource
+from semmap_log.store.writing.writer import Environment, LogWriter
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,11 +11,11 @@ import numpy as np
 
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
 from semmap_log.analysis.planning.patrol_plan import PatrolPlan, PlannedStop
-from semmap_log.analysis.rooms import Place
+from semmap_log.analysis.rooms.door_ways import Place
 from semmap_log.analysis.rooms.level_rooms import OCCUPIED_FROM
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.events import FloorMap
-from semmap_log.core.model.moments import SECOND_NS, format_short
+from semmap_log.core.model.moments import SECOND_NS, duration, format_short
 from semmap_log.core.texts import counted
 from semmap_log.views.palette import (
     PLOT_BARS,
@@ -27,7 +27,6 @@ from semmap_log.views.palette import (
 )
 from semmap_log.views.plots.figures import mpl, new_figure, patches, save_figure
 from semmap_log.views.plots.room_plans import plan_cells
-from semmap_log.views.timeline_table import duration
 
 LONG_IN, LEAST_IN, MOST_IN = 13.0, 5.0, 13.0
 MARGIN_M = 2.0

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.rooms import Room, RoomPlan
-from semmap_log.analysis.rooms.level_rooms import OCCUPIED_FROM, LevelRooms
+from semmap_log.analysis.rooms.level_rooms import OCCUPIED_FROM, LevelRooms, RoomPlan
+from semmap_log.analysis.rooms.room_graph import Room
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.events import FloorMap
 from semmap_log.views.event_words import HasShape, drawable_name, printable

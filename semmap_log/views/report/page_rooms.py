@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from semmap_log.analysis.rooms import RoomPlan
+from semmap_log.analysis.rooms.level_rooms import RoomPlan
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import rooms_image
 

@@ -20,7 +20,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from semmap_log.analysis.rooms import RoomPlan
+from semmap_log.analysis.rooms.level_rooms import RoomPlan
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_changes import Changes, door_changes
 from semmap_log.core.io.disk import log_name

@@ -14,7 +14,7 @@ from semmap_log.core.model.events import KINDS
 from semmap_log.store import records as mcap
 from semmap_log.store.form import EventFields
 from semmap_log.store.pages import Page, compiled_scan
-from semmap_log.store.reading.page_reading import in_chunks
+from semmap_log.store.reading.invariants import in_chunks
 from semmap_log.store.record_scan import ChunkDamage, ScannedChunks, ScannedRecords, scan_together
 
 CHANNELS = (*range(30), *range(95, 105), 300, 65535)

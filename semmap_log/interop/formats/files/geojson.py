@@ -16,7 +16,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from semmap_log.analysis.rooms import RoomPlan
+from semmap_log.analysis.rooms.level_rooms import RoomPlan
 from semmap_log.analysis.rooms.room_outlines import room_outline
 from semmap_log.core.model.doors import Door, DoorMap, Geometry
 from semmap_log.core.model.moments import format_utc

@@ -14,8 +14,7 @@ from typing import Any
 
 import yaml
 
-from semmap_log.analysis.rooms import RoomPlan
-from semmap_log.analysis.rooms.level_rooms import Point
+from semmap_log.analysis.rooms.level_rooms import Point, RoomPlan
 from semmap_log.analysis.rooms.walking_floor import middle_of
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.moments import SECOND_NS

@@ -15,7 +15,8 @@ from semmap_log.analysis.beliefs.sensor_calibration import Calibration, DoorCali
 from semmap_log.analysis.probabilities.scores import Scores
 from semmap_log.analysis.probabilities.sensors.sensor_doubts import SensorDoubt
 from semmap_log.analysis.probabilities.sensors.sensor_shares import Seen
-from semmap_log.analysis.rooms import Doorway, Room, RoomPlan
+from semmap_log.analysis.rooms.level_rooms import RoomPlan
+from semmap_log.analysis.rooms.room_graph import Doorway, Room
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.core.model.moments import SECOND_NS
 from semmap_log.interop.formats.json.door_json import door_map_to_json

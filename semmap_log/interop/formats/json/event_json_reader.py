@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from semmap_log.core.model.commits import Note, text_expected
+from semmap_log.core.model.commits import Note
 from semmap_log.core.model.doors import NAN, DoorId, DoorState
 from semmap_log.core.model.events import (
     KIND_BY_NAME,
@@ -26,7 +26,7 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.core.model.meaning import PART_OF, PARTS, Changed, changed
 from semmap_log.core.model.moments import both_instants, parse_instant, zone
-from semmap_log.core.model.rules import Nanoseconds, OneOf, Rule, Text, Truth, Whole
+from semmap_log.core.model.rules import Nanoseconds, OneOf, Rule, Text, Truth, Whole, text_expected
 from semmap_log.errors import FormatError, SemmapError
 from semmap_log.interop.formats.json.door_json import (
     FLOOR_MAP_KEYS,

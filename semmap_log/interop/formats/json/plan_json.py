@@ -12,7 +12,7 @@ from semmap_log.analysis.costmaps import Costmap
 from semmap_log.analysis.planning.followed_round import FollowedRound, RoundStep
 from semmap_log.analysis.planning.patrol_plan import NotVisited, PatrolPlan, PlannedStop
 from semmap_log.analysis.probabilities.forecast import INTERVAL
-from semmap_log.analysis.rooms import Place
+from semmap_log.analysis.rooms.door_ways import Place
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.moments import SECOND_NS, format_utc
 from semmap_log.interop.formats.json.beliefs_json import ROUNDED

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.interop.topics.topic_reader import deviations, yaw_of
+from semmap_log.core.model.rigid_transform import yaw_of
+from semmap_log.interop.topics.topic_reader import deviations
 from semmap_log.interop.topics.transforms import (
     LinkPose,
     TransformTree,
