@@ -28,7 +28,7 @@ from semmap_log.core.model.events import (
     Retracted,
 )
 from semmap_log.errors import CorruptLogError, KeyframeWarning, LogError
-from semmap_log.log.replay import care, keyframes, state
+from semmap_log.log.replay import keyframes, state, written_state
 from semmap_log.log.replay.keyframes import encode
 from semmap_log.log.replay.state import state_at
 from semmap_log.store import commit_records as commits
@@ -51,8 +51,8 @@ START_NS = 1_772_400_000 * 10**9
 def tiny_steps() -> Iterator[None]:
     """Segments of a few commits, chunks of a few events, a keyframe for every few chunks."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(care, "KEYFRAME_EVERY_BYTES", 700)
-        patch.setattr(care, "KEYFRAME_RARITY", 0)
+        patch.setattr(written_state, "KEYFRAME_EVERY_BYTES", 700)
+        patch.setattr(written_state, "KEYFRAME_RARITY", 0)
         patch.setattr(commits, "CHUNK_BYTES", 300)
         patch.setattr(segment_chain, "ROLL_COMMITS", 11)
         patch.setattr(segment_chain, "CONTINUE_BELOW_BYTES", 20_000)

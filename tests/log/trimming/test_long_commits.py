@@ -13,7 +13,7 @@ import semmap_log as sl
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import DoorAnnotated, DoorObserved, Event, RobotPose
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.replay import care
+from semmap_log.log.replay import written_state
 from semmap_log.log.replay.care import recover, verify
 from semmap_log.log.trimming.redaction import Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning
@@ -43,8 +43,8 @@ def _keyframes_are_close(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(commit_records, "CHUNK_BYTES", 600)
     monkeypatch.setattr(merge, "CHUNK_BYTES", 900)
     monkeypatch.setattr(merge, "KEYFRAME_EVERY_BYTES", 900)
-    monkeypatch.setattr(care, "KEYFRAME_EVERY_BYTES", 900)
-    monkeypatch.setattr(care, "KEYFRAME_RARITY", 0)
+    monkeypatch.setattr(written_state, "KEYFRAME_EVERY_BYTES", 900)
+    monkeypatch.setattr(written_state, "KEYFRAME_RARITY", 0)
 
 
 def imported(path: Path, *, commits: int = 1) -> Path:

@@ -11,7 +11,7 @@ import semmap_log as sl
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.model.events import DoorObserved, SightingsThinned
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.replay import care
+from semmap_log.log.replay import written_state
 from semmap_log.log.replay.care import verify
 from semmap_log.log.trimming import repeated_sightings
 from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Tracks
@@ -103,8 +103,8 @@ def test_a_log_that_was_cut_off_can_be_thinned(
     The keyframe at the horizon, amid a segment, stays, though it contains sightings that go, and
     though it is near the one before it, since what lay between them went.
     """
-    monkeypatch.setattr(care, "KEYFRAME_EVERY_BYTES", 2000)
-    monkeypatch.setattr(care, "KEYFRAME_RARITY", 0)
+    monkeypatch.setattr(written_state, "KEYFRAME_EVERY_BYTES", 2000)
+    monkeypatch.setattr(written_state, "KEYFRAME_RARITY", 0)
     monkeypatch.setattr(merge, "KEYFRAME_EVERY_BYTES", 1000)
     log = random_log(tmp_path, 7, monkeypatch, commits=200, roll=150)
     asked = moments(log, 5)
