@@ -64,7 +64,6 @@ EDGES: dict[str, set[str]] = {
     "genpy": {"live"},
     "rclpy": {"live"},
     "distributed": {"fleet"},
-    "ray": {"fleet"},
 }
 """Third party -> the only rooms that import it: pictures are read in one and drawn in another, and
 `formats` has other programs' bags."""

@@ -39,7 +39,6 @@ class EngineName(str, Enum):
     """The keys of `fleet.jobs.door_jobs.ENGINES`, as typer wants its choices."""
 
     dask = "dask"
-    ray = "ray"
     serial = "serial"
 
 
@@ -74,15 +73,8 @@ def run(
             callback=a_file,
         ),
     ] = None,
-    delta: Annotated[
-        bool, typer.Option("--delta", help="export: as a table of Delta Lake, in one commit.")
-    ] = False,
-    iceberg: Annotated[
-        str,
-        typer.Option("--iceberg", metavar="CATALOG.NAMESPACE.TABLE", help="export: the same."),
-    ] = "",
     engine: Annotated[
-        EngineName, typer.Option("--engine", help="dask, ray, or serial: in this process.")
+        EngineName, typer.Option("--engine", help="dask, or serial: in this process.")
     ] = EngineName.dask,
     scheduler: Annotated[
         str,
@@ -134,13 +126,13 @@ def run(
       semmap-log fleet map s3://hospital/logs --at 2026-03-02T10:30
       semmap-log fleet openings 's3://hospital/logs/tug*' --out openings.parquet
       semmap-log fleet verify logs/tug1 logs/tug2 --json
-      semmap-log fleet export @logs.txt --out lake --delta
+      semmap-log fleet export @logs.txt --out lake
       semmap-log fleet fold logs --fold mine:Openings --scheduler tcp://10.0.0.5:8786
     """
     from semmap_log.fleet.jobs.fleet_run import fleet
 
     told = {"--at": at, "--known-at": known_at, "--horizon": horizon, "--estimator": estimator,
-            "--fold": fold, "--delta": delta, "--iceberg": iceberg}  # fmt: skip
+            "--fold": fold}  # fmt: skip
     question = _question(job, told, out)
     _check_out(job, out)
     many = fleet(
@@ -162,7 +154,6 @@ _TAKES = {
     FleetJob.map: ("--at", "--known-at"),
     FleetJob.probabilities: ("--at", "--known-at", "--horizon", "--estimator"),
     FleetJob.fold: ("--fold",),
-    FleetJob.export: ("--delta", "--iceberg"),
 }
 """Job -> the options of the question that mean something to it."""
 
@@ -187,9 +178,7 @@ def _question(job: FleetJob, told: Mapping[str, Any], out: Path | None) -> Quest
         case FleetJob.export:
             if out is None:
                 raise typer.BadParameter("expected a folder or a URL", param_hint="--out")
-            return lambda many, show: many.export(
-                out, delta=told["--delta"], iceberg=told["--iceberg"], progress=show
-            )
+            return lambda many, show: many.export(out, progress=show)
         case FleetJob.fold:
             if not told["--fold"]:
                 raise typer.BadParameter("expected MODULE:CLASS", param_hint="--fold")

@@ -4,7 +4,7 @@ fleet_run       what a person uses: `sl.fleet([...]).map(at=...)`
 log_places      which logs are meant: URLs, folders, prefixes, patterns, lists; the export job
 job             what a job is, what one log answers, in a worker, and what became of each log
 door_jobs       the jobs on doors and on the state of logs; answers kept for the next run
-engine          where functions run; dask_engine, ray_engine: two of them
+engine          where functions run; dask_engine: one of them
 lake_folder     a folder of exported Parquet files: its columns, and its files
 """
 

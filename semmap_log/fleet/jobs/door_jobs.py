@@ -45,7 +45,6 @@ from semmap_log.fleet.jobs.job import (
     answers,
     joined_answer,
 )
-from semmap_log.fleet.jobs.ray_engine import RayEngine
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.summary import labels_ever
 from semmap_log.log.replay.care import verify
@@ -362,7 +361,7 @@ class KeptAnswers:
             self._files.clear()
 
 
-ENGINES = ("dask", "ray", "serial")
+ENGINES = ("dask", "serial")
 WORKER_MEMORY = "1GiB"
 
 
@@ -393,8 +392,6 @@ class EngineChoice:
             return SerialEngine()
         if self.name == "dask":
             return DaskEngine(self.scheduler, workers, self.memory, self.timeout_s)
-        if self.name == "ray":
-            return RayEngine(self.scheduler, workers, self.timeout_s)
         raise EngineError(f"engine {self.name!r}: expected one of {', '.join(ENGINES)}.")
 
 

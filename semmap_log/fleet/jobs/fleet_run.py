@@ -45,7 +45,7 @@ from semmap_log.fleet.jobs.job import (
     joined_answers,
 )
 from semmap_log.fleet.jobs.lake_folder import lake_files, remove_earlier_files
-from semmap_log.fleet.jobs.log_places import MonthExport, commit_delta, commit_iceberg, log_places
+from semmap_log.fleet.jobs.log_places import MonthExport, log_places
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -124,28 +124,17 @@ class Fleet:
         """Return what each log contains, a row each."""
         return self.ask(InfoJob(), progress=progress)
 
-    def export(
-        self, out: str | Path, *, delta: bool = False, iceberg: str = "",
-        progress: Tell | None = None,
-    ) -> FleetAnswer:  # fmt: skip
+    def export(self, out: str | Path, *, progress: Tell | None = None) -> FleetAnswer:
         """Write every event of each log as Parquet files, a folder a month; see `month_export`.
 
         Args:
             out: A folder that each worker sees, or a URL.
-            delta: At the end, commit the files as a Delta table, at `out`.
-            iceberg: The same as an Iceberg table, `catalog.namespace.table`; empty: no table.
             progress: Called with the progress of the run.
         """
         place = place_of(out)
         lake = str(place.absolute() if isinstance(place, Path) else place)  # of any worker's folder
         found = self.ask(MonthExport(lake), progress=progress)
-        files = lake_files(found.table)
-        if delta:
-            commit_delta(lake, files)
-        if iceberg:
-            commit_iceberg(iceberg, lake, files)
-        if not (delta or iceberg):  # whose tables still name them, in older versions
-            remove_earlier_files(lake, files)
+        remove_earlier_files(lake, lake_files(found.table))
         return found
 
     def fold(self, projection: Projection[Any], *, progress: Tell | None = None) -> FoldAnswer:
@@ -213,7 +202,7 @@ def fleet(
     Args:
         urls: Logs, folders or prefixes with logs right below them, patterns with `*`, or `@FILE`
             with one such a line.
-        engine: `dask`, `ray`, or `serial`: one log after the other, in this process.
+        engine: `dask`, or `serial`: one log after the other, in this process.
         scheduler: Address of a running cluster; empty: workers of this machine.
         workers: Number of workers of this machine; default: one a core.
         memory: Memory limit of each of them.

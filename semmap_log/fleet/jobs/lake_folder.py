@@ -91,11 +91,6 @@ def log_of(path: str) -> str:
     return path.rsplit("/", 1)[-1].partition("-")[0]
 
 
-def month_of(path: str) -> str:
-    """Return when the events in a file of a lake happened."""
-    return path.rsplit("/", 2)[-2].removeprefix("month=")
-
-
 def remove_earlier_files(out: str, files: Sequence[LakeFile]) -> None:
     """Remove files of the same logs and months from an earlier head.
 

@@ -4,39 +4,27 @@ It also holds the job that exports events to a lake: Parquet files, a folder a m
 Folders are named as by Hive: DuckDB, Spark, polars and pandas read OUT as one table with a column
 `month`, of the time when an event happened (UTC). `happened_ns` and `recorded_ns` are whole
 nanoseconds, which some tables' own times are not. A file is written once, and named by its content.
-
-At the end of a run, the exported files can be committed as one table, of Delta's or Iceberg's. The
-files stay where they are. Files that an earlier run put into the table and this one did not (a log
-has grown since) are removed by the same commit: a reader sees the lake before it, or after it.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from fnmatch import fnmatchcase
-from importlib import import_module
 from pathlib import Path, PurePath
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.core.io.url_path import UrlPath, place_of
-from semmap_log.errors import EngineError, FormatError, NotALogError
+from semmap_log.errors import FormatError, NotALogError
 from semmap_log.fleet.jobs.job import Holds, Told
 from semmap_log.fleet.jobs.lake_folder import (
     EVENT_COLUMNS,
     LAKE_FILE_FIELDS,
     LAKE_SCHEMA,
-    MONTH,
-    LakeFile,
     LakeFolder,
-    log_of,
-    month_of,
 )
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.store.reading.window import Window
@@ -227,113 +215,3 @@ def _bounds_of(month: str) -> tuple[int, int]:
     following = (year + number // 12, number % 12 + 1)
     since, until = (datetime(*each, 1, tzinfo=timezone.utc) for each in ((year, number), following))
     return int(since.timestamp()) * 10**9, int(until.timestamp()) * 10**9
-
-
-def commit_delta(out: str, files: Sequence[LakeFile]) -> None:
-    """Set the files of these logs in the table at a lake's folder; other logs' files stay.
-
-    Files that are no longer in the table stay on the disk until its `vacuum` removes them.
-
-    Raises:
-        EngineError: deltalake is not installed, or refuses.
-    """
-    deltalake: Any = _module("deltalake", "deltalake")
-    writing: Any = import_module("deltalake.transaction")
-    options = {"allow_http": "true"} if "http://" in os.environ.get("AWS_ENDPOINT_URL", "") else {}
-    schema = LAKE_SCHEMA.append(MONTH)
-    try:
-        if deltalake.DeltaTable.is_deltatable(out, storage_options=options):
-            table = deltalake.DeltaTable(out, storage_options=options)
-        else:
-            table = deltalake.DeltaTable.create(
-                out, schema, partition_by=["month"], name="semmap_log_events",
-                storage_options=options,
-            )  # fmt: skip
-        there = {row["path"]: row for row in _rows(table.get_add_actions(flatten=True))}
-        ours, logs = {file.path for file in files}, {file.log_id for file in files}
-        new = [file for file in files if file.path not in there]
-        old = [path for path in there if path not in ours and log_of(path) in logs]
-        now_ms = int(time.time() * 1000)
-        actions = [
-            writing.AddAction(f.path, f.bytes, {"month": f.month}, now_ms, True, _stats_of(f))
-            for f in new
-        ] + [
-            writing.RemoveAction(
-                path, True, now_ms, there[path]["size_bytes"], {"month": month_of(path)}
-            )
-            for path in old
-        ]  # fmt: skip
-        if actions:
-            table.create_write_transaction(actions, "append", schema, ["month"])
-    except (deltalake.exceptions.DeltaError, OSError, ValueError) as error:
-        raise EngineError(f"{out}: no commit to the Delta table: {error}") from None
-
-
-def commit_iceberg(name: str, out: str, files: Sequence[LakeFile]) -> None:
-    """Set the files of these logs in a table of a catalog; other logs' files stay.
-
-    Args:
-        name: `catalog.namespace.table`; pyiceberg finds the catalog in its own file or environment.
-        out: The lake's folder, absolute, or its URL.
-        files: Of an export.
-
-    Raises:
-        EngineError: pyiceberg is not installed, knows no such catalog, or refuses.
-    """
-    catalogs: Any = _module("pyiceberg.catalog", "'pyiceberg[sql-sqlite]'")
-    catalog_name, dot, identifier = name.partition(".")
-    if not dot or "." not in identifier:
-        raise EngineError(f"--iceberg {name}: expected CATALOG.NAMESPACE.TABLE.")
-    try:
-        catalog = catalogs.load_catalog(catalog_name)
-        catalog.create_namespace_if_not_exists(identifier.rpartition(".")[0])
-        table = catalog.create_table_if_not_exists(identifier, schema=LAKE_SCHEMA)
-        there = {path.removeprefix("file://") for path in _paths(table)}
-        ours = {f"{out}/{file.path}": file for file in files}
-        logs = {file.log_id for file in files}
-        old = [path for path in there if path not in ours and log_of(path) in logs]
-        changed = {log_of(path) for path in old}
-        new = [path for path, f in ours.items() if path not in there or f.log_id in changed]
-        with table.transaction() as commit:
-            if changed:
-                expressions: Any = import_module("pyiceberg.expressions")
-                commit.delete(expressions.In("log_id", sorted(changed)))
-            if new:
-                commit.add_files(new, check_duplicate_files=False)
-    except Exception as error:  # noqa: BLE001  pyiceberg's errors have no common class
-        raise EngineError(f"--iceberg {name}: no commit: {type(error).__name__}: {error}") from None
-
-
-def _module(name: str, install: str) -> Any:
-    try:
-        return import_module(name)
-    except ImportError:
-        package = name.partition(".")[0]
-        raise EngineError(
-            f"{package} is not installed; install it with: pip install {install}"
-        ) from None
-
-
-def _rows(table: Any) -> list[dict[str, Any]]:
-    from semmap_log.core.arrow.arrow_sdk import pa
-
-    rows: list[dict[str, Any]] = pa.table(table).to_pylist()
-    return rows
-
-
-def _paths(table: Any) -> list[str]:
-    paths: list[str] = table.inspect.files()["file_path"].to_pylist()
-    return paths
-
-
-def _stats_of(file: LakeFile) -> str:
-    """Return the statistics that let a reader skip a file."""
-    ends = {"log_id": file.log_id}
-    return json.dumps(
-        {
-            "numRecords": file.events,
-            "minValues": ends,
-            "maxValues": ends,
-            "nullCount": {"log_id": 0},
-        }
-    )

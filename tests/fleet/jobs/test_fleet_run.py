@@ -358,7 +358,7 @@ def test_wrong_questions_are_errors_and_a_users_own_are_rows(
 
     assert {"failed"} == set(outcomes(found).values())
     assert "ZeroDivisionError: a user's own" == found.bad[0].text
-    with pytest.raises(EngineError, match="expected one of dask, ray, serial"):
+    with pytest.raises(EngineError, match="expected one of dask, serial"):
         sl.fleet(made_fleet, engine="spark").map()
     monkeypatch.setattr(dask_engine, "ANSWERS_WITHIN_S", 1)
     with pytest.raises(EngineError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:9"):
