@@ -28,8 +28,6 @@
     ├── OutputError                 a file that could not be written; the old one is whole (OSError)
     ├── QuestionError               a planner's question that nobody understands       (ValueError)
     ├── AddressError                an address that cannot be taken, or where nobody is  (OSError)
-    ├── ExpressionError             an s-expression that cannot be read or sent    (ValueError)
-    ├── PasserError                 OPRS's message passer is not there, or refuses       (OSError)
     ├── EngineError                 an engine for many logs is not there, or has gone
     ├── SigningError                a key that cannot be used, or a log that must not be signed
     │   └── PassphraseError         the key is encrypted, and its passphrase missing or wrong
@@ -272,14 +270,6 @@ class QuestionError(SemmapError, ValueError):
 
 class AddressError(SemmapError, OSError):
     """An address at which questions cannot be taken, or at which nobody answers them."""
-
-
-class ExpressionError(SemmapError, ValueError):
-    """An s-expression that cannot be read, or that no OPRS kernel may be sent."""
-
-
-class PasserError(SemmapError, OSError):
-    """OPRS's message passer is not there, has gone, or refuses a request."""
 
 
 class EngineError(SemmapError):

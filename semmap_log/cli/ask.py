@@ -1,15 +1,14 @@
 """`ask`: a planner's questions, to a running server; and the options of `serve` for planners.
 
-`serve --ask` runs a server of questions, next to ROS or alone; `serve --oprs` serves OPRS kernels
-through a message passer. One oracle answers both.
+`serve --ask` runs a server of questions, next to ROS or alone.
 """
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -24,7 +23,6 @@ from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.live.planners.addresses import Address
-    from semmap_log.live.planners.kernels.kernel_service import Kernels, KernelService
     from semmap_log.live.planners.line_protocol.ask_server import AskServer
     from semmap_log.live.planners.line_protocol.tokens import AskClient
     from semmap_log.live.planners.oracle import AskedDoors, Oracle
@@ -257,87 +255,6 @@ def _print(answer: str, questions: list[str] | None) -> None:
     sys.stdout.flush()
 
 
-PORT = 3300
-"""Default port of a message passer."""
-NAME = "SEMMAP"
-
-OprsAt = Annotated[
-    str | None,
-    typer.Option(
-        "--oprs",
-        metavar="HOST[:PORT]",
-        help="Serve OPRS kernels by their message passer (mp-oprs); needs no ROS.",
-    ),
-]
-OprsName = Annotated[
-    str | None,
-    typer.Option("--oprs-name", metavar="NAME", help=f"Ours, to which kernels send; {NAME}."),
-]
-OprsTo = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--oprs-to", metavar="KERNEL", help="Post it a fact at each change; give it once for each."
-    ),
-]
-
-
-def chosen_kernels(
-    address: str | None, name: str | None, told: Sequence[str] | None
-) -> Kernels | None:
-    """Return which kernels are to be served; None: none.
-
-    Raises:
-        typer.BadParameter: They cannot be.
-    """
-    from semmap_log.errors import AddressError, PasserError
-    from semmap_log.live.planners.addresses import TcpAddress, read_address
-    from semmap_log.live.planners.kernels.kernel_service import Kernels
-
-    if address is None:
-        for option, given in {"--oprs-name": name, "--oprs-to": told}.items():
-            if given:
-                raise typer.BadParameter("only with --oprs", param_hint=option)
-        return None
-    try:
-        where = read_address(f"tcp:{address if _has_port(address) else f'{address}:{PORT}'}")
-        assert isinstance(where, TcpAddress)
-    except AddressError:
-        raise typer.BadParameter(
-            f"expected a host and a port such as 127.0.0.1:{PORT}, got {address!r}",
-            param_hint="--oprs",
-        ) from None
-    try:
-        return Kernels(where, name or NAME, tuple(dict.fromkeys(told or ())))
-    except PasserError as error:
-        raise typer.BadParameter(str(error), param_hint="--oprs-name, --oprs-to") from error
-
-
-def _has_port(address: str) -> bool:
-    return ":" in address.rpartition("]")[2]
-
-
-@contextmanager
-def kernels_served(
-    kernels: Kernels, oracle: Oracle, doors: AskedDoors, changes: list[Callable[[], object]]
-) -> Iterator[KernelService]:
-    """Report the doors to kernels, and answer them, while the block runs.
-
-    Args:
-        kernels: Who, and where.
-        oracle: Knows the answers.
-        doors: What is reported to them.
-        changes: Called after each change of the doors.
-    """
-    from semmap_log.live.planners.kernels.kernel_service import KernelService
-
-    service = KernelService(oracle, doors, kernels, say=say)
-    changes.append(service.wake)
-    try:
-        yield service
-    finally:
-        service.close()
-
-
 TICK_S = 0.1
 """How often a server without ROS looks whether it is to end."""
 
@@ -346,24 +263,22 @@ TICK_S = 0.1
 class Planners:
     """Who asks, and how."""
 
-    asking: Asking | None
+    asking: Asking
     """Over a socket."""
-    kernels: Kernels | None
-    """Over a message passer."""
     now: Now
     """What relative times count from."""
 
     @classmethod
-    def of(cls, asking: Asking | None, kernels: Kernels | None, now: Now) -> Planners | None:
+    def of(cls, asking: Asking | None, now: Now) -> Planners | None:
         """Return who asks; None: nobody.
 
         Raises:
             typer.BadParameter: A choice is about them, and there are none.
         """
-        if asking is not None or kernels is not None:
-            return cls(asking, kernels, now)
+        if asking is not None:
+            return cls(asking, now)
         if now != Now.clock:
-            raise typer.BadParameter("only with --ask or --oprs", param_hint="--ask-now")
+            raise typer.BadParameter("only with --ask", param_hint="--ask-now")
         return None
 
     @contextmanager
@@ -387,19 +302,9 @@ class Planners:
         changes.append(oracle.refresh)
         oracle.refresh()  # what has changed in between
         many = counted(len(doors.door_map()), "door")
-        with ExitStack() as running:
-            failures: list[Callable[[], Exception | None]] = [lambda: oracle.failure]
-            if self.asking is not None:
-                server = running.enter_context(self.asking.served(oracle))
-                say(f"{log}: questions are taken at {server.address}: {many}.")
-                failures.append(lambda: server.failure)
-            if self.kernels is not None:
-                say(f"{log}: kernels of OPRS are served by way of {self.kernels.where}: {many}.")
-                service = running.enter_context(
-                    kernels_served(self.kernels, oracle, doors, changes)
-                )
-                failures.append(lambda: service.failure)
-            yield lambda: next((why for tell in failures if (why := tell()) is not None), None)
+        with self.asking.served(oracle) as server:
+            say(f"{log}: questions are taken at {server.address}: {many}.")
+            yield lambda: oracle.failure or server.failure
 
 
 def _no_clock() -> int:

@@ -18,12 +18,8 @@ from semmap_log.cli.ask import (
     Asking,
     AskNow,
     Now,
-    OprsAt,
-    OprsName,
-    OprsTo,
     Planners,
     TokenFile,
-    chosen_kernels,
 )
 from semmap_log.cli.common import (
     MapServer,
@@ -80,9 +76,6 @@ def run(
     ask_any_host: AnyHost = False,
     token_file: TokenFile = None,
     ask_now: AskNow = Now.clock,
-    oprs: OprsAt = None,
-    oprs_name: OprsName = None,
-    oprs_to: OprsTo = None,
     yaml: Annotated[
         Path | None,
         typer.Option("--yaml", metavar="FILE", help="The thesis's doors: see above."),
@@ -198,10 +191,6 @@ def run(
     a socket that only this user can open (unix:PATH), or a port that only this machine reaches:
     `semmap-log ask ADDRESS HELP` names the questions. Many may ask at once.
 
-    With --oprs HOST:PORT kernels of OPRS ask the same by their message passer, and those that
-    --oprs-to names get the doors: all facts when they come, then each change. A passer
-    that is not there is tried again until it is. Whoever reaches the passer may set doors.
-
     With --log LOG the first start makes the log, as `init` does: with --yaml a plain file of doors
     is all that a server needs.
 
@@ -245,7 +234,6 @@ def run(
       semmap-log serve office --ask unix:/run/doors.sock
       semmap-log serve office --ros2 --ship s3://hospital/logs/office
       semmap-log serve office --ros2 --sign-key ~/.ssh/office
-      semmap-log serve office --oprs 127.0.0.1:3300 --oprs-to K1 --oprs-to K2
     """
     from semmap_log.analysis.costmaps.level_costmap import CostmapOptions
     from semmap_log.analysis.planning.patrol_plan import listed
@@ -257,13 +245,12 @@ def run(
     from semmap_log.log.door_log.opening import append
 
     asking = Asking.of(ask, token_file, any_host=ask_any_host)
-    planners = Planners.of(asking, chosen_kernels(oprs, oprs_name, oprs_to), ask_now)
+    planners = Planners.of(asking, ask_now)
     is_in_ros = ros1 or ros2
     if not is_in_ros and planners is None:
         raise typer.BadParameter(
-            "say whom to serve: ROS by --ros1 or --ros2, planners by --ask ADDRESS, kernels of "
-            "OPRS by --oprs HOST",
-            param_hint="--ros1, --ros2, --ask, --oprs",
+            "say whom to serve: ROS by --ros1 or --ros2, planners by --ask ADDRESS",
+            param_hint="--ros1, --ros2, --ask",
         )
     version = chosen_ros(ros1=ros1, ros2=ros2) if is_in_ros else None
     refuse_nan(default_prob=default_prob, door_inflate=door_inflate, scaling=scaling)

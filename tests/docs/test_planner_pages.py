@@ -29,8 +29,6 @@ NEEDS = {
     "planners_oprs.md": ("oprs",),
 }
 """Page -> programs and Python modules."""
-ELSEWHERE = {"planners_passer.md"}
-"""Its passer wants a port: `test_open_prs` runs it."""
 _SERVE = re.compile(r"^```bash\nsemmap-log (serve .*)$", re.MULTILINE)
 _FILE = re.compile(r"^```\w+\n(?:%|;;;) (\S+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _SAID = re.compile(r"\n*```text\n(.*?)^```$", re.DOTALL | re.MULTILINE)
@@ -95,7 +93,7 @@ def test_the_pages_are_all_that_there_are() -> None:
     """
     One that comes has to be put into the table here.
     """
-    assert NEEDS.keys() | ELSEWHERE == {path.name for path in GUIDES.glob("planners_*.md")}
+    assert NEEDS.keys() == {path.name for path in GUIDES.glob("planners_*.md")}
 
 
 def _running(runner: Runner, command: str) -> Running:

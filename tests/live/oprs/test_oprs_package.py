@@ -168,19 +168,6 @@ def test_the_guide_names_all_that_is_declared() -> None:
     assert "loaded: 7 predicates, 12 functions, 6 actions" in guide
 
 
-def test_facts_are_declared_as_in_the_guide() -> None:
-    """
-    A kernel that includes the file keeps of each fact what the guide's kernel keeps.
-    """
-    guide = (ROOT / "docs" / "guides" / "planners_passer.md").read_text(encoding="utf-8")
-    declared = re.compile(r"^declare ff .*$", re.MULTILINE)
-
-    found = declared.findall((MODULE / "door_facts.inc").read_text(encoding="utf-8"))
-
-    assert 5 == len(found)
-    assert declared.findall(guide) == found
-
-
 def test_the_tool_says_what_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

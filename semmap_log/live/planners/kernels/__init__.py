@@ -1,1 +1,0 @@
-"""Kernels of OPRS, reached by their message passer: facts for them, answers to their questions."""
