@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="The log's folder, or a zip of it.")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="The log's folder.")],
     target: Annotated[
         Path, typer.Argument(metavar="DEST", help="A new folder, or an earlier copy of the log.")
     ],
@@ -42,7 +42,7 @@ def run(
     Examples:
       semmap-log copy office /mnt/backup/office
       semmap-log copy office /mnt/backup/office --full
-      semmap-log copy office.zip office --json
+      semmap-log copy office /mnt/backup/office --json
     """
     from semmap_log.log.replay.care import copy
 

@@ -8,8 +8,6 @@ there.
 Nothing that is written follows a link: a log's folder may come from a stranger, and no file
 outside of it may change. New files are made only under free names; existing ones are replaced by a
 rename.
-
-A log in a zip file can be read, but not written.
 """
 
 from __future__ import annotations
@@ -25,13 +23,12 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from semmap_log.core.io.disk import FOLDER, NO_LINK, PLAIN, TEMPORARY_SUFFIX, check_can_write
 from semmap_log.core.io.made_logs import MadeLog, made_log, refuse_made
+from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError
 from semmap_log.store.form import LOCK_NAME, is_temporary
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
-
-    from semmap_log.store.zipped import UnpackedLog
 
 
 _NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL
@@ -58,7 +55,7 @@ class LogFolder:
     def __init__(
         self, path: Path, fd: int | None = None, name: str = "", *, made: MadeLog | None = None
     ) -> None:
-        """Name a folder, a zip file, or what a log is made of; `held` opens a folder, too.
+        """Name a folder, or what a log is made of; `held` opens a folder, too.
 
         Args:
             path: The path.
@@ -67,16 +64,15 @@ class LogFolder:
             made: Where its files are, of a log that was made of others.
 
         Raises:
-            LogError: There is not one log in the zip file, or it cannot be unpacked; or a log
-                cannot be made of others.
+            LogError: A log cannot be made of others.
         """
         self.path = path
         """As it was given: for messages."""
         self.given = Path(os.path.abspath(path))
         """Where it was when it was opened, whatever becomes of the working directory."""
-        self._elsewhere = made if made is not None or fd is not None else _elsewhere(path)
+        self._elsewhere = made if made is not None or fd is not None else made_log(path)
         self.absolute = self.given if self._elsewhere is None else self._elsewhere.path
-        """Where its files are: elsewhere, if they came in a zip file, or were made."""
+        """Where its files are: elsewhere, if they were made."""
         self._fd = fd
         self.name = name or path.name
         """The folder's own name when it was opened."""
@@ -91,7 +87,7 @@ class LogFolder:
             LogAccessError: It is no folder, or this system lacks what writing needs.
             OSError: As the system says.
         """
-        refuse_zip(path)
+        refuse_made(path)
         check_can_write(path)
         fd = os.open(path, os.O_RDONLY | FOLDER | PLAIN)
         return cls(path, fd, path.resolve().name)
@@ -335,16 +331,6 @@ class LogFolder:
         return LogAccessError(f"{problem}. Move it elsewhere.")
 
 
-def _elsewhere(path: Path) -> MadeLog | UnpackedLog | None:
-    """Return where the files are that belong to a path which is no folder."""
-    made = made_log(path)
-    if made is not None or not is_zip(path):
-        return made
-    from semmap_log.store.zipped import unpacked
-
-    return unpacked(path)
-
-
 def _synced(fd: int) -> None:
     try:
         os.fsync(fd)
@@ -367,17 +353,9 @@ def is_zip(path: Path) -> bool:
         return False
 
 
-def refuse_zip(path: Path) -> None:
-    """Keep whoever wants to write from a zipped log, and from one that is made of others.
-
-    Raises:
-        LogAccessError: It is one.
-    """
-    refuse_made(path)
-    if is_zip(path):
-        import shlex
-
-        raise LogAccessError(
-            f"{path}: a log in a zip file can only be read. To write to it, unpack it first, "
-            f"for example: unzip {shlex.quote(str(path))}"
-        )
+def not_a_folder(path: Path) -> str:
+    """Return why a file is no log, and what to do if it is a packed one."""
+    if not is_zip(path):
+        return f"{path}: a log is a folder, this is a file."
+    unpack = command_line(str(path), program="unzip")
+    return f"{path}: a log is a folder, this is a zip file; unpack it first: {unpack}"

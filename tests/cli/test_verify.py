@@ -127,7 +127,7 @@ def test_torn_and_absent_and_unreadable(log: Path, original: Path, capsys) -> No
     assert 3 == torn[0]
     assert "torn tail" in torn[1]
     assert "To do: nothing." in torn[1]
-    assert (5, "nolog: no such log: expected a folder, a zip of it, or one .mcap file\n") == absent[
+    assert (5, "nolog: no such log: expected a folder, or one .mcap file\n") == absent[
         :2
     ]
 

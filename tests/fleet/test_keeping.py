@@ -392,18 +392,6 @@ def test_a_segment_of_another_copy_is_not_taken_for_the_rest(
         [*sl.read(log).batches_in()]
 
 
-def test_a_zip_of_it_says_the_same(log: Path, url: str, tmp_path: Path) -> None:
-    whole = events_of(log)
-    removed(log, url)
-    zipped = Path(shutil.make_archive(str(tmp_path / "zipped"), "zip", log))
-
-    assert repr(sl.read(zipped).replay().doors) == repr(sl.read(log).replay().doors)
-    with pytest.raises(ElsewhereError, match="lie at"):
-        events_of(zipped)
-    rest = sl.read(zipped, with_url=url).batches_in()
-    assert [repr(event) for batch in rest for event in batch] == whole
-
-
 def test_a_reader_that_is_open_meanwhile_reads_on(log: Path, url: str) -> None:
     """
     By the files that it has mapped; and what is written later, once it looks again.

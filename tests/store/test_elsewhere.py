@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import zipfile
 from functools import cache
 from pathlib import Path
 
@@ -75,25 +74,6 @@ def test_files_come_out_the_same(tmp_path: Path, system: str, ending: str) -> No
         made[one] = out.read_bytes()
 
     assert made[system] == made["linux"]
-
-
-def test_a_zip_is_read_there_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Unpacked, read, and removed.
-    """
-    path = tmp_path / "office.zip"
-    with zipfile.ZipFile(path, "w") as packed:
-        for one in RECORDING.iterdir():
-            packed.write(one, f"office/{one.name}")
-
-    folder = tmp_path / "unpacked"
-    folder.mkdir()
-    monkeypatch.setenv("TMPDIR", str(folder))
-
-    done = _run("windows", "replay", path, "--json")
-
-    assert done.stdout == _run("linux", "replay", RECORDING, "--json").stdout
-    assert list(folder.iterdir()) == []
 
 
 @pytest.mark.slow

@@ -121,14 +121,13 @@ def _has_segments(path: Path) -> bool:
 
 
 def _names(place: Path | UrlPath) -> Sequence[str]:
-    """Return what a pattern can match: folders; on a disk also zips and joins."""
+    """Return what a pattern can match: folders; on a disk also joins."""
     if isinstance(place, UrlPath):
         return ObjectStore(place).list_all()[1]
     if not place.is_dir():
         return []
-    ends = (".zip", ".join.json")
     return sorted(
-        each.name for each in place.iterdir() if each.is_dir() or each.name.endswith(ends)
+        each.name for each in place.iterdir() if each.is_dir() or each.name.endswith(".join.json")
     )
 
 

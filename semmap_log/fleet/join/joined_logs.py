@@ -188,7 +188,7 @@ def _robot(log: JoinedLog) -> str:
 
 
 def _folder(log: JoinedLog) -> str:
-    return log.place.stem if log.place.suffix == ".zip" else log.place.name
+    return log.place.name
 
 
 def _plain(name: str) -> str:

@@ -87,13 +87,10 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
     def __init__(self, path: str | PurePath | LogFolder | LogReader) -> None:
         """Open a log for reading; needs no lock, no write access and no free space.
 
-        A log in a zip file is unpacked among the machine's temporary files for as long as it is
-        read.
-
         A relative path is resolved at once: `os.chdir` changes nothing about it.
 
         Args:
-            path: Its folder, a zip file with one log in it, or a URL of a store (`s3://…`, `gs://…`,
+            path: Its folder, or a URL of a store (`s3://…`, `gs://…`,
                 `az://…`, `https://…`); or what has read it already.
 
         Raises:

@@ -17,7 +17,7 @@ def read(
     """Open a log for reading.
 
     Args:
-        path: Its folder, a zip file with one log in it, or the URL of a folder in a store (`s3://…`,
+        path: Its folder, or the URL of a folder in a store (`s3://…`,
             `gs://…`, `az://…`, `https://…`), where it is read as it lies.
         cache: A folder in which what is fetched of a URL is kept, for whoever asks again; default:
             the one that SEMMAP_LOG_CACHE names, else nothing is.

@@ -231,7 +231,7 @@ def verify(
     """Read all of a log, or one segment of it, and return what is wrong; as `verification.verify`.
 
     Args:
-        path: The log's folder, one .mcap file, a zip file or a URL of it; or another place.
+        path: The log's folder, one .mcap file or a URL of it; or another place.
         head: Hash of a commit that the log must hold, kept elsewhere.
         progress: Called with the number of bytes read.
         ends: Event numbers: whether a commit ends before each of them, and with which hash.
@@ -250,7 +250,7 @@ def copy(
     """Copy a log, or bring a copy of it up to date; as `copying.copy_log`.
 
     Args:
-        log: Its folder, or a zip file with it; it may be written meanwhile.
+        log: Its folder; it may be written meanwhile.
         target: A folder that is not there yet, or is empty, or an earlier copy of the same log.
         full: Read and verify what is there already, too; what is damaged there is copied again.
         progress: Called with the number of bytes copied and verified.

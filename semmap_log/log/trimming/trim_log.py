@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.io.byte_source import ByteSource
+from semmap_log.core.io.made_logs import refuse_made
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Note
 from semmap_log.core.model.events import Event, HistoryTrimmed, MomentPinned
@@ -39,7 +40,6 @@ from semmap_log.log.replay.state import (
     state_at,
     with_state,
 )
-from semmap_log.store.folder import refuse_zip
 from semmap_log.store.form import kinds_of
 from semmap_log.store.header import TrimReason
 from semmap_log.store.pages import EXPIRING, KEYFRAME_BIT, Page, bits_of_kinds
@@ -98,9 +98,9 @@ def plan_trimming(log: Path, rule: TrimRule, progress: Progress | None = None) -
 
     Raises:
         CorruptLogError: A segment is damaged.
-        LogError: Some of what is to be redacted lies in a store only; or it is a zip file.
+        LogError: Some of what is to be redacted lies in a store only.
     """
-    refuse_zip(log)
+    refuse_made(log)
     reader = LogReader(log)
     _refuse_elsewhere(reader, rule)
     return TrimmedLog(count_selected(reader, rule.select, progress), None)
@@ -131,9 +131,9 @@ def trim_log(
         LogAccessError: The file system says no.
         CorruptLogError: A segment is damaged, or its trimmed copy cannot be verified; it stays as
             it is, and so do those after it.
-        LogError: Some of what is to be redacted lies in a store only; or it is a zip file.
+        LogError: Some of what is to be redacted lies in a store only.
     """
-    refuse_zip(log)
+    refuse_made(log)
     reader = LogReader(log)
     _refuse_elsewhere(reader, rule)
     if not takes_anything(reader, rule.select) and not _is_begun(reader):

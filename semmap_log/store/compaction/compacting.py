@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
+from semmap_log.core.io.made_logs import refuse_made
 from semmap_log.core.io.progress import Progress
 from semmap_log.errors import CorruptLogError, LogAccessError, SemmapError
 from semmap_log.store.bag_metadata import write_bag_metadata
@@ -19,7 +20,7 @@ from semmap_log.store.compaction.merge import (
     plan,
     rechunked,
 )
-from semmap_log.store.folder import LogFolder, refuse_zip
+from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import count_events
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
@@ -73,7 +74,7 @@ def compact(
         LogAccessError: The file system refuses; what was done until then stays done.
         CorruptLogError: A segment is damaged; it and those after it stay as they are.
     """
-    refuse_zip(path)
+    refuse_made(path)
     check_is_log(LogFolder(path))
     folder = LogFolder.held(path)
     lock = WriterLock(folder)
@@ -94,7 +95,7 @@ def compact(
 
 def plan_compaction(path: Path, *, merge: bool = True) -> Compacted:
     """Return what `compact` would do; needs no lock and no write access."""
-    refuse_zip(path)
+    refuse_made(path)
     closed = _closed(LogFolder(path))
     steps = plan(closed, merge=merge)
     merged_away = sum(len(step.sources) - 1 for step in steps)

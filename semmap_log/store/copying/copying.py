@@ -102,7 +102,7 @@ def copy_log(
     """Copy a log, or bring a copy of it up to date; others may write to it during that.
 
     Args:
-        log: Its folder, or a zip file with it. Nothing is written there, and no lock is taken.
+        log: Its folder. Nothing is written there, and no lock is taken.
         target: A folder that is not there yet, or is empty, or an earlier copy of the same log.
         new_check: Makes what compares keyframes with the events.
         full: Read and verify what is there already, too; what is damaged there is copied again.

@@ -1,4 +1,4 @@
-"""The segments of a log in a folder on disk, or in a zip that was unpacked there.
+"""The segments of a log in a folder on disk.
 
 They are looked at again and again while a writer changes them. `store_at` returns the
 `SegmentStore` of a place: a folder, a zip, or a URL.
@@ -19,7 +19,7 @@ from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.store.closed_mark import ClosedMark, listed_marks, read_mark
-from semmap_log.store.folder import LogFolder, Version
+from semmap_log.store.folder import LogFolder, Version, not_a_folder
 from semmap_log.store.form import (
     BAG_METADATA_NAME,
     MOST_LIST_BYTES,
@@ -211,7 +211,6 @@ def store_at(
 
     Raises:
         NotALogError: It is a URL that leads to no log.
-        LogError: There is not one log in a zip file, or it cannot be unpacked.
         MissingExtraError: A URL needs a package that is not installed.
     """
     if isinstance(place, LogFolder):
@@ -355,7 +354,7 @@ def list_segments(folder: LogFolder) -> Listing:
     except FileNotFoundError:
         raise NotALogError(_no_such_log(folder.path)) from None
     except NotADirectoryError:
-        raise NotALogError(f"{folder.path}: a log is a folder, this is a file.") from None
+        raise NotALogError(not_a_folder(folder.path)) from None
     except OSError as error:
         raise LogAccessError(f"{folder.path}: cannot be read: {error.strerror}.") from error
     if not found:

@@ -26,6 +26,7 @@ from pathlib import Path
 
 from semmap_log.core.io.clock import Clock, SystemClock
 from semmap_log.core.io.disk import TEMPORARY_SUFFIX, sync_folder
+from semmap_log.core.io.made_logs import refuse_made
 from semmap_log.core.model.commits import Note
 from semmap_log.core.model.events import Event, LogExported
 from semmap_log.core.texts import command_line, counted
@@ -33,7 +34,7 @@ from semmap_log.errors import CorruptLogError, LogAccessError, LogError, LogExis
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.store.closed_mark import ClosedMark, write_mark
 from semmap_log.store.commit_records import CommitBuilder, Stamp
-from semmap_log.store.folder import LogFolder, refuse_zip
+from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import (
     BAG_METADATA_NAME,
     FLOOR_MAP_CHANNEL,
@@ -219,7 +220,7 @@ def _range(loss: Loss) -> str:
 
 
 def _check_is_folder(log: Path) -> None:
-    refuse_zip(log)
+    refuse_made(log)
     if not log.is_dir():
         raise LogError(f"{log}: expected a log's folder.")
     if not arrange(DiskPlace(log)).segments:

@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from semmap_log.core.io.made_logs import refuse_made
 from semmap_log.core.messages import OBJECT_KINDS, decode, fixed_layout, layout
 from semmap_log.core.model.events import KINDS, DoorAdded, DoorEvent, HistoryTrimmed
 from semmap_log.core.texts import command_line, counted
@@ -30,7 +31,7 @@ from semmap_log.errors import CorruptLogError, ElsewhereError, LogError, NewerLo
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import build_chunk
 from semmap_log.store.commit_records import commit_hash
-from semmap_log.store.folder import LogFolder, refuse_zip
+from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import (
     CHUNK_BYTES,
     COMMIT_CHANNEL,
@@ -146,7 +147,7 @@ def plan_recovery(
         NewerLogError: It is damaged, and holds what only a later version can take over.
         LogError: It cannot be read, or is no log; or its horizon is damaged.
     """
-    refuse_zip(path)
+    refuse_made(path)
     if path.is_dir():
         _check_is_all_here(path)
     taken = _Taken()

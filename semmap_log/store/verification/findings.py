@@ -9,13 +9,14 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from pathlib import PurePath
+from pathlib import Path, PurePath
 
 from semmap_log.core.io.disk import TEMPORARY_SUFFIX
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogAccessError
 from semmap_log.store.bag_metadata import ClosedSegment, bag_metadata_text, listed_names
 from semmap_log.store.closed_mark import ClosedMark
+from semmap_log.store.folder import not_a_folder
 from semmap_log.store.form import (
     BAG_METADATA_NAME,
     NO_HASH,
@@ -79,9 +80,10 @@ def arrange(place: FilePlace) -> FolderFiles:
             found.findings.append(_alien(path, "not a segment of a semmap log"))
         return found
     if not place.is_folder():
-        found.findings.append(
-            _alien(path, "no such log: expected a folder, a zip of it, or one .mcap file")
-        )
+        text = "no such log: expected a folder, or one .mcap file"
+        if isinstance(path, Path) and path.is_file():
+            text = not_a_folder(path).removeprefix(f"{path}: ")
+        found.findings.append(_alien(path, text))
         return found
     found.mark = _mark(found)
     found.listed = frozenset(listed_names(place.bag_metadata() or ""))

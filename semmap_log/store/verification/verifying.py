@@ -15,10 +15,9 @@ from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.core.messages import decode
 from semmap_log.core.model.events import HistoryTrimmed
 from semmap_log.core.texts import counted
-from semmap_log.errors import CorruptLogError, LogError, NotALogError
+from semmap_log.errors import LogError
 from semmap_log.store.bag_metadata import ClosedSegment
 from semmap_log.store.clock_check import ClockCheck
-from semmap_log.store.folder import is_zip
 from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION, NO_HASH
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.manifest import ShippedSegment
@@ -60,7 +59,6 @@ from semmap_log.store.verification.keyframe_place import (
     ObjectPlace,
 )
 from semmap_log.store.verification.pieces import Flaw, Gap, Piece, SegmentWalk
-from semmap_log.store.zipped import unpacked
 
 Progress = Callable[[int, int], None]
 """Called with (bytes done, bytes in all)."""
@@ -86,7 +84,7 @@ def verify(
     written looks like a torn tail.
 
     Args:
-        path: The log's folder, one .mcap file, a zip file with a log in it, or the URL of a log in
+        path: The log's folder, one .mcap file, or the URL of a log in
             a store; or another place.
         new_check: Makes what compares keyframes with the events.
         head: Hash of a commit that the log must hold, kept elsewhere: shows whether commits were
@@ -102,12 +100,6 @@ def verify(
         path = place_of(path)
     if isinstance(path, UrlPath):
         path = ObjectPlace(ObjectStore(path))
-    if isinstance(path, Path) and is_zip(path):
-        try:
-            files = unpacked(path)
-        except (NotALogError, CorruptLogError) as error:
-            return Verification(path, (_of_zip(path, error),))
-        return verify(files.path, new_check, head, progress, ends=ends).moved(files.path, path)
     rest_at = rest_of_environment()
     if isinstance(path, Path) and path.is_dir() and rest_at is not None:
         path = DiskAndStorePlace(path, ObjectStore(rest_at))
@@ -116,13 +108,6 @@ def verify(
             return Verifier(path, new_check, head, progress, ends=ends).run()
     where = path if isinstance(path, Path) else path.path
     raise LogError(f"{where}: its files change faster than they can be read; try again.")
-
-
-def _of_zip(path: Path, error: NotALogError | CorruptLogError) -> Finding:
-    text = str(error).removeprefix(f"{path}: ")
-    if isinstance(error, NotALogError):
-        return Finding("not a log", Severity.NOT_A_LOG, path, None, None, text)
-    return Finding("zip", Severity.DAMAGE, path, None, None, text)
 
 
 class Verifier:

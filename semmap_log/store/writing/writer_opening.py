@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Generic
 
 from semmap_log.core.io.disk import check_can_write, sync_folder
+from semmap_log.core.io.made_logs import refuse_made
 from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError, LogError, LogExistsError
 from semmap_log.store.compaction.merge import MergedFiles
-from semmap_log.store.folder import LogFolder, refuse_zip
+from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import NO_HASH, has_name_of_file
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.lock import WriterLock
@@ -88,7 +89,7 @@ def open_for_append(
         LogAccessError: The file system does not let us.
         CorruptLogError: Commits that were acknowledged are damaged.
     """
-    refuse_zip(path)
+    refuse_made(path)
     check_is_log(LogFolder(path))  # before a lock file is put into somebody else's folder
     with _told_as_access_error(path, "cannot be opened"), _held(path) as (folder, lock):
         folder.remove_leftovers()

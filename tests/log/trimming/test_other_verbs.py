@@ -281,19 +281,6 @@ def without_tables(log: Path) -> Path:
     return Path(shutil.copytree(log, copy, ignore=shutil.ignore_patterns("index")))
 
 
-def test_in_a_zip_file_it_says_the_same(log: Path, tmp_path: Path) -> None:
-    """
-    Its horizon, too.
-    """
-    asked = moments(log, 1, count=8)
-    packed = Path(shutil.make_archive(str(tmp_path / "packed"), "zip", log.parent, "log"))
-
-    assert answers(packed, asked) == answers(log, asked)
-    assert events_of(packed) == events_of(log)
-    assert about_doors(packed) == about_doors(log)
-    assert (verify(packed).head, verify(packed).exit_code) == (verify(log).head, 0)
-
-
 def test_exported_lines_make_a_log_of_what_is_left(log: Path, tmp_path: Path) -> None:
     """
     States are what they were, from the horizon on.
