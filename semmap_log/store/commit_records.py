@@ -124,7 +124,8 @@ class CommitBuilder:
         Raises:
             InvalidEventError: The note is too long.
         """
-        if note:
+        self._has_note = bool(note)
+        if self._has_note:
             note.check_length()
         self._stamp = stamp
         self._note = note
@@ -146,15 +147,14 @@ class CommitBuilder:
         Raises:
             InvalidEventError: One is too long.
         """
-        whole = None if self._note else _single_run(events)
+        whole = None if self._has_note else _single_run(events)
         return self._chunks(_parts(events)) if whole is None else (self._only_chunk(whole),)
 
     def _only_chunk(self, events: Sequence[Event] | EventBatch) -> BuiltChunk:
         """Return the chunk of a commit that is one run of events: most of a patrol's."""
         stamp = self._stamp
         start_ns = stamp.recorded_ns
-        start = Start(stamp.first_event, start_ns)
-        run, records, span = run_of(events, start, stamp.wall_clock_ns)
+        run, records, span = run_of(events, Start(stamp.first_event, start_ns), stamp.wall_clock_ns)
         assert isinstance(run, Run)  # of one kind
         self._end_event, self._end_ns = stamp.first_event + run.count, start_ns + run.count
         digests = {run.channel: hashlib.sha256(records).digest()}
@@ -175,7 +175,7 @@ class CommitBuilder:
                 rest = self._fill(open_chunk, rest)
         if self._end_event == self._stamp.first_event:
             raise CommandError("a commit wants at least one event.")
-        if self._note:
+        if self._has_note:
             record = self._note_record(open_chunk.time)
             open_chunk.add(plain_run(NOTE_CHANNEL, 1, len(record)), record)
         open_chunk.hash_into(digests)
