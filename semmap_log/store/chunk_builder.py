@@ -1,149 +1,150 @@
-"""A chunk that is being filled: records one by one, and whole blocks of them."""
+"""A chunk that is being filled with runs of records, and its template: all but their values."""
 
 from __future__ import annotations
 
 import hashlib
-import struct
-from dataclasses import dataclass, field
-from itertools import accumulate, count
+from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.store.batch_records import Block
-from semmap_log.store.chunks import NO_SPAN, BuiltChunk, assemble_chunk
+from semmap_log.store.chunks import NO_SPAN, BuiltChunk, assemble_chunk, message_indexes
+from semmap_log.store.form import COMMIT_CHANNEL
+from semmap_log.store.record_runs import FEW, MOST, AnyRun, MixedRun, Span
 
 
-@dataclass(slots=True)
 class ChunkBuilder:
     """Message records for a chunk, whose log times are one nanosecond apart."""
 
-    start_ns: int
-    time: int = -1
-    """Log time of the next record."""
-    size: int = 0
-    span: tuple[int, int] = NO_SPAN
-    """Least and greatest happened time of its events."""
-    _records: list[bytes] = field(default_factory=list)
-    """Single records added since the last block."""
-    _channels: list[int] = field(default_factory=list)
-    _blocks: list[Block] = field(default_factory=list)
+    __slots__ = ("_records", "_runs", "size", "span", "start_ns", "time")
 
-    def __post_init__(self) -> None:
-        self.time = self.start_ns
+    def __init__(self, start_ns: int) -> None:
+        """Begin.
 
-    def add(self, channel: int, record: bytes) -> None:
-        """Add one record."""
-        self._records.append(record)
-        self._channels.append(channel)
-        self.size += len(record)
-        self.time += 1
+        Args:
+            start_ns: Log time of the first record.
+        """
+        self.start_ns = start_ns
+        self.time = start_ns
+        """Log time of the next record."""
+        self.size = 0
+        self.span: Span = NO_SPAN
+        """Least and greatest happened time of its events."""
+        self._runs: list[AnyRun] = []
+        self._records: list[bytes] = []
+        """Of each run."""
 
-    def add_block(self, block: Block) -> None:
-        """Add many, whose first has the time that is next."""
-        self._close_block()
-        self._blocks.append(block)
-        self.size += len(block.records)
-        self.time += block.count
-        self.span = wider(wider(self.span, block.span[0]), block.span[1])
+    def add(self, run: AnyRun, records: bytes, span: Span = NO_SPAN) -> None:
+        """Add a run, whose first record has the time that is next.
+
+        Args:
+            run: What its records are.
+            records: They themselves.
+            span: Least and greatest happened time of its events.
+        """
+        self._runs.append(run)
+        self._records.append(records)
+        self.size += len(records)
+        self.time += run.count
+        if self.span is NO_SPAN:
+            self.span = span
+        elif span is not NO_SPAN:
+            self.span = min(self.span[0], span[0]), max(self.span[1], span[1])
 
     def hash_into(self, digests: dict[int, Any]) -> None:
         """Take its records into the digests of their channels."""
-        for channel, records in self._by_channel():
-            known = digests.get(channel)
-            if known is None:
-                digests[channel] = hashlib.sha256(records)
+        for run, records in zip(self._runs, self._records, strict=True):
+            if isinstance(run, MixedRun):
+                for channel, its in run.of_channel.items():
+                    _hash(digests, channel, its)
             else:
-                known.update(records)
+                _hash(digests, run.channel, records)
 
     def chunk(self) -> BuiltChunk:
         """Return the chunk."""
-        built = assemble_chunk(
-            b"".join([*(block.records for block in self._blocks), *self._records]),
-            dict(sorted(self._entries().items())),
-            times=(self.start_ns, self.time - 1),
-            happened=self.span,
-        )
-        if self._blocks:
-            built.offsets = self._offsets()
+        runs = tuple(self._runs)
+        template = ChunkTemplate(runs) if _is_rare(runs) else kept_template(runs)
+        return template.chunk(b"".join(self._records), self.start_ns, self.span)
+
+
+class ChunkTemplate:
+    """A chunk of runs: all that does not depend on its records' values."""
+
+    def __init__(self, runs: Sequence[AnyRun]) -> None:
+        """Prepare it."""
+        self._channels = np.concatenate([_channels_of(run) for run in runs])
+        sizes = np.concatenate([_sizes_of(run) for run in runs])
+        self._offsets = np.cumsum(sizes) - sizes
+        self._steps = np.arange(len(sizes), dtype=np.int64)
+        is_closed = self._channels[-1] == COMMIT_CHANNEL
+        self._commit_at = int(self._offsets[-1]) if is_closed else -1
+
+    def index(self, start_ns: int) -> tuple[bytes, dict[int, int]]:
+        """Return its MessageIndex records, and channel id -> messages.
+
+        Args:
+            start_ns: Log time of the first record.
+        """
+        return message_indexes(self._channels, self._steps + start_ns, self._offsets)
+
+    def chunk(self, records: bytes, start_ns: int, span: Span) -> BuiltChunk:
+        """Return the chunk of these records.
+
+        Args:
+            records: Of all runs.
+            start_ns: Log time of the first.
+            span: Least and greatest happened time of its events.
+        """
+        count = len(self._steps)
+        index, counts = self.index(start_ns)
+        times = (start_ns, start_ns + count - 1)
+        built = assemble_chunk(records, index, counts, times=times, happened=span)
+        built.commit_at = self._commit_at
+        if count > FEW:
+            built.offsets = self._offsets
         return built
 
-    def _by_channel(self) -> list[tuple[int, bytes]]:
-        """Return (channel, records in order) of its blocks and of the records that follow them."""
-        found = [pair for block in self._blocks for pair in block.of_channel.items()]
-        return found + list(_of_channels(self._records, self._channels).items())
 
-    def _entries(self) -> dict[int, bytes]:
-        """Return the MessageIndex entries of each channel: log time and offset of each record."""
-        entries: dict[int, list[bytes]] = {}
-        time, offset = self.start_ns, 0
-        for block in self._blocks:
-            for channel, (steps, offsets) in block.places.items():
-                rows = np.empty((len(steps), 2), "<i8")
-                rows[:, 0], rows[:, 1] = steps + time, offsets + offset
-                entries.setdefault(channel, []).append(rows.tobytes())
-            time += block.count
-            offset += len(block.records)
-        for channel, known in _places(self._records, self._channels, time, offset).items():
-            entries.setdefault(channel, []).append(struct.pack(f"<{len(known)}Q", *known))
-        return {channel: b"".join(parts) for channel, parts in entries.items()}
+class _KeptTemplate(ChunkTemplate):
+    """A template that is used again and again.
 
-    def _offsets(self) -> NDArray[np.int64]:
-        """Return where each record begins."""
-        sizes = [block.sizes for block in self._blocks]
-        sizes.append(np.fromiter(map(len, self._records), np.int64))
-        joined = np.concatenate(sizes)
-        offsets: NDArray[np.int64] = np.cumsum(joined) - joined
-        return offsets
+    Its index is one number, to which each nanosecond that the chunk begins later adds the same.
+    """
 
-    def _close_block(self) -> None:
-        """Make the records that came one by one a block, since another will follow."""
-        if not self._records:
-            return
-        places = _places(self._records, self._channels, 0, 0)
-        pairs = {c: np.array(known, np.int64).reshape(-1, 2) for c, known in places.items()}
-        self._blocks.append(
-            Block(
-                b"".join(self._records),
-                _of_channels(self._records, self._channels),
-                {channel: (rows[:, 0], rows[:, 1]) for channel, rows in pairs.items()},
-                np.fromiter(map(len, self._records), np.int64),
-                self.span,
-            )
-        )
-        self._records, self._channels = [], []
+    def __init__(self, runs: Sequence[AnyRun]) -> None:
+        super().__init__(runs)
+        at_0, self._counts = super().index(0)
+        at_1, _ = super().index(1)
+        self._size = len(at_0)
+        self._at_0 = int.from_bytes(at_0, "little")
+        self._per_ns = int.from_bytes(at_1, "little") - self._at_0
+
+    def index(self, start_ns: int) -> tuple[bytes, dict[int, int]]:
+        index = self._at_0 + start_ns * self._per_ns
+        return index.to_bytes(self._size, "little"), self._counts
 
 
-def wider(span: tuple[int, int], time: int) -> tuple[int, int]:
-    """Return a span that holds a time, too."""
-    if span is NO_SPAN:
-        return time, time
-    low, high = span
-    return (time, high) if time < low else (low, time) if time > high else span
+kept_template = lru_cache(maxsize=128)(_KeptTemplate)
 
 
-def _of_channels(records: list[bytes], channels: list[int]) -> dict[int, bytes]:
-    """Return the records of each channel, concatenated."""
-    if channels and len(channels) == channels.count(channels[0]):
-        return {channels[0]: b"".join(records) if len(records) > 1 else records[0]}
-    return {
-        channel: b"".join([r for r, its in zip(records, channels, strict=True) if its == channel])
-        for channel in sorted(set(channels))
-    }
+def _is_rare(runs: Sequence[AnyRun]) -> bool:
+    """Return whether such a chunk will hardly come again."""
+    return len(runs) > FEW or any(run.count > MOST or isinstance(run, MixedRun) for run in runs)
 
 
-def _places(
-    records: list[bytes], channels: list[int], time: int, offset: int
-) -> dict[int, list[int]]:
-    """Return log time and offset of each record, by channel; the first's are given."""
-    entries: dict[int, list[int]] = {}
-    for channel, its_time, its_offset in zip(
-        channels, count(time), accumulate(map(len, records), initial=offset)
-    ):  # the offsets are one more: where the next record would begin
-        known = entries.get(channel)
-        if known is None:
-            entries[channel] = [its_time, its_offset]
-        else:
-            known += (its_time, its_offset)
-    return entries
+def _channels_of(run: AnyRun) -> NDArray[np.uint16]:
+    return run.channels if isinstance(run, MixedRun) else np.full(run.count, run.channel, np.uint16)
+
+
+def _sizes_of(run: AnyRun) -> NDArray[np.int64]:
+    return run.sizes if isinstance(run, MixedRun) else np.full(run.count, run.record_size, np.int64)
+
+
+def _hash(digests: dict[int, Any], channel: int, records: bytes) -> None:
+    known = digests.get(channel)
+    if known is None:
+        digests[channel] = hashlib.sha256(records)
+    else:
+        known.update(records)

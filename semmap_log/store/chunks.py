@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 import threading
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -111,21 +110,44 @@ def build_chunk(
     """
     heads = heads_of(records, offsets)
     log_times, channel_ids = heads["log_time"], heads["channel_id"]
-    entries = np.column_stack((log_times, offsets)).astype("<u8")
     is_event = (channel_ids <= LAST_EVENT_CHANNEL) | (channel_ids >= FLOOR_MAP_CHANNEL)
     happened = np.minimum(heads["publish_time"], log_times)[is_event]
+    index, counts = message_indexes(channel_ids, log_times, offsets)
     return assemble_chunk(
         records,
-        {c: entries[channel_ids == c].tobytes() for c in sorted(set(channel_ids.tolist()))},
+        index,
+        counts,
         times=(int(log_times.min()), int(log_times.max())),
         happened=(int(happened.min()), int(happened.max())) if len(happened) else NO_SPAN,
         compression=compression,
     )
 
 
+def message_indexes(
+    channel_ids: NDArray[np.uint16], log_times: NDArray[np.int64], offsets: NDArray[np.int64]
+) -> tuple[bytes, dict[int, int]]:
+    """Return the bytes of a chunk's MessageIndex records, and channel id -> messages.
+
+    Args:
+        channel_ids: Of each message.
+        log_times: When it was recorded.
+        offsets: Where it begins.
+    """
+    entries = np.empty((len(offsets), 2), "<i8")
+    entries[:, 0], entries[:, 1] = log_times, offsets
+    messages = np.bincount(channel_ids)
+    counts = {channel: int(messages[channel]) for channel in np.flatnonzero(messages).tolist()}
+    parts: list[bytes] = []
+    for channel, count in counts.items():
+        its = entries if count == len(entries) else entries[channel_ids == channel]
+        parts += (mcap.message_index_head(channel, its.nbytes), its.tobytes())
+    return b"".join(parts), counts
+
+
 def assemble_chunk(
     records: bytes,
-    index: Mapping[int, bytes],
+    index: bytes,
+    counts: dict[int, int],
     *,
     times: tuple[int, int],
     happened: tuple[int, int],
@@ -135,31 +157,28 @@ def assemble_chunk(
 
     Args:
         records: Message records, one after the other.
-        index: Channel id -> entries of its MessageIndex, ids ascending.
+        index: The bytes of its MessageIndex records, channel ids ascending.
+        counts: Channel id -> messages, ids ascending.
         times: Least and greatest log time.
         happened: Least and greatest happened time of its events.
         compression: "" or "zstd"; default: zstd where the records are long.
     """
+    size = len(records)
     if compression is None:
-        compression = "zstd" if len(records) >= COMPRESS_FROM_BYTES else ""
+        compression = "zstd" if size >= COMPRESS_FROM_BYTES else ""
     stored = _compress(records) if compression else records
     head = mcap.chunk_head(
         stored_size=len(stored),
-        size=len(records),
+        size=size,
         compression=compression,
         crc=crc32(records),
         start=times[0],
         end=times[1],
     )
-    parts = [head, stored]
-    counts: dict[int, int] = {}
-    for channel_id, entries in index.items():
-        parts += (mcap.message_index_head(channel_id, len(entries)), entries)
-        counts[channel_id] = len(entries) // mcap.MESSAGE_INDEX_ENTRY_BYTES
     facts = ChunkFacts(
-        len(head) + len(stored), compression, len(stored), len(records), times, happened, counts
+        len(head) + len(stored), compression, len(stored), size, times, happened, counts
     )
-    return BuiltChunk(records, b"".join(parts), facts)
+    return BuiltChunk(records, b"".join((head, stored, index)), facts)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from mcap.opcode import Opcode
 
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.batches.taken_columns import TakenColumns
 from semmap_log.core.messages import (
     CDR_HEADER,
     OBJECT_KINDS,
     encode,
-    field_getter,
-    fixed_layout,
     layout,
     type_name,
     write_message,
@@ -27,8 +25,7 @@ from semmap_log.core.model.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.core.model.events import DoorAnnotated, Event, FloorMap
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.store import records as mcap
-from semmap_log.store.batch_records import Start, block_of, is_columns, record_size, sizes_of
-from semmap_log.store.chunk_builder import ChunkBuilder, wider
+from semmap_log.store.chunk_builder import ChunkBuilder, kept_template
 from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.form import (
     CHUNK_BYTES,
@@ -38,6 +35,19 @@ from semmap_log.store.form import (
     NO_HASH,
     NOTE_CHANNEL,
 )
+from semmap_log.store.record_runs import (
+    MOST,
+    Run,
+    Span,
+    Start,
+    is_columns,
+    plain_run,
+    run_of,
+    split_at,
+)
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 MOST_EVENT_BYTES = 100 * 2**20
 """Of an event's record: a floor map of 100 million cells is shorter. Chunks have a bound, too."""
@@ -68,12 +78,23 @@ class Stamp:
     durable_before: int = 0
     content: bytes = NO_CONTENT
 
-
-@cache
-def _packing(kind: int) -> tuple[Callable[..., bytes], int, Callable[[Event], tuple[Any, ...]]]:
-    """Return what packs a whole record of a fixed-size kind, its length field, and its values."""
-    packer = fixed_layout(kind).packer_behind(mcap.MESSAGE)
-    return packer.pack, packer.size - mcap.FRAME.size, field_getter(kind)
+    @classmethod
+    def of(
+        cls, commit: Commit, first_event: int, previous_hash: bytes, durable_before: int
+    ) -> Self:
+        """Return that of a commit which is written again, after other commits."""
+        return cls(
+            first_event,
+            commit.recorded_ns,
+            previous_hash,
+            commit.command_id,
+            commit.wall_clock_ns,
+            commit.monotonic_clock_ns,
+            commit.boot_id,
+            commit.durability,
+            durable_before,
+            commit.content,
+        )
 
 
 @cache
@@ -83,12 +104,14 @@ def _commit_packing() -> tuple[Callable[..., bytes], int]:
     return packer.pack, packer.size - mcap.FRAME.size
 
 
-class CommitBuilder:
-    """Turns events into the chunks of one commit, in memory of about one chunk.
+@cache
+def _commit_run() -> Run:
+    """Return the run of one Commit record."""
+    return plain_run(COMMIT_CHANNEL, 1, layout("Commit").packer_behind(mcap.MESSAGE).size)
 
-    Events that come one by one are packed without numpy: most commits are one event, and then its
-    calls would be most of the time.
-    """
+
+class CommitBuilder:
+    """Turns events into the chunks of one commit, in memory of about one chunk."""
 
     def __init__(self, stamp: Stamp, note: Note, entropy: Entropy) -> None:
         """Prepare a commit.
@@ -101,21 +124,22 @@ class CommitBuilder:
         Raises:
             InvalidEventError: The note is too long.
         """
-        note.check_length()
+        self._has_note = bool(note)
+        if self._has_note:
+            note.check_length()
         self._stamp = stamp
         self._note = note
         self._entropy = entropy
         self._drawn_salt = b""
-        self._digests: dict[int, Any] = {}
-        """Channel -> sha256 of its records so far."""
-        self._hash = NO_HASH
-        self._end_ns = stamp.recorded_ns
+        self._hash: bytes
+        """Known, with the next, once all chunks are made."""
+        self._end_ns: int
         self._end_event = stamp.first_event
         self.levels: set[int] = set()
         """Levels whose floor map is in it: their channels must stand before the chunk."""
 
-    def chunks(self, events: Iterable[Event | EventBatch]) -> Iterator[BuiltChunk]:
-        """Yield the commit's chunks; only the last makes it visible.
+    def chunks(self, events: Iterable[Event | EventBatch]) -> Iterable[BuiltChunk]:
+        """Return the commit's chunks, made one by one; only the last makes it visible.
 
         Args:
             events: Events, and batches of them, whose numbers and recorded times do not count.
@@ -123,47 +147,54 @@ class CommitBuilder:
         Raises:
             InvalidEventError: One is too long.
         """
+        whole = None if self._has_note else _single_run(events)
+        return self._chunks(_parts(events)) if whole is None else (self._only_chunk(whole),)
+
+    def _only_chunk(self, events: Sequence[Event] | EventBatch) -> BuiltChunk:
+        """Return the chunk of a commit that is one run of events: most of a patrol's."""
+        stamp = self._stamp
+        start_ns = stamp.recorded_ns
+        run, records, span = run_of(events, Start(stamp.first_event, start_ns), stamp.wall_clock_ns)
+        assert isinstance(run, Run)  # of one kind
+        self._end_event, self._end_ns = stamp.first_event + run.count, start_ns + run.count
+        digests = {run.channel: hashlib.sha256(records).digest()}
+        record, self._hash = closing_record(stamp, self._end_event, self._end_ns, digests)
+        return kept_template((run, _commit_run())).chunk(records + record, start_ns, span)
+
+    def _chunks(self, parts: Iterable[Sequence[Event] | EventBatch]) -> Iterator[BuiltChunk]:
+        """Yield the chunks of any commit."""
         open_chunk = ChunkBuilder(self._stamp.recorded_ns)
-        for part in _parts(events):
-            rest: Event | EventBatch | None = part
-            while rest is not None:
+        digests: dict[int, Any] = {}
+        for part in parts:
+            rest = part
+            while len(rest):
                 if open_chunk.size >= CHUNK_BYTES:
-                    yield self._full(open_chunk)
+                    open_chunk.hash_into(digests)
+                    yield open_chunk.chunk()
                     open_chunk = ChunkBuilder(open_chunk.time)
                 rest = self._fill(open_chunk, rest)
         if self._end_event == self._stamp.first_event:
             raise CommandError("a commit wants at least one event.")
-        if self._note:
-            open_chunk.add(NOTE_CHANNEL, self._note_record(open_chunk.time))
-        self._end_ns = open_chunk.time
-        yield self._last_chunk(open_chunk)
+        if self._has_note:
+            record = self._note_record(open_chunk.time)
+            open_chunk.add(plain_run(NOTE_CHANNEL, 1, len(record)), record)
+        open_chunk.hash_into(digests)
+        yield self._last_chunk(open_chunk, {c: known.digest() for c, known in digests.items()})
 
-    def _fill(self, open_chunk: ChunkBuilder, events: Event | EventBatch) -> EventBatch | None:
-        """Add an event, or as many of a batch as there is room for; return those that are left."""
-        number, wall_ns = self._end_event, self._stamp.wall_clock_ns
-        if not isinstance(events, EventBatch):
-            happened = wall_ns if events.happened_ns is None else events.happened_ns
-            self._add(open_chunk, events, number, happened)
-            self._end_event = number + 1
-            return None
-        fits, rest = _split(events, CHUNK_BYTES - open_chunk.size)
-        open_chunk.add_block(block_of(fits, Start(number, open_chunk.time), wall_ns))
-        self._end_event = number + len(fits)
-        return rest if len(rest) else None
-
-    def _add(self, open_chunk: ChunkBuilder, event: Event, number: int, happened: int) -> None:
-        kind, time = event.kind, open_chunk.time
-        if kind in OBJECT_KINDS:
-            channel, record = self._object(event, number, time, happened)
-        else:
-            channel = kind
-            pack, length, values = _packing(kind)
-            record = pack(
-                _MESSAGE, length, kind, number & _LOW_32_BITS, time, happened,
-                CDR_HEADER, *values(event),
-            )  # fmt: skip
-        open_chunk.add(channel, record)
-        open_chunk.span = wider(open_chunk.span, min(time, happened))
+    def _fill(
+        self, open_chunk: ChunkBuilder, events: Sequence[Event] | EventBatch
+    ) -> Sequence[Event] | EventBatch:
+        """Add as many of these events as there is room for, at least one; return the others."""
+        start = Start(self._end_event, open_chunk.time)
+        wall_ns = self._stamp.wall_clock_ns
+        if not isinstance(events, EventBatch) and events[0].kind in OBJECT_KINDS:
+            open_chunk.add(*self._object(events[0], start, wall_ns))
+            self._end_event += 1
+            return events[1:]
+        fits, rest = split_at(events, CHUNK_BYTES - open_chunk.size)
+        open_chunk.add(*run_of(fits, start, wall_ns))
+        self._end_event += len(fits)
+        return rest
 
     @property
     def commit(self) -> Commit:
@@ -186,19 +217,22 @@ class CommitBuilder:
             self._note,
         )
 
-    def _object(self, event: Event, number: int, time: int, happened: int) -> tuple[int, bytes]:
-        """Return the channel and the record of an event with texts or arrays."""
-        channel = event.kind
+    def _object(self, event: Event, start: Start, wall_ns: int) -> tuple[Run, bytes, Span]:
+        """Return the run, the record and the span of an event with texts or arrays."""
+        channel, happened = event.kind, event.happened_ns
+        happened = wall_ns if happened is None else happened
         if isinstance(event, DoorAnnotated) and not event.salt:
-            event = replace(event, salt=self._salt(number))
+            event = replace(event, salt=self._salt(start.event))
         elif isinstance(event, FloorMap):
             channel = FLOOR_MAP_CHANNEL + event.level
             self.levels.add(event.level)
-        record = mcap.message(channel, number, time, happened, encode(event, happened))
+        data = encode(event, happened)
+        record = mcap.message(channel, start.event, start.recorded_ns, happened, data)
         if len(record) > MOST_EVENT_BYTES:
             expected = f"a record of at most {MOST_EVENT_BYTES} bytes"
             raise InvalidEventError(type(event).__name__, expected, len(record))
-        return channel, record
+        counts_from = min(start.recorded_ns, happened)
+        return plain_run(channel, 1, len(record)), record, (counts_from, counts_from)
 
     def _note_record(self, time: int) -> bytes:
         note = self._note
@@ -217,45 +251,56 @@ class CommitBuilder:
         self._drawn_salt = self._drawn_salt or self._entropy(SALT_BYTES)
         return hashlib.sha256(self._drawn_salt + struct.pack("<q", number)).digest()[:SALT_BYTES]
 
-    def _last_chunk(self, open_chunk: ChunkBuilder) -> BuiltChunk:
-        """Return the chunk that closes the commit: the events that are left, note and Commit."""
-        open_chunk.hash_into(self._digests)
-        digests = {channel: digest.digest() for channel, digest in self._digests.items()}
+    def _last_chunk(self, open_chunk: ChunkBuilder, digests: dict[int, bytes]) -> BuiltChunk:
+        """Return the chunk that closes the commit."""
+        self._end_ns = open_chunk.time
         record, self._hash = closing_record(self._stamp, self._end_event, self._end_ns, digests)
-        open_chunk.add(COMMIT_CHANNEL, record)
-        return open_chunk.chunk()
-
-    def _full(self, open_chunk: ChunkBuilder) -> BuiltChunk:
-        open_chunk.hash_into(self._digests)
+        open_chunk.add(_commit_run(), record)
         return open_chunk.chunk()
 
 
-def _parts(events: Iterable[Event | EventBatch]) -> Iterator[Event | EventBatch]:
-    """Yield events, and of batches parts that can be made records at once.
+def _single_run(events: Iterable[Event | EventBatch]) -> Sequence[Event] | EventBatch | None:
+    """Return what is one run of events, no longer than a chunk; None: it is not."""
+    if not isinstance(events, list) or not 0 < len(events) <= MOST:
+        return None
+    first = events[0]
+    if isinstance(first, EventBatch):
+        is_one = len(events) == 1 and 0 < len(first) <= MOST and len(first.columns) == 1
+        return first if is_one and is_columns(first) else None
+    kinds = events.kinds if isinstance(events, TakenColumns) else set(map(type, events))
+    return None if len(kinds) > 1 or first.kind in OBJECT_KINDS else events
 
-    What has texts or maps comes one by one, and so does a batch in which there are such.
+
+def _parts(events: Iterable[Event | EventBatch]) -> Iterator[Sequence[Event] | EventBatch]:
+    """Yield events that can be made records at once: of fixed sizes, or parts of batches.
+
+    What has texts or maps comes one by one, and so do the events of a batch with such.
     """
+    some: list[Event] = []
     for event in events:
-        if not isinstance(event, EventBatch):
-            yield event
-            continue
-        for part in event.parts(ROWS_AT_A_TIME):
-            if len(part) and is_columns(part):
-                yield part
-            else:
-                yield from part.to_events()
+        parts: Iterable[Sequence[Event] | EventBatch] = ()
+        if isinstance(event, EventBatch):
+            parts = _parts_of_batch(event)
+        elif event.kind in OBJECT_KINDS:
+            parts = ((event,),)
+        else:
+            some.append(event)
+            if len(some) < MOST:
+                continue
+        if some:
+            yield some
+            some = []
+        yield from parts
+    if some:
+        yield some
 
 
-def _split(batch: EventBatch, room: int) -> tuple[EventBatch, EventBatch]:
-    """Return the events that a chunk takes which has so much room, at least one, and the rest.
-
-    A chunk takes one more as long as it has any room: it may become longer than it should.
-    """
-    if len(batch.columns) == 1:
-        (kind,) = batch.columns
-        return batch.split(-(-room // record_size(kind)))
-    ends = np.cumsum(sizes_of(batch))
-    return batch.split(int(np.searchsorted(ends, room, "left")) + 1)
+def _parts_of_batch(batch: EventBatch) -> Iterator[Sequence[Event] | EventBatch]:
+    for part in batch.parts(ROWS_AT_A_TIME):
+        if len(part) and is_columns(part):
+            yield part
+        else:
+            yield from _parts(part.to_events())
 
 
 def closing_record(

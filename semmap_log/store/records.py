@@ -6,6 +6,7 @@ Every record is `opcode u8, length u64, body`, little endian.
 from __future__ import annotations
 
 import struct
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,10 +34,8 @@ MESSAGE_DTYPE: np.dtype[np.void] = np.dtype(
 )
 """The same for numpy; times are below 2^63."""
 
-_CHUNK = struct.Struct("<BQQQQII")
-"""Opcode, length, start and end time, uncompressed size, CRC, length of the compression's name."""
 _CHUNK_OPCODE = int(Opcode.CHUNK)
-_SIZE = struct.Struct("<Q")
+_MESSAGE_INDEX_OPCODE = int(Opcode.MESSAGE_INDEX)
 MESSAGE_INDEX = struct.Struct("<BQHI")
 """Opcode, length, channel id, bytes of entries; entries of (log time u64, offset u64) follow."""
 MESSAGE_INDEX_HEAD_BYTES = MESSAGE_INDEX.size
@@ -70,14 +69,20 @@ def chunk_head(
         end: Greatest log time.
     """
     name = compression.encode()
-    length = _CHUNK.size - FRAME.size + len(name) + _SIZE.size + stored_size
-    head = _CHUNK.pack(_CHUNK_OPCODE, length, start, end, size, crc, len(name))
-    return head + name + _SIZE.pack(stored_size)
+    whole = _chunk_head(len(name))
+    length = whole.size - FRAME.size + stored_size
+    return whole.pack(_CHUNK_OPCODE, length, start, end, size, crc, len(name), name, stored_size)
+
+
+@cache
+def _chunk_head(name_length: int) -> struct.Struct:
+    """Return opcode, length, times, uncompressed size, CRC, the compression's name, stored size."""
+    return struct.Struct(f"<BQQQQII{name_length}sQ")
 
 
 def message_index_head(channel_id: int, entry_bytes: int) -> bytes:
     """Return a MessageIndex record up to its entries of (log time u64, offset in the chunk u64)."""
-    return MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + entry_bytes, channel_id, entry_bytes)
+    return MESSAGE_INDEX.pack(_MESSAGE_INDEX_OPCODE, 6 + entry_bytes, channel_id, entry_bytes)
 
 
 def record(*records: McapRecord) -> bytes:

@@ -127,9 +127,7 @@ def test_torn_and_absent_and_unreadable(log: Path, original: Path, capsys) -> No
     assert 3 == torn[0]
     assert "torn tail" in torn[1]
     assert "To do: nothing." in torn[1]
-    assert (5, "nolog: no such log: expected a folder, or one .mcap file\n") == absent[
-        :2
-    ]
+    assert (5, "nolog: no such log: expected a folder, or one .mcap file\n") == absent[:2]
 
 
 @pytest.mark.slow

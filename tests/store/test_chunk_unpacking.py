@@ -243,9 +243,9 @@ def test_a_small_log_that_holds_very_much_takes_little_memory(
     size = 128 * MIB
     message = _message(1000, channel=KEYFRAME_CHANNEL if name == "keyframes" else 4)
     records = bytes(size) if name == "zeros" else message * (size // len(message))
-    index = {4: struct.pack("<QQ", 1000, 0)}
+    index = mcap.message_index_head(4, 16) + struct.pack("<QQ", 1000, 0)
     times = (1000, 1000)
-    built = assemble_chunk(records, index, times=times, happened=times, compression="zstd")
+    built = assemble_chunk(records, index, {4: 1}, times=times, happened=times, compression="zstd")
     log = _log_of(tmp_path / "log", [built] * 3, closed=closed)
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 

@@ -333,9 +333,14 @@ def write_signed(log: Path, name: str, text: str, key: SigningKey, namespace: st
     return path
 
 
+def is_stamped(log: Path, name: str) -> bool:
+    """Return whether a statement has a time stamp."""
+    return token_file(folder_of(log) / name).exists()
+
+
 def remove_signed(log: Path, name: str) -> None:
     """Remove a statement that another stands for, and its signature; not one with a time stamp."""
-    if (folder_of(log) / (name + TOKEN)).exists():
+    if is_stamped(log, name):  # since a moment ago
         return
     for each in (name, name + SIGNATURE):
         with suppress(OSError):

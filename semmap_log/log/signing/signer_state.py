@@ -25,6 +25,7 @@ from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.signature_folder import (
     SignedStatement,
     folder_of,
+    is_stamped,
     name_of,
     remove_signed,
     signed_in,
@@ -131,15 +132,19 @@ class Signer:
         name = name_of(statement, self._key, namespace)
         self._state.put(LastSigned(statement.text, namespace, name, keep))
         path = write_signed(self._log, name, statement.text, self._key, namespace)
-        if last is not None and not last.is_kept:
+        if last is not None and not self._stays(last):
             remove_signed(self._log, last.file)
         return path
+
+    def _stays(self, last: LastSigned) -> bool:
+        """Return whether the last statement is kept: it was made for that, or has a time stamp."""
+        return last.is_kept or is_stamped(self._log, last.file)
 
     def _before(self, last: LastSigned | None) -> str:
         """Return the digest of the last statement that is kept."""
         if last is None:
             return max(self._old, key=_order).digest if self._old else NO_DIGEST
-        if last.is_kept:
+        if self._stays(last):
             return hashlib.sha256(last.text.encode()).hexdigest()
         return last.statement.before
 

@@ -25,19 +25,18 @@ from typing import Any
 
 from semmap_log.core.io.made_logs import refuse_made
 from semmap_log.core.messages import OBJECT_KINDS, decode, fixed_layout, layout
+from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.events import KINDS, DoorAdded, DoorEvent, HistoryTrimmed
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, ElsewhereError, LogError, NewerLogError
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import build_chunk
-from semmap_log.store.commit_records import commit_hash
+from semmap_log.store.commit_records import Stamp, closing_record
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import (
     CHUNK_BYTES,
     COMMIT_CHANNEL,
-    HASH_BYTES,
     KEYFRAME_CHANNEL,
-    NO_HASH,
     NOTE_CHANNEL,
     SEQUENCE_RANGE,
     TOMBSTONE_CHANNEL,
@@ -569,7 +568,7 @@ class SplitSegment:
         if kept:
             self._lacks, self._delay_ns = lacks, 0
             command = hashlib.sha256(self._whole.command_id).digest()[:16]
-            self._commit(first, count, time_ns, {"command_id": command})
+            self._commit(first, count, time_ns, replace(self._whole, command_id=command))
         else:
             its_hash = hashlib.sha256(self._whole.hash).digest()
             whole = replace(lacks, commits=1, previous_hash=self._head, hash=its_hash)
@@ -590,32 +589,18 @@ class SplitSegment:
                 self._lacks = Tombstone(
                     first, count, 0, count - kept, lacks.notes_gone, lacks.reasons
                 )
-        self._commit(first, count, _time_of(record) + self._delay_ns, fields)
+        time_ns = _time_of(record) + self._delay_ns
+        self._commit(first, count, time_ns, replace(self._whole, **fields))
 
-    def _commit(self, first: int, count: int, time_ns: int, changed: dict[str, Any]) -> None:
+    def _commit(self, first: int, count: int, time_ns: int, said: Commit) -> None:
         """Put the records of a commit, chained to the one before."""
-        whole = self._whole
-        fields: dict[str, Any] = {
-            "durability": whole.durability,
-            "command_id": whole.command_id,
-            "content": whole.content,
-            "wall_clock_ns": whole.wall_clock_ns,
-            "monotonic_clock_ns": whole.monotonic_clock_ns,
-            "boot_id": whole.boot_id,
-            "durable_before": whole.durable_before,
-        }
-        fields |= changed
-        fields |= {"first_event": first, "count": count, "previous_hash": self._head}
-        fields |= {"durable_before": min(fields["durable_before"], first), "hash": NO_HASH}
         time_ns = max(time_ns, self._last_ns + 1)
-        names = layout("Commit").dtype.names or ()
-        data = layout("Commit").pack(*(fields[n] for n in names if not n.startswith("_")))
-        record = mcap.message(COMMIT_CHANNEL, first + count - 1, time_ns, time_ns, data)
-        self._head = commit_hash(record, self._digests())
+        stamp = Stamp.of(said, first, self._head, min(said.durable_before, first))
+        record, self._head = closing_record(stamp, first + count, time_ns, self._digests())
         note = [one for channel, one in self._records if channel == NOTE_CHANNEL]
         events = [one for channel, one in self._records if channel != NOTE_CHANNEL]
         lacks = [] if self._lacks is None else [self._lacks.record(time_ns - 1 - len(note))]
-        self._put(*events, *lacks, *note, record[:-HASH_BYTES] + self._head)
+        self._put(*events, *lacks, *note, record)
         self._last_ns, self._next_event = time_ns, first + count
         self._records, self._lacks, self._delay_ns = [], None, 0
         if self._size >= CHUNK_BYTES:

@@ -14,14 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from semmap_log.core.messages import fixed_layout, layout
+from semmap_log.core.messages import fixed_layout
 from semmap_log.core.model.events import Retracted, SightingsThinned
 from semmap_log.store.chunks import BuiltChunk, build_chunk
-from semmap_log.store.commit_records import commit_hash
+from semmap_log.store.commit_records import Stamp, closing_record
 from semmap_log.store.form import (
     CHUNK_BYTES,
-    COMMIT_CHANNEL,
-    HASH_BYTES,
     NO_HASH,
     NOTE_CHANNEL,
     TOMBSTONE_CHANNEL,
@@ -91,30 +89,17 @@ class Rewriter:
         if not count:
             self.has_changed = True
             return []
-        data = layout("Commit").pack(
-            first,
-            durable_before,
-            count,
-            commit.durability,
-            commit.command_id,
-            commit.content,
-            commit.wall_clock_ns,
-            commit.monotonic_clock_ns,
-            commit.boot_id,
-            self.head,
-            NO_HASH,
-        )
-        record = message(COMMIT_CHANNEL, first + count - 1, time, time, data)
         digests = _digests(records)
         if whole.lacks is not None:
             lacks = _of_what_is_left(replace(whole.lacks, first_event=first, count=count), digests)
             digests |= {part.channel: part.digest for part in lacks.parts}
             has_note = bool(records) and _channel_of(records[-1]) == NOTE_CHANNEL
             records.insert(len(records) - has_note, lacks.record(time - 1 - has_note))
-        self.head = commit_hash(record, digests)
+        stamp = Stamp.of(commit, first, self.head, durable_before)
+        record, self.head = closing_record(stamp, first + count, time, digests)
         self.has_changed |= self.head != commit.hash
         self.last_ns = time
-        return [*records, record[:-HASH_BYTES] + self.head]
+        return [*records, record]
 
     def go_on_behind(self, gone: GoneCommits) -> bytes:
         """Return the Tombstone of whole commits that were taken out, in its new place."""

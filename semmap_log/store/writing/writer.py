@@ -34,7 +34,6 @@ from semmap_log.store.writing.durability import (
 )
 from semmap_log.store.writing.keyframe_source import KeyframeSource, keyframe_chunk
 from semmap_log.store.writing.segment_chain import CommandMemory, LogEnd, SegmentChain
-from semmap_log.store.writing.uniform_commit import uniform_commit
 
 
 @dataclass(frozen=True)
@@ -242,23 +241,16 @@ class LogWriter:
             content,
         )
         self._write_keyframe(segment, self.last_ns, is_commit_begun=False)
-        uniform = uniform_commit(stamp, note, events) if isinstance(events, list) else None
-        if uniform is not None:
-            chunk, commit = uniform
+        builder = CommitBuilder(stamp, note, self.entropy)
+        last_ns = None
+        for chunk in builder.chunks(events):
+            if last_ns is not None:
+                self._write_keyframe(segment, last_ns, is_commit_begun=True)
+            last_ns = chunk.facts.times[1]
             self._in_commit = True
-            segment.add(chunk, hold_back=self._holds_back)
+            segment.add(chunk, levels=builder.levels, hold_back=self._holds_back)
             self._keyframes.add(chunk)
-        else:
-            builder = CommitBuilder(stamp, note, self.entropy)
-            last_ns = None
-            for chunk in builder.chunks(events):
-                if last_ns is not None:
-                    self._write_keyframe(segment, last_ns, is_commit_begun=True)
-                last_ns = chunk.facts.times[1]
-                self._in_commit = True
-                segment.add(chunk, levels=builder.levels, hold_back=self._holds_back)
-                self._keyframes.add(chunk)
-            commit = builder.commit
+        commit = builder.commit
         self.next_event, self.last_ns = commit.last_event + 1, commit.closed_ns
         self._last_hash = commit.hash
         self.written = Written(self.next_event, commit.hash, self.written.commits + 1)
