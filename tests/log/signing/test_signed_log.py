@@ -326,9 +326,7 @@ def test_one_of_many_places_and_files(log: Path, key: SigningKey, tmp_path: Path
 
     assert 0 == checked(log, key, elsewhere=[kept])[0]
     assert 0 == checked(log, key, elsewhere=sorted(kept.glob("*.head")))[0]
-    packed = Path(shutil.make_archive(str(tmp_path / "packed"), "zip", log))
-    assert 0 == checked(packed, key, elsewhere=[kept])[0]
-    assert (4, ["unsigned"]) == checked(packed, key)[:2]
+    assert (4, ["unsigned"]) == checked(log, key)[:2]
     with pytest.raises(sl.errors.SigningError, match="nowhere: signatures cannot be read"):
         checked(log, key, elsewhere=[tmp_path / "nowhere"])
 
