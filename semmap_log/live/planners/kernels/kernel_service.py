@@ -263,7 +263,7 @@ class KernelSession:
         if self._complaints <= MOST_COMPLAINTS:
             self._say(problem)
         if self._complaints == MOST_COMPLAINTS:
-            self._say("more such messages are not told.")
+            self._say("further such messages are not reported.")
 
 
 def _expression_in(text: bytes) -> tuple[Expression, ...]:

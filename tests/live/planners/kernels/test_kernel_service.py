@@ -254,7 +254,7 @@ def test_complaints_have_an_end(kernel: StubKernel, world: KernelWorld) -> None:
 
     said = [text for text in world.said if "sent" in text]
     assert len(said) == kernel_service.MOST_COMPLAINTS
-    assert world.said[-1] == "OPRS: more such messages are not told."
+    assert world.said[-1] == "OPRS: further such messages are not reported."
 
 
 @given(text=st.text(max_size=30) | st.text('()"\\ ASK1.;$', max_size=30))
