@@ -260,7 +260,7 @@ def test_an_id_is_used_again_for_a_correction_only(log: sl.DoorLogWriter) -> Non
     with pytest.raises(DoorExistsError):
         log.append([added])
     for later in (_ns("2026-02-21"), None):
-        with pytest.raises(DoorRemovedError, match="at an earlier time only"):
+        with pytest.raises(DoorRemovedError, match="with its id and an earlier time"):
             log.append([taken_back, DoorAdded(door_id=DoorId(1), happened_ns=later)])
     with pytest.raises(DoorExistsError):
         log.append([taken_back, added, added])
@@ -428,4 +428,4 @@ def test_a_log_without_events_knows_no_ever(run: Run) -> None:
     code, _, err = run("import", "office", "house.building.yaml", "--since-ever")
 
     assert 0 == code
-    assert "the log tells of nothing yet" in err
+    assert "the log has no events yet" in err

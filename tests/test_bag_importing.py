@@ -408,6 +408,6 @@ def test_a_mapping_of_what_is_no_bag_is_refused(tmp_path: Path) -> None:
 
     with (
         sl.create(tmp_path / "log", tz="UTC") as log,
-        pytest.raises(CommandError, match=r"doors\.yaml: a mapping .* this is none"),
+        pytest.raises(CommandError, match=r"doors\.yaml: --mapping is only for bags"),
     ):
         import_file(log, tmp_path / "doors.yaml", ImportOptions(mapping=tmp_path / "mapping.yaml"))

@@ -227,7 +227,7 @@ def test_another_log_in_its_place_is_noticed(rolled: Path) -> None:
         for _ in range(20):
             log.add_door()
 
-    with pytest.raises(LogError, match="another log lies here now"):
+    with pytest.raises(LogError, match="the log was replaced by another one"):
         next(following)
 
 

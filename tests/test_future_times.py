@@ -33,7 +33,7 @@ def test_a_single_sighting_is_warned_of_at_once(log: sl.DoorLogWriter) -> None:
     """
     With its time; the next ones again when they are ten times as many, and at the end.
     """
-    with pytest.warns(FutureTimesWarning, match="^1 event happens in time to come, at 2036-01-01"):
+    with pytest.warns(FutureTimesWarning, match="^1 event happens in the future, at 2036-01-01"):
         log.observe("front", "open", at=LATER)
     with warnings.catch_warnings():
         warnings.simplefilter("error", FutureTimesWarning)
@@ -100,5 +100,5 @@ def test_verbs_say_it_on_stderr(tmp_path: Path) -> None:
     ]  # fmt: skip
 
     for one in done:
-        assert "warning: 1 event happens in time to come, at 2036-01-01 10:00" in one.stderr
+        assert "warning: 1 event happens in the future, at 2036-01-01 10:00" in one.stderr
     assert 2 == len(list(sl.read(log).history(kinds=[DoorObserved])))

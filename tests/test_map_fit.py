@@ -151,8 +151,8 @@ def test_a_mirrored_and_a_scaled_map_are_told() -> None:
     ("old", "new", "says"),
     [
         ([0j], [1j], "got 1 pair"),
-        ([1j, 1j, 1j], [0j, 5j, 9j], "in the old map all lie within"),
-        ([0j, 5j], [1j, 1j], "in the new map all lie within"),
+        ([1j, 1j, 1j], [0j, 5j, 9j], "in the old map all are within"),
+        ([0j, 5j], [1j, 1j], "in the new map all are within"),
     ],
 )
 def test_too_little_tells_no_transform(old: list[complex], new: list[complex], says: str) -> None:

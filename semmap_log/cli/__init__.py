@@ -91,8 +91,8 @@ def _wait_to_be_stopped() -> None:
     from semmap_log.cli.verb import tell
 
     tell(
-        "this does not mend itself, and what launched it would start it again for ever: it waits. "
-        "Stop the launch, mend it, and launch again."
+        "this needs a repair, and a launcher would restart it endlessly, so it waits. "
+        "Stop the launch, repair it, and launch again."
     )
     while True:
         time.sleep(WAITS_S)

@@ -78,11 +78,11 @@ def a_url(text: str) -> UrlPath:
 
 LogPath = Annotated[
     Path,
-    typer.Argument(metavar="LOG", help="The log's folder; to read, a zip or a URL of it, too."),
+    typer.Argument(metavar="LOG", help="The log's folder; to read, a URL of it, too."),
 ]
 AnyLogPath = Annotated[
     Path,
-    typer.Argument(metavar="LOG", help="The log's folder, a zip, a URL, or an .mcap of it."),
+    typer.Argument(metavar="LOG", help="The log's folder, a URL, or an .mcap of it."),
 ]
 WritableLog = Annotated[
     Path, typer.Argument(metavar="LOG", help="The log's folder.", callback=a_local_log)

@@ -228,6 +228,6 @@ def _asked(many: Fleet, question: Question) -> FleetAnswer:
             found = question(many, show)
     except KeyboardInterrupt:
         had = f"{counted(now.done, 'log')} of {len(many.places):,} had answered"
-        say(f"stopped: {had}. What is kept is not asked again: run it once more, and it goes on.")
+        say(f"stopped: {had}. Finished answers are kept: run the command again to continue.")
         raise
     return found

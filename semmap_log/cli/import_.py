@@ -366,8 +366,8 @@ def _since_ns(log: DoorLog, since: str | None, *, since_ever: bool) -> int | Non
         ever_ns = log.since_ever_ns()
         if ever_ns is None:
             say(
-                "--since-ever: the log tells of nothing yet, so the doors are there from "
-                "now on; give a time with --since, or this again once older events are in."
+                "--since-ever: the log has no events yet, so the doors exist from now on; "
+                "give a time with --since, or repeat this after importing older events."
             )
             return log_now_ns
         return ever_ns
@@ -438,7 +438,7 @@ def _tell(file: Path, imported: Any) -> None:
         typer.echo(f"{file}: imported before; nothing to do{more}.")
         return
     if imported.first_event is None and file.is_dir() and not imported.plan.summary:
-        typer.echo(f"{file}: of no door is anything told before it was added; nothing to do.")
+        typer.echo(f"{file}: no door has events from before it was added; nothing to do.")
     elif imported.first_event is None and plan.nothing:
         typer.echo(f"{file}: nothing was imported: {plan.nothing}.")
     elif imported.first_event is None:

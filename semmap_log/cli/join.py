@@ -88,7 +88,9 @@ def _defined(
 
     if not logs:
         if doors is not None or frame or reference:
-            raise typer.BadParameter("expected the logs, too: the join is written anew")
+            raise typer.BadParameter(
+                "expected the logs, too: --doors, --frame and --reference write a new definition"
+            )
         return read_definition(out)
     told = [frame_of(each) for each in frame]
     if len({name for name, _ in told}) < len(told):

@@ -209,7 +209,7 @@ def _refuse_untold(opened: DoorLog, asked: Mapping[str, Any]) -> None:
     refuse_untold(opened, moment, known_at, remedy=remedy)
     since = format_local(since_ns, opened.info.timezone)
     raise UnknownDoorError(
-        f"no door is in the map then: the log tells of nothing before {since}, or its doors were "
+        f"no door is in the map then: the log has no events before {since}, or its doors were "
         f"removed by then; ask for a later time, or look at: {command_line('info', opened.path)}"
     )
 

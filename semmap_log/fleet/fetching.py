@@ -63,8 +63,8 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
     kept = read_manifest(store)
     if kept is None:
         raise NotALogError(
-            f"{url}: no {MANIFEST_NAME} there, so no log was shipped to it. What was copied there "
-            "in another way can be read there, and copied back in that way."
+            f"{url}: no {MANIFEST_NAME} there, so no log was shipped to it. You can read a log "
+            "that was copied there by other means, and copy it back by those."
         )
     manifest = kept.manifest
     total = sum(segment.size for segment in manifest.segments)

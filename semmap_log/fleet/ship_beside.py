@@ -199,8 +199,8 @@ class ShipBeside:
         if is_new:
             line = command_line("ship", self._folder.path, self._store.url)
             self._tell(
-                f"not shipped: {problem} Recording goes on, and this is tried again; what is not "
-                f"sent by the end is sent the next time, or by: {line}"
+                f"not shipped: {problem} Recording continues, and shipping is retried. The next "
+                f"run sends the rest, or: {line}"
             )
 
 

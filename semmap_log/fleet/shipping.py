@@ -176,8 +176,8 @@ class _Shipping:
             self.sent_bytes += len(data)
         elif not self._holds(name, segment.size, sha256):
             raise LogError(
-                f"{self.store.url / name}: an object with other bytes lies there; it is no copy of "
-                f"{segment.path.name}, as its name says. Remove it, and ship again."
+                f"{self.store.url / name}: expected a copy of {segment.path.name}, got an object "
+                "with other bytes. Remove it, and ship again."
             )
         return manifest_entry(segment, name, sha256)
 
@@ -262,8 +262,8 @@ def check_same_way(url: UrlPath, segments: Sequence[Segment], there: Manifest) -
     ours = segments[0].header.info.log_id
     if there.info.log_id != ours:
         raise LogError(
-            f"{url}: another log lies there (id {there.info.log_id}, this one's is "
-            f"{ours}); ship this one elsewhere."
+            f"{url}: expected this log (id {ours}), got another one (id "
+            f"{there.info.log_id}); ship this log elsewhere."
         )
     last = there.segments[-1]
     if head_before(segments, last.next_event) == last.head:

@@ -198,9 +198,9 @@ def mark_in(data: bytes, file: PurePath) -> ClosedMark:
 
 
 def _damaged(file: PurePath, problem: str) -> CorruptLogError:
-    unknown = "whether the log is as long as it was cannot be told"
+    unknown = "it is unknown whether the log was cut"
     line = command_line("recover", file.parent)
-    return CorruptLogError(file, None, f"{problem}: {unknown}. To take it as it is: {line}")
+    return CorruptLogError(file, None, f"{problem}: {unknown}. To accept it as it is: {line}")
 
 
 def sealed(entries: Mapping[str, Any]) -> str:

@@ -118,8 +118,8 @@ class WriterLock:
             os.close(at)
         if is_strangers is None:
             self._remedy = (
-                f" If nobody writes: whoever can read {folder / LOCK_NAME} could lock it; remove "
-                "that file, and the next one can be read by nobody else."
+                f" If nobody writes: another user who can read {folder / LOCK_NAME} may hold the "
+                "lock; remove that file, and the next one will be readable for its owner only."
             )
         return bool(is_strangers)
 
@@ -172,8 +172,8 @@ class WriterLock:
             folder.remove(LOCK_NAME)
         if is_strangers is None:
             self._remedy = (
-                f" If nobody writes: whoever can read {folder.path} could lock it while it has no "
-                f"lock file; make an empty {folder / LOCK_NAME}."
+                f" If nobody writes: another user who can read {folder.path} may hold the lock "
+                f"while there is no lock file; make an empty {folder / LOCK_NAME}."
             )
         raise BlockingIOError
 

@@ -67,7 +67,7 @@ def _differences(told: Any, found: Any) -> Iterator[str]:
             continue
         said, is_so = getattr(told, each.name), getattr(found, each.name)
         if said != is_so:
-            yield f"it tells of {_shown(said)} as {_WORDS[each.name]}; there is {_shown(is_so)}"
+            yield f"it gives {_shown(said)} as {_WORDS[each.name]}; the segment has {_shown(is_so)}"
 
 
 def _shown(value: object) -> object:
@@ -397,4 +397,4 @@ def _check_possible(told: ShippedSegment) -> None:
     }
     for name, holds in is_possible.items():
         if not holds:
-            raise ValueError(f"segment {header.number}: {name} cannot be what it tells")
+            raise ValueError(f"segment {header.number}: {name} has an impossible value")

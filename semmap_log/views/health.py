@@ -164,7 +164,7 @@ def verification_report(found: Verification, signed: Sequence[Text] = ()) -> Ren
     parts: list[RenderableType] = [said]
     since = found.events_after_head
     if since is not None:
-        parts.append(Text(f"holds the head asked for, and {counted(since, 'event')} since"))
+        parts.append(Text(f"contains the given head, and {counted(since, 'event')} after it"))
     parts += signed
     notes = 0
     for finding in found.findings:
@@ -248,8 +248,8 @@ def _what_to_do(found: Verification) -> str:
         )
     if found.exit_code == 3:
         return (
-            "To do: nothing. The next writer keeps the torn tail beside the log and goes on; if "
-            "one is at work now, it is a commit that is just being written."
+            "To do: nothing. The next writer keeps the torn tail in a file of its own and "
+            "continues; if one is at work now, this is a commit that is being written."
         )
     return ""
 
@@ -288,7 +288,7 @@ def recovery_report(found: RecoveryPlan, done: Recovered | None) -> RenderableTy
         numbers = ", ".join(map(str, found.dropped))
         parts.append(Text(f"dropped, since they retract lost events only: {numbers}"))
     if not found.keeps_numbers:
-        parts.append(Text("behind the first gap events get new numbers, and the log a new id"))
+        parts.append(Text("after the first gap, events get new numbers; the log gets a new id"))
     parts += _where(done) if done else [Text("Nothing was written. To do it: add --yes.")]
     return Group(*parts)
 

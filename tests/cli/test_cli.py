@@ -409,7 +409,7 @@ def test_warnings_of_info(run) -> None:
         (["export", "office", "doors.doc"], 1, ".yaml"),
         (["export", "office", "doors.yaml"], 1, "--default-prob"),
         (["history", "office", "--kind", "DoorSlammed"], 2, "DoorObserved"),
-        (["init", "office"], 1, "something here already"),
+        (["init", "office"], 1, "expected a new or empty folder"),
         (["patrol", "office", "finish"], 1, "no patrol round"),
         (["import", "office", "nothing.yaml"], 1, "nothing.yaml"),
         (["init", "other", "--tz", "Mars/Olympus"], 1, "Mars/Olympus"),

@@ -283,7 +283,11 @@ def test_export_makes_the_same_map(run: Run) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (("office", "now.tif"), 1, "now.tif: its name tells no format of a costmap; known: .yaml"),
+        (
+            ("office", "now.tif"),
+            1,
+            "now.tif: unknown extension for a costmap; expected one of: .yaml",
+        ),
         (("office", "mask.png", "--keepout"), 1, "a keepout mask is a ROS map"),
         (("office", "mask.yaml", "--keepout", "--layer", "master"), 2, "shows doors only"),
         (("office", "now.npy", "--map", "none.yaml"), 1, "none.yaml"),

@@ -127,7 +127,7 @@ def test_many_changes_are_thinned_out_and_that_is_said(
     ("arguments", "code", "said"),
     [
         (["x.zip"], 1, "over time .mcap, .bag (ROS 1)"),
-        (["x.yaml", "--markers"], 1, "tells no bag"),
+        (["x.yaml", "--markers"], 1, "unknown extension for a new bag"),
         (
             ["x.mcap", "--markers", "--at", "12:00"],
             2,

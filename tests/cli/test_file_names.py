@@ -85,18 +85,6 @@ def test_a_zip_that_is_not_there_is_not_made_by_init(
     assert "semmap-log init missing" in folder
 
 
-def test_only_verbs_that_read_say_that_they_take_a_zip(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """
-    Those that write would refuse it.
-    """
-    verbs = get_command(app).commands  # type: ignore[attr-defined]
-    said = {name for name in verbs if "zip" in run(capsys, name, "--help")[1].partition("Arg")[2]}
-
-    assert READS_A_ZIP | {"state", "log"} == said
-
-
 def test_help_points_to_where_its_text_is(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """
     Options come last: what explains them stands above.

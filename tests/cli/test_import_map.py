@@ -139,4 +139,4 @@ def test_rules_are_of_maps_only(here: Path, capsys: pytest.CaptureFixture[str]) 
     Path("doors.yaml").write_text("{}\n")
 
     assert 1 == run("import", "office", "doors.yaml", "--map-rules", "noetic")
-    assert "says how maps are read" in capsys.readouterr().err
+    assert "is only for maps" in capsys.readouterr().err

@@ -187,4 +187,4 @@ def test_without_kept_scans_it_says_what_to_do(
 
     assert run("scan-report", tmp_path / "bare") == 1
 
-    assert "no scans are kept beside this log" in " ".join(capsys.readouterr().err.split())
+    assert "no scans are kept next to this log" in " ".join(capsys.readouterr().err.split())

@@ -196,7 +196,7 @@ def test_files_of_ones_own(office: Path, capsys: pytest.CaptureFixture[str]) -> 
         (["select nix from doors"], 1, "doors: door_id, name"),
         (["from doors_at('bad')"], 1, "Expected a moment such as"),
         (["delete from events"], 1, "a query only reads"),
-        (["select 1", "--out", "x.txt"], 1, "tells no format"),
+        (["select 1", "--out", "x.txt"], 1, "unknown extension for an answer"),
         (["select 1", "--csv", "--json"], 2, "expected one of --csv and --json"),
         (["select 1", "--out", "office/x.csv"], 1, "lies in the log's own folder"),
         (["select 1", "--limit", "0"], 2, "limit"),

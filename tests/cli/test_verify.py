@@ -106,7 +106,7 @@ def test_the_head_that_was_kept(log: Path, capsys) -> None:
     wrong = semmap(capsys, "verify", "log", "--head", head[:-1])
 
     assert 0 == grown[0]
-    assert "holds the head asked for, and 1 event since" in grown[1]
+    assert "contains the given head, and 1 event after it" in grown[1]
     assert 4 == other[0]
     assert "its tail was cut" in " ".join(other[1].split())
     assert 2 == wrong[0]

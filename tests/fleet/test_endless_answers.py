@@ -147,7 +147,7 @@ def test_lists_and_errors_without_end_do_not_fill_the_memory(
         place = f"{sent.url}/log" if url == "http" else "s3://bucket/log"
         said, most = _asked(place, sent.url)
 
-    (told, *_) = [line for line in said if "the store cannot be asked: its answer fills" in line]
+    (told, *_) = [line for line in said if "the store cannot be reached: its answer fills" in line]
     assert told.startswith(place)
     assert told.endswith("and has no end.")
     assert len(said) <= 3

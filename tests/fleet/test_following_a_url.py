@@ -174,9 +174,9 @@ def test_a_log_that_was_rolled_back_is_an_error(bucket: str, log: Path) -> None:
 
     put_manifest(bucket, before)
 
-    with pytest.raises(CorruptLogError, match="was put back, or exchanged"):
+    with pytest.raises(CorruptLogError, match="was restored or replaced"):
         next(commits)
-    with pytest.raises(CorruptLogError, match="was put back, or exchanged"):
+    with pytest.raises(CorruptLogError, match="was restored or replaced"):
         reading.refresh()
 
 
@@ -197,7 +197,7 @@ def test_a_log_with_other_commits_is_an_error(bucket: str, log: Path, tmp_path: 
 
     put_manifest(bucket, manifest(f"{bucket}/other"))
 
-    with pytest.raises(CorruptLogError, match="was put back, or exchanged"):
+    with pytest.raises(CorruptLogError, match="was restored or replaced"):
         next(commits)
 
 
@@ -209,7 +209,7 @@ def test_another_log_in_its_place_is_an_error(bucket: str, log: Path) -> None:
 
     put_manifest(bucket, manifest(f"{bucket}/other"))
 
-    with pytest.raises(LogError, match="another log lies here now"):
+    with pytest.raises(LogError, match="the log was replaced by another one"):
         next(commits)
 
 

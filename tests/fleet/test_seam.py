@@ -261,7 +261,7 @@ def test_a_bucket_that_is_not_there_is_named(
 
     assert 1 == exit_of(*verb, url)
 
-    assert "there is no such bucket" in capsys.readouterr().err
+    assert "the bucket does not exist" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("verb", [["ship", str(OFFICE)], ["info"], ["verify"], ["tail"]])

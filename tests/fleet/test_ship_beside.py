@@ -124,7 +124,7 @@ def test_a_store_that_is_away_is_told_once_and_told_when_it_is_back(
         observe(log, 60)
         until(lambda: bool(beside.status.problem))
         observe(log, 60)
-        assert (1, True) == (len(said), "Recording goes on" in said[0])
+        assert (1, True) == (len(said), "Recording continues" in said[0])
         assert command_line("ship", office, UrlPath(bucket)) in said[0]
         store.error = None
         until(lambda: beside.status.is_all_sent)

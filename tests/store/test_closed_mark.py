@@ -95,7 +95,7 @@ def test_a_closed_segment_that_was_cut_is_damage(log: Path, damage: Callable[[Pa
 
     for ask in (sl.read, sl.append, compact):
         with pytest.raises(
-            CorruptLogError, match=r"closed-2-26\.json tells that .* ended before event 26"
+            CorruptLogError, match=r"by closed-2-26\.json, .* ended before event 26"
         ):
             ask(log)
 
@@ -376,7 +376,7 @@ def test_of_another_log_it_is_named(log: Path, tmp_path: Path) -> None:
     remove_marks(log)
     shutil.copy(marks(tmp_path / "other")[-1], log)
 
-    with pytest.raises(CorruptLogError, match="it tells of the log"):
+    with pytest.raises(CorruptLogError, match="expected the log id"):
         sl.read(log)
 
     assert 4 == verify(log).exit_code

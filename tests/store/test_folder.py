@@ -135,7 +135,7 @@ def test_a_reader_is_told_of_another_log(tmp_path: Path) -> None:
     shutil.rmtree(tmp_path / "log")
     made(tmp_path / "log", sightings=9)
 
-    with pytest.raises(LogError, match="another log lies here now"):
+    with pytest.raises(LogError, match="the log was replaced by another one"):
         log.refresh()
 
     assert 6 == sum(len(batch) for batch in log.batches())
@@ -300,7 +300,7 @@ def test_a_reader_is_told_of_a_log_that_was_put_back(tmp_path: Path) -> None:
     reader = sl.read(path)
     (path / "log_000001.mcap").unlink()
 
-    with pytest.raises(CorruptLogError, match="the log was put back, or exchanged; open it anew"):
+    with pytest.raises(CorruptLogError, match="the log was restored or replaced; reopen it"):
         reader.refresh()
 
     assert 11 == sum(len(batch) for batch in reader.batches())
@@ -523,7 +523,7 @@ def test_of_two_creators_one_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
     path.mkdir()
     monkeypatch.setattr(LogFolder, "is_empty", then_made)
 
-    with pytest.raises(LogExistsError, match="something here already"):
+    with pytest.raises(LogExistsError, match="expected a new or empty folder"):
         sl.create(path, tz="UTC")
 
     assert 6 == sum(len(batch) for batch in sl.read(path).batches())

@@ -339,8 +339,7 @@ class _Trip:
                 notes.append(f"never asked for: {', '.join(untried)}; counted as {ASKED_P:g}")
         if not math.isfinite(policy.expected_s):
             notes.append(
-                "no expected time: each way leads through a door of which nobody knows how long "
-                "it stays shut"
+                "no expected time: each way leads through a door whose wait when shut is unknown"
             )
         if self._way.left_out:
             others = counted(self._way.left_out, "door")

@@ -313,7 +313,7 @@ class RoundPlanner:
             as_others = "as the others do on average, and by their own looks at such hours"
             if not self._chosen.is_known.any():
                 as_others = f"{UNKNOWN_P:g}, since nothing is known of any door"
-            notes.append(f"UNKNOWN doors, of which too little was seen, count {as_others}")
+            notes.append(f"UNKNOWN doors, with too few looks, count {as_others}")
         return notes
 
     def _chances(self, beliefs: Beliefs) -> DoorChances:

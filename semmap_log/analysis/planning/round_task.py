@@ -61,9 +61,9 @@ class RoundTask:
             raise PlanError(f"a round: expected arrays of shapes {expected}, got {got}.")
         times = (self.from_start_s, self.leg_s, self.enter_s, self.fail_s)
         if not all((np.isfinite(each) & (each >= 0)).all() for each in times):
-            raise PlanError("a round: expected times from 0 s on, got one that is none.")
+            raise PlanError("a round: expected times of 0 s or more, got another value.")
         if not ((self.p_passes >= 0) & (self.p_passes <= 1)).all():
-            raise PlanError("a round: expected probabilities of 0..1, got one that is none.")
+            raise PlanError("a round: expected probabilities of 0..1, got another value.")
 
     @classmethod
     def fixed(

@@ -47,7 +47,7 @@ def writer_for(out: Path) -> Callable[[pa.Table, Path], None]:
     write = _WRITERS.get(out.suffix.lower())
     if write is None:
         known = ", ".join(_WRITERS)
-        raise FormatError(out, f"its name tells no format of an answer; known: {known}.")
+        raise FormatError(out, f"unknown extension for an answer; expected one of: {known}.")
     return write
 
 

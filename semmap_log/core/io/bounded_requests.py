@@ -117,6 +117,6 @@ def check_not_forked(url: UrlPath) -> None:
         _asked_in.append(os.getpid())
     elif _asked_in[0] != os.getpid():
         raise LogAccessError(
-            f"{url}: this process was forked from one that had asked a store, and would wait for "
-            "ever; begin it another way: multiprocessing.get_context('spawn') or 'forkserver'."
+            f"{url}: this process was forked from one that had used a store, and would hang; "
+            "start it another way: multiprocessing.get_context('spawn') or 'forkserver'."
         )

@@ -87,7 +87,7 @@ def copy_file(shipped: bytes, target: Path, *, kind: str) -> bool:
 
 def _is_another(target: Path, kind: str, differing: str = "") -> OutputError:
     return OutputError(
-        f"{target}: is there already, and is not this {kind} as it is now{differing}. "
+        f"{target}: exists already, and differs from this {kind}{differing}. "
         "Remove it first, if nobody needs it."
     )
 
@@ -185,8 +185,8 @@ def output_errors(path: Path) -> Iterator[None]:
     except OutputError:
         raise
     except OSError as error:
-        raise OutputError(f"{path}: could not be written: {error.strerror or error}. What was "
-                          "there before is as it was.") from error  # fmt: skip
+        raise OutputError(f"{path}: could not be written: {error.strerror or error}. The earlier "
+                          "content is unchanged.") from error  # fmt: skip
 
 
 @contextmanager

@@ -146,7 +146,7 @@ class ObjectStore:
                 _list_nothing.add(server)
                 return nothing
             if status == 404:
-                raise LogAccessError(f"{self.url}: there is no such bucket.") from None
+                raise LogAccessError(f"{self.url}: the bucket does not exist.") from None
             raise
 
     def status(self, name: str) -> ObjectStatus:
@@ -223,8 +223,8 @@ class ObjectStore:
             if len(data) == end - start:
                 return data
         raise LogAccessError(
-            f"{self.url / status.name}: bytes {start} to {end} were asked for, and the store sent "
-            f"{len(data)}; try again, or another way to the store."
+            f"{self.url / status.name}: expected bytes {start} to {end}, but the store sent "
+            f"{len(data)}; try again, or use another route to the store."
         )
 
     def create(self, name: str, data: Buffer | os.PathLike[str]) -> bool:
@@ -277,8 +277,7 @@ class ObjectStore:
             return self._asked(name, put)
         except FileNotFoundError:
             raise LogAccessError(
-                f"{self.url / name}: the store cannot be asked: there is no such bucket; make it "
-                "first."
+                f"{self.url / name}: the bucket does not exist; create it first."
             ) from None
 
     def _answer(
@@ -331,10 +330,10 @@ class ObjectStore:
                 "own environment or files, for S3 AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY."
             ) from None
         except (exceptions.BaseError, ValueError, OSError) as error:
-            raise LogAccessError(f"{where}: the store cannot be asked: {_said(error)}.") from None
+            raise LogAccessError(f"{where}: the store cannot be reached: {_said(error)}.") from None
 
     def _changed(self, name: str) -> str:
-        return f"{self.url / name}: another object has its name now; open the log anew."
+        return f"{self.url / name}: the object was replaced; reopen the log."
 
 
 _list_nothing: set[str] = set()

@@ -81,7 +81,7 @@ def place_of(given: str | PurePath) -> Path | UrlPath:
         )
     if parts.query or parts.fragment:
         raise NotALogError(
-            f"{scheme}://{parts.netloc}{parts.path}: refused with what comes behind `?` or `#`: a "
-            "log is a folder of a store."
+            f"{scheme}://{parts.netloc}{parts.path}: expected the URL of a folder, got a part "
+            "after `?` or `#`; remove it."
         )
     return UrlPath(f"{scheme}://{parts.netloc}{parts.path}")

@@ -104,7 +104,7 @@ def read_message(ros_type: str, data: bytes | memoryview) -> dict[str, Any]:
     except (struct.error, IndexError, ValueError) as error:
         raise ValueError(f"not a {ros_type}: {error}") from error
     if isinstance(at, int) and at + MOST_PADDING < len(body):
-        raise ValueError(f"not a {ros_type}: {len(body) - at} bytes behind its end")
+        raise ValueError(f"not a {ros_type}: {len(body) - at} bytes after its end")
     return values
 
 

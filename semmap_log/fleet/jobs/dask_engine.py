@@ -124,6 +124,6 @@ class DaskEngine:
 
 def _gone(error: BaseException) -> EngineError:
     return EngineError(
-        f"the Dask scheduler has gone ({type(error).__name__}). What was answered is kept; "
-        "run it again, and it goes on."
+        f"the Dask scheduler has gone ({type(error).__name__}). Finished answers are kept; "
+        "run the command again to continue."
     )

@@ -475,8 +475,8 @@ def _asked(
 
 def _late(question: LogQuestion, late: NoAnswer) -> LogAnswer:
     text = (
-        f"no worker has answered for {late.within_s:g} s: one has gone, or needs longer. What was "
-        "answered is kept; run it again with a longer --timeout, or ask it alone: --engine serial"
+        f"no worker has answered for {late.within_s:g} s: one has died, or needs longer. Finished "
+        "answers are kept; run again with a longer --timeout, or with --engine serial"
     )
     return LogAnswer(AskedLog(question.place, LogOutcome.no_answer, text=text))
 

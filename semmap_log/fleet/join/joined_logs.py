@@ -124,8 +124,8 @@ def _opened(place: JoinedPlace) -> JoinedLog:
     reader = LogReader(place.place)
     if place.log_id and reader.info.log_id != place.log_id:
         raise LogError(
-            f"{place.place}: another log lies here now (expected the id {place.log_id}, got "
-            f"{reader.info.log_id}); join anew."
+            f"{place.place}: the log was replaced by another one (expected the id {place.log_id}, "
+            f"got {reader.info.log_id}); run `join` again."
         )
     last = reader.last_commit()
     first = reader.find_commit(0)

@@ -102,7 +102,7 @@ class _Page:
 def _writer(out: Path, part: Part) -> Callable[[Path, _Page], tuple[Path, ...]]:
     writers = {".yaml": _ros_map, ".pgm": _ros_map, ".png": _picture, ".npy": _array}
     if out.suffix not in writers:
-        raise FormatError(out, f"its name tells no format of a costmap; known: {WRITABLE}.")
+        raise FormatError(out, f"unknown extension for a costmap; expected one of: {WRITABLE}.")
     if part == "keepout" and writers[out.suffix] is not _ros_map:
         raise FormatError(out, "a keepout mask is a ROS map: expected a name in .yaml or .pgm.")
     return writers[out.suffix]

@@ -114,7 +114,7 @@ def export(
         return _ros_map(log, out, scope)  # two files, which it puts in place together
     writer = writers.get(out.suffix.lower())
     if writer is None:
-        raise FormatError(out, f"its name tells no format that can be exported; known: {WRITABLE}.")
+        raise FormatError(out, f"unknown extension for an export; expected one of: {WRITABLE}.")
     with ExitStack() as files:
         if domain is not None:
             _write_domain(files, log, domain, out, wishes)
@@ -189,8 +189,8 @@ def _event_lines(log: DoorLog, path: Path, scope: Scope, progress: Progress | No
     taken_back = f", {written.retracted:,} of them retracted" if written.retracted else ""
     what = f"{counted(written.events, 'event')}{taken_back}"
     begins = (
-        f"history begins at event {log.horizon()}; of what was before the last words alone are "
-        "told. A log that is made of these knows no horizon: ask it about nothing earlier."
+        f"history begins at event {log.horizon()}; of what was before, only the last values are "
+        "exported. A log made of this file has no horizon: ask it about nothing earlier."
     )
     return Exported(what, notes=(begins,) if log.horizon() else ())
 
@@ -206,8 +206,8 @@ def _parquet(log: DoorLog, path: Path, scope: Scope, progress: Progress | None) 
     said = {f"semmap_log.{key}": text for key, text in about(log).items()}
     what = counted(write_parquet(path, stored, EXPORT_SCHEMA, said), "event")
     lacking = (
-        f"how doors were at event {log.horizon()}, where history begins, is in no event: who reads "
-        "these knows it of a door only once something is told of it."
+        f"the state of doors at event {log.horizon()}, where history begins, is in no event: a "
+        "reader of this file knows a door's state only from its next event on."
     )
     return Exported(what, notes=(lacking,) if log.horizon() else ())
 

@@ -37,7 +37,7 @@ def write_rooms(log: DoorLog, plan: RoomPlan, out: Path, *, level: int | None = 
         name = log.info.building or log.path.name
         text = dump_topological_map(plan, _only_level(plan, level), name=name)
     else:
-        raise FormatError(out, f"its name tells no format of rooms; known: {WRITABLE}.")
+        raise FormatError(out, f"unknown extension for rooms; expected one of: {WRITABLE}.")
     with output_errors(out), whole_file(out) as temporary:
         temporary.write_text(text, encoding="utf-8")
 

@@ -137,13 +137,13 @@ def import_file(
         OutputError: The scans cannot be kept.
     """
     if options.mapping is not None and not is_bag(path):
-        raise CommandError(f"{path}: a mapping (--mapping) says how bags are read; this is none.")
+        raise CommandError(f"{path}: --mapping is only for bags, and this is no bag.")
     if options.map_rules is not None and not is_map(path):
-        raise CommandError(f"{path}: --map-rules says how maps are read; this is none.")
+        raise CommandError(f"{path}: --map-rules is only for maps, and this is no map.")
     if options.scan is not None and not is_bag(path):
         raise CommandError(
-            f"{path}: --scan reads the scans of a bag; this is none. Known are {READABLE_BAGS}; a "
-            "topic is told by its whole name: --scan /scan."
+            f"{path}: --scan is only for bags, and this is no bag ({READABLE_BAGS}). A "
+            "topic needs its full name: --scan /scan."
         )
     found = _plan_scans(log, path, options, progress, keep_scans=keep_scans, actor=note.actor)
     if found is not None and options.as_recorded:
@@ -356,7 +356,7 @@ def _planner(path: Path, progress: Progress | None, *, has_form: bool) -> Planne
         return by_kind[kind_of_yaml(path)]
     if has_form or path.name.lower().removesuffix(".gz").endswith((".csv", ".tsv")):
         return _plan_csv
-    raise FormatError(path, f"its name tells no format that can be imported; known are {READABLE}.")
+    raise FormatError(path, f"unknown extension for an import; expected one of: {READABLE}.")
 
 
 def _plan_building(log: DoorLog, path: Path, options: ImportOptions) -> ImportPlan:

@@ -455,14 +455,14 @@ def _differs(found: Commit) -> str:
     first, last = found.first_event, found.last_event
     where = f"event {first}" if first == last else f"events {first}..{last}"
     return (
-        f"command_id: the log holds this command already, as {where}, and not with what the file "
-        "says of it; what was changed in a file needs new ids, or none"
+        f"command_id: the log already contains this command, as {where}, with other content than "
+        "the file; give changed lines new ids, or none"
     )
 
 
 _NOT_ONE = (
-    "command_id: the line before has the same, but says otherwise to which commit it belongs, or "
-    "who did it and why; give the same, or another id"
+    "command_id: the previous line has the same id, but another commit, actor or reason; "
+    "make them equal, or give another id"
 )
 _NOTHING: tuple[int, Event | None] = (0, None)
 _CHANGING = (DoorAdded, DoorRemoved, DoorUpdated, LevelAdded, FloorMap)

@@ -94,7 +94,7 @@ def seen_visits(
         if not has_kept_scans(log.path):
             raise FormatError(
                 folder_beside(log.path),
-                "no scans are kept beside this log; name a bag with scans, or keep those of "
+                "no scans are kept next to this log; name a bag with scans, or keep those of "
                 "visits: `record --scan --keep-scans`, `import --scan --keep-scans`",
             )
         yield SeenVisits(log, log.path, doors, since_ns, until_ns)

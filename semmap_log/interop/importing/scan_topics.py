@@ -382,8 +382,8 @@ class _Scanning:
         now = sum(door.is_placed for door in self.log.replay().doors.values())
         if not now:
             raise CommandError(
-                f"{self.log.path}: no door of the log has a place; add them (`add`, `import`) "
-                "before scans are asked about them, or see which the scans show: --propose-doors."
+                f"{self.log.path}: no door of the log has a place; add them first "
+                "(`add`, `import`), or list the doors that the scans show: --propose-doors."
             )
         since = format_local(self._first.scan.stamp_ns, self.log.info.timezone)
         line = command_line("import", self.log.path, str(self.path), "--scan", "--since", since)

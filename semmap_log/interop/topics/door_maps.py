@@ -314,7 +314,7 @@ class DoorMaps:
         text = str(entry.door_state)
         state = thesis_state(text)
         if state is None:
-            self._complain("a state that is none of OPEN, CLOSED, UNKNOWN; taken as UNKNOWN",
+            self._complain("a state other than OPEN, CLOSED, UNKNOWN; taken as UNKNOWN",
                            shown(text))  # fmt: skip
             state = DoorState.UNKNOWN
         for what in suspect_units(theta=entry.pos_theta, width=entry.width):
@@ -457,7 +457,7 @@ class ClickedDoors:
         if not LEAST_M <= width <= MOST_M:
             self._complain(
                 f"two clicks that are no door: expected {LEAST_M} to {MOST_M:g} m between them; "
-                "click both ends anew",
+                "click both ends again",
                 f"{width:.2f} m",
             )
             return

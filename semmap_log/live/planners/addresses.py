@@ -228,8 +228,8 @@ def _listen_tcp(address: TcpAddress, *, any_host: bool) -> Listener:
     host = str(place[0])
     if not (any_host or ipaddress.ip_address(host.partition("%")[0]).is_loopback):
         raise AddressError(
-            f"{address}: whoever reaches this machine could set its doors; expected 127.0.0.1, "
-            "or --ask-any-host with a --token-file."
+            f"{address}: anybody who can reach this machine could set its doors; expected "
+            "127.0.0.1, or --ask-any-host with a --token-file."
         )
     listener = socket.create_server((host, place[1]), family=family, backlog=LISTENING)
     return Listener(listener, TcpAddress(host, listener.getsockname()[1]))
@@ -264,8 +264,8 @@ def _connect_unix(connection: socket.socket, path: Path) -> None:
 
 def _nobody(address: Address, error: OSError | UnicodeError) -> AddressError:
     return AddressError(
-        f"{address}: nobody answers there: {reason_of(error)}. To have a log's doors asked about "
-        f"there: {command_line('serve', 'LOG', '--ask', str(address))}"
+        f"{address}: no server answers there: {reason_of(error)}. To serve a log there: "
+        f"{command_line('serve', 'LOG', '--ask', str(address))}"
     )
 
 

@@ -164,7 +164,7 @@ class LineRecorder:
         if not stored.has_content(_content(text)) and not self._holds(known, text):
             raise CommandReusedError(
                 f"command_id: stored already, as event {known.first_event}, for another line; "
-                "a new line wants a new id."
+                "give a new line a new id."
             )
         self._wait(LineAnswer(self._line, known.last_event))
         return True

@@ -210,7 +210,7 @@ class Ros1Node:
         if not wait_for_server(client, timeout_s):
             raise RosError(
                 f"no action server {name} answered within {timeout_s:g} s; is it running? "
-                f"`rostopic info {name}/goal` tells."
+                f"Check with `rostopic info {name}/goal`."
             )
         wait_to_be_sent_results(client)
         done = threading.Event()

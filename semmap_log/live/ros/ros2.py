@@ -200,7 +200,7 @@ class Ros2Node:
             if not client.wait_for_server(timeout_s):
                 raise RosError(
                     f"no action server {name} answered within {timeout_s:g} s; is it running, "
-                    "and in this ROS_DOMAIN_ID? `ros2 action info` tells."
+                    "and in this ROS_DOMAIN_ID? Check with `ros2 action info`."
                 )
             uuid = None if goal_id is None else UUID(uuid=list(goal_id))
             handle = self._wait(client.send_goal_async(kind.Goal(**values), goal_uuid=uuid),

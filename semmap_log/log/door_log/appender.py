@@ -231,8 +231,8 @@ class Appender:
         )
         if not is_same:
             raise CommandReusedError(
-                f"command {known.command_id.hex()} is stored already, as event "
-                f"{known.first_event}, and was another; a new command wants a new id."
+                f"command {known.command_id.hex()} is already stored as event "
+                f"{known.first_event}, with other content; give a new command a new id."
             )
         poses = next((i for i, e in enumerate(stored) if not isinstance(e, RobotPose)), 0)
         own, waited = command.own_count, poses if found.seal is None else found.seal.poses
@@ -455,7 +455,7 @@ class FutureWarnings:
         verb = "happens" if self._count == 1 else "happen"
         counts = "it counts" if self._count == 1 else "they count"
         text = (
-            f"{events} {verb} in time to come, at {until} at the latest; {counts} from the time of "
+            f"{events} {verb} in the future, at {until} at the latest; {counts} from the time of "
             "recording on. Check date, zone and clock; `retract` takes back what is wrong."
         )
         warnings.warn(FutureTimesWarning(text), stacklevel=frames_of_ours())

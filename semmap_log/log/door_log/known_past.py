@@ -305,8 +305,8 @@ class Validator:
         """Check that an adding replaces one that the same commit retracts."""
         if event.happened_ns is None or event.happened_ns > before_ns:
             raise DoorRemovedError(
-                f"door {event.door_id}: its adding is retracted, and may be told again in the same "
-                "commit, under its id, at an earlier time only; a later door wants a new id."
+                f"door {event.door_id}: its addition is retracted. It may be added again only in "
+                "the same commit, with its id and an earlier time; a later door needs a new id."
             )
 
     def _check_known(self, event: DoorEvent) -> None:
@@ -572,7 +572,7 @@ def check_can_retract(
     if first < (whole := reader.first_whole_event):
         raise CommandError(
             f"cannot retract {what}: what was before event {whole} is no longer kept in full "
-            "(retain), so what would be true without that is not known; record again what is true."
+            "(retain), so the state without it is unknown; record again what is true."
         )
     if are_facts:
         return

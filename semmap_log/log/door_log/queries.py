@@ -515,6 +515,6 @@ def happened_ns_of(time: Time, *, tz: str, now_ns: int) -> int | None:
     if moment.event is not None:
         raise MomentError(
             f"expected when it happened, a time such as {INSTANTS}; got the number of event "
-            f"{moment.event}, of whose time `show` tells."
+            f"{moment.event}; `show` prints its time."
         )
     return moment.ns

@@ -154,7 +154,7 @@ def _check_map(states: MapStates, then: DoorMap, floor: FloorMap, level: int) ->
     if later is not None and (before is None or before.floor_map_event != later):
         raise CommandError(
             f"level {name} has another floor map from a later time, by event {later}; expected a "
-            "moment behind it: leave --at out, or give a later one."
+            "later moment: leave --at out, or give a later one."
         )
 
 
@@ -351,8 +351,9 @@ def _check(pairs: Sequence[PointPair]) -> None:
     for which, points in zip(("old", "new"), _points(pairs), strict=True):
         if float(np.abs(points - points[0]).max()) < LEAST_SPOILING_M:
             raise CommandError(
-                f"the pairs: expected points that lie apart, at best at far ends of the map; in "
-                f"the {which} map all lie within {LEAST_SPOILING_M:g} m, which tells no direction."
+                "the pairs: expected points that are far apart, best at opposite ends of the map; "
+                f"in the {which} map all are within {LEAST_SPOILING_M:g} m, too close to give a "
+                "direction."
             )
 
 

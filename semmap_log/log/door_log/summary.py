@@ -154,8 +154,8 @@ def _state_before(reader: LogReader) -> DoorMapState:
 
 def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
     warnings = [
-        f"{segment.path.name}: behind the last whole commit {counted(segment.torn_bytes, 'byte')} "
-        f"that cannot count ({segment.problem}); the next writer puts it in order"
+        f"{segment.path.name}: {counted(segment.torn_bytes, 'byte')} after the last whole commit "
+        f"do not count ({segment.problem}); the next writer repairs it"
         for segment in reader.segments
         if segment.torn_bytes
     ]

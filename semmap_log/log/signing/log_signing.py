@@ -274,8 +274,8 @@ class LogSigning:
         is_whole = not (found.taken_before or found.first_event)
         if is_whole and self._last is not None and end.taken.hex() != self._last.taken:
             raise self.refused(
-                "its heads say another time zone, building or robot than this key has signed, or "
-                "what was taken out is there again",
+                "its time zone, building or robot differs from what this key has signed, or "
+                "removed records were restored",
                 adopt=True,
             )
 
@@ -312,7 +312,7 @@ class LogSigning:
             return reach_at(self._found, next_event, self._last)
         except ValueError:
             raise self.refused(
-                "its beginning lies elsewhere, and what was taken out there is not known; fetch "
+                "its beginning is stored elsewhere, so its removals are unknown; fetch "
                 "the whole log, and sign that"
             ) from None
 

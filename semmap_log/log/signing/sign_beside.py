@@ -172,11 +172,11 @@ class SignBeside:
             LogSigning(log, found, signer).check()
         there = found.ends.get(start.next_event)
         if there is None or there.head != start.head:
-            raise SigningError(f"{log}: what lies there is not what was written.")
+            raise SigningError(f"{log}: its files differ from what was written.")
         try:
             session.base = reach_at(found, start.next_event, last)
         except ValueError:
-            raise SigningError(f"{log}: its beginning lies elsewhere, and is not known.") from None
+            raise SigningError(f"{log}: its beginning is stored elsewhere only.") from None
         signer.take_up()
         adopted = None if is_known else (signed, session.start.next_event - 1)
         session.base_commits = start.commits
@@ -194,8 +194,8 @@ class SignBeside:
         if not self.problem:
             line = command_line("sign", self._folder.path, "--key", "KEY")
             self._tell(
-                f"not signed: {problem} Recording goes on, and this is tried again later; or, once "
-                f"the log is closed, by: {line}"
+                f"not signed: {problem} Recording continues, and signing is retried later. Once "
+                f"the log is closed, you can also run: {line}"
             )
         self.problem = problem
 

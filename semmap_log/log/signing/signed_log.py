@@ -239,7 +239,7 @@ class _Check:
                 return True  # the stretch begins in a part that was removed from here
             is_so = start is not None and said.agrees(start, end)
         if not is_so:
-            text = "its head is the log's, but what else it says of these events is not so"
+            text = "its head is the log's, but its other values for these events are wrong"
             self._wrong("statement", one.path, text)
         return is_so
 
@@ -271,8 +271,8 @@ class _Check:
             "taken-out", self._log,
             f"not vouched for: {counted(found.ends[found.next_event].unvouched, 'record')} that "
             f"{counted(found.events_gone, 'event')} and {counted(found.notes_gone, 'note')} taken "
-            f"out have left unbound, and no officer's statement says that these, and no others, "
-            f"were taken out; whoever may can: {line}",
+            f"out have left unbound, and no officer's statement covers exactly these "
+            f"removals; an officer can sign them: {line}",
         )  # fmt: skip
 
     def _taken_at(self, one: SignedStatement) -> str:
@@ -316,19 +316,19 @@ class _Check:
         line = command_line("sign", self._log, "--key", "KEY")
         if not signed:
             text = (
-                f"{counted(end, 'event')}, and no signature of a key that was given vouches for "
-                f"any; whoever has the key can: {line}"
+                f"{counted(end, 'event')}, and no signature of a given key covers "
+                f"any; with the key, sign them: {line}"
             )
             self._wrong("unsigned", self._log, text, (0, end - 1))
             return
         if found.trimming_before > signed:
-            text = "at the end, which nobody has signed, an event tells of records taken out"
+            text = "an event at the unsigned end records a removal"
             told = found.trimming_before - 1
             self._wrong("taken-out", self._log, text, (told, told))
-        text = f"{counted(end - signed, 'event')} at the end that nobody has signed; " + (
+        text = f"{counted(end - signed, 'event')} at the end without a signature; " + (
             "the live segment is signed once it is closed, or by a recorder that signs"
             if found.closed_before <= signed
-            else f"whoever has the key can: {line}"
+            else f"with the key, sign them: {line}"
         )
         severity = Severity.NOTE if self._allow_unsigned_end else Severity.UNSIGNED
         finding = _finding("unsigned", severity, self._log, text, (signed, end - 1))
@@ -489,8 +489,8 @@ class Trust:
         return Distrust(
             "revoked", one.path,
             f"{self.keys[one.public_bytes]} was revoked by {self.keys[by.public_bytes]} from its "
-            f"statement {by.revocation.first} on ({by.path.name}), and this is none of those "
-            "before. Compare the log with a copy from elsewhere; then move this file out of "
+            f"statement {by.revocation.first} on ({by.path.name}), and this one does not come "
+            "before that. Compare the log with a copy from elsewhere; then move this file out of "
             "the folder, and sign with another key",
         )  # fmt: skip
 

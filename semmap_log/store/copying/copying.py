@@ -272,8 +272,8 @@ def _copy_at(target: Path) -> Iterator[LogFolder]:
     except OSError as error:
         said = error.strerror or error
         raise OutputError(
-            f"{target}: could not be written: {said}. What it held it holds; copy again, and what "
-            "is there by now is not copied anew."
+            f"{target}: could not be written: {said}. Its earlier contents are intact; copy again "
+            "to continue from here."
         ) from error
     finally:
         _remove_if_nothing(target, is_new=is_new)

@@ -340,7 +340,7 @@ def _rows_of_indexes(
 ) -> NDArray[np.void]:
     head = gather(file, offsets, _INDEX_HEAD)
     if (head["opcode"] != Opcode.CHUNK_INDEX).any():
-        raise ChunkDamage("a record among the ChunkIndexes that is none")
+        raise ChunkDamage("a record among the ChunkIndexes that is not a ChunkIndex")
     ends = offsets + mcap.FRAME.size + lengths
     tail = gather(file, ends - _INDEX_TAIL.itemsize, _INDEX_TAIL)
     rows = np.zeros(len(offsets), ROW)

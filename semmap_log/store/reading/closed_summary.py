@@ -82,7 +82,7 @@ def next_events_of_summary(summary: ClosedSummary) -> NDArray[np.int64]:
     try:
         found = next_events_in_index(index, most=summary.most_chunks)
         if found is None or (np.diff(found) < 0).any():
-            raise ValueError("it does not tell which events are behind its chunks")  # noqa: TRY301
+            raise ValueError("it lacks the event numbers after its chunks")  # noqa: TRY301
     except ValueError as error:
         raise CorruptLogError(summary.path, at, f"its {INDEX_METADATA}: {error}") from None
     return found

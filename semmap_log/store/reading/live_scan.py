@@ -191,7 +191,7 @@ def _judged(scan: LiveScan, source: ByteSource) -> LiveScan:
     """Return the scan with what comes after the chunks that fit: harmless, torn, or damage."""
     behind = _Behind.of(source, scan.at, scan.place.committed)
     if not scan.problem and behind.chunks:
-        scan = replace(scan, problem="a closing section with chunks behind it")
+        scan = replace(scan, problem="a closing section followed by chunks")
     if not scan.problem and not scan.place.is_whole:
         scan = replace(scan, problem="a commit that was not finished")
     if not scan.problem and not len(scan.table):
@@ -241,7 +241,7 @@ class _Behind:
         span = (
             f"event {last} is" if last == self.expected else f"events {self.expected} to {last} are"
         )
-        return f"{span} affected; whole commits lie behind it"
+        return f"{span} affected; whole commits follow it"
 
 
 SMALL_BYTES = 2**14

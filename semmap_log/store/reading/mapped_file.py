@@ -136,13 +136,13 @@ class MappedFile:
         if not target:
             return
         if self.memory is None:  # it cannot be mapped on this system
-            raise self._unreadable(start, "another file has its name now; open the log anew")
+            raise self._unreadable(start, "the file was replaced; reopen the log")
         try:
             copied = self.memory.copy(start, target)
         except OSError as error:
             raise self._unreadable(start, f"{error.strerror}") from error
         if copied < len(target):
-            problem = "the disk refuses it, or the file was cut; another file has its name now"
+            problem = "the disk refuses it, or the file was cut; another file now has its name"
             raise self._unreadable(start + copied, problem)
 
     @property

@@ -66,8 +66,8 @@ class NewerEvents:
         return NewerLogError(
             f"{log}: written by a newer version of semmap-log (format {FORMAT_VERSION}."
             f"{self.minor}): event {self.first} is of kind {self.first_kind}, unknown here, and "
-            "may have changed what is asked. Nothing is damaged: install the newer version. "
-            f"Still answered: history, tail, show, info, verify{before}."
+            "may affect the answer. Nothing is damaged: install the newer version. "
+            f"These still answer: history, tail, show, info, verify{before}."
         )
 
     def warning(self, log: PurePath) -> NewerLogWarning:

@@ -503,8 +503,8 @@ class LogReader:
         log_id = found.header.info.log_id
         if self.segments and log_id != self.info.log_id:
             raise LogError(
-                f"{self.folder}: another log lies here now (expected the id {self.info.log_id}, "
-                f"got {log_id}); open it anew."
+                f"{self.folder}: the log was replaced by another one (expected the id "
+                f"{self.info.log_id}, got {log_id}); reopen it."
             )
 
     def _next_event(self, place: int) -> int | None:

@@ -198,7 +198,7 @@ class Segment:
         spans = self._spans if self.live is None else self.live.spans[: self.live.whole]
         if len(spans) != len(self.chunks):
             told = counted(len(spans), "chunk")
-            problem = f"its index tells of {told}; there are {len(self.chunks)}"
+            problem = f"its index lists {told}; the file has {len(self.chunks)}"
             raise CorruptLogError(self.path, self.whole_end, problem)
         return spans
 
@@ -219,7 +219,7 @@ class Segment:
             return ends
         ends = next_events_of_summary(self.summary)
         if len(ends) != len(self.chunks) or len(self.spans) != len(ends):
-            problem = f"its index does not tell of its {counted(len(self.chunks), 'chunk')}"
+            problem = f"its index does not list its {counted(len(self.chunks), 'chunk')}"
             raise CorruptLogError(self.path, self.whole_end, problem)
         return ends
 
@@ -276,7 +276,7 @@ class Segment:
             dict(said.channel_message_counts), told.head if stored is None else stored,
         )  # fmt: skip
         if ours != theirs or total_span(spans_of_summary(found)) != told.happened:
-            problem = f"it is not what {MANIFEST_NAME} tells of it"
+            problem = f"it differs from its entry in {MANIFEST_NAME}"
             raise CorruptLogError(self.path, None, problem)
 
 

@@ -126,7 +126,7 @@ def check_reaches(mark: ClosedMark, path: PurePath, segments: Sequence[Segment])
     last = segments[-1]
     if mark.log_id != last.header.info.log_id:
         ours = last.header.info.log_id
-        raise CorruptLogError(path, None, f"it tells of the log {mark.log_id}, not of {ours}")
+        raise CorruptLogError(path, None, f"expected the log id {ours}, got {mark.log_id}")
     if last.header.last_number < mark.segment:
         where, problem = path.parent, f"segment {mark.segment}, its last, is missing"
     elif (end := end_of(last)) < mark.next_event:
@@ -136,12 +136,12 @@ def check_reaches(mark: ClosedMark, path: PurePath, segments: Sequence[Segment])
         where = last.path
     else:
         return
-    known = f"{path.name} tells that the closed segments ended before event {mark.next_event}"
+    known = f"by {path.name}, the closed segments ended before event {mark.next_event}"
     raise CorruptLogError(where, None, f"{problem}; {known}. {_to_go_on(path.parent)}")
 
 
 def _to_go_on(log: PurePath) -> str:
-    return f"To go on with what is there: {command_line('recover', log)}"
+    return f"To continue with what is left: {command_line('recover', log)}"
 
 
 def check_listed(names: Sequence[str], path: PurePath, segments: Sequence[Segment]) -> None:
@@ -181,7 +181,7 @@ def check_goes_on(segments: Sequence[Segment], earlier: Sequence[Segment]) -> No
     if end and head_before(segments, end) != earlier[-1].head:
         problem = f"the commit before event {end}, which was there before, is not there"
         raise CorruptLogError(
-            segments[-1].path, None, f"{problem}: the log was put back, or exchanged; open it anew"
+            segments[-1].path, None, f"{problem}: the log was restored or replaced; reopen it"
         )
 
 

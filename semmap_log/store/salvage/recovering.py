@@ -177,7 +177,7 @@ def recover_into(
     """
     target = target.resolve()
     if target.exists() and not (target.is_dir() and LogFolder(target).is_empty()):
-        raise LogExistsError(f"{target}: there is something here; a new log wants a new folder.")
+        raise LogExistsError(f"{target}: exists already; expected a new folder for the log.")
     found = plan_recovery(log, parts.new_check, progress)
     if not found.has_to_do:
         return Recovered(found, None, None)

@@ -303,8 +303,8 @@ def _check_is_all_here(log: Path) -> None:
     if part is not None:
         fetch = command_line("fetch", part.url, "DIR")
         raise ElsewhereError(
-            f"{log}: {counted(len(part.files), 'segment')} of it lie at {part.url} only; bring "
-            f"the log back ({fetch}), copy the later .mcap files of this folder beside them, and "
+            f"{log}: {counted(len(part.files), 'segment')} of it are only at {part.url}; fetch "
+            f"the log ({fetch}), copy the later .mcap files of this folder into it, and "
             "recover that."
         )
 

@@ -244,7 +244,7 @@ def _index(file: FileBytes, at: int, contents: Contents) -> tuple[Metadata | Non
         text = f"expected the Metadata {INDEX_METADATA}, got a record of opcode {opcode:#04x}"
         return None, 0, [Flaw("closing", at, text)]
     if at + length > len(file):
-        return None, length, [Flaw("closing", at, "its index ends behind the file's end")]
+        return None, length, [Flaw("closing", at, "its index ends after the file's end")]
     most = max(len(contents.chunks), MOST_UNKNOWN_CHUNKS)
     try:
         record = mcap.read_record(Metadata, file[at + mcap.FRAME.size : at + length])

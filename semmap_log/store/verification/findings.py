@@ -126,7 +126,7 @@ def _take_removed(found: FolderFiles) -> None:
         return
     ours = (first.header.info, first.header.first_event, first.header.hash_so_far)
     if ours != (told.header.info, told.next_event, told.head):
-        text = f"it does not begin where what {REMOVED_NAME} tells of ends: one is of another copy"
+        text = f"it does not begin where the segments in {REMOVED_NAME} end: one is of another copy"
         found.findings.append(_damage("removed", first.path, text))
         return
     del found.missing[first.number]
@@ -171,8 +171,8 @@ def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None
     expected = bag_metadata_text(closed) if closed else ""
     if closed is not None and text != expected and not findings:
         problem = (
-            f"{BAG_METADATA_NAME}, by which other tools open the folder, does not describe the "
-            "closed segments; the next writer makes it anew"
+            f"{BAG_METADATA_NAME}, which other tools use to open the folder, does not describe the "
+            "closed segments; the next writer rewrites it"
         )
         findings.append(Finding("metadata", Severity.WARNING, path, None, None, problem))
     return findings
@@ -191,7 +191,7 @@ def mark_findings(found: FolderFiles, next_event: int, head: bytes | None) -> li
         return []
     path, last = found.folder / mark.file, found.segments[-1]
     if last.header is not None and last.header.info.log_id != mark.log_id:
-        text = f"it tells of the log {mark.log_id}, not of this one"
+        text = f"expected this log's id, got {mark.log_id}"
         return [_damage("mark", path, text)]
     if next_event < mark.next_event:
         where = last.path if last.last_number >= mark.segment else path
@@ -204,8 +204,8 @@ def mark_findings(found: FolderFiles, next_event: int, head: bytes | None) -> li
         return [Finding("shortened", Severity.DAMAGE, where, None, lost, text)]
     if mark.next_event and head is not None and head.hex() != mark.head:
         text = (
-            f"the commit before event {mark.next_event} is not the one that {mark.file} "
-            "tells of: one of the two is of another copy of this log"
+            f"the commit before event {mark.next_event} is not the one in {mark.file}: "
+            "one of the two is of another copy of this log"
         )
         return [_damage("mark", last.path, text)]
     return []
@@ -279,7 +279,7 @@ def _notes(names: list[PurePath]) -> list[Finding]:
     findings = []
     for path in names:
         if TORN_SUFFIX in path.name:
-            text = "what a crash left behind the last whole commit, kept; you may remove it"
+            text = "a torn tail that a crash left after the last whole commit; you may remove it"
         elif path.name.startswith(".") and path.name.endswith(TEMPORARY_SUFFIX):
             text = "a file that a writer did not finish; the next one removes it"
         elif path.name == RECOVERING_NAME:

@@ -210,7 +210,7 @@ class Chain:
                 None,
                 f"its header says that the commit before has the hash "
                 f"{header.hash_so_far.hex()[:16]}…, that one's is {self.head.hex()[:16]}…: "
-                "it does not belong behind it, or commits were cut off before it",
+                "it does not follow that segment, or commits between them were cut off",
             )
             self.head = header.hash_so_far
             self._settle(header.first_event)
@@ -280,7 +280,7 @@ class Chain:
         behind = self.next_event if pending is None else pending.next_event
         is_here = (message[1] - behind + 1) % SEQUENCE_RANGE == 0
         if not self._open and not (is_here and message[2] == message[3]):
-            problem = f"a keyframe that is not of event {behind - 1}, behind which it is"
+            problem = f"a keyframe of another event than event {behind - 1}, which it follows"
             self.wrong("keyframe", self._path, piece.stored.offset, problem)
 
     def _add_to_commit(self, piece: Piece, i: int, record: bytes | memoryview) -> None:
@@ -301,11 +301,11 @@ class Chain:
             if (sequence - expected + 1) % SEQUENCE_RANGE or log_ns != publish_ns:
                 pending.wrong("a note that is not of its last event")
         elif kind_of_channel(channel) is None:
-            pending.wrong(f"a message on channel {channel}, which is none of ours")
+            pending.wrong(f"a message on the unknown channel {channel}")
         elif (sequence - expected) % SEQUENCE_RANGE:
             pending.wrong(f"expected event {expected}, got one with the sequence {sequence}")
         elif pending.has_note:
-            pending.wrong("an event behind the commit's note")
+            pending.wrong("an event after the commit's note")
         else:
             pending.count += 1
             self.last_seen = max(self.last_seen, expected)
@@ -402,7 +402,7 @@ class Chain:
         if not count:
             pending.wrong("a commit without events")
         if (sequence - first - count + 1) % SEQUENCE_RANGE or log_ns != publish_ns:
-            pending.wrong("its Commit record does not bear its last event's number and time")
+            pending.wrong("its Commit record lacks its last event's number and time")
         if commit_hash(record, digests) != bytes(record[-HASH_BYTES:]):
             pending.wrong("its hash is not that of its records")
         if said["durable_before"] > first:
@@ -464,7 +464,7 @@ def _digests_as_written(pending: _Pending) -> dict[int, bytes]:
     digests = {channel: digest.digest() for channel, digest in pending.digests.items()}
     for part in () if pending.tombstone is None else pending.tombstone.parts:
         if digests.get(part.channel, NO_HASH) != part.kept_digest:
-            pending.wrong("what is left of it is not what its tombstone tells")
+            pending.wrong("what is left of it differs from its tombstone")
         digests[part.channel] = part.digest
     return digests
 

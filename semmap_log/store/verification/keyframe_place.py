@@ -280,7 +280,7 @@ class ObjectPlace:
             if status is None:
                 found.append((self.path / one.name, f"{MANIFEST_NAME} names it; it is gone"))
             elif status.size != one.size:
-                text = f"{MANIFEST_NAME} tells of {one.size} bytes; it has {status.size}"
+                text = f"expected {one.size} bytes by {MANIFEST_NAME}, got {status.size}"
                 found.append((self.path / one.name, text))
         return found
 

@@ -293,7 +293,7 @@ def examine(file: FileBytes, offset: int, length: int) -> Piece:
         ChunkDamage: It is not as it was written.
     """
     if offset + length > len(file):
-        raise ChunkDamage("a chunk that ends behind the file's end")
+        raise ChunkDamage("a chunk that ends after the file's end")
     try:
         data = file[offset : offset + length]
         stored = read_chunk_head(data, offset, length, offset)

@@ -515,8 +515,8 @@ class Verifier:
             self.findings.append(Finding("trimmed", Severity.WARNING, self.path, None, None, text))
             return
         text = (
-            f"{what} are gone, and the log does not tell that just these were taken out: records "
-            "were taken out, or put back, by another"
+            f"{what} are gone, but the log does not record exactly this removal: another program "
+            "removed or restored records"
         )
         self.findings.append(Finding("trimmed", Severity.DAMAGE, self.path, None, None, text))
 
@@ -527,7 +527,7 @@ class Verifier:
             what = ", ".join(f"{count} {kind}" for kind, count in self.newer.items())
             text += f"; unknown here: {what}: their bytes and their place were checked, no more"
         if self.has_unknown_changes:
-            text += "; nor were keyframes behind them"
+            text += "; nor were keyframes after them"
         return Finding("newer", Severity.NOTE, self.path, None, None, text)
 
     def _result(self, found: FolderFiles) -> Verification:
@@ -571,7 +571,7 @@ class Verifier:
                         yield item
 
     def _torn(self, start: int, end: int, text: str) -> None:
-        behind = f"{counted(end - start, 'byte')} behind the last whole commit: "
+        behind = f"{counted(end - start, 'byte')} after the last whole commit: "
         lost = behind if end > start else ""
         finding = Finding("torn", Severity.TORN, self._current, start, None, f"{lost}{text}")
         self.findings.append(finding)

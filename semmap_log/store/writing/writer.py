@@ -129,7 +129,9 @@ class LogWriter:
         """
         self.check_usable()
         if not self.is_fresh:
-            raise LogError(f"{self.folder.path}: a log with events cannot begin anew.")
+            raise LogError(
+                f"{self.folder.path}: expected a log without events, got one with events."
+            )
         self._in_commit = True  # an interrupt leaves the one segment or the other
         try:
             with self._syncs.lock:  # nobody may be syncing the file that is replaced here

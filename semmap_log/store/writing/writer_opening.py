@@ -128,7 +128,7 @@ def _closed_on_error(writer: LogWriter) -> Iterator[None]:
 def _check_is_free(path: Path, folder: LogFolder | None = None) -> None:
     if path.exists() and not (path.is_dir() and (folder or LogFolder(path)).is_empty()):
         raise LogExistsError(
-            f"{path}: there is something here already; a new log wants a new or an empty folder."
+            f"{path}: expected a new or empty folder for the log, but this one has files."
         )
 
 

@@ -172,7 +172,7 @@ def test_bytes_behind_the_end_are_refused_but_for_padding() -> None:
     data = _one_of(ros_type)
 
     assert read_message(ros_type, data).keys() == read_message(ros_type, data + bytes(3)).keys()
-    with pytest.raises(ValueError, match="4 bytes behind its end"):
+    with pytest.raises(ValueError, match="4 bytes after its end"):
         read_message(ros_type, data + bytes(4))
 
 

@@ -116,7 +116,7 @@ def test_ctrl_c_keeps_what_has_answered(made_fleet: Path, tmp_path: Path) -> Non
         _, err = run.communicate(timeout=60)
 
     assert 130 == run.returncode, err
-    assert "run it once more, and it goes on" in err
+    assert "run the command again to continue" in err
     had = len(list(kept.rglob("*.answer")))
     assert 3 <= had < 8
     again = subprocess.run([*words, "--json"], capture_output=True, check=True)

@@ -104,7 +104,7 @@ def test_another_log_in_the_place_of_one_is_refused(
     code, _, err = run(capsys, "replay", "x.join.json")
 
     assert 1 == code
-    assert "another log lies here now" in err
+    assert "the log was replaced by another one" in err
 
 
 def test_proposals_are_printed_and_never_applied(

@@ -92,7 +92,7 @@ def test_a_wrong_question_leaves_no_file(tmp_path: Path) -> None:
 
     with pytest.raises(CostmapError, match="nothing to draw"):
         record_costmap(sl.read(tmp_path / "empty"), tmp_path / "x.mcap")
-    with pytest.raises(FormatError, match="tells no bag"):
+    with pytest.raises(FormatError, match="unknown extension for a new bag"):
         record_costmap(log, tmp_path / "x.zip")
     with pytest.raises(OutputError, match="own folder"):
         record_costmap(log, tmp_path / "log" / "x.mcap")

@@ -406,7 +406,7 @@ def test_a_wrong_question_leaves_no_file(tmp_path: Path) -> None:
         late.add_door(x=1.0, y=1.0, theta=0.0, width=1.0)
     before = set(tmp_path.rglob("*"))
 
-    with pytest.raises(FormatError, match="tells no bag"):
+    with pytest.raises(FormatError, match="unknown extension for a new bag"):
         record_bag(log, tmp_path / "x.zip", MARKED)
     with pytest.raises(OutputError, match="own folder"):
         record_bag(log, tmp_path / "log" / "x.mcap", MARKED)

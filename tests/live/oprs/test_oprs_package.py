@@ -67,7 +67,7 @@ def test_what_somebody_changed_stays(tmp_path: Path, capsys: pytest.CaptureFixtu
     with pytest.raises(SystemExit, match=r"^1$"):
         _run(tmp_path)
 
-    assert "is not this module as it is now (semantic_map.opf differs)" in capsys.readouterr().err
+    assert "differs from this module (semantic_map.opf differs)" in capsys.readouterr().err
     assert "theirs" == theirs.read_text(encoding="utf-8")
 
 

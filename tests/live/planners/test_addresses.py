@@ -252,7 +252,7 @@ def test_a_name_that_no_host_can_have(host: str) -> None:
     """
     address = TcpAddress(host, 1)
 
-    with pytest.raises(AddressError, match="nobody answers there: no host can have such a name"):
+    with pytest.raises(AddressError, match="no server answers there: no host can have such a name"):
         address.connect()
     with pytest.raises(AddressError, match="listened at: no host can have such a name"):
         listen(address, any_host=True)

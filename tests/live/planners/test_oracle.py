@@ -263,7 +263,7 @@ def test_an_id_that_was_another_command_is_refused(ask: Asker) -> None:
     for other in ("SET_OPEN_PROBABILITY DOOR_1 0.6", "SET_OPEN_PROBABILITY DOOR_2 0.5",
                   "SET_CLOSED_PROBABILITY DOOR_1 0.5", "REMOVE_DOOR DOOR_1"):  # fmt: skip
         assert ask(f"{ID} {other}") == "NIL"
-        assert "is stored already" in ask.said[-1]
+        assert "is already stored" in ask.said[-1]
     assert ask(f"{ID} SET_OPEN_PROBABILITY DOOR_1 0.50") == "T"
 
 

@@ -418,7 +418,7 @@ def test_what_somebody_changed_stays(tmp_path: Path, capsys: pytest.CaptureFixtu
     with pytest.raises(SystemExit, match=r"^1$"):
         _run(tmp_path)
 
-    assert "is not this package as it is now (CMakeLists.txt differs)" in capsys.readouterr().err
+    assert "differs from this package (CMakeLists.txt differs)" in capsys.readouterr().err
     assert ["package.xml"] == [path.name for path in theirs.parent.iterdir()]
     assert "theirs" == theirs.read_text()
 

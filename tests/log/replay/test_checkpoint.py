@@ -297,7 +297,7 @@ def test_a_disk_that_says_no_leaves_the_last_one_whole(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("semmap_log.core.io.disk.sync_file", full)
-    with pytest.raises(OutputError, match=r"could not be written: No space left.*is as it was"):
+    with pytest.raises(OutputError, match=r"could not be written: No space left.*is unchanged"):
         sl.read(log_path).fold(Numbers(), checkpoint=path)
 
     assert before == path.read_bytes()

@@ -229,7 +229,7 @@ def test_another_log_in_its_place_is_an_error(path: Path) -> None:
         for _ in range(5):
             log.add_door()
 
-    with pytest.raises(LogError, match="another log lies here now"):
+    with pytest.raises(LogError, match="the log was replaced by another one"):
         next(live)
 
 

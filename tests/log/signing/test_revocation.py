@@ -297,7 +297,7 @@ def test_a_number_that_nothing_comes_before(log: Path, key: SigningKey, owner: S
 @needs_ssh_keygen
 def test_ssh_keygen_checks_a_revocation(log: Path, key: SigningKey, owner: SigningKey) -> None:
     """
-    As docs/guides/care.md says.
+    As docs/guides/signatures.md says.
     """
     sign(log, key)
     made = revoke(log, owner, public(key), first=2)

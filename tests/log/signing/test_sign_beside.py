@@ -198,7 +198,7 @@ def test_what_cannot_be_signed_is_told_once_and_recording_goes_on(
             wait_until(lambda: signer.problem, "a problem")
         assert 1 == len(told)
         assert "not signed: " in told[0]
-        assert "Recording goes on" in told[0]
+        assert "Recording continues" in told[0]
         (office / "signatures").unlink()
 
     assert signer.is_all_signed

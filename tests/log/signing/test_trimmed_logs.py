@@ -230,7 +230,7 @@ def test_another_zone_in_the_heads_is_not_signed(office: Path, key: SigningKey) 
     assert 0 == verify(office).exit_code
     assert (4, ["taken-out"]) == checked(office, key)[:2]
 
-    with pytest.raises(sl.errors.SigningError, match="another time zone, building or robot"):
+    with pytest.raises(sl.errors.SigningError, match="its time zone, building or robot differs"):
         sign(office, key)
     done = sign(office, key, adopt=True)
     assert (0, LogReader(office).last_event()) == done.adopted

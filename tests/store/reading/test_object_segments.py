@@ -110,7 +110,7 @@ def test_an_object_that_is_exchanged_under_a_reader_is_told(bucket: str, tmp_pat
     longer.write_bytes((RECORDINGS / "office" / longer.name).read_bytes() + b"\0")
     put_folder(tmp_path, url)
 
-    with pytest.raises(LogAccessError, match="another object has its name now"):
+    with pytest.raises(LogAccessError, match="the object was replaced"):
         source.read(0, 100)
 
 
@@ -142,7 +142,7 @@ def test_a_store_that_cannot_be_reached_is_named(monkeypatch: pytest.MonkeyPatch
     store = ObjectStore(UrlPath("s3://bucket/log"), patience_s=0.5)
 
     with pytest.raises(
-        LogAccessError, match=r"s3://bucket/log/manifest.json: the store cannot be asked"
+        LogAccessError, match=r"s3://bucket/log/manifest.json: the store cannot be reached"
     ):
         LogReader(ObjectSegments(store))
 

@@ -129,7 +129,7 @@ def test_a_flipped_bit_of_any_field_of_a_chunk_is_damage(where: str, path: Path)
             with pytest.raises(
                 CorruptLogError,
                 match=rf"x.mcap: damaged at byte {chunk.offset}: .*; events 1 to 3 are affected; "
-                "whole commits lie behind it",
+                "whole commits follow it",
             ):
                 open_segment(path)
             path.write_bytes(whole)

@@ -370,7 +370,7 @@ def test_wrong_places(log: Path, tmp_path: Path) -> None:
     No log, a file, a target that is taken: said, and nothing is made.
     """
     spoil(log, 0, 2)
-    with pytest.raises(LogExistsError, match="something here"):
+    with pytest.raises(LogExistsError, match="expected a new folder"):
         recover_into(log, log)
     for path in (tmp_path / "absent", next(log.glob("*.mcap")), tmp_path):
         with pytest.raises(LogError):

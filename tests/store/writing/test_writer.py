@@ -307,7 +307,7 @@ def test_a_new_log_wants_an_empty_place(tmp_path: Path) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "x").write_text("mine")
 
-    with pytest.raises(LogExistsError, match="something here already"):
+    with pytest.raises(LogExistsError, match="expected a new or empty folder"):
         sl.create(tmp_path / "full")
     assert "mine" == (tmp_path / "full" / "x").read_text()
 

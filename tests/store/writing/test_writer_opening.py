@@ -159,7 +159,7 @@ def test_a_log_with_events_does_not_begin_anew(tmp_path: Path) -> None:
     """
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door()
-        with pytest.raises(LogError, match="cannot begin anew"):
+        with pytest.raises(LogError, match="expected a log without events"):
             log._writer.begin_at(START_NS)
 
         assert not log.begin_at(START_NS)

@@ -199,7 +199,7 @@ class McapBag:
                 if open_bytes > OPEN_BYTES:
                     raise FormatError(
                         self._path, "the times of its chunks overlap too far: expected at most "
-                        f"{OPEN_BYTES >> 20} MiB to be read at once; write it anew in order: "
+                        f"{OPEN_BYTES >> 20} MiB to be read at once; rewrite it in order: "
                         "mcap sort",
                     )  # fmt: skip
                 messages = chunk.messages(chosen)
@@ -319,7 +319,7 @@ def in_order(messages: Iterator[BagMessage], path: Path) -> Iterator[BagMessage]
             raise FormatError(
                 path,
                 "it has no index, and its times go back and forth too far to be read in order; "
-                "write it anew in order: mcap sort",
+                "rewrite it in order: mcap sort",
             )
         heapq.heappush(heap, (message.at_ns, number, message))
         waiting += len(message.data) + MESSAGE_BYTES
@@ -392,7 +392,7 @@ def _summary_start(path: Path, file: BinaryIO, footer_at: int) -> int:
     file.seek(footer_at)
     opcode, length, starts_at, _, expected = _FOOTER.unpack(file.read(_FOOTER.size))
     if (opcode, length) != (FOOTER_OPCODE, FOOTER_BYTES - len(MAGIC) - FRAME.size):
-        raise FormatError(path, "damaged: its footer is none; mend a copy: mcap recover")
+        raise FormatError(path, "damaged: its footer is invalid; repair a copy: mcap recover")
     if starts_at > footer_at:
         raise FormatError(path, f"damaged: expected its summary before byte {footer_at:,}, got "
                           f"byte {starts_at:,}; mend a copy: mcap recover")  # fmt: skip

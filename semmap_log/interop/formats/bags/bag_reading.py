@@ -82,7 +82,7 @@ def _opened(path: Path, stack: ExitStack) -> BagReader:
         from semmap_log.interop.formats.bags.rosbags_reading import open_with_rosbags
 
         return open_with_rosbags(path, stack)
-    raise FormatError(path, f"its name tells no bag; known are {READABLE_BAGS}")
+    raise FormatError(path, f"unknown extension for a bag; expected one of: {READABLE_BAGS}")
 
 
 def open_folder(folder: Path, stack: ExitStack) -> BagReader:
@@ -243,7 +243,7 @@ def _form_of(path: Path) -> tuple[OpenBag, Callable[[Path], AbstractContextManag
         from semmap_log.interop.formats.bags.ros2_bag import ros2_bag
 
         return ros2_bag, whole_folder
-    raise FormatError(path, f"its name tells no bag that can be written; known: {WRITABLE_BAGS}.")
+    raise FormatError(path, f"unknown extension for a new bag; expected one of: {WRITABLE_BAGS}.")
 
 
 def bytes_of(path: Path) -> int:

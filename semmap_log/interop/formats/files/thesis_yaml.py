@@ -182,7 +182,7 @@ class _Reader:
         """Return the keys of a door that the format does not have, as annotations."""
         found = {}
         for key, node in fields.others(DOOR_KEYS).items():
-            none = f"the key {shown(key)} is none of a door's ({', '.join(DOOR_KEYS)})"
+            none = f"the key {shown(key)} is unknown for a door (expected {', '.join(DOOR_KEYS)})"
             if key and isinstance(node, Scalar) and node.value not in (None, ""):
                 found[key] = node.text
                 if key == NAME:
@@ -200,7 +200,8 @@ class _Reader:
             return NAN, NAN, NAN
         parts = Fields(f"{fields.what}: position", position, self.problems)
         for key in parts.others(POSITION_KEYS):
-            none = f"the key {shown(key)} is none of a position's ({', '.join(POSITION_KEYS)})"
+            expected = ", ".join(POSITION_KEYS)
+            none = f"the key {shown(key)} is unknown for a position (expected {expected})"
             self.left_out.setdefault(none, []).append(position.key_lines[key])
         return parts.number("x"), parts.number("y"), parts.number("theta")
 

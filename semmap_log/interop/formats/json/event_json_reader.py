@@ -250,7 +250,7 @@ class _LineReader:
             named = self.left["door"]
             if isinstance(named, int) and not isinstance(named, bool):
                 raise _WrongError(
-                    f"door: expected a name, or level/name, as text, got {named}; an id is told as "
+                    f"door: expected a name, or level/name, as text, got {named}; write an id as "
                     f'"door_id": {named}'
                 )
             return self.lookup.resolve(self.text("door"))

@@ -285,7 +285,7 @@ class _Laser:
 
     def _without_place(self, why: str) -> Unusable:
         self.all.why_not[self.topic] = why
-        return Unusable("a scan for whose moment TF tells no place; dropped", why)
+        return Unusable("a scan without a TF position at its time; dropped", why)
 
     def drop(self, why: Unusable) -> None:
         self.all.complaints.add(self.topic, why.kind, why.example)

@@ -227,8 +227,8 @@ class VisitTally:
         )
         if self.again:
             yield (
-                f"seen again from the same stand: {counted(self.again, 'visit')} in which a door "
-                "was as told before (not written: who stands still proves nothing more)"
+                f"seen again from the same stand: {counted(self.again, 'visit')} with the state "
+                "reported before (not written: a robot that stands still gains no evidence)"
             )
         if reasons := self.undecided:
             told = ", ".join(f"{why} {n:,}" for why, n in reasons.most_common())

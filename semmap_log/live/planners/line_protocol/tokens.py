@@ -49,8 +49,8 @@ class AskClient:
         if token is not None and (answer := self.ask(f"{TOKEN} {token}")) != "T":
             self.close()
             raise AddressError(
-                f"{address}: is not asked with this token: it is another, or none is wanted. "
-                f"The server says: {problem_of(answer) or answer}"
+                f"{address}: the server refused this token: it expects another one, or none. "
+                f"Its answer: {problem_of(answer) or answer}"
             )
 
     def ask(self, question: str) -> str:

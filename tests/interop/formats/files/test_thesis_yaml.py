@@ -167,15 +167,15 @@ def test_what_others_say_of_a_door_is_kept_or_named():
     assert [{"name": "010", "open_porb": "0.3"}, {"name": "back"}] == [
         found.annotations for found in table.doors
     ]
-    keys = "a door's (position, width, status, closed_prob, open_prob)"
+    keys = "a door (expected position, width, status, closed_prob, open_prob)"
     assert [
-        f"doors.yaml:15: the key 'open_porb' is none of {keys}; kept as an annotation",
+        f"doors.yaml:15: the key 'open_porb' is unknown for {keys}; kept as an annotation",
     ] == list(table.warnings)
     assert [
         "doors.yaml:1: the key 'map' is no door's id",
-        "doors.yaml:7: the key 'z' is none of a position's (x, y, theta)",
-        f"doors.yaml:13: the key 'rooms' is none of {keys}, and has no single value",
-        f"doors.yaml:14: the key 'note' is none of {keys}, and has no single value",
+        "doors.yaml:7: the key 'z' is unknown for a position (expected x, y, theta)",
+        f"doors.yaml:13: the key 'rooms' is unknown for {keys}, and has no single value",
+        f"doors.yaml:14: the key 'note' is unknown for {keys}, and has no single value",
     ] == list(table.left_out)
 
 

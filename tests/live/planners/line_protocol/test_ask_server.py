@@ -663,7 +663,7 @@ def test_the_client_of_a_server_that_goes(ask: Asker, tmp_path: Path) -> None:
         address = server.address
     with pytest.raises(sl.SemmapError, match="the server has gone"):
         client.ask("DOOR_OPEN DOOR_1")
-    with pytest.raises(sl.SemmapError, match="nobody answers there"):
+    with pytest.raises(sl.SemmapError, match="no server answers there"):
         AskClient(read_address(address))
     client.close()
     hasty.close()

@@ -408,7 +408,7 @@ def test_the_module_is_laid_out_once(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert MODULE.read_bytes() == module.read_bytes()
     assert (module, False) == write_prolog_module(tmp_path / "planner")
     module.write_text("mine")
-    with pytest.raises(OutputError, match="is there already, and is not this module"):
+    with pytest.raises(OutputError, match="exists already, and differs from this module"):
         write_prolog_module(tmp_path / "planner")
     assert "mine" == module.read_text()
     with pytest.raises(OutputError, match="could not be written"):

@@ -260,7 +260,7 @@ def test_another_goal_of_the_same_id_is_aborted(server: DoorServer) -> None:
 
     assert (False, {"door_id": 0}) == (outcome.succeeded, outcome.result)
     assert outcome.text.startswith("goal id a: command ")
-    assert "was another; a new command wants a new id" in outcome.text
+    assert "with other content; give a new command a new id" in outcome.text
     assert 1 == len(server.door_map())
 
 
