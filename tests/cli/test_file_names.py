@@ -12,13 +12,6 @@ from semmap_log.cli import main
 from semmap_log.cli.app import app
 from semmap_log.errors import LogError
 
-READS_A_ZIP = {
-    "best-time", "calibrate", "copy", "costmap", "diff", "evaluate", "export", "go", "history",
-    "info", "join", "patrol-plan", "play", "probabilities", "replay", "report", "rooms",
-    "scan-report", "show", "sql", "tail", "timeline", "verify", "view", "why",
-}  # fmt: skip
-"""`serve` reads one with --read-only; it says nothing of it."""
-
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
