@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.io.clock import KeptClock
 from semmap_log.core.model.commits import Commit, Durability, Note
 from semmap_log.core.model.events import Event, Retracted, SightingsThinned
@@ -70,6 +71,22 @@ def renamed(event: Event, ranges: Callable[[int, int], list[tuple[int, int]]]) -
         ((first, _),) = ranges(event.first_event, event.first_event) or [(0, 0)]
         return [replace(event, first_event=first)]
     return [event]
+
+
+def begins_ns(recorded_ns: int, lost: int, needed_ns: int) -> int:
+    """Return when a commit is recorded in another log that lacks some of its events.
+
+    At the same time, so that it is known from the same moment on. Its events take a nanosecond
+    each there, so those after a gap come earlier. One that is dated later than it was recorded
+    counts from then: for such an event the commit begins later, by as many nanoseconds as it lost
+    events at most.
+
+    Args:
+        recorded_ns: When it was recorded.
+        lost: How many of its events are not there.
+        needed_ns: When it has to begin so that no event is recorded before it happened.
+    """
+    return recorded_ns + min(max(lost, 0), max(needed_ns - recorded_ns, 0))
 
 
 class NextPlace(NamedTuple):
@@ -137,7 +154,7 @@ class LogAnew:
             note=note,
             command_id=command_id,
             content=commit.content,
-            clock=KeptClock(commit.recorded_ns),
+            clock=KeptClock(_begins_ns(events, commit)),
         )
 
     def _begin_history(self) -> None:
@@ -170,3 +187,13 @@ class LogAnew:
                 "entropy": self._entropy,
             },
         )
+
+
+def _begins_ns(events: list[Any], commit: Commit) -> int:
+    """Return when a rewritten commit is recorded."""
+    times = [
+        each.happened_ns if isinstance(each, EventBatch) else [each.happened_ns] for each in events
+    ]
+    happened_ns = np.concatenate(times)
+    needed_ns = int((happened_ns - np.arange(len(happened_ns))).max())
+    return begins_ns(commit.recorded_ns, commit.count - len(happened_ns), needed_ns)
