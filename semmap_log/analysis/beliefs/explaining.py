@@ -61,7 +61,7 @@ def explain(
     knows_all = known == Moment()
     believed = true if knows_all else state_reason(log, door_id, log.scope(moment, known))
     begun_ns = time_ns if true.since_ns is None else true.since_ns
-    earliest_ns = log.horizon_ns() + 1  # what was before is no longer kept
+    earliest_ns = log.horizon_ns()  # what was before is no longer kept
     near = (
         max(earliest_ns, min(begun_ns, time_ns - near_ns)),
         min(time_ns + near_ns, max(time_ns, end_ns)),

@@ -41,6 +41,7 @@ from semmap_log.interop.importing.line_commits import (
 from semmap_log.log.door_log.door_index import DoorIndex
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.known_past import Validator
+from semmap_log.log.rewriting.new_numbers import begins_ns
 from semmap_log.store.gone_commands import CommandSeal, StoredCommand
 
 MOST_KEPT = 100_000
@@ -85,6 +86,8 @@ class LinesPlan:
     options: LineOptions
     _present: Present = field(repr=False)
     _kept: list[tuple[int, ParsedLine]] | None = field(repr=False)
+    _begins_ns: dict[int, int] = field(repr=False)
+    """Place of a commit -> when it is recorded, where that is later than in its own log."""
 
     @property
     def summary(self) -> tuple[str, ...]:
@@ -120,7 +123,9 @@ class LinesPlan:
         )
         lines = iter(self._kept) if self._kept is not None else reader.lines()
         left = (line for line in lines if line[0] not in self.held_lines)
-        yield from grouped(left, self.options, self.groups)
+        for place, commit in enumerate(grouped(left, self.options, self.groups)):
+            begun_ns = self._begins_ns.get(place)
+            yield commit if begun_ns is None else replace(commit, recorded_ns=begun_ns)
         reader.problems.raise_any()
 
 
@@ -170,6 +175,8 @@ class _LinePlanner:
         """Of the logs that wrote the lines."""
         self.left_out: list[str] = []
         self.suspects: list[str] = []
+        self.begins_ns: dict[int, int] = {}
+        """For the plan."""
         self.kept: list[tuple[int, ParsedLine]] | None = []
         self.kept_weight = 0
 
@@ -202,6 +209,7 @@ class _LinePlanner:
             options=self.options,
             _present=self.present,
             _kept=self.kept,
+            _begins_ns=self.begins_ns,
         )
 
     @property
@@ -290,7 +298,7 @@ class _LinePlanner:
 
     def check(self, commit: PlannedCommit, *, is_repeated: bool) -> None:
         """Ask of each line what the log would ask of it, so that the line can be named."""
-        before = self.count
+        before, needed_ns = self.count, 0
         is_kept = self.is_copy or self.options.as_recorded
         recorded_ns = commit.recorded_ns if is_kept else None
         now_ns = self.now_ns if recorded_ns is None else recorded_ns
@@ -311,8 +319,14 @@ class _LinePlanner:
                 self.numbers.add(parsed.number, self.present.next_event + self.count)
             self.times.add(line, parsed)
             self.suspect_units(line, event)
+            needed_ns = max(needed_ns, (event.happened_ns or 0) - (self.count - before))
             self.count += 1
         self.commit_count += self.count > before
+        if commit.recorded_ns is not None:
+            lost = commit.count - (self.count - before)
+            begun_ns = begins_ns(commit.recorded_ns, lost, needed_ns)
+            if begun_ns > commit.recorded_ns:
+                self.begins_ns[self.groups - 1] = begun_ns
         self.uses_note |= commit.note is self.options.note
 
     def suspect_units(self, line: int, event: Event) -> None:

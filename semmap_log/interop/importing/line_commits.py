@@ -273,7 +273,9 @@ class PlannedCommit:
     content: bytes
     note: Note
     recorded_ns: int | None
-    """When the log that it was exported from recorded it."""
+    """When the log that it was exported from recorded it, also if its first events are gone."""
+    count: int
+    """How many events it had there; 1 if the lines do not say."""
     is_exported: bool
     """A log wrote it, with its note, if it has one."""
     lines: Iterator[tuple[int, ParsedLine]]
@@ -340,10 +342,18 @@ def grouped(
             command_id,
             content,
             note,
-            parsed.recorded_ns,
+            _commit_recorded_ns(parsed),
+            1 if parsed.commit is None else parsed.commit[1] - parsed.commit[0] + 1,
             parsed.is_exported,
             chain([first], its_lines),
         )
+
+
+def _commit_recorded_ns(first: ParsedLine) -> int | None:
+    """Return when a commit was recorded, by its first line: a log counts on by nanoseconds."""
+    if first.recorded_ns is None or first.number is None or first.commit is None:
+        return first.recorded_ns
+    return max(first.recorded_ns - (first.number - first.commit[0]), 1)
 
 
 def part_id(options: LineOptions, place: int) -> bytes:

@@ -75,7 +75,7 @@ def _states_of_day(log: DoorLog, moment_ns: int) -> Day:
     clock = LocalClock(log.info.timezone)
     number = clock.hour_of(np.array([moment_ns])) // 24
     start_ns, end_ns = clock.midnights_ns(np.append(number, number + 1)).tolist()
-    known_ns = max(start_ns, log.horizon_ns() + 1, 0)  # what was before is no longer kept
+    known_ns = max(start_ns, log.horizon_ns(), 0)  # what was before is no longer kept
     found = log.timelines(since=Moment(ns=known_ns), until=Moment(ns=max(end_ns, known_ns)))
     names = log.door_names()
     edges_ns = np.arange(start_ns, end_ns + 1, SLOT_NS)

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
 from semmap_log.core.folds.door_map import DoorMapState
@@ -119,9 +120,9 @@ def kept_commits(
     """Yield all commits that a log keeps, by the time of their recording.
 
     Where it has a horizon, the state there is yielded as well, as an update for each event that
-    is gone and was the last to write something. The update takes the place of that event, in its
-    commit if that is left, else in one of its own. When the event was recorded is not known: the
-    update comes as late as it can, so that it counts from when the event happened.
+    is gone and was the last to write something. The update takes the place of that event in its
+    commit, if that is left. Else it gets a commit of its own; when the event was recorded is not
+    known then: the update comes as late as it can, so that it counts from when the event happened.
 
     Args:
         reader: Of the log.
@@ -172,11 +173,12 @@ def _taken(gone: deque[RecordedEvent], before_event: int) -> list[RecordedEvent]
 
 
 def _with_updates(followed: FollowedCommit, updates: list[RecordedEvent]) -> FollowedCommit:
-    """Return a commit with updates for events that it lacks, closed when it was."""
+    """Return a commit with updates for events that it lacks, recorded when those were."""
     commit = followed.commit
     events = sorted([*followed.batch, *updates], key=lambda one: one.number)
-    recorded_ns = commit.closed_ns - len(events) - bool(commit.note)
-    return FollowedCommit(replace(commit, recorded_ns=recorded_ns), _batch(events, recorded_ns))
+    numbers = np.array([one.number for one in events], np.int64)
+    recorded_ns = commit.recorded_ns + numbers - commit.first_event
+    return FollowedCommit(commit, _batch(events, recorded_ns))
 
 
 def _in_place_of(
@@ -207,15 +209,15 @@ def _in_place_of(
         content=NO_CONTENT,
         note=Note(),
     )
-    return FollowedCommit(commit, _batch(updates, recorded_ns))
+    return FollowedCommit(commit, _batch(updates, recorded_ns + np.arange(count)))
 
 
-def _batch(events: list[RecordedEvent], recorded_ns: int) -> EventBatch:
-    """Return events as a batch that is recorded from a moment on."""
+def _batch(events: list[RecordedEvent], recorded_ns: NDArray[np.int64]) -> EventBatch:
+    """Return events as a batch that was recorded at these moments."""
     return replace(
         EventBatch.from_events([one.event for one in events]),
         number=np.array([one.number for one in events], np.int64),
-        recorded_ns=np.arange(recorded_ns, recorded_ns + len(events)),
+        recorded_ns=recorded_ns,
         known_door_ids=None,
     )
 

@@ -62,6 +62,22 @@ def renamed(event: Event, ranges: Callable[[int, int], list[tuple[int, int]]]) -
     return [event]
 
 
+def begins_ns(recorded_ns: int, lost: int, needed_ns: int) -> int:
+    """Return when a commit is recorded in another log that lacks some of its events.
+
+    At the same time, so that it is known from the same moment on. Its events take a nanosecond
+    each there, so those after a gap come earlier. One that is dated later than it was recorded
+    counts from then: for such an event the commit begins later, by as many nanoseconds as it lost
+    events at most.
+
+    Args:
+        recorded_ns: When it was recorded.
+        lost: How many of its events are not there.
+        needed_ns: When it has to begin so that no event is recorded before it happened.
+    """
+    return recorded_ns + min(max(lost, 0), max(needed_ns - recorded_ns, 0))
+
+
 class NextPlace(NamedTuple):
     """Where the next commit comes."""
 

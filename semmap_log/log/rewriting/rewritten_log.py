@@ -6,10 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.io.clock import KeptClock
 from semmap_log.core.model.commits import Commit, Durability, Note
 from semmap_log.log.replay.written_state import WrittenState
-from semmap_log.log.rewriting.new_numbers import NextPlace
+from semmap_log.log.rewriting.new_numbers import NextPlace, begins_ns
 from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.header import LogInfo
 from semmap_log.store.reading.reader import LogReader
@@ -74,7 +77,7 @@ class LogAnew:
             note=note,
             command_id=command_id,
             content=commit.content,
-            clock=KeptClock(commit.recorded_ns),
+            clock=KeptClock(_begins_ns(events, commit)),
         )
 
     def _begin_history(self) -> None:
@@ -107,3 +110,13 @@ class LogAnew:
                 "entropy": self._entropy,
             },
         )
+
+
+def _begins_ns(events: list[Any], commit: Commit) -> int:
+    """Return when a rewritten commit is recorded."""
+    times = [
+        each.happened_ns if isinstance(each, EventBatch) else [each.happened_ns] for each in events
+    ]
+    happened_ns = np.concatenate(times)
+    needed_ns = int((happened_ns - np.arange(len(happened_ns))).max())
+    return begins_ns(commit.recorded_ns, commit.count - len(happened_ns), needed_ns)

@@ -368,7 +368,11 @@ class LogReader:
 
     @property
     def horizon_ns(self) -> int:
-        """When the last commit before the horizon was closed; -1: all can be queried."""
+        """When the last commit before the horizon was closed; -1: all can be queried.
+
+        This moment itself can be queried: the keyframe at the horizon is the state of it, and what
+        is gone was recorded, and counted, earlier.
+        """
         if not self.horizon:
             return -1
         place = self.horizon_place()
@@ -433,8 +437,8 @@ class LogReader:
         return (
             (window.first_event or 0) < self.horizon
             and bool(window.kinds & EXPIRING_BITS)
-            and (window.recorded_from_ns is None or window.recorded_from_ns <= self.horizon_ns)
-            and (window.happened_from_ns is None or window.happened_from_ns <= self.horizon_ns)
+            and (window.recorded_from_ns is None or window.recorded_from_ns < self.horizon_ns)
+            and (window.happened_from_ns is None or window.happened_from_ns < self.horizon_ns)
         )
 
     def behind_horizon(self) -> HorizonError:

@@ -276,7 +276,7 @@ class Excerpt:
         """Return the map just before the first event; empty where the excerpt starts the log."""
         if self.since_ns is None:
             return DoorMap({}, {})
-        earlier = self.log.replay(at=max(self.since_ns - 1, 0))
+        earlier = self.log.replay(at=self._before_ns(self.since_ns))
         kept = {
             i: door for i, door in earlier.doors.items() if self.doors is None or i in self.doors
         }
@@ -286,15 +286,19 @@ class Excerpt:
         """Return the fold of what was known just before the first event was recorded."""
         if self.since_ns is None:
             return DoorMapState()
-        return self.log.state_in(Scope(known_at_ns=max(self.since_ns - 1, 0)))
+        return self.log.state_in(Scope(known_at_ns=self._before_ns(self.since_ns)))
 
     def number_before(self) -> int:
         """Return the number of the last event known then; -1: none."""
         if self.since_ns is None:
             return -1
-        known = self.log.limit_of(Scope(known_at_ns=max(self.since_ns - 1, 0)))
+        known = self.log.limit_of(Scope(known_at_ns=self._before_ns(self.since_ns)))
         assert known is not None, "knowledge has a bound"
         return known
+
+    def _before_ns(self, since_ns: int) -> int:
+        """Return the moment whose state opens an excerpt; no moment before a log's horizon."""
+        return max(since_ns - 1, self.log.horizon_ns(), 0)
 
     def last_ns(self) -> int | None:
         """Return the last nanosecond that counts; None: the log's end."""

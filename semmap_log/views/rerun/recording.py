@@ -183,7 +183,7 @@ def _robot_level(log: DoorLog, at: Time) -> int | None:
     at_ns = log.instant(at)
     assert at_ns is not None
     last_ns, level = -1, None
-    since_ns = min(at_ns, max(at_ns - LOOK_BACK_NS, log.horizon_ns() + 1))
+    since_ns = min(at_ns, max(at_ns - LOOK_BACK_NS, log.horizon_ns()))
     for batch in log.batches(since_ns, at_ns + 1, kinds=[RobotPose]):
         latest = int(np.argmax(batch.folds_ns))
         if batch.folds_ns[latest] >= last_ns:

@@ -30,10 +30,12 @@ from semmap_log.core.model.events import (
     RobotPose,
 )
 from semmap_log.errors import HorizonError, HorizonWarning
+from semmap_log.log.door_log.explanation import Explanation
 from semmap_log.log.replay.read_model.indexing import index
 from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
+from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.recording import save_rrd
 from tests.cli.test_verify import semmap
 from tests.log.trimming.logs import MinuteClock
@@ -223,6 +225,51 @@ def test_what_begins_or_ends_before_the_horizon_is_refused(
     assert "ask about a later moment" in err.splitlines()[-1]
     assert "/semmap-log-" not in err
     assert not list(tmp_path.iterdir())
+
+
+AT_HORIZON: dict[str, Callable[[sl.DoorLog, str, str], Any]] = {
+    "replay": lambda log, at, _: doors_of(log.replay(at=at)),
+    "replay as known": lambda log, at, _: doors_of(log.replay(known_at=at)),
+    "diff": lambda log, at, end: [entry.number for entry in log.diff(at, end).events],
+    "why": lambda log, at, _: states_of(log.why("lift", at=at)),
+    "timeline": lambda log, at, end: [
+        (door, one.start_ns, one.state)
+        for door, line in log.timelines(since=at, until=end).items()
+        for one in line
+    ],
+    "history": lambda log, at, end: [entry.number for entry in log.history(None, at, end)],
+    "recorded": lambda log, at, end: [
+        entry.number for entry in log.history(None, at, end, recorded=True)
+    ],
+    "excerpt": lambda log, at, end: doors_of(Excerpt.of(log, at, end, None).before()),
+    "excerpt as known": lambda log, at, end: Excerpt.of(log, at, end, None).number_before(),
+}
+"""What is asked of a log at a moment, and up to a later one."""
+
+
+def doors_of(doors: sl.DoorMap) -> list[tuple[int, sl.DoorState, int | None]]:
+    """Return the doors, how each is, and since when it is known."""
+    return [(i, door.state, door.last_seen_ns) for i, door in doors.doors.items()]
+
+
+def states_of(why: Explanation) -> tuple[Any, ...]:
+    """Return what was true, what was believed, and what came next."""
+    return why.true.state, why.believed.state, why.next and why.next.entry.number
+
+
+@pytest.mark.parametrize("asked", AT_HORIZON)
+def test_the_moment_of_the_horizon_itself_is_answered(logs: Logs, asked: str) -> None:
+    """
+    As the whole log does: the keyframe there is the state of it. Just before it is refused.
+    """
+    at, end = f"@{logs.horizon_ns}", f"@{logs.end_ns}"
+
+    found = AT_HORIZON[asked](sl.read(logs.kept), at, end)
+
+    assert found == AT_HORIZON[asked](sl.read(logs.whole), at, end)
+    assert found
+    with pytest.raises(HorizonError):
+        AT_HORIZON[asked](sl.read(logs.kept), f"@{logs.horizon_ns - 1}", end)
 
 
 FILTERS: dict[str, Callable[[HistoryEntry], bool]] = {
