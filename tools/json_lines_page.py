@@ -33,6 +33,7 @@ on. `null` stands for a number that is not known. A key that a kind does not hav
 An export has more keys, by which `import` makes the same log again: `event` and `recorded` (its
 number and when it was recorded), `commit` (first and last number, where a commit has several
 events), `content` (the digest of its command), and `retracted` of an event that was taken back.
+A commit is known from the same moment on as there, also if its first events are gone.
 Its first line has `timezone`, the log's: `import` into a log of another zone says so.
 
 """
