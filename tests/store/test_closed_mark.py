@@ -74,9 +74,7 @@ DAMAGES = [cut, cut_in_the_middle, removed]
 
 
 def test_it_tells_where_the_last_closed_segment_ended(log: Path) -> None:
-    """
-    The number behind its last event, and the hash of its last commit.
-    """
+    """The number behind its last event, and the hash of its last commit."""
     *_, last = sl.read(log).commits()
 
     said = mark(log)
@@ -87,9 +85,7 @@ def test_it_tells_where_the_last_closed_segment_ended(log: Path) -> None:
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_closed_segment_that_was_cut_is_damage(log: Path, damage: Callable[[Path], None]) -> None:
-    """
-    Reading is refused, and appending; what is there is not made the whole log by anybody.
-    """
+    """Reading is refused, and appending; what is there is not made the whole log by anybody."""
     damage(log)
     before = {path.name: path.read_bytes() for path in log.iterdir() if path.name != ".lock"}
 
@@ -105,9 +101,7 @@ def test_a_closed_segment_that_was_cut_is_damage(log: Path, damage: Callable[[Pa
 
 
 def test_a_footer_that_was_lost_alone_loses_nothing(log: Path) -> None:
-    """
-    All commits are there: the segment is read like a live one, and closed anew.
-    """
+    """All commits are there: the segment is read like a live one, and closed anew."""
     cut_behind_its_last_chunk(log)
 
     assert 26 == events(log)
@@ -117,9 +111,7 @@ def test_a_footer_that_was_lost_alone_loses_nothing(log: Path) -> None:
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_recover_goes_on_with_what_is_there(log: Path, damage: Callable[[Path], None]) -> None:
-    """
-    Told to, it makes a log of what is left, and names what is lost.
-    """
+    """Told to, it makes a log of what is left, and names what is lost."""
     damage(log)
 
     done = recover(log)
@@ -133,9 +125,7 @@ def test_recover_goes_on_with_what_is_there(log: Path, damage: Callable[[Path], 
 
 
 def test_a_reader_that_was_open_is_told(log: Path) -> None:
-    """
-    Cut under an open reader: the next look is refused, not a shorter answer.
-    """
+    """Cut under an open reader: the next look is refused, not a shorter answer."""
     reader = sl.read(log)
     removed(log)
 
@@ -147,9 +137,7 @@ def test_a_reader_that_was_open_is_told(log: Path) -> None:
 
 
 def test_a_reader_that_was_open_is_told_of_what_was_closed_since(log: Path) -> None:
-    """
-    It has not looked meanwhile: a log that is as it saw it is shorter than it was.
-    """
+    """It has not looked meanwhile: a log that is as it saw it is shorter than it was."""
     reader = sl.read(log)
     before = {path: path.read_bytes() for path in segment_files(log)}
     with sl.append(log, compact=False) as opened:
@@ -166,9 +154,7 @@ def test_a_reader_that_was_open_is_told_of_what_was_closed_since(log: Path) -> N
 def test_a_writer_that_rolls_at_every_look_is_no_damage(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    What is closed after the files were listed is not among them, and nothing is missing.
-    """
+    """What is closed after the files were listed is not among them, and nothing is missing."""
     list_segments = segment_folder.list_segments
     looks: list[int] = []
     with sl.append(log, compact=False, durability="flush") as writer:
@@ -191,9 +177,7 @@ def test_a_writer_that_rolls_at_every_look_is_no_damage(
 def test_a_writer_that_rolls_while_it_is_verified_is_no_damage(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Here, too: what was closed since the files were listed is not missing.
-    """
+    """Here, too: what was closed since the files were listed is not missing."""
     iterdir = Path.iterdir
     looks: list[Path] = []
     with sl.append(log, compact=False, durability="flush") as writer:
@@ -231,9 +215,7 @@ def test_an_older_state_of_a_segment_is_damage(log: Path, tmp_path: Path) -> Non
 
 
 def test_another_copy_of_the_last_segment_is_damage(log: Path, tmp_path: Path) -> None:
-    """
-    As many events, but others.
-    """
+    """As many events, but others."""
     shutil.copytree(log, tmp_path / "copy")
     for path, state in ((log, "open"), (tmp_path / "copy", "closed")):
         with sl.append(path, compact=False) as opened:
@@ -247,9 +229,7 @@ def test_another_copy_of_the_last_segment_is_damage(log: Path, tmp_path: Path) -
 
 
 def test_a_live_segment_may_not_end_before_it(log: Path) -> None:
-    """
-    Continued and not closed, then cut by a crash of the disk: what was closed once was there.
-    """
+    """Continued and not closed, then cut by a crash of the disk: what was closed once was there."""
     opened = sl.append(log, compact=False, durability="flush")
     see(opened, 2)
     whole = segment_files(log)[-1].read_bytes()
@@ -265,9 +245,7 @@ def test_a_live_segment_may_not_end_before_it(log: Path) -> None:
 
 
 def test_a_log_without_it_opens_and_gets_it(log: Path) -> None:
-    """
-    Copied without it, or made before there was one.
-    """
+    """Copied without it, or made before there was one."""
     remove_marks(log)
 
     assert 26 == events(log)
@@ -286,9 +264,7 @@ def test_a_log_without_it_opens_and_gets_it(log: Path) -> None:
 def test_without_it_metadata_yaml_tells(
     log: Path, damage: Callable[[Path], None], problem: str
 ) -> None:
-    """
-    Of a log that is older than these marks: reading and appending are refused as well.
-    """
+    """Of a log that is older than these marks: reading and appending are refused as well."""
     damage(log)
     remove_marks(log)
 
@@ -301,9 +277,7 @@ def test_without_it_metadata_yaml_tells(
 
 
 def test_it_outlives_compaction(log: Path) -> None:
-    """
-    Segments are rechunked and merged: what it tells stays true.
-    """
+    """Segments are rechunked and merged: what it tells stays true."""
     before = mark(log)
 
     compact(log, keep_s=0)
@@ -332,9 +306,7 @@ def test_damage_of_the_file_itself_is_named(log: Path, text: str) -> None:
 
 @pytest.mark.parametrize("head", ["", "ab" * 31, "zz" * 32, 7])
 def test_a_hash_that_is_none_is_damage_of_the_file(log: Path, head: str) -> None:
-    """
-    However well its digest fits.
-    """
+    """However well its digest fits."""
     found = read_mark(LogFolder(log))
     assert found is not None
     marks(log)[-1].write_text(replace(found, head=head).text())
@@ -344,9 +316,7 @@ def test_a_hash_that_is_none_is_damage_of_the_file(log: Path, head: str) -> None
 
 
 def test_no_more_of_it_is_read_than_it_may_have(log: Path) -> None:
-    """
-    A stranger's may fill the memory; one that begins with so many blanks is not ours.
-    """
+    """A stranger's may fill the memory; one that begins with so many blanks is not ours."""
     text = marks(log)[-1].read_text()
     marks(log)[-1].write_text(" " * MOST_BYTES + text)
 
@@ -355,9 +325,7 @@ def test_no_more_of_it_is_read_than_it_may_have(log: Path) -> None:
 
 
 def test_every_flipped_bit_of_it_is_seen(log: Path) -> None:
-    """
-    It has a digest of its own.
-    """
+    """It has a digest of its own."""
     whole = marks(log)[-1].read_bytes()
     for place in range(len(whole) - 1):
         data = bytearray(whole)
@@ -369,9 +337,7 @@ def test_every_flipped_bit_of_it_is_seen(log: Path) -> None:
 
 
 def test_of_another_log_it_is_named(log: Path, tmp_path: Path) -> None:
-    """
-    Files of two logs that were mixed up.
-    """
+    """Files of two logs that were mixed up."""
     sl.create(tmp_path / "other", tz="UTC").close()
     remove_marks(log)
     shutil.copy(marks(tmp_path / "other")[-1], log)
@@ -394,10 +360,7 @@ def copy_in_order(log: Path, copy: Path, names: list[str]) -> None:
 def test_a_mark_that_is_copied_later_than_the_segments_is_not_ahead(
     log: Path, tmp_path: Path, count: int
 ) -> None:
-    """
-    `cp -r` lists the names, and copies the segments; the log goes on, rolls and is closed, then the
-    marks and metadata.yaml are copied: the copy holds what was there when the names were listed.
-    """
+    """`cp -r` lists the names, and copies the segments."""
     with sl.append(log, compact=False, durability="flush") as writer:
         names = sorted(path.name for path in log.iterdir())
         copy_in_order(log, tmp_path / "copy", [n for n in names if n.endswith(".mcap")])
@@ -412,9 +375,7 @@ def test_a_mark_that_is_copied_later_than_the_segments_is_not_ahead(
 
 
 def test_the_first_closing_is_told_before_it_is_listed(tmp_path: Path) -> None:
-    """
-    Else a copy might hold a metadata.yaml that is ahead, and no mark.
-    """
+    """Else a copy might hold a metadata.yaml that is ahead, and no mark."""
     log, written = tmp_path / "log", []
     with pytest.MonkeyPatch.context() as patch:
         write_whole = LogFolder.write_whole
@@ -429,9 +390,7 @@ def test_the_first_closing_is_told_before_it_is_listed(tmp_path: Path) -> None:
 
 
 def test_of_many_marks_few_stay(log: Path) -> None:
-    """
-    The last ones, for whoever copies the folder now; and of each ten minutes the first.
-    """
+    """The last ones, for whoever copies the folder now; and of each ten minutes the first."""
     for _ in range(40):
         with sl.append(log, compact=False) as opened:
             see(opened, 1)
@@ -444,9 +403,7 @@ def test_of_many_marks_few_stay(log: Path) -> None:
 
 
 def test_a_mark_stays_for_an_hour_after_another_has_followed(log: Path) -> None:
-    """
-    However old it is itself: a copy may have listed it just before.
-    """
+    """However old it is itself: a copy may have listed it just before."""
     now_s = time.time()
     for path in marks(log):
         os.utime(path, (now_s - 7000, now_s - 7000))
@@ -459,9 +416,7 @@ def test_a_mark_stays_for_an_hour_after_another_has_followed(log: Path) -> None:
 
 
 def test_a_log_of_before_is_read_by_its_old_mark(log: Path) -> None:
-    """
-    It was called closed.json, one for all closings; the next closing adds one of today.
-    """
+    """It was called closed.json, one for all closings; the next closing adds one of today."""
     old = marks(log)[-1].read_bytes()
     remove_marks(log)
     (log / "closed.json").write_bytes(old)
@@ -481,9 +436,7 @@ def test_a_log_of_before_is_read_by_its_old_mark(log: Path) -> None:
 
 
 def test_what_an_older_version_closes_later_counts(log: Path) -> None:
-    """
-    It knows closed.json alone: of both, the one that tells of more is believed.
-    """
+    """It knows closed.json alone: of both, the one that tells of more is believed."""
     with sl.append(log, compact=False) as opened:
         see(opened, 2)
     marks(log)[-1].rename(log / "closed.json")
@@ -496,9 +449,7 @@ def test_what_an_older_version_closes_later_counts(log: Path) -> None:
 def test_a_swapped_segment_in_the_middle_is_damage_to_every_question(
     log: Path, tmp_path: Path
 ) -> None:
-    """
-    Of a copy that went another way; its numbers fit, and nothing of it was read by the question.
-    """
+    """Of a copy that went another way."""
     copy = tmp_path / "copy" / "log"
     for path in segment_files(log)[1:]:
         path.unlink()

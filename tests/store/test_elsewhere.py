@@ -48,9 +48,7 @@ def _run(system: str, *arguments: str | Path) -> subprocess.CompletedProcess[str
 @pytest.mark.parametrize("system", ["windows", "macos"])
 @pytest.mark.parametrize("verb", READING)
 def test_every_reading_verb_says_the_same(system: str, verb: str) -> None:
-    """
-    As on Linux, byte for byte.
-    """
+    """As on Linux, byte for byte."""
     here, there = (_run(s, verb, RECORDING, *READING[verb]) for s in ("linux", system))
 
     assert (there.returncode, there.stderr) == (here.returncode, here.stderr)
@@ -61,9 +59,7 @@ def test_every_reading_verb_says_the_same(system: str, verb: str) -> None:
 @pytest.mark.parametrize("system", ["windows", "macos"])
 @pytest.mark.parametrize("ending", FILES)
 def test_files_come_out_the_same(tmp_path: Path, system: str, ending: str) -> None:
-    """
-    An export is an answer: it needs no lock either.
-    """
+    """An export is an answer: it needs no lock either."""
     made = {}
     for one in ("linux", system):
         out = tmp_path / one / f"office.{ending}"
@@ -78,9 +74,7 @@ def test_files_come_out_the_same(tmp_path: Path, system: str, ending: str) -> No
 
 
 def test_a_zip_is_read_there_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Unpacked, read, and removed.
-    """
+    """Unpacked, read, and removed."""
     path = tmp_path / "office.zip"
     with zipfile.ZipFile(path, "w") as packed:
         for one in RECORDING.iterdir():
@@ -100,9 +94,7 @@ def test_a_zip_is_read_there_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize("system", ["windows", "macos"])
 @pytest.mark.parametrize("verb", WRITING)
 def test_writing_says_what_is_missing(tmp_path: Path, system: str, verb: str) -> None:
-    """
-    Nothing is changed, and no lock file is left.
-    """
+    """Nothing is changed, and no lock file is left."""
     log = tmp_path / "office"
     log.mkdir()
     for one in RECORDING.iterdir():
@@ -120,9 +112,7 @@ def test_writing_says_what_is_missing(tmp_path: Path, system: str, verb: str) ->
 @pytest.mark.slow
 @pytest.mark.parametrize("system", ["windows", "macos"])
 def test_no_log_is_begun_there(tmp_path: Path, system: str) -> None:
-    """
-    Not even its folder.
-    """
+    """Not even its folder."""
     done = _run(system, "init", tmp_path / "office", "--tz", "UTC")
 
     assert (done.returncode, "which lacks" in done.stderr) == (1, True)

@@ -62,9 +62,7 @@ def contents(path: Path) -> dict[str, bytes]:
 
 
 def test_a_writer_of_a_moved_folder_leaves_the_next_log_alone(tmp_path: Path) -> None:
-    """
-    Another log is made under the old name; each goes on in its own folder, over rolls, to the end.
-    """
+    """Another log is made under the old name."""
     ours, theirs = tmp_path / "office_old", tmp_path / "office"
     first = sl.create(theirs, tz="UTC", compact=False)
     first.add_door()
@@ -85,9 +83,7 @@ def test_a_writer_of_a_moved_folder_leaves_the_next_log_alone(tmp_path: Path) ->
 
 
 def test_a_writer_answers_from_its_own_folder(tmp_path: Path) -> None:
-    """
-    What it reads itself, retractions and repeated commands with it, is not the other log's.
-    """
+    """What it reads itself, retractions and repeated commands with it, is not the other log's."""
     path = tmp_path / "office"
     with sl.create(path, tz="UTC", compact=False) as log:
         log.add_door(name="front")
@@ -128,9 +124,7 @@ def test_relative_paths_are_those_of_the_moment_of_opening(
 
 
 def test_a_reader_is_told_of_another_log(tmp_path: Path) -> None:
-    """
-    Exchanged under its name, it is no later state of the one that was opened.
-    """
+    """Exchanged under its name, it is no later state of the one that was opened."""
     log = sl.read(made(tmp_path / "log"))
     shutil.rmtree(tmp_path / "log")
     made(tmp_path / "log", sightings=9)
@@ -142,9 +136,7 @@ def test_a_reader_is_told_of_another_log(tmp_path: Path) -> None:
 
 
 def test_a_segment_that_was_exchanged_under_the_writer_is_told_at_the_roll(tmp_path: Path) -> None:
-    """
-    What an `rsync` or a `cp` put over it has lost what was written since: no success is told.
-    """
+    """What an `rsync` or a `cp` put over it has lost what was written since: no success is told."""
     path = made(tmp_path / "log")
     copy = tmp_path / "copy.mcap"
     log = sl.append(path, compact=False, durability="flush")
@@ -162,9 +154,7 @@ def test_a_segment_that_was_exchanged_under_the_writer_is_told_at_the_roll(tmp_p
 
 
 def test_a_segment_that_was_exchanged_under_the_writer_is_told_at_the_end(tmp_path: Path) -> None:
-    """
-    A name that a file under another lost is enough.
-    """
+    """A name that a file under another lost is enough."""
     path = made(tmp_path / "log")
     log = sl.append(path, compact=False, durability="flush")
     see(log, 2)
@@ -179,11 +169,7 @@ def test_a_segment_that_was_exchanged_under_the_writer_is_told_at_the_end(tmp_pa
 def test_a_live_segment_that_was_copied_over_is_told(
     tmp_path: Path, durability: str, told_at_once: bool
 ) -> None:
-    """
-    An older state of it, in place, as `cp` does: the same file, but not what was written.
-
-    An append that promises that it lasts does not return; a weaker one is told at the end.
-    """
+    """An older state of it, in place, as `cp` does: the same file, but not what was written."""
     path = made(tmp_path / "log")
     log = sl.append(path, compact=False, durability=durability)
     see(log, 2)
@@ -227,9 +213,7 @@ def test_a_compacted_copy_that_was_exchanged_takes_no_place(
 
 
 def test_a_segment_that_was_removed_under_the_writer_is_told_at_once(tmp_path: Path) -> None:
-    """
-    It ends with the process: an append that promises more does not return.
-    """
+    """It ends with the process: an append that promises more does not return."""
     path = made(tmp_path / "log")
     log = sl.append(path, compact=False)
     see(log, 2)
@@ -242,9 +226,7 @@ def test_a_segment_that_was_removed_under_the_writer_is_told_at_once(tmp_path: P
 
 
 def test_a_segment_that_was_exchanged_while_it_was_compacted_stays(tmp_path: Path) -> None:
-    """
-    The copy is of another file: it does not take the place of one that nobody has read.
-    """
+    """The copy is of another file: it does not take the place of one that nobody has read."""
     path = made(tmp_path / "log", sightings=25)
     first, other = path / "log_000000.mcap", tmp_path / "other.mcap"
     before = contents(path)
@@ -274,9 +256,7 @@ def copied_over(path: Path) -> None:
 def test_a_closed_segment_that_is_no_more_what_was_written_is_told(
     tmp_path: Path, change: Callable[[Path], None], rolls: int
 ) -> None:
-    """
-    Not before it would be needed: at the next roll, and at the end.
-    """
+    """Not before it would be needed: at the next roll, and at the end."""
     log = sl.create(tmp_path / "log", tz="UTC", compact=False)
     log.add_door()
     see(log, 25)
@@ -291,9 +271,7 @@ def test_a_closed_segment_that_is_no_more_what_was_written_is_told(
 
 
 def test_a_reader_is_told_of_a_log_that_was_put_back(tmp_path: Path) -> None:
-    """
-    Its live segment is gone, which no file tells of: who has seen it knows.
-    """
+    """Its live segment is gone, which no file tells of: who has seen it knows."""
     path = made(tmp_path / "log")
     log = sl.append(path, compact=False, durability="flush")
     see(log, 5)
@@ -307,9 +285,7 @@ def test_a_reader_is_told_of_a_log_that_was_put_back(tmp_path: Path) -> None:
 
 
 def test_a_file_in_the_way_of_the_next_segment_is_not_replaced(tmp_path: Path) -> None:
-    """
-    Whoever put it there, it is not ours; what was written before stays.
-    """
+    """Whoever put it there, it is not ours; what was written before stays."""
     path = made(tmp_path / "log")
     (path / "log_000001.mcap").write_bytes(VICTIM)
     (path / "log_000001.mcap").rename(tmp_path / "kept")
@@ -326,9 +302,7 @@ def test_a_file_in_the_way_of_the_next_segment_is_not_replaced(tmp_path: Path) -
 
 
 def test_where_there_are_no_hard_links(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    A look and a rename: nothing that is there is replaced, either.
-    """
+    """A look and a rename: nothing that is there is replaced, either."""
 
     def refuse(*_: object, **__: object) -> None:
         raise PermissionError(1, os.strerror(1))
@@ -366,9 +340,7 @@ def noted(monkeypatch: pytest.MonkeyPatch, *names: str) -> list[str]:
 def test_a_power_cut_leaves_a_new_segment_one_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Its own is on the disk before the other one goes.
-    """
+    """Its own is on the disk before the other one goes."""
     folder = LogFolder.held(tmp_path)
     temporary, fd = folder.new_file("x.mcap")
     os.close(fd)
@@ -383,9 +355,7 @@ def test_a_power_cut_leaves_a_new_segment_one_name(
 def test_what_is_written_whole_is_on_the_disk_before_it_has_its_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    And the name before the call returns: a power cut leaves the old one or the new one.
-    """
+    """And the name before the call returns: a power cut leaves the old one or the new one."""
     calls = noted(monkeypatch, "fsync", "replace")
 
     LogFolder.held(tmp_path).write_whole("closed.json", [b"new"])
@@ -400,9 +370,7 @@ def test_a_temporary_file_that_somebody_foresaw_is_not_written_to(
     link: Callable[[Path, Path], None],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """
-    Nothing is made where something is.
-    """
+    """Nothing is made where something is."""
     path = made(tmp_path / "log")
     monkeypatch.setattr(os, "urandom", lambda _: b"\xbe\xef")
     link(path / f".closed.json.{os.getpid()}-beef.tmp", victim)
@@ -414,9 +382,7 @@ def test_a_temporary_file_that_somebody_foresaw_is_not_written_to(
 
 
 def test_a_pipe_in_a_logs_folder_is_not_waited_for(tmp_path: Path) -> None:
-    """
-    Opening one for reading ends when somebody writes, which may be never.
-    """
+    """Opening one for reading ends when somebody writes, which may be never."""
     os.mkfifo(tmp_path / "closed.json")
     told: list[str] = []
 
@@ -438,9 +404,7 @@ def test_a_pipe_in_a_logs_folder_is_not_waited_for(tmp_path: Path) -> None:
 def test_a_lock_file_that_is_a_link_is_refused(
     tmp_path: Path, victim: Path, link: Callable[[Path, Path], None]
 ) -> None:
-    """
-    A log may come from a stranger: the lock file is emptied, and must be no other file.
-    """
+    """A log may come from a stranger: the lock file is emptied, and must be no other file."""
     path = made(tmp_path / "log")
     (path / ".lock").unlink()
     link(path / ".lock", victim)
@@ -452,9 +416,7 @@ def test_a_lock_file_that_is_a_link_is_refused(
 
 
 def test_a_lock_file_that_is_a_pipe_is_refused(tmp_path: Path) -> None:
-    """
-    Opening one can wait for ever.
-    """
+    """Opening one can wait for ever."""
     path = made(tmp_path / "log")
     (path / ".lock").unlink()
     os.mkfifo(path / ".lock")
@@ -468,9 +430,7 @@ def test_a_lock_file_that_is_a_pipe_is_refused(tmp_path: Path) -> None:
 def test_what_is_written_beside_the_segments_follows_no_link(
     tmp_path: Path, victim: Path, name: str, link: Callable[[Path, Path], None]
 ) -> None:
-    """
-    The link is replaced, or the log refused; the other file stays what it is.
-    """
+    """The link is replaced, or the log refused; the other file stays what it is."""
     path = made(tmp_path / "log")
     text = (path / name).read_bytes()
     (path / name).unlink()
@@ -487,9 +447,7 @@ def test_what_is_written_beside_the_segments_follows_no_link(
 
 
 def test_a_kept_tail_follows_no_link(tmp_path: Path, victim: Path) -> None:
-    """
-    A link lies where the torn tail is to be kept.
-    """
+    """A link lies where the torn tail is to be kept."""
     path = made(tmp_path / "log")
     log = sl.append(path, compact=False)
     see(log, 2)
@@ -507,9 +465,7 @@ def test_a_kept_tail_follows_no_link(tmp_path: Path, victim: Path) -> None:
 
 
 def test_of_two_creators_one_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Both found the folder empty; the other was quicker, and has closed its log already.
-    """
+    """Both found the folder empty; the other was quicker, and has closed its log already."""
     path = tmp_path / "log"
     is_empty, others = LogFolder.is_empty, [1]
 
@@ -530,9 +486,7 @@ def test_of_two_creators_one_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_a_file_that_is_a_hole_is_not_read_to_its_end(tmp_path: Path) -> None:
-    """
-    Beside segments, in a folder that may come from a stranger: it takes no room on a disk.
-    """
+    """Beside segments, in a folder that may come from a stranger: it takes no room on a disk."""
     log = made(tmp_path / "log")
     os.truncate(log / "metadata.yaml", 2**36)
 

@@ -99,9 +99,7 @@ def _forged_second(folder: Path, recorded_ns: int) -> Path:
 
 
 def test_a_segment_that_was_recorded_before_the_last_is_named(tmp_path: Path) -> None:
-    """
-    Questions look segments up by their times: all of them are refused, whatever they read.
-    """
+    """Questions look segments up by their times: all of them are refused, whatever they read."""
     right = _forged_second(tmp_path / "right", 2000)
     wrong = _forged_second(tmp_path / "wrong", 1001)
 
@@ -132,9 +130,7 @@ def _read_all(log: Path) -> int:
 
 @pytest.mark.parametrize("closed", [True, False], ids=["closed", "live"])
 def test_what_is_not_forged_reads(closed: bool, tmp_path: Path) -> None:
-    """
-    The measure of what follows: two events, two commits.
-    """
+    """The measure of what follows: two events, two commits."""
     log = _forged(tmp_path / "log", lambda stamp: stamp, closed=closed)
 
     assert 4 == _read_all(log)
@@ -142,9 +138,7 @@ def test_what_is_not_forged_reads(closed: bool, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("forgery", list(FORGERIES)[:3])
 def test_a_forged_commit_of_a_closed_segment_is_named(forgery: str, tmp_path: Path) -> None:
-    """
-    Reading events and commits compares numbers and hashes, though every checksum is right.
-    """
+    """Reading events and commits compares numbers and hashes, though every checksum is right."""
     log = _forged(tmp_path / "log", FORGERIES[forgery], closed=True)
 
     with pytest.raises(CorruptLogError, match=r"log_000000.mcap: damaged"):
@@ -153,9 +147,7 @@ def test_a_forged_commit_of_a_closed_segment_is_named(forgery: str, tmp_path: Pa
 
 @pytest.mark.parametrize("forgery", FORGERIES)
 def test_a_forged_commit_of_a_live_segment_does_not_count(forgery: str, tmp_path: Path) -> None:
-    """
-    The last commit: it is left out as torn, or named.
-    """
+    """The last commit: it is left out as torn, or named."""
     log = _forged(tmp_path / "log", FORGERIES[forgery], closed=False)
 
     try:
@@ -167,9 +159,7 @@ def test_a_forged_commit_of_a_live_segment_does_not_count(forgery: str, tmp_path
 
 
 def test_a_keyframe_that_is_not_what_was_hashed_is_not_used() -> None:
-    """
-    A bit of a state's arrays, its chunk's checksum right: replay goes further back instead.
-    """
+    """A bit of a state's arrays, its chunk's checksum right: replay goes further back instead."""
     data = bytearray(keyframes.encode(DoorMapState()))
     assert keyframes.decode(bytes(data)) is not None
     for at in (20, len(data) - 1):
@@ -203,19 +193,14 @@ def test_a_chunk_says_its_own_sizes() -> None:
 
 
 def test_a_chunk_holds_so_many_times_its_packed_bytes_beyond_what_is_free() -> None:
-    """
-    Any up to 128 MiB, more only where it is packed in enough bytes, and never above 1 GiB.
-    """
+    """Any up to 128 MiB, more only where it is packed in enough bytes, and never above 1 GiB."""
     assert most_unpacked(0) == most_unpacked(FREE_CHUNK_BYTES // MOST_RATIO) == FREE_CHUNK_BYTES
     assert 2_000_000 * MOST_RATIO == most_unpacked(2_000_000)
     assert MAX_CHUNK_BYTES == most_unpacked(2**40)
 
 
 def test_the_longest_that_writers_make_is_no_damage() -> None:
-    """
-    A floor map of as many cells as any importer takes, with the longest note; compaction puts
-    up to a MiB of shorter chunks before it.
-    """
+    """A floor map of as many cells as any importer takes, with the longest note."""
     before = 2 * CHUNK_BYTES
     closing = 4096
 
@@ -224,9 +209,7 @@ def test_the_longest_that_writers_make_is_no_damage() -> None:
 
 
 def test_a_summary_tells_of_no_chunk_that_is_larger() -> None:
-    """
-    What is refused where the chunk lies is refused where it is listed.
-    """
+    """What is refused where the chunk lies is refused where it is listed."""
     built = build_chunk(mcap.message(4, 0, 1000, 1000, bytes(2**17)), np.zeros(1, np.int64))
     fits, too_large = (
         memoryview(mcap.record(replace(built.facts, size=FREE_CHUNK_BYTES + more).index_at(0)))
@@ -239,9 +222,7 @@ def test_a_summary_tells_of_no_chunk_that_is_larger() -> None:
 
 
 def test_an_lz4_chunk_is_unpacked_no_further_than_it_says() -> None:
-    """
-    64 MiB of zeros in a chunk that says one MiB: one byte more is seen, and it is damage.
-    """
+    """64 MiB of zeros in a chunk that says one MiB: one byte more is seen, and it is damage."""
     lz4 = pytest.importorskip("lz4.frame")
     packed = lz4.compress(bytes(2**26))
     chunk = StoredChunk(0, len(packed), 1, 1, 2**20, 0, "lz4", 0, len(packed))
@@ -256,9 +237,7 @@ def test_an_lz4_chunk_is_unpacked_no_further_than_it_says() -> None:
 
 
 def test_records_must_be_messages_that_tile_their_chunk() -> None:
-    """
-    Another opcode, or a length that is too short for a message or too long for the chunk.
-    """
+    """Another opcode, or a length that is too short for a message or too long for the chunk."""
     record = mcap.message(4, 0, 1000, 1000, bytes(8))
     assert [0, len(record)] == walk(record * 2).tolist()
     for wrong in (
@@ -272,9 +251,7 @@ def test_records_must_be_messages_that_tile_their_chunk() -> None:
 
 
 def test_an_index_cannot_point_before_its_chunk() -> None:
-    """
-    To a message that ends where the chunk's records begin: it is not taken for one of them.
-    """
+    """To a message that ends where the chunk's records begin: it is not taken for one of them."""
     record = mcap.message(4, 0, 1000, 1000, bytes(8))
     size = len(record)
     index = struct.pack("<BQHI4q", 7, 38, 4, 32, 1000, -size, 1000, 0)
@@ -286,9 +263,7 @@ def test_an_index_cannot_point_before_its_chunk() -> None:
 
 
 def test_sightings_of_another_size_are_no_sightings(tmp_path: Path) -> None:
-    """
-    A record of the right channel whose payload is too long, in a chunk with a right checksum.
-    """
+    """A record of the right channel whose payload is too long, in a chunk with a right checksum."""
     folder = tmp_path / "log"
     folder.mkdir()
     writer = SegmentWriter(LogFolder(folder), "log_000000.mcap", HEADER)
@@ -304,9 +279,7 @@ def test_sightings_of_another_size_are_no_sightings(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("entry", ["first_event", "segment", "hash_so_far", "log_id", "sha256"])
 def test_a_head_that_was_changed_is_named(entry: str) -> None:
-    """
-    Any entry of a segment's head, and the digest itself; so is one without a digest.
-    """
+    """Any entry of a segment's head, and the digest itself; so is one without a digest."""
     metadata = HEADER.to_metadata()
     assert HEADER == SegmentHeader.from_metadata(metadata)
     changed = metadata.metadata[entry].replace("0", "1") + "2"
@@ -348,9 +321,7 @@ def test_a_commit_is_hashed_with_all_its_records(tmp_path: Path) -> None:
 
 
 def test_a_chunk_tells_the_times_of_its_messages(tmp_path: Path) -> None:
-    """
-    Its head and the summary agree on others: no search by time may skip it for that.
-    """
+    """Its head and the summary agree on others: no search by time may skip it for that."""
     folder = tmp_path / "log"
     folder.mkdir()
     writer = SegmentWriter(LogFolder(folder), "log_000000.mcap", HEADER)
@@ -366,9 +337,7 @@ def test_a_chunk_tells_the_times_of_its_messages(tmp_path: Path) -> None:
 
 
 def test_a_commit_must_count_its_events_in_a_live_segment(tmp_path: Path) -> None:
-    """
-    One that says two where there is one is torn, or damage: it does not count.
-    """
+    """One that says two where there is one is torn, or damage: it does not count."""
     folder = tmp_path / "log"
     folder.mkdir()
     writer = SegmentWriter(LogFolder(folder), "log_000000.mcap", HEADER)
@@ -391,9 +360,7 @@ def test_a_commit_must_count_its_events_in_a_live_segment(tmp_path: Path) -> Non
 
 
 def test_the_head_of_a_compressed_chunk_must_be_what_the_summary_says(tmp_path: Path) -> None:
-    """
-    A flipped bit of the times in it changes no answer, and is named all the same.
-    """
+    """A flipped bit of the times in it changes no answer, and is named all the same."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         for _ in range(40):
             log.add_door()
@@ -412,9 +379,7 @@ def test_the_head_of_a_compressed_chunk_must_be_what_the_summary_says(tmp_path: 
 def test_a_segment_begins_with_the_event_after_the_last(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The number in its head counts by itself, also where the hash in it is right.
-    """
+    """The number in its head counts by itself, also where the hash in it is right."""
     monkeypatch.setattr("semmap_log.store.writing.segment_chain.ROLL_COMMITS", 2)
     with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
         for _ in range(4):
@@ -428,9 +393,7 @@ def test_a_segment_begins_with_the_event_after_the_last(
 
 
 def test_no_sync_is_tried_again() -> None:
-    """
-    The kernel forgets what it could not write: a second sync would say that all is well.
-    """
+    """The kernel forgets what it could not write: a second sync would say that all is well."""
     syncs, tried = SharedSync(), []
 
     def fails() -> int:
@@ -458,9 +421,7 @@ def test_no_sync_is_tried_again() -> None:
 def test_chunk_indexes_that_contradict_each_other(
     offset: int, index_bytes: int, problem: str
 ) -> None:
-    """
-    Message indexes lie between their chunk and the next one, and all within the data.
-    """
+    """Message indexes lie between their chunk and the next one, and all within the data."""
     length = 9 + 40 + 20
     indexes = b"".join(
         mcap.record(

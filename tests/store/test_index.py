@@ -95,9 +95,7 @@ def test_an_index_is_unpacked_no_further_than_its_segment_has_chunks(
 
 @pytest.mark.parametrize("cut", [-1, -4, 1])
 def test_an_index_ends_where_what_is_packed_ends(tmp_path: Path, cut: int) -> None:
-    """
-    Neither is its end missing, nor does anything lie behind.
-    """
+    """Neither is its end missing, nor does anything lie behind."""
 
     def changed(entries: dict[str, str]) -> None:
         packed = base64.b64decode(entries["events"])
@@ -112,9 +110,7 @@ def test_an_index_ends_where_what_is_packed_ends(tmp_path: Path, cut: int) -> No
 
 
 def test_a_column_of_one_value_stands_for_no_other(tmp_path: Path) -> None:
-    """
-    Each column of an index has one value for each chunk.
-    """
+    """Each column of an index has one value for each chunk."""
     one = base64.b64encode(zlib.compress(bytes(8))).decode()
     path = tmp_path / "log"
     _with_entries(path, lambda entries: entries.update({"least_happened_ns": one}))

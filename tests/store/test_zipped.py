@@ -46,9 +46,7 @@ def _office(folder: str = "office/") -> dict[str, bytes]:
 @pytest.mark.parametrize("how", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
 @pytest.mark.parametrize("folder", ["office/", "", "robots/2026/office/"])
 def test_it_says_what_the_folder_says(tmp_path: Path, how: int, folder: str) -> None:
-    """
-    However it was packed: with its folder, without it, or deep in another.
-    """
+    """However it was packed: with its folder, without it, or deep in another."""
     path = _zip(tmp_path / "office.zip", _office(folder), how)
 
     assert answers(path) == answers(RECORDING)
@@ -57,9 +55,7 @@ def test_it_says_what_the_folder_says(tmp_path: Path, how: int, folder: str) -> 
 
 @pytest.mark.slow
 def test_it_is_unpacked_once_and_goes_with_its_last_reader(tmp_path: Path, temporary: Path) -> None:
-    """
-    Nothing is left among the temporary files.
-    """
+    """Nothing is left among the temporary files."""
     path = _zip(tmp_path / "office.zip", _office())
 
     log, other = sl.read(path), sl.read(path)
@@ -75,9 +71,7 @@ def test_it_is_unpacked_once_and_goes_with_its_last_reader(tmp_path: Path, tempo
 
 
 def test_another_zip_of_that_name_is_unpacked_anew(tmp_path: Path) -> None:
-    """
-    What was read before stays what it was.
-    """
+    """What was read before stays what it was."""
     path = _zip(tmp_path / "office.zip", _office())
     log = sl.read(path)
     with sl.create(tmp_path / "other", tz="UTC") as made:
@@ -100,9 +94,7 @@ READING: dict[str, list[str]] = {
 def test_every_reading_verb_takes_it(
     tmp_path: Path, temporary: Path, capsys: pytest.CaptureFixture[str], verb: str
 ) -> None:
-    """
-    And says the same on its output, but for the log's name.
-    """
+    """And says the same on its output, but for the log's name."""
     path = _zip(tmp_path / "office.zip", _office())
     said = {}
     for log in (path, RECORDING):
@@ -129,9 +121,7 @@ WRITING: dict[str, list[str]] = {
 def test_every_writing_verb_says_that_it_is_read_only(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
 ) -> None:
-    """
-    With what to do about it; the zip stays as it was.
-    """
+    """With what to do about it; the zip stays as it was."""
     path = _zip(tmp_path / "of fice.zip", _office())
     before = path.read_bytes()
     lines = tmp_path / "lines.jsonl"
@@ -152,9 +142,7 @@ def test_every_writing_verb_says_that_it_is_read_only(
 def test_nothing_is_unpacked_to_refuse_a_writer(
     tmp_path: Path, temporary: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[[Path], Any]
 ) -> None:
-    """
-    It is known before.
-    """
+    """It is known before."""
     path = _zip(tmp_path / "office.zip", _office())
     monkeypatch.setattr(zipped, "_unpack", None)
 
@@ -165,9 +153,7 @@ def test_nothing_is_unpacked_to_refuse_a_writer(
 
 
 def test_recovered_files_in_the_log_s_folder_are_no_second_log(tmp_path: Path) -> None:
-    """
-    Nor are what macOS and editors put beside the files.
-    """
+    """Nor are what macOS and editors put beside the files."""
     more = {
         "office/damaged-1/office_000000.mcap": b"damaged",
         "__MACOSX/office/._office_000000.mcap": b"Mac",
@@ -188,9 +174,7 @@ def test_recovered_files_in_the_log_s_folder_are_no_second_log(tmp_path: Path) -
     ids=["empty", "none", "two"],
 )  # fmt: skip
 def test_it_must_hold_one_log(tmp_path: Path, members: dict[str, bytes], problem: str) -> None:
-    """
-    The message tells what there is.
-    """
+    """The message tells what there is."""
     path = _zip(tmp_path / "office.zip", members)
 
     with pytest.raises(NotALogError, match=problem):
@@ -203,9 +187,7 @@ def test_it_must_hold_one_log(tmp_path: Path, members: dict[str, bytes], problem
      "office\\..\\a.mcap", "../../etc/passwd"],
 )  # fmt: skip
 def test_names_that_lead_out_are_refused(tmp_path: Path, temporary: Path, name: str) -> None:
-    """
-    Nothing is unpacked of a zip that tries.
-    """
+    """Nothing is unpacked of a zip that tries."""
     path = _zip(tmp_path / "office.zip", _office() | {name: b"there"})
 
     with pytest.raises(LogError, match="leads out of it"):
@@ -215,9 +197,7 @@ def test_names_that_lead_out_are_refused(tmp_path: Path, temporary: Path, name: 
 
 
 def test_a_link_is_no_segment(tmp_path: Path) -> None:
-    """
-    What a zip calls a link is refused by its kind.
-    """
+    """What a zip calls a link is refused by its kind."""
     path = tmp_path / "office.zip"
     link = zipfile.ZipInfo("office/office_000009.mcap")
     link.external_attr = 0o120777 << 16
@@ -231,9 +211,7 @@ def test_a_link_is_no_segment(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_there_twice_is_refused(tmp_path: Path) -> None:
-    """
-    Nobody can tell which of them is meant.
-    """
+    """Nobody can tell which of them is meant."""
     path = _zip(tmp_path / "office.zip", _office())
     first = segment_files(RECORDING)[0].name
     with zipfile.ZipFile(path, "a") as packed, pytest.warns(UserWarning, match="Duplicate"):
@@ -244,9 +222,7 @@ def test_a_file_that_is_there_twice_is_refused(tmp_path: Path) -> None:
 
 
 def test_what_is_packed_otherwise_is_refused(tmp_path: Path) -> None:
-    """
-    Every tool can pack it deflated.
-    """
+    """Every tool can pack it deflated."""
     path = _zip(tmp_path / "office.zip", _office(), zipfile.ZIP_LZMA)
 
     with pytest.raises(LogError, match="neither stored nor deflated"):
@@ -254,9 +230,7 @@ def test_what_is_packed_otherwise_is_refused(tmp_path: Path) -> None:
 
 
 def test_an_encrypted_zip_is_refused(tmp_path: Path) -> None:
-    """
-    The message says what to do.
-    """
+    """The message says what to do."""
     path = _zip(tmp_path / "office.zip", _office())
     data = bytearray(path.read_bytes())
     at = -1
@@ -271,9 +245,7 @@ def test_an_encrypted_zip_is_refused(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("is_honest", [True, False])
 def test_a_bomb_is_not_unpacked(tmp_path: Path, temporary: Path, *, is_honest: bool) -> None:
-    """
-    Neither what says how much it holds, nor what lies about it.
-    """
+    """Neither what says how much it holds, nor what lies about it."""
     path = tmp_path / "office.zip"
     name, zeros = "office/office_000009.mcap", bytes(2**20)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
@@ -300,9 +272,7 @@ def test_a_bomb_is_not_unpacked(tmp_path: Path, temporary: Path, *, is_honest: b
 def test_what_is_unpacked_is_counted_whatever_the_zip_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Were the sizes in its list not looked at, it would be refused on the way.
-    """
+    """Were the sizes in its list not looked at, it would be refused on the way."""
     monkeypatch.setattr(zipped, "_check_sizes", lambda *_: None)
     monkeypatch.setattr(zipped, "FREE_BYTES", 2**10)
     monkeypatch.setattr(zipped, "MOST_RATIO", 1)
@@ -313,9 +283,7 @@ def test_what_is_unpacked_is_counted_whatever_the_zip_says(
 
 
 def test_a_list_of_files_has_a_bound(tmp_path: Path) -> None:
-    """
-    It is held in memory, many times as large: 5 MB of list could become 100.
-    """
+    """It is held in memory, many times as large: 5 MB of list could become 100."""
     names = {f"{number:060d}/{'n' * 40}": b"" for number in range(MOST_LIST_BYTES // 147 + 1)}
     path = _zip(tmp_path / "office.zip", _office() | names, zipfile.ZIP_STORED)
 
@@ -324,9 +292,7 @@ def test_a_list_of_files_has_a_bound(tmp_path: Path) -> None:
 
 
 def test_no_room_for_it_is_said_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    With where it would go, and how to choose another place.
-    """
+    """With where it would go, and how to choose another place."""
     path = _zip(tmp_path / "office.zip", _office())
     monkeypatch.setattr(zipped.shutil, "disk_usage", lambda _: type("U", (), {"free": 10})())
 
@@ -336,9 +302,7 @@ def test_no_room_for_it_is_said_before(tmp_path: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize("at", [0.3, 0.6])
 def test_a_damaged_zip_is_told_as_such(tmp_path: Path, temporary: Path, at: float) -> None:
-    """
-    Each file in a zip has a CRC.
-    """
+    """Each file in a zip has a CRC."""
     path = _zip(tmp_path / "office.zip", _office())
     data = bytearray(path.read_bytes())
     data[int(len(data) * at)] ^= 0xFF
@@ -352,9 +316,7 @@ def test_a_damaged_zip_is_told_as_such(tmp_path: Path, temporary: Path, at: floa
 
 
 def test_verify_names_the_zip(tmp_path: Path) -> None:
-    """
-    Not the folder into which it was unpacked, which is gone by then.
-    """
+    """Not the folder into which it was unpacked, which is gone by then."""
     members = _office()
     first = next(name for name in members if name.endswith(".mcap"))
     members[first] = members[first][: len(members[first]) // 2]
@@ -370,9 +332,7 @@ def test_verify_names_the_zip(tmp_path: Path) -> None:
 
 
 def test_verify_tells_what_is_no_log_from_damage(tmp_path: Path) -> None:
-    """
-    By the exit codes that it has for folders.
-    """
+    """By the exit codes that it has for folders."""
     nothing = _zip(tmp_path / "nothing.zip", {"readme.txt": b"hello"})
     cut = tmp_path / "cut.zip"
     cut.write_bytes(_zip(tmp_path / "whole.zip", _office()).read_bytes()[:-30])

@@ -61,9 +61,7 @@ def test_the_evidence_is_told(log: sl.DoorLog) -> None:
 
 
 def test_what_comes_later_does_not_count(tmp_path: Path, log: sl.DoorLog) -> None:
-    """
-    A moment's answer is that of a log which ended then.
-    """
+    """A moment's answer is that of a log which ended then."""
     shorter = patrolled(tmp_path / "short", days=14)
 
     then = probabilities(log, at="2026-03-15T21:00")
@@ -93,9 +91,7 @@ def test_at_counts_what_is_known_today_and_known_at_what_was_known_then(log: sl.
 
 
 def test_a_horizon_is_asked_for_from_the_moment(log: sl.DoorLog) -> None:
-    """
-    From Friday's noon: likely open in two hours, likely closed in two days; known is what it was.
-    """
+    """From Friday's noon: likely open in two hours, likely closed in two days."""
     soon, weekend = (
         probabilities(log, at="2026-03-27T12:00", horizon_ns=h * HOUR_NS, doors=[FRONT])[0]
         for h in (2, 48)
@@ -108,9 +104,7 @@ def test_a_horizon_is_asked_for_from_the_moment(log: sl.DoorLog) -> None:
 
 
 def test_hours_are_those_of_the_building(log: sl.DoorLog) -> None:
-    """
-    Told that its clocks are those of Honolulu, the log has other hours unseen.
-    """
+    """Told that its clocks are those of Honolulu, the log has other hours unseen."""
     (here,), (there,) = (
         probabilities(log, doors=[FRONT], tz=tz) for tz in (None, "Pacific/Honolulu")
     )
@@ -120,18 +114,14 @@ def test_hours_are_those_of_the_building(log: sl.DoorLog) -> None:
 
 
 def test_an_empty_log_has_no_doors_to_tell_of(tmp_path: Path) -> None:
-    """
-    That is no error.
-    """
+    """That is no error."""
     sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock()).close()
 
     assert [] == probabilities(sl.read(tmp_path / "log"))
 
 
 def test_mistakes_are_named(log: sl.DoorLog) -> None:
-    """
-    A door, an estimator, a zone that there is not.
-    """
+    """A door, an estimator, a zone that there is not."""
     with pytest.raises(UnknownDoorError, match="nope"):
         probabilities(log, doors=["nope"])
     with pytest.raises(EstimatorError, match="'oracle': expected one of"):
@@ -142,8 +132,6 @@ def test_mistakes_are_named(log: sl.DoorLog) -> None:
 
 @pytest.mark.parametrize("days", [90_000, 10**12, -30_000])
 def test_a_horizon_ends_where_times_do(log: sl.DoorLog, days: int) -> None:
-    """
-    A moment that no time of a log can be is named, not computed with.
-    """
+    """A moment that no time of a log can be is named, not computed with."""
     with pytest.raises(MomentError, match=r"horizon: expected one that ends before 2262, got"):
         probabilities(log, horizon_ns=days * 24 * HOUR_NS)

@@ -70,9 +70,7 @@ def test_a_polygon_has_the_cells_that_a_loop_finds(corners: list[Point]) -> None
 
 
 def test_a_ring_has_a_hole() -> None:
-    """
-    The even-odd rule: what lies between two sides is not within.
-    """
+    """The even-odd rule: what lies between two sides is not within."""
     outer = [(0.1, 2.6), (4.1, 2.6), (4.1, 5.6), (0.1, 5.6)]
     inner = [(1.1, 3.6), (1.1, 4.6), (3.1, 4.6), (3.1, 3.6)]
     ring = [*outer, outer[0], *inner, inner[0]]

@@ -17,9 +17,7 @@ TOOL = Path(__file__).parents[3] / "tools" / "check_costmap.py"
 
 
 def test_every_cell_of_every_case() -> None:
-    """
-    By full redraw and by incremental update, static map and inflation included.
-    """
+    """By full redraw and by incremental update, static map and inflation included."""
     checked = check(CASES)
 
     assert [] == checked.differences
@@ -59,9 +57,7 @@ def test_the_tool_notices_a_cell(tmp_path: Path) -> None:
     [("cases.json", "{}"), ("cases.json", "[1]"), ("cases.json", "["), ("cases.npz", "no")],
 )
 def test_what_is_no_pack_is_an_error(name: str, text: str, tmp_path: Path) -> None:
-    """
-    Exit code 2, and no traceback.
-    """
+    """Exit code 2, and no traceback."""
     for file in ("cases.json", "cases.npz"):
         shutil.copy(CASES / file, tmp_path / file)
     (tmp_path / name).write_text(text, encoding="utf-8")

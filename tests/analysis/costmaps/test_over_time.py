@@ -44,9 +44,7 @@ def _floor(value: int = 0, **more: float) -> FloorMap:
 
 
 def test_any_moment(path: Path) -> None:
-    """
-    Closed, then open, then elsewhere; what it left shows the floor again.
-    """
+    """Closed, then open, then elsewhere; what it left shows the floor again."""
     log = sl.read(path)
 
     found = {
@@ -59,9 +57,7 @@ def test_any_moment(path: Path) -> None:
 
 
 def test_over_time(path: Path) -> None:
-    """
-    A frame for each moment at which a door is drawn otherwise, and what changed with it.
-    """
+    """A frame for each moment at which a door is drawn otherwise, and what changed with it."""
     log = sl.read(path)
 
     frames = [
@@ -134,9 +130,7 @@ def test_frames_are_the_costmaps_of_their_moments(seed: int, tmp_path: Path) -> 
 def test_the_layer_after_any_events_is_that_of_the_door_map(
     seed: int, by: str, tmp_path: Path
 ) -> None:
-    """
-    Folded in batches of any size, however late their events are, or drawn at once.
-    """
+    """Folded in batches of any size, however late their events are, or drawn at once."""
     dice = random.Random(seed)
     log = _random_log(tmp_path / "log", dice)
     projection = DoorLayerProjection(GRID, by=by)
@@ -198,9 +192,7 @@ def test_live_it_is_the_costmap_of_each_commit(seed: int, tmp_path: Path) -> Non
 
 
 def test_live_what_is_taken_back_is_gone(path: Path) -> None:
-    """
-    With the commit of the retraction, not at the next change.
-    """
+    """With the commit of the retraction, not at the next change."""
     live = costmap_live(sl.read(path), floor=_floor(), poll_s=0, stop=lambda: True)
     next(live)
     with sl.append(path) as log:
@@ -213,9 +205,7 @@ def test_live_what_is_taken_back_is_gone(path: Path) -> None:
 
 
 def test_live_beside_a_writer(path: Path) -> None:
-    """
-    Each commit's cells, as they come; a retraction draws the layer anew.
-    """
+    """Each commit's cells, as they come; a retraction draws the layer anew."""
     opened, geometry = sl.read(path), GridGeometry(50, 60, 0.1)
     live = opened.fold_live(DoorLayerProjection(geometry), poll_s=0)
     first = next(live)
@@ -239,9 +229,7 @@ def test_live_beside_a_writer(path: Path) -> None:
      (math.nan, 0.5, 126), (math.nan, math.nan, LETHAL)],
 )  # fmt: skip
 def test_what_a_belief_costs(p_open: float, p_closed: float, cost: int, path: Path) -> None:
-    """
-    Probably closed costs much, but does not block; nothing believed: the state counts.
-    """
+    """Probably closed costs much, but does not block; nothing believed: the state counts."""
     with sl.append(path) as log:
         log.observe(1, "closed", at="@400")
         log.update_door(1, prob_open=p_open, prob_closed=p_closed, at="@400")
@@ -252,9 +240,7 @@ def test_what_a_belief_costs(p_open: float, p_closed: float, cost: int, path: Pa
 
 
 def test_without_a_floor_the_grid_lies_around_the_doors(path: Path) -> None:
-    """
-    A metre around them, on whole cells; beside them nothing is known.
-    """
+    """A metre around them, on whole cells; beside them nothing is known."""
     found = costmap_at(sl.read(path))
     over_time = next(costmap_frames(sl.read(path))).costmap.geometry
 
@@ -266,9 +252,7 @@ def test_without_a_floor_the_grid_lies_around_the_doors(path: Path) -> None:
 
 
 def test_doors_of_other_levels_and_without_a_place_are_not_drawn(tmp_path: Path) -> None:
-    """
-    A level is taken by number or name; of several one must be named.
-    """
+    """A level is taken by number or name; of several one must be named."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.append([LevelAdded(level=1, name="ground"), LevelAdded(level=2, name="upper")])
         log.add_door(x=1.0, y=1.0, theta=0.0, width=1.0, state="closed", level=1)
@@ -284,9 +268,7 @@ def test_doors_of_other_levels_and_without_a_place_are_not_drawn(tmp_path: Path)
 
 
 def test_a_turned_floor_is_an_error(path: Path) -> None:
-    """
-    noetic ignores the yaw, and draws every door in a wrong place.
-    """
+    """noetic ignores the yaw, and draws every door in a wrong place."""
     with pytest.raises(CostmapError, match=r"expected an origin with yaw 0, got 0.5"):
         costmap_at(sl.read(path), floor=_floor(origin_theta=0.5))
 
@@ -302,17 +284,13 @@ def test_a_turned_floor_is_an_error(path: Path) -> None:
     ],
 )
 def test_what_no_costmap_can_be(options: CostmapOptions, said: str, path: Path) -> None:
-    """
-    It is said, not drawn.
-    """
+    """It is said, not drawn."""
     with pytest.raises(CostmapError, match=said):
         costmap_at(sl.read(path), options)
 
 
 def test_an_update_that_says_nothing_new_is_no_frame(path: Path) -> None:
-    """
-    A hundred sightings of an open door leave the costmap alone.
-    """
+    """A hundred sightings of an open door leave the costmap alone."""
     with sl.append(path) as log:
         for i in range(100):
             log.observe(1, "open", at=f"@{400 + i}")

@@ -115,9 +115,7 @@ Begun = Callable[..., Patrol]
 
 
 def test_passed_is_visited(patrol: Begun) -> None:
-    """
-    The next stop follows, with why; coming out again is nothing new, but when the robot goes on.
-    """
+    """The next stop follows, with why."""
     round_ = patrol()
     assert round_.rest == ["lab", "front"]
 
@@ -136,9 +134,7 @@ def test_passed_is_visited(patrol: Begun) -> None:
 
 
 def test_the_other_door_where_the_robot_gave_up(patrol: Begun) -> None:
-    """
-    A room has two; and the round is over when nothing is left.
-    """
+    """A room has two; and the round is over when nothing is left."""
     round_ = patrol(rooms=["2"])
 
     gave_up = round_.tell(passed(FRONT, through=False), at_s=10)
@@ -153,9 +149,7 @@ def test_the_other_door_where_the_robot_gave_up(patrol: Begun) -> None:
 
 
 def test_seen_shut_where_the_robot_is_sent_and_stands(patrol: Begun) -> None:
-    """
-    Not before it is there: whoever tells of a door from afar makes it less likely, no more.
-    """
+    """Not before it is there: whoever tells of a door from afar makes it less likely, no more."""
     round_ = patrol(rooms=["2"])
 
     round_.tell(stands(8.5), at_s=1)
@@ -169,9 +163,7 @@ def test_seen_shut_where_the_robot_is_sent_and_stands(patrol: Begun) -> None:
 
 
 def test_a_door_beside_the_way_is_not_struck_off(patrol: Begun) -> None:
-    """
-    The robot passes it while it is sent to another: only its P falls.
-    """
+    """The robot passes it while it is sent to another: only its P falls."""
     round_ = patrol(rooms=["lab", "store"], options=ALL)
     assert round_.rest == ["lab", "store"]
 
@@ -201,9 +193,7 @@ def test_what_others_tell_of_a_door_ahead(patrol: Begun) -> None:
 
 
 def test_a_door_that_was_left_out_joins_when_it_is_told_open(patrol: Begun) -> None:
-    """
-    The store seems shut for ever, and reports itself open.
-    """
+    """The store seems shut for ever, and reports itself open."""
     round_ = patrol()
     assert "store" not in round_.rest
 
@@ -213,9 +203,7 @@ def test_a_door_that_was_left_out_joins_when_it_is_told_open(patrol: Begun) -> N
 
 
 def test_a_robot_in_a_room_has_visited_it(patrol: Begun) -> None:
-    """
-    Though nobody told of a door.
-    """
+    """Though nobody told of a door."""
     round_ = patrol()
 
     (step,) = round_.tell(stands(8.5, DOOR_Y + 1.5), at_s=12)
@@ -225,9 +213,7 @@ def test_a_robot_in_a_room_has_visited_it(patrol: Begun) -> None:
 
 
 def test_a_door_that_is_removed(patrol: Begun) -> None:
-    """
-    It is not gone to.
-    """
+    """It is not gone to."""
     round_ = patrol()
 
     (step,) = round_.tell(DoorRemoved(door_id=LAB), at_s=4)
@@ -240,9 +226,7 @@ def test_a_door_that_is_removed(patrol: Begun) -> None:
     "event", [passed(DoorId(6)), seen(DoorId(5), DoorState.OPEN), PatrolStarted(patrol=9)], ids=str
 )
 def test_what_does_not_concern_the_round(patrol: Begun, event: Event) -> None:
-    """
-    A door that is not in it; the start of a round is that of this one.
-    """
+    """A door that is not in it; the start of a round is that of this one."""
     round_ = patrol()
 
     assert round_.tell(event, at_s=5) == []
@@ -250,9 +234,7 @@ def test_what_does_not_concern_the_round(patrol: Begun, event: Event) -> None:
 
 
 def test_a_finished_round_is_over(patrol: Begun) -> None:
-    """
-    Also when stops are left; what comes then changes nothing.
-    """
+    """Also when stops are left; what comes then changes nothing."""
     round_ = patrol()
 
     (over,) = round_.tell(PatrolFinished(patrol=9), at_s=5)
@@ -263,9 +245,7 @@ def test_a_finished_round_is_over(patrol: Begun) -> None:
 
 
 def test_a_robot_that_is_late(patrol: Begun) -> None:
-    """
-    What is ahead is not in the past: the plan is put off.
-    """
+    """What is ahead is not in the past: the plan is put off."""
     round_ = patrol()
     legs_ns = [stop.arrives_ns for stop in round_.round.stops()]
 
@@ -277,9 +257,7 @@ def test_a_robot_that_is_late(patrol: Begun) -> None:
 
 
 def test_the_budget_ends_it(patrol: Begun) -> None:
-    """
-    By the time of what the log tells.
-    """
+    """By the time of what the log tells."""
     round_ = patrol(options=PatrolOptions(budget_s=60.0))
 
     (over,) = round_.tell(stands(5.0), at_s=61)
@@ -288,9 +266,7 @@ def test_the_budget_ends_it(patrol: Begun) -> None:
 
 
 def test_what_happened_before_the_start_changes_no_plan(patrol: Begun) -> None:
-    """
-    A late event: told in the round, and older than it.
-    """
+    """A late event: told in the round, and older than it."""
     round_ = patrol()
 
     assert round_.tell(passed(LAB), at_s=-5) == []
@@ -299,9 +275,7 @@ def test_what_happened_before_the_start_changes_no_plan(patrol: Begun) -> None:
 
 
 def test_what_is_taken_back_did_not_happen(patrol: Begun) -> None:
-    """
-    The lab is a stop again, and one line says so; what was learnt from it is forgotten, too.
-    """
+    """The lab is a stop again, and one line says so; what was learnt from it is forgotten, too."""
     round_ = patrol()
     before = [(stop.door.name, stop.p_passes) for stop in round_.round.stops()]
     number = round_.log.last_event() + 1
@@ -340,9 +314,7 @@ def _chances(round_: Patrol) -> dict[str | None, float]:
 
 
 def test_the_order_in_which_events_come_does_not_matter(patrol: Begun) -> None:
-    """
-    Late ones, several in a commit, in any order: the round is what they make of it together.
-    """
+    """Late ones, several in a commit, in any order: the round is what they make of it together."""
     told = [
         (stands(8.5), 8.0), (seen(STORE, DoorState.OPEN, 0.9), 9.0), (passed(LAB), 12.0),
         (seen(FRONT, DoorState.CLOSED, 0.9), 20.0), (stands(1.5), 40.0),
@@ -364,9 +336,7 @@ def test_the_order_in_which_events_come_does_not_matter(patrol: Begun) -> None:
 
 
 def test_a_robot_that_asks_is_told_nothing_by_a_shut_door(patrol: Begun) -> None:
-    """
-    It may open for who asks: P is that of passing, where enough tries are known.
-    """
+    """It may open for who asks: P is that of passing, where enough tries are known."""
     tries = [
         DoorPassed(door_id=LAB, passed=True, happened_ns=MORNING_NS - hours * HOUR_NS)
         for hours in range(1, 21 * 24)

@@ -11,9 +11,7 @@ from tests.analysis.planning.rounds import a_round, plain_cost
 
 @pytest.mark.parametrize("seed", range(3))
 def test_each_move_costs_what_its_order_costs(seed: int) -> None:
-    """
-    Turned round, moved, or both; a way back does not take as long as there.
-    """
+    """Turned round, moved, or both; a way back does not take as long as there."""
     task = a_round(seed, 7)
     start = np.random.default_rng(seed).permutation(7)
     round_ = _Round.of(task)

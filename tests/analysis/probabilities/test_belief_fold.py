@@ -106,9 +106,7 @@ def test_a_fold_that_is_gone_on_with_anywhere_gives_the_same_numbers(seed: int) 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32))
 def test_evidence_is_what_the_timeline_says_where_no_sensor_is_in_doubt(seed: int) -> None:
-    """
-    Two folds of the same words: a stretch is an interval of the timeline, or a part of one.
-    """
+    """Two folds of the same words: a stretch is an interval of the timeline, or a part of one."""
     with tempfile.TemporaryDirectory() as folder:
         random_log(Path(folder) / "log", random.Random(seed), commits=25)
         log = sl.read(Path(folder) / "log")
@@ -159,9 +157,7 @@ def test_every_estimator_says_the_same_live_as_in_a_replay(tmp_path: Path, name:
 
 
 def test_an_estimator_that_nobody_knows_is_refused() -> None:
-    """
-    With the names of those that are known.
-    """
+    """With the names of those that are known."""
     with pytest.raises(EstimatorError, match="expected one of filter"):
         BeliefProjection("oracle", "UTC")
 
@@ -188,9 +184,7 @@ def test_a_retraction_takes_back_what_had_been_learnt(tmp_path: Path) -> None:
 
 
 def test_a_late_word_drops_what_was_learnt_without_it() -> None:
-    """
-    Nothing is rewound: the word sorts in, and the next question learns anew.
-    """
+    """Nothing is rewound: the word sorts in, and the next question learns anew."""
     estimator = Share()
     projection = BeliefProjection(estimator, "UTC")
     state = projection.apply(projection.initial(), as_batch([added(), put("open", 0)]))
@@ -210,9 +204,7 @@ def test_a_late_word_drops_what_was_learnt_without_it() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_asked_in_between_moves_nothing(seed: int) -> None:
-    """
-    Words of three weeks come in parts, some weeks late, and questions are asked in between.
-    """
+    """Words of three weeks come in parts, some weeks late, and questions are asked in between."""
     rng = random.Random(seed)
     days = sorted(rng.sample(range(24 * 21), 80))
     told = [seen(rng.choice(["open", "closed"]), hour * HOUR) for hour in days]
@@ -253,9 +245,7 @@ def test_what_is_learnt_up_to_a_time_serves_all_earlier_ones() -> None:
 
 
 def test_by_default_all_that_is_known_counts_but_nothing_later_than_the_forecast() -> None:
-    """
-    Of the past what was known then; of the future what is known now.
-    """
+    """Of the past what was known then; of the future what is known now."""
     projection = BeliefProjection(Share(), "UTC")
     told = as_batch([added(), put("open", 0), put("closed", HOUR), put("closed", 3 * HOUR)])
     state = projection.apply(projection.initial(), told)
@@ -266,9 +256,7 @@ def test_by_default_all_that_is_known_counts_but_nothing_later_than_the_forecast
 
 
 def test_a_door_nobody_told_of_is_unknown() -> None:
-    """
-    No error: the estimator says what doors are like.
-    """
+    """No error: the estimator says what doors are like."""
     state = BeliefProjection(Share(), "UTC").initial()
 
     found = state.predict(DoorId(5), np.array([ns_of(0)]))
@@ -278,9 +266,7 @@ def test_a_door_nobody_told_of_is_unknown() -> None:
 
 
 def test_one_checkpoint_serves_all_estimators(tmp_path: Path) -> None:
-    """
-    It keeps what was told, and not what was made of it.
-    """
+    """It keeps what was told, and not what was made of it."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.append(as_batch([added(), seen("open", 0), seen("closed", HOUR)]))
     log, saved = sl.read(tmp_path / "log"), tmp_path / "saved"
@@ -293,9 +279,7 @@ def test_one_checkpoint_serves_all_estimators(tmp_path: Path) -> None:
 
 
 def test_a_removed_door_keeps_what_it_taught(tmp_path: Path) -> None:
-    """
-    Up to its removal; it is still asked for by its id.
-    """
+    """Up to its removal; it is still asked for by its id."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.append(as_batch([added(), put("open", 0)]))
         log.append([DoorRemoved(door_id=DOOR, happened_ns=ns_of(HOUR))])

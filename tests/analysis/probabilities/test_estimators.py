@@ -59,9 +59,7 @@ def questions(seed: int, count: int = 60) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("told", list(DOORS))
 @pytest.mark.parametrize("name", list(ESTIMATORS))
 def test_forecasts_are_probabilities_within_their_interval(name: str, told: str) -> None:
-    """
-    LEAST <= low <= P(open) <= high <= MOST; open and closed sum up to 1; days are not negative.
-    """
+    """LEAST <= low <= P(open) <= high <= MOST; open and closed sum up to 1."""
     found = learnt(name, told).predict(DOOR, *questions(1))
 
     assert 60 == len(found)
@@ -112,9 +110,7 @@ def test_questions_do_not_move_each_other(name: str, told: str) -> None:
 @pytest.mark.parametrize("told", list(DOORS))
 @pytest.mark.parametrize("name", list(ESTIMATORS))
 def test_no_question_has_no_answer(name: str, told: str) -> None:
-    """
-    Empty arrays give an empty forecast, of a door that is known and of one that is not.
-    """
+    """Empty arrays give an empty forecast, of a door that is known and of one that is not."""
     nothing = np.zeros(0, np.int64)
     asked = learnt(name, told)
 
@@ -125,9 +121,7 @@ def test_no_question_has_no_answer(name: str, told: str) -> None:
 @pytest.mark.parametrize("told", ["open", "closed"])
 @pytest.mark.parametrize("name", list(ESTIMATORS))
 def test_a_door_that_never_changed_is_expected_to_stay_so(name: str, told: str) -> None:
-    """
-    After forty days no prior holds it back: within three per cent, known, at any hour.
-    """
+    """After forty days no prior holds it back: within three per cent, known, at any hour."""
     times_ns = hours_ns(HOURS - 1 + np.arange(0, 24, 0.5))
 
     found = learnt(name, told).predict(DOOR, times_ns, np.full(48, hours_ns(HOURS - 1)))
@@ -138,9 +132,7 @@ def test_a_door_that_never_changed_is_expected_to_stay_so(name: str, told: str) 
 
 
 def test_fremen_is_there_in_all_its_orders() -> None:
-    """
-    By name from 1 to 84, each bearing its own; others are refused, and what there is is said.
-    """
+    """By name from 1 to 84, each bearing its own; others are refused, and what there is is said."""
     assert ["fremen1", "fremen84"] == [by_name(name).name for name in ("fremen1", "fremen84")]
 
     for name in ("fremen0", "fremen85", "fremen", "Filter", ""):

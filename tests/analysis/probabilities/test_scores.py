@@ -13,9 +13,7 @@ from semmap_log.analysis.probabilities.scores import BINS, Reliability, Scores, 
 
 
 def test_the_figures_are_those_worked_out_by_hand() -> None:
-    """
-    Three forecasts: .9 and it was open, .2 and it was closed, .6 and it was closed.
-    """
+    """Three forecasts: .9 and it was open, .2 and it was closed, .6 and it was closed."""
     found = scores(np.array([0.9, 0.2, 0.6]), np.array([1.0, 0.0, 0.0]))
 
     assert 3 == found.count
@@ -26,9 +24,7 @@ def test_the_figures_are_those_worked_out_by_hand() -> None:
 
 
 def test_a_sure_mistake_costs_a_finite_log_loss() -> None:
-    """
-    P is clipped at a thousandth there, and only there.
-    """
+    """P is clipped at a thousandth there, and only there."""
     found = scores(np.array([1.0]), np.array([0.0]))
 
     assert 1.0 == found.brier
@@ -36,18 +32,14 @@ def test_a_sure_mistake_costs_a_finite_log_loss() -> None:
 
 
 def test_errors_of_a_bin_cancel_in_the_calibration_only() -> None:
-    """
-    Half of what was said to be .5 came: that is calibrated, whatever the Brier score.
-    """
+    """Half of what was said to be .5 came: that is calibrated, whatever the Brier score."""
     found = scores(np.full(4, 0.5), np.array([0.0, 1.0, 0.0, 1.0]))
 
     assert (0.25, 0.0, 0.0) == (found.brier, found.ece, found.bias)
 
 
 def test_without_forecasts_there_are_no_figures() -> None:
-    """
-    None, not NaN: nothing was measured.
-    """
+    """None, not NaN: nothing was measured."""
     found = scores(np.empty(0), np.empty(0))
 
     assert Scores(0, None, None, None, None) == found
@@ -56,9 +48,7 @@ def test_without_forecasts_there_are_no_figures() -> None:
 
 
 def test_the_mean_is_over_doors_not_over_forecasts() -> None:
-    """
-    A door with a hundred forecasts weighs as much as one with a single one; an empty one nothing.
-    """
+    """A door with a hundred forecasts weighs as much as one with a single one."""
     many = scores(np.zeros(100), np.zeros(100))
     one = scores(np.ones(1), np.zeros(1))
     none = scores(np.empty(0), np.empty(0))
@@ -69,9 +59,7 @@ def test_the_mean_is_over_doors_not_over_forecasts() -> None:
 
 
 def test_a_diagram_says_what_came_in_each_bin() -> None:
-    """
-    (mean p, frequency, count); the last bin holds p = 1, empty bins are left out.
-    """
+    """(mean p, frequency, count); the last bin holds p = 1, empty bins are left out."""
     found = Reliability.of(np.array([0.11, 0.15, 0.95, 1.0]), np.array([0.0, 1.0, 1.0, 1.0]))
 
     assert [
@@ -83,9 +71,7 @@ def test_a_diagram_says_what_came_in_each_bin() -> None:
 
 @given(st.lists(st.tuples(st.floats(0, 1), st.booleans()), max_size=60), st.integers(0, 60))
 def test_diagrams_add_up(told: list[tuple[float, bool]], cut: int) -> None:
-    """
-    Those of two parts make that of the whole, so that doors can be taken one by one.
-    """
+    """Those of two parts make that of the whole, so that doors can be taken one by one."""
     p = np.array([said for said, _ in told])
     outcome = np.array([came for _, came in told], np.float64)
 
@@ -99,9 +85,7 @@ def test_diagrams_add_up(told: list[tuple[float, bool]], cut: int) -> None:
 
 @given(st.lists(st.tuples(st.floats(0, 1), st.booleans()), min_size=1, max_size=60))
 def test_figures_equal_a_plain_loop(told: list[tuple[float, bool]]) -> None:
-    """
-    Forecast by forecast and bin by bin, as the definitions are written.
-    """
+    """Forecast by forecast and bin by bin, as the definitions are written."""
     found = scores(np.array([p for p, _ in told]), np.array([float(came) for _, came in told]))
 
     n = len(told)

@@ -21,9 +21,7 @@ GRIDS = st.tuples(st.integers(1, 14), st.integers(1, 14)).flatmap(
 
 @given(GRIDS, st.randoms(use_true_random=False))
 def test_costs_are_those_of_the_textbook(free: NDArray[np.bool_], dice: Random) -> None:
-    """
-    From two cells at once, to every cell of their region.
-    """
+    """From two cells at once, to every cell of their region."""
     regions = regions_of(free)
     for label in range(1, regions.count + 1):
         fields = DistanceFields(regions, label)
@@ -38,9 +36,7 @@ def test_costs_are_those_of_the_textbook(free: NDArray[np.bool_], dice: Random) 
 
 @pytest.mark.parametrize("share", [0.68, 0.8, 0.97])
 def test_costs_are_those_of_scipy(share: float) -> None:
-    """
-    From many starts on larger grids, where ways wind up and down.
-    """
+    """From many starts on larger grids, where ways wind up and down."""
     dice = np.random.default_rng(5)
     free = dice.random((80, 110)) < share
     regions = regions_of(free)
@@ -55,9 +51,7 @@ def test_costs_are_those_of_scipy(share: float) -> None:
 
 
 def test_a_cell_is_found_again() -> None:
-    """
-    By its number in the field, and in the grid.
-    """
+    """By its number in the field, and in the grid."""
     free = np.random.default_rng(6).random((9, 9)) < 0.8
     fields = DistanceFields(regions_of(free), 1)
     flats = [fields.flat_of(index) for index in range(fields.size)]

@@ -98,9 +98,7 @@ def test_walls_beside_a_door_are_looked_at_outside_its_line(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_beams_beside_a_door_that_come_over_its_leaf(seed: int) -> None:
-    """
-    They cross the line outside of it, and are above its middle part well before that.
-    """
+    """They cross the line outside of it, and are above its middle part well before that."""
     scan, doors = some_scan(seed), some_doors(seed)
     found = sights(scan, doors)
     over = found.over

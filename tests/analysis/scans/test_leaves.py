@@ -112,9 +112,7 @@ def test_rows_with_most_leaves_come_first(kind: str) -> None:
 
 
 def test_a_leaf_may_stand_before_a_wall() -> None:
-    """
-    Which is no leaf itself, and stands across the line at the other end.
-    """
+    """Which is no leaf itself, and stands across the line at the other end."""
     leaves = leaves_of("hinged")
 
     walled = np.isin(np.arange(len(leaves.clear)), leaves.both[:, 0])
@@ -130,9 +128,7 @@ def test_a_leaf_may_stand_before_a_wall() -> None:
 
 @pytest.mark.parametrize("kind", ["double", "hinged"])
 def test_a_leaf_hardly_off_its_line_is_shut(kind: str) -> None:
-    """
-    A leaf that is hung a little off the line looks as if it stood a little open.
-    """
+    """A leaf that is hung a little off the line looks as if it stood a little open."""
     leaves = leaves_of(kind)
     turned = np.abs(np.sin(leaves.turns)) * (leaves.lengths > 0)
     little = (turned < sin(radians(15))).all(1) & (leaves.lengths.sum(1) == 1)

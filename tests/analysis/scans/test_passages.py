@@ -81,9 +81,7 @@ def test_there_and_back_are_two_passages() -> None:
 
 
 def test_a_jump_of_the_localisation_is_no_passage() -> None:
-    """
-    From before the door to behind it, at once; then on, as if nothing had happened.
-    """
+    """From before the door to behind it, at once; then on, as if nothing had happened."""
     assert [] == passages(drive(*straight(0.0, 0.6), *straight(1.4, 2.0)))
 
 
@@ -94,9 +92,7 @@ def test_a_gap_in_time_is_no_passage() -> None:
 
 
 def test_another_level_is_no_passage() -> None:
-    """
-    Through the door's place on the floor above: the way begins there, on the other side.
-    """
+    """Through the door's place on the floor above: the way begins there, on the other side."""
     scans = drive(*straight(0.0, 2.0))
 
     assert [] == passages([replaced(s, level=1) for s in scans])
@@ -104,9 +100,7 @@ def test_another_level_is_no_passage() -> None:
 
 
 def test_scans_far_apart_still_make_a_passage() -> None:
-    """
-    A log that keeps a scan each metre.
-    """
+    """A log that keeps a scan each metre."""
     assert 1 == len(passages(drive((MIDDLE, -0.4), (MIDDLE, 0.6), (MIDDLE, 1.6), every_s=2)))
 
 
@@ -131,9 +125,7 @@ def test_a_door_that_moves_meanwhile_is_not_passed() -> None:
 
 @pytest.mark.parametrize("at_once", [1, 1000])
 def test_a_robot_with_two_lasers_has_passed_once(at_once: int) -> None:
-    """
-    Though each of them crosses the line; on its way back once more; and another robot for itself.
-    """
+    """Though each of them crosses the line; on its way back once more."""
     front = [*straight(-2.0, 3.0), *straight(3.0, -2.0)]
     rear = [(x, y - 0.5) for x, y in front]
     two = [replaced(scan, laser="rear") for scan in drive(*rear)]
@@ -148,9 +140,7 @@ def test_a_robot_with_two_lasers_has_passed_once(at_once: int) -> None:
 
 
 def test_a_robot_that_comes_straight_back_has_passed_twice() -> None:
-    """
-    Though it was behind the door for a second only.
-    """
+    """Though it was behind the door for a second only."""
     there_and_back = [*straight(0.0, 1.5), *straight(1.5, 0.0)]
 
     one, other = passages(drive(*there_and_back, every_s=0.1))

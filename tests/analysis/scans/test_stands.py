@@ -71,9 +71,7 @@ def test_from_one_stand_the_same_is_told_once_in_half_an_hour(tremble: float) ->
 
 
 def test_another_state_is_told_at_once() -> None:
-    """
-    And going back to the first one, too.
-    """
+    """And going back to the first one, too."""
     scans = [*standing(10), *standing(5, OPEN, from_min=10), *standing(10, from_min=15)]
 
     (first, came), (other, changed), (last, back) = news(seen(scans, places()))
@@ -93,9 +91,7 @@ def test_how_scans_come_makes_no_difference_to_what_is_news() -> None:
 
 
 def test_who_comes_back_to_where_it_stood_tells_anew() -> None:
-    """
-    The errors of its pose are others now.
-    """
+    """The errors of its pose are others now."""
     away = [replaced(scan, stamp_ns=scan.stamp_ns + 360 * 10**9)
             for scan in past(start=6.5, stop=9.0).scans()]  # fmt: skip
     scans = [*standing(5), *away, *standing(5, from_min=8)]
@@ -104,9 +100,7 @@ def test_who_comes_back_to_where_it_stood_tells_anew() -> None:
 
 
 def test_who_moves_tells_at_each_visit() -> None:
-    """
-    Half a metre is another place to look from.
-    """
+    """Half a metre is another place to look from."""
     there = (1.1, -0.3, 1.57)
     scans = [*standing(3), *standing(3, from_min=3, pose=there)]
 
@@ -129,9 +123,7 @@ def test_a_clock_that_is_set_back_begins_anew() -> None:
 
 
 def test_undecided_visits_are_no_news_and_no_end_of_them() -> None:
-    """
-    Somebody stands in the doorway for a while.
-    """
+    """Somebody stands in the doorway for a while."""
     somebody = (*SHUT, (0.0, 0.5, 0.9, 0.5))
     scans = [*standing(3), *standing(2, somebody, from_min=3), *standing(3, from_min=5)]
 

@@ -93,9 +93,7 @@ def _plain(change: Any) -> tuple[Any, Any]:
 
 
 def test_history_says_what_was_before(tmp_path: Path) -> None:
-    """
-    A sighting that repeats what is known changes nothing; one that came late, neither.
-    """
+    """A sighting that repeats what is known changes nothing; one that came late, neither."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         place = {"x": 0, "y": 0, "theta": 0, "width": 1}
         door = log.add_door(state="closed", at="2026-03-01T08:00", name="front", **place)

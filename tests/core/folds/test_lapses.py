@@ -101,10 +101,7 @@ def by_the_minute(said: list[Report], holds: int) -> list[tuple[DoorState, bool]
 
 @given(reports, st.integers(0, 3))
 def test_each_minute_counts_as_seen_or_not_seen(said: list[Report], holds: int) -> None:
-    """
-    Sightings hold for some median gaps, what was set until the next report; in totals, in slots,
-    and interval by interval.
-    """
+    """Sightings hold for some median gaps, what was set until the next report."""
     found, expected = told(said, holds), by_the_minute(said, holds)
 
     edges = np.arange(END + 1) * MINUTE_NS
@@ -124,9 +121,7 @@ def test_each_minute_counts_as_seen_or_not_seen(said: list[Report], holds: int) 
 
 @given(reports, st.integers(0, END), st.integers(0, END))
 def test_a_part_is_cut_out_of_the_whole(said: list[Report], one: int, other: int) -> None:
-    """
-    How long a sighting holds does not depend on the part that is asked for.
-    """
+    """How long a sighting holds does not depend on the part that is asked for."""
     since, until = min(one, other), max(one, other)
     whole, expected = told(said, 2), by_the_minute(said, 2)
 
@@ -140,9 +135,7 @@ def test_a_part_is_cut_out_of_the_whole(said: list[Report], one: int, other: int
 
 @given(reports)
 def test_lapses_are_no_changes(said: list[Report]) -> None:
-    """
-    States, beginnings, events and counts are those of a log in which all holds.
-    """
+    """States, beginnings, events and counts are those of a log in which all holds."""
     plain, found = told(said, 0), told(said, 1)
 
     for name in ("start_ns", "end_ns", "state", "event", "sightings"):
@@ -162,9 +155,7 @@ def test_lapses_are_no_changes(said: list[Report]) -> None:
     ],
 )
 def test_a_look_is_a_pass(seconds: list[int], gap_ns: int, looks: int) -> None:
-    """
-    Sightings less than a minute apart are one look, for five minutes at most.
-    """
+    """Sightings less than a minute apart are one look, for five minutes at most."""
     found = hold_of(np.array(seconds, np.int64) * 10**9, 3)
 
     assert Hold(3, gap_ns, looks) == found
@@ -172,9 +163,7 @@ def test_a_look_is_a_pass(seconds: list[int], gap_ns: int, looks: int) -> None:
 
 
 def test_what_was_thinned_out_still_counts_as_looks() -> None:
-    """
-    Of a door that was seen each ten minutes the first and the last sighting of an hour stay.
-    """
+    """Of a door that was seen each ten minutes the first and the last sighting of an hour stay."""
     seen_ns = [(60 * hour + ten) * MINUTE_NS for hour in range(4) for ten in range(0, 60, 10)]
     added = DoorAdded(door_id=DOOR, state=CLOSED, happened_ns=0)
     sightings = [DoorObserved(door_id=DOOR, state=CLOSED, happened_ns=ns) for ns in seen_ns]

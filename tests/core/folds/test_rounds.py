@@ -42,9 +42,7 @@ def test_a_round_has_its_times_its_name_and_its_robot(tmp_path: Path, clock: Ste
 
 
 def test_what_was_taken_back_began_no_round(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    Nor does the second start of a number, and a time from the future counts as recorded.
-    """
+    """Nor does the second start of a number, and a time from the future counts as recorded."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         wrong = log.append([PatrolStarted(patrol=3, happened_ns=NOON_NS)]).first_event
         log.retract(wrong)

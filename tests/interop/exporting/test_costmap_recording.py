@@ -47,9 +47,7 @@ def test_at_any_moment_rviz_shows_what_a_replay_gives(
 
 
 def test_each_frame_is_there(tmp_path: Path) -> None:
-    """
-    With `every_s` 0 the whole grids are the frames, each at its time.
-    """
+    """With `every_s` 0 the whole grids are the frames, each at its time."""
     log = restless_log(tmp_path / "log", seed=2)
     expected = {
         frame.at_ns: to_occupancy(frame.costmap.master.costs)
@@ -67,9 +65,7 @@ def test_each_frame_is_there(tmp_path: Path) -> None:
 
 
 def test_a_part_begins_with_the_costmap_as_it_was(tmp_path: Path) -> None:
-    """
-    The first grid stands at `since`; nothing is later than `until`.
-    """
+    """The first grid stands at `since`; nothing is later than `until`."""
     log = small_log(tmp_path / "log")
     since, until = START + 900 * SECOND, START + 2000 * SECOND
 
@@ -102,9 +98,7 @@ def test_a_wrong_question_leaves_no_file(tmp_path: Path) -> None:
 
 
 def test_progress_goes_up_to_the_end(tmp_path: Path) -> None:
-    """
-    It is told how much of the time has been gone through.
-    """
+    """It is told how much of the time has been gone through."""
     log = restless_log(tmp_path / "log", seed=2)
     told: list[tuple[int, int]] = []
 

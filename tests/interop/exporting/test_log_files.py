@@ -18,9 +18,7 @@ from semmap_log.log.replay.replay import Scope
 
 
 def test_the_yaml_is_the_thesis_schema(tmp_path: Path) -> None:
-    """
-    Fig. 4.1: keys are ids, ascending; all values but the status are real numbers.
-    """
+    """Fig. 4.1: keys are ids, ascending; all values but the status are real numbers."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door(door_id=sl.DoorId(7), x=1.5, y=-2.0, theta=0.1, width=0.9, state="moving")
         log.add_door(
@@ -46,9 +44,7 @@ def test_the_yaml_is_the_thesis_schema(tmp_path: Path) -> None:
 
 
 def test_a_door_without_probabilities_needs_a_word(tmp_path: Path) -> None:
-    """
-    The error names the door and the option; the old file stays.
-    """
+    """The error names the door and the option; the old file stays."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door(x=0, y=0, theta=0, width=1, name="front")
         (tmp_path / "doors.yaml").write_text("old")
@@ -65,9 +61,7 @@ def test_a_door_without_probabilities_needs_a_word(tmp_path: Path) -> None:
     "name", ["doors.yaml", "states.csv", "events.jsonl", "a.geojson", "a.pddl"]
 )
 def test_a_full_disk_leaves_the_old_file_whole(name: str, tmp_path: Path) -> None:
-    """
-    No half file, no litter, one clear error.
-    """
+    """No half file, no litter, one clear error."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         for n in range(50):
             log.add_door(x=n, y=0, theta=0, width=1, state="open", prob_open=0.5, prob_closed=0.5)
@@ -97,9 +91,7 @@ except OutputError as error:
 
 
 def test_a_place_that_cannot_be_written_is_said(tmp_path: Path) -> None:
-    """
-    As one error of ours, with the path.
-    """
+    """As one error of ours, with the path."""
     with sl.create(tmp_path / "log", tz="UTC") as log, pytest.raises(OutputError, match="nowhere"):
         export(log, tmp_path / "nowhere" / "events.jsonl")
 
@@ -125,9 +117,7 @@ def test_events_as_json_lines_come_back_as_they_were(tmp_path: Path) -> None:
 
 
 def test_doors_as_geojson_are_those_of_the_moment(tmp_path: Path) -> None:
-    """
-    And what is said names those without a place.
-    """
+    """And what is said names those without a place."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door(x=1, y=2, theta=0, width=1, state="open", at="2026-03-01")
         log.update_door(1, state="closed", at="2026-03-03")

@@ -31,9 +31,7 @@ MARKED = StreamOptions(markers=True)
 
 @pytest.mark.slow
 def test_the_mcap_library_decodes_every_message(tmp_path: Path) -> None:
-    """
-    By its CRCs, its index and mcap-ros2-support; stamps of log and publishing are the same.
-    """
+    """By its CRCs, its index and mcap-ros2-support; stamps of log and publishing are the same."""
     done = record_bag(lively_log(tmp_path / "log", seed=1), tmp_path / "x.mcap", MARKED)
 
     with (tmp_path / "x.mcap").open("rb") as file:
@@ -52,9 +50,7 @@ def test_the_mcap_library_decodes_every_message(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["x.mcap", "x"])
 def test_who_comes_late_gets_the_whole_truths(name: str, tmp_path: Path) -> None:
-    """
-    ROS 2's players offer maps and arrays as transient_local, single events as volatile.
-    """
+    """ROS 2's players offer maps and arrays as transient_local, single events as volatile."""
     record_bag(small_log(tmp_path / "log"), tmp_path / name, MARKED)
 
     with AnyReader([tmp_path / name]) as reader:
@@ -66,9 +62,7 @@ def test_who_comes_late_gets_the_whole_truths(name: str, tmp_path: Path) -> None
 
 
 def test_ros_1_latches_the_whole_truths(tmp_path: Path) -> None:
-    """
-    The connections of a ROS 1 bag say so.
-    """
+    """The connections of a ROS 1 bag say so."""
     record_bag(small_log(tmp_path / "log"), tmp_path / "x.bag", MARKED)
 
     with AnyReader([tmp_path / "x.bag"]) as reader:
@@ -78,9 +72,7 @@ def test_ros_1_latches_the_whole_truths(tmp_path: Path) -> None:
 
 
 def test_ros_1_knows_the_thesis_messages_by_their_digests() -> None:
-    """
-    The MD5s that genmsg makes of the thesis's two texts; they tell nodes that a type is theirs.
-    """
+    """The MD5s that genmsg makes of the thesis's two texts."""
     digests = {name: ros_types(1).generate_msgdef(f"lta_semantic_map/msg/{name}")[1]
                for name in ("DoorEntry", "DoorMap")}  # fmt: skip
 
@@ -92,9 +84,7 @@ def test_ros_1_knows_the_thesis_messages_by_their_digests() -> None:
 
 @pytest.mark.slow
 def test_ros_1s_own_library_reads_every_message(tmp_path: Path) -> None:
-    """
-    It makes classes of the definitions in the bag, and checks their digests.
-    """
+    """It makes classes of the definitions in the bag, and checks their digests."""
     python = Path("/usr/bin/python3")
     has_rosbag = subprocess.run([python, "-c", "import rosbag"], capture_output=True, check=False)
     if has_rosbag.returncode:
@@ -113,9 +103,7 @@ def test_ros_1s_own_library_reads_every_message(tmp_path: Path) -> None:
 
 @pytest.mark.viewer
 def test_rerun_finds_nothing_wrong(tmp_path: Path) -> None:
-    """
-    `rerun mcap check` exits with 0, and its loader finds the robot and the floor plan.
-    """
+    """`rerun mcap check` exits with 0, and its loader finds the robot and the floor plan."""
     rerun_cli = pytest.importorskip("rerun_cli")
     from rerun.chunk import McapReader
 

@@ -20,10 +20,7 @@ from tests.interop.formats.bags.played import played
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["x.mcap", "x.bag", "x"])
 def test_what_was_exported_comes_back(name: str, tmp_path: Path) -> None:
-    """
-    At the time of each message and between them, as far as the thesis's message can say it; and
-    the robot is where it was.
-    """
+    """At the time of each message and between them, as far as the thesis's message can say it."""
     log = lively_log(tmp_path / "log", seed=1)
     record_bag(log, tmp_path / name)
     sl.create(tmp_path / "new", tz="UTC").close()

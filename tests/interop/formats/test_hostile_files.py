@@ -121,9 +121,7 @@ def read_in_child(path):
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_hostile_file_is_an_error_and_no_more(tmp_path, name):
-    """
-    512 MiB of memory, and an end.
-    """
+    """512 MiB of memory, and an end."""
     path = tmp_path / name
     path.write_bytes(HOSTILE[name]())
 
@@ -134,9 +132,7 @@ def test_a_hostile_file_is_an_error_and_no_more(tmp_path, name):
 
 
 def test_a_file_of_100_megabytes_is_an_error_and_no_more(tmp_path):
-    """
-    It is never read.
-    """
+    """It is never read."""
     path = tmp_path / "large.yaml"
     path.write_bytes(b"1: {}\n")
     os.truncate(path, 100 * 2**20)

@@ -58,9 +58,7 @@ def present(*doors, used=(), levels=(), floor_maps=None):
 
 
 def test_ids_of_a_file_are_kept_where_they_are_free():
-    """
-    With all their values, at the moment asked for.
-    """
+    """With all their values, at the moment asked for."""
     plan = plan_doors(table(row(7)), present(door(1)), at_ns=5)
 
     assert [
@@ -71,9 +69,7 @@ def test_ids_of_a_file_are_kept_where_they_are_free():
 
 
 def test_a_door_with_the_same_values_is_left_alone():
-    """
-    What the file does not give does not differ; MOVING leaves the thesis's YAML as UNKNOWN.
-    """
+    """What the file does not give does not differ; MOVING leaves the thesis's YAML as UNKNOWN."""
     plan = plan_doors(
         table(
             row(1),
@@ -87,9 +83,7 @@ def test_a_door_with_the_same_values_is_left_alone():
 
 
 def test_what_was_exported_changes_nothing_when_it_comes_back():
-    """
-    Through the thesis's text, unplaced doors and a door on a level included.
-    """
+    """Through the thesis's text, unplaced doors and a door on a level included."""
     doors = present(door(1), door(2, level=3, state=DoorState.OFFLINE),
                     door(3, x=NAN, y=NAN, theta=NAN, width=NAN))  # fmt: skip
     text, _ = dump_thesis_yaml(doors.door_map)
@@ -100,9 +94,7 @@ def test_what_was_exported_changes_nothing_when_it_comes_back():
 
 
 def test_other_values_are_an_error_that_lists_them():
-    """
-    Every such door, with its line in the file, and how to go on.
-    """
+    """Every such door, with its line in the file, and how to go on."""
     with pytest.raises(DoorExistsError) as caught:
         plan_doors(table(row(1, x=4.0), row(2, line=12, state=DoorState.CLOSED)),
                    present(door(1), door(2)))  # fmt: skip
@@ -115,9 +107,7 @@ def test_other_values_are_an_error_that_lists_them():
 
 
 def test_update_writes_the_fields_that_differ():
-    """
-    A position stays on its level.
-    """
+    """A position stays on its level."""
     plan = plan_doors(
         table(row(1, x=4.0, prob_closed=0.5), row(2)), present(door(1, level=2), door(2)),
         update=True,
@@ -132,9 +122,7 @@ def test_update_writes_the_fields_that_differ():
 
 
 def test_update_places_an_unplaced_door_as_a_whole():
-    """
-    Pose and width come together.
-    """
+    """Pose and width come together."""
     there = door(1, x=NAN, y=NAN, theta=NAN, width=NAN)
 
     (event,) = plan_doors(table(row(1)), present(there), update=True).events
@@ -144,9 +132,7 @@ def test_update_places_an_unplaced_door_as_a_whole():
 
 
 def test_an_id_that_was_removed_is_an_error():
-    """
-    Two doors must not share a history. One whose adding was taken back never comes back.
-    """
+    """Two doors must not share a history. One whose adding was taken back never comes back."""
     gone = replace(present(door(1), used=[5, 6]), removed={5: RemovedDoor(door(5), 17)})
 
     with pytest.raises(DoorRemovedError) as caught:
@@ -163,9 +149,7 @@ def test_an_id_that_was_removed_is_an_error():
 
 
 def test_update_brings_a_removed_door_back():
-    """
-    Its removal is taken back, and what differs from what it was then is written.
-    """
+    """Its removal is taken back, and what differs from what it was then is written."""
     gone = replace(present(door(1), used=[5]), removed={5: RemovedDoor(door(5, level=2), 17)})
 
     same = plan_doors(table(row(5)), gone, update=True)
@@ -182,9 +166,7 @@ def test_update_brings_a_removed_door_back():
 
 
 def test_renumber_gives_such_doors_the_next_free_ids():
-    """
-    Free of the file's own ids, too.
-    """
+    """Free of the file's own ids, too."""
     plan = plan_doors(table(row(5), row(9), row(2)), present(door(1), used=[2, 5]), renumber=True)
 
     assert [10, 9, 11] == [event.door_id for event in plan.events]
@@ -193,9 +175,7 @@ def test_renumber_gives_such_doors_the_next_free_ids():
 
 
 def test_behind_the_last_id_come_those_that_were_never_given():
-    """
-    Never wrapped, never given twice.
-    """
+    """Never wrapped, never given twice."""
     plan = plan_doors(table(row(None), row(None), row(4)), present(used=[1, MAX_DOOR_ID]))
 
     assert {2, 3, 4} == {event.door_id for event in plan.events if isinstance(event, DoorAdded)}
@@ -222,9 +202,7 @@ PLAN = FloorMap(level=2, resolution=0.05, origin_x=0.0, origin_y=0.0, cells=np.z
 
 
 def test_a_building_comes_with_levels_names_and_plans():
-    """
-    Levels that are there by name are used, others numbered on; so are the doors.
-    """
+    """Levels that are there by name are used, others numbered on; so are the doors."""
     log = present(door(4), levels=[Level(3, "L2")])
 
     plan = plan_doors(building(named("front"), named("back", level=2), maps=[PLAN]), log)
@@ -243,9 +221,7 @@ def test_a_building_comes_with_levels_names_and_plans():
 
 
 def test_a_building_that_is_there_changes_nothing():
-    """
-    Doors are known by level and name, plans by their cells.
-    """
+    """Doors are known by level and name, plans by their cells."""
     notes = {"name": "front", "kind": "hinged"}
     log = present(
         door(8, level=3, annotations=notes), door(9, level=2, annotations=notes),
@@ -259,9 +235,7 @@ def test_a_building_that_is_there_changes_nothing():
 
 
 def test_a_building_with_a_moved_door_is_an_error_or_an_update():
-    """
-    Its kind, too; the state is not the building's to say.
-    """
+    """Its kind, too; the state is not the building's to say."""
     there = door(8, level=1, annotations={"name": "front", "kind": "sliding"})
     log = present(there, levels=[Level(1, "L1"), Level(2, "L2")])
     file = building(named("front", x=3.0))
@@ -276,9 +250,7 @@ def test_a_building_with_a_moved_door_is_an_error_or_an_update():
 
 
 def test_a_name_that_two_doors_bear_is_an_error():
-    """
-    Which of them is meant?
-    """
+    """Which of them is meant?"""
     notes = {"name": "front"}
     log = present(door(1, level=1, annotations=notes), door(2, level=1, annotations=notes),
                   levels=[Level(1, "L1")])  # fmt: skip
@@ -288,9 +260,7 @@ def test_a_name_that_two_doors_bear_is_an_error():
 
 
 def test_the_clinic_of_open_rmf(shared_data):
-    """
-    132 doors, each with a name and a kind, 2 levels, 2 plans; those of its lifts left out.
-    """
+    """132 doors, each with a name and a kind, 2 levels, 2 plans; those of its lifts left out."""
     path = shared_data / "maps" / "rmf_clinic" / "clinic.building.yaml"
     file = read_building(path, lifts=False)
 

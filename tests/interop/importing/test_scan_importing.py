@@ -114,9 +114,7 @@ def test_a_door_that_is_open_and_then_shut_is_seen_so(
 
 
 def test_the_same_bag_again_changes_nothing(office: Path, tmp_path: Path) -> None:
-    """
-    By whatever options it finds the same laser.
-    """
+    """By whatever options it finds the same laser."""
     path = _mcap(tmp_path)
     mapping = tmp_path / "robot.yaml"
     mapping.write_text("topics: {/scan: scan}\n")
@@ -136,9 +134,7 @@ def test_the_same_bag_again_changes_nothing(office: Path, tmp_path: Path) -> Non
 def test_an_import_that_was_interrupted_goes_on(
     office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    What is stored stays, what is missing comes: the log holds each visit once.
-    """
+    """What is stored stays, what is missing comes: the log holds each visit once."""
     path = _mcap(tmp_path)
     real = sl.DoorLogWriter.append
     calls = []
@@ -164,9 +160,7 @@ def test_an_import_that_was_interrupted_goes_on(
 def test_visits_that_the_robot_recorded_while_it_drove_count_once(
     office: Path, tmp_path: Path
 ) -> None:
-    """
-    Its bag is of the same looks: what the log has of that laser at that time is left out.
-    """
+    """Its bag is of the same looks: what the log has of that laser at that time is left out."""
     path = _mcap(tmp_path)
     with sl.append(office) as log:
         log.append(
@@ -199,9 +193,7 @@ def test_the_same_drive_in_another_name_counts_once(
 
 
 def test_another_robot_that_saw_the_door_meanwhile_counts_too(office: Path, tmp_path: Path) -> None:
-    """
-    Its laser is called the same; it was elsewhere.
-    """
+    """Its laser is called the same; it was elsewhere."""
     other = LaserRoom(drive=lambda t: moved(10.0 - 0.6 * t, -0.6))
     write_mcap(tmp_path / "one.mcap", LaserRoom().said())
     write_mcap(tmp_path / "other.mcap", other.said())
@@ -213,9 +205,7 @@ def test_another_robot_that_saw_the_door_meanwhile_counts_too(office: Path, tmp_
 
 
 def test_a_visit_that_does_not_decide_writes_nothing(office: Path, tmp_path: Path) -> None:
-    """
-    A leaf that stands at 40 degrees: the door keeps the state that it had.
-    """
+    """A leaf that stands at 40 degrees: the door keeps the state that it had."""
     across = 0.9 * math.cos(math.radians(40)), 0.9 * math.sin(math.radians(40))
     leaf = [(4.0, 1.2, 4.0 + across[0], 1.2 + across[1])]
     write_mcap(tmp_path / "x.mcap", LaserRoom(state=lambda _: leaf).said())
@@ -228,9 +218,7 @@ def test_a_visit_that_does_not_decide_writes_nothing(office: Path, tmp_path: Pat
 
 
 def test_other_topics_of_the_bag_are_read_too(office: Path, tmp_path: Path) -> None:
-    """
-    As one commit, the same as without the scans: who imports them later has nothing twice.
-    """
+    """As one commit, the same as without the scans: who imports them later has nothing twice."""
     contact = Said("/door_states", *Robot().door_state("front", 2), START + S)
     write_mcap(tmp_path / "x.mcap", [*drives_by(), contact])
 
@@ -244,9 +232,7 @@ def test_other_topics_of_the_bag_are_read_too(office: Path, tmp_path: Path) -> N
 
 
 def test_doors_that_the_bag_itself_adds_are_seen(tmp_path: Path) -> None:
-    """
-    A server's DoorMap comes with it.
-    """
+    """A server's DoorMap comes with it."""
     sl.create(tmp_path / "office", tz="UTC").close()
     x, y, theta, width = DOOR
     door = {"door_id": 7, "pos_x": x, "pos_y": y, "pos_theta": theta, "width": width}
@@ -260,9 +246,7 @@ def test_doors_that_the_bag_itself_adds_are_seen(tmp_path: Path) -> None:
 
 
 def test_the_doors_are_those_of_the_moment(office: Path, tmp_path: Path) -> None:
-    """
-    One that was removed between two visits is seen once; one that came then, from then on.
-    """
+    """One that was removed between two visits is seen once; one that came then, from then on."""
     x, y, theta, width = DOOR
     with sl.append(office) as log:
         log.remove_door(1, at=START + 30 * S)
@@ -275,9 +259,7 @@ def test_the_doors_are_those_of_the_moment(office: Path, tmp_path: Path) -> None
 
 
 def test_a_door_that_was_moved_is_where_it_was_then(office: Path, tmp_path: Path) -> None:
-    """
-    Its first visit is told, though today it is drawn elsewhere.
-    """
+    """Its first visit is told, though today it is drawn elsewhere."""
     with sl.append(office) as log:
         log.update_door(1, x=40.0, y=1.0, theta=0.0, at=START + 30 * S)
 
@@ -287,9 +269,7 @@ def test_a_door_that_was_moved_is_where_it_was_then(office: Path, tmp_path: Path
 
 
 def test_doors_that_were_added_today_were_there_if_one_says_so(tmp_path: Path) -> None:
-    """
-    Last week's bag and a door that was added just now: refused, with the line that helps.
-    """
+    """Last week's bag and a door that was added just now: refused, with the line that helps."""
     x, y, theta, width = DOOR
     with sl.create(tmp_path / "office", tz="UTC") as log:
         log.add_door(x=x, y=y, theta=theta, width=width)
@@ -311,9 +291,7 @@ def test_doors_that_were_added_today_were_there_if_one_says_so(tmp_path: Path) -
 
 
 def test_driving_through_a_door_is_told_as_that(office: Path, tmp_path: Path) -> None:
-    """
-    From the corridor into the room, along a line across the door's.
-    """
+    """From the corridor into the room, along a line across the door's."""
     room = LaserRoom(
         seconds=8.0, drive=lambda t: moved(4.45, -0.9 + 0.5 * t) @ turned("z", math.pi / 2)
     )
@@ -328,9 +306,7 @@ def test_driving_through_a_door_is_told_as_that(office: Path, tmp_path: Path) ->
 
 
 def test_a_bag_without_localisation_is_refused_whole(office: Path, tmp_path: Path) -> None:
-    """
-    With the frames that there are, and what to do; what its other topics say is not written either.
-    """
+    """With the frames that there are, and what to do."""
     room = LaserRoom()
     said = [*room.statics(), *room.tf(localised=False), *room.scans()]
     contact = Said("/door_states", *Robot().door_state("front", 2), START)
@@ -350,9 +326,7 @@ def test_a_bag_without_localisation_is_refused_whole(office: Path, tmp_path: Pat
 def test_a_map_of_another_name_and_poses_that_are_there_are_pointed_at(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    And what is told to be written into a mapping file does help.
-    """
+    """And what is told to be written into a mapping file does help."""
     room = LaserRoom(seconds=2.0)
     said = sorted([*room.said(), *room.poses()], key=lambda each: each.at_ns)
     write_mcap(tmp_path / "x.mcap", said)
@@ -367,9 +341,7 @@ def test_a_map_of_another_name_and_poses_that_are_there_are_pointed_at(
 
 
 def test_a_laser_that_tf_does_not_hold_is_told_as_that(office: Path, tmp_path: Path) -> None:
-    """
-    Poses of the robot would not help: nothing tells where the laser is on it.
-    """
+    """Poses of the robot would not help: nothing tells where the laser is on it."""
     room = LaserRoom(seconds=2.0)
     said = sorted([*room.tf(), *room.scans(), *room.poses()], key=lambda each: each.at_ns)
     write_mcap(tmp_path / "x.mcap", said)
@@ -385,9 +357,7 @@ def test_a_laser_that_tf_does_not_hold_is_told_as_that(office: Path, tmp_path: P
 def test_an_import_without_scan_says_what_a_laser_would_bring(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Below the topics that are left out.
-    """
+    """Below the topics that are left out."""
     said = [Said("/door_states", *Robot().door_state("front", 2), START), *drives_by()]
     write_mcap(tmp_path / "x.mcap", said)
 
@@ -400,9 +370,7 @@ def test_ctrl_c_is_answered(
     office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    """
-    With what became of it: the same command goes on.
-    """
+    """With what became of it: the same command goes on."""
 
     def stopped(*_args: object, **_others: object) -> None:
         raise KeyboardInterrupt
@@ -418,9 +386,7 @@ def test_ctrl_c_is_answered(
 def test_a_topic_of_poses_that_has_none_is_refused_with_those_there_are(
     topic: str, office: Path, tmp_path: Path
 ) -> None:
-    """
-    Before anything is read of it.
-    """
+    """Before anything is read of it."""
     options = ImportOptions(scan=ScanOptions((), topic))
 
     with pytest.raises(FormatError, match=rf"expected a topic {topic} of geometry_msgs/Pose"):
@@ -428,9 +394,7 @@ def test_a_topic_of_poses_that_has_none_is_refused_with_those_there_are(
 
 
 def test_a_topic_of_poses_helps_a_bag_without_localisation(office: Path, tmp_path: Path) -> None:
-    """
-    As the refusal says.
-    """
+    """As the refusal says."""
     room = LaserRoom()
     said = [*room.statics(), *room.tf(localised=False), *room.poses(), *room.scans()]
     write_mcap(tmp_path / "x.mcap", sorted(said, key=lambda each: each.at_ns))
@@ -443,9 +407,7 @@ def test_a_topic_of_poses_helps_a_bag_without_localisation(office: Path, tmp_pat
 
 
 def test_a_bag_that_is_damaged_leaves_the_log_as_it_is(office: Path, tmp_path: Path) -> None:
-    """
-    Also where its first visits could be read.
-    """
+    """Also where its first visits could be read."""
     path = _mcap(tmp_path)
     data = bytearray(path.read_bytes())
     data[len(data) * 3 // 4] ^= 0xFF
@@ -468,9 +430,7 @@ def test_a_bag_that_is_damaged_leaves_the_log_as_it_is(office: Path, tmp_path: P
 def test_which_laser_is_meant_has_to_be_clear(
     topics: list[str], asked: tuple[str, ...], said: str, office: Path, tmp_path: Path
 ) -> None:
-    """
-    The same beams under two names would count twice.
-    """
+    """The same beams under two names would count twice."""
     room = LaserRoom(seconds=1.0)
     sent = [room.sent(room.scan(0.5), 0.6, topic.strip("/")) for topic in topics]
     write_mcap(tmp_path / "x.mcap", [*room.tf(), *sent])
@@ -480,9 +440,7 @@ def test_which_laser_is_meant_has_to_be_clear(
 
 
 def test_of_several_lasers_the_one_called_scan_is_read(office: Path, tmp_path: Path) -> None:
-    """
-    Others beside it are its copies more often than not: filtered, merged.
-    """
+    """Others beside it are its copies more often than not: filtered, merged."""
     copies = [
         replace(each, topic="/scan_filtered") for each in drives_by() if each.topic == "/scan"
     ]
@@ -496,9 +454,7 @@ def test_of_several_lasers_the_one_called_scan_is_read(office: Path, tmp_path: P
 
 
 def test_two_lasers_of_a_robot_see_a_door_once(office: Path, tmp_path: Path) -> None:
-    """
-    The sighting names the one that saw most of it.
-    """
+    """The sighting names the one that saw most of it."""
     front = LaserRoom(state=lambda _: SHUT)
     rear = LaserRoom(
         state=lambda _: SHUT, laser_frame="rear", mount=moved(-0.2, 0) @ turned("z", math.pi)
@@ -519,9 +475,7 @@ def test_two_lasers_of_a_robot_see_a_door_once(office: Path, tmp_path: Path) -> 
 
 
 def test_doors_that_are_never_near_are_a_wrong_frame_maybe(tmp_path: Path) -> None:
-    """
-    With how near the nearest was.
-    """
+    """With how near the nearest was."""
     with sl.create(tmp_path / "office", tz="UTC") as log:
         log.add_door(x=40.0, y=1.2, theta=0.0, width=0.9, at=LONG_AGO)
 
@@ -533,9 +487,7 @@ def test_doors_that_are_never_near_are_a_wrong_frame_maybe(tmp_path: Path) -> No
 
 
 def test_doors_of_another_level_are_not_seen(tmp_path: Path) -> None:
-    """
-    And it is said which they are of.
-    """
+    """And it is said which they are of."""
     with sl.create(tmp_path / "office", tz="UTC") as log:
         log.append([LevelAdded(level=n, name=f"L{n}", happened_ns=LONG_AGO) for n in (1, 2)])
         log.add_door(x=4.0, y=1.2, theta=0.0, width=0.9, level=2, at=LONG_AGO)
@@ -561,9 +513,7 @@ def two_levels(tmp_path: Path) -> Path:
 def test_a_log_of_several_levels_is_told_where_the_robot_drove(
     two_levels: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    What the message says to do can be done: --level.
-    """
+    """What the message says to do can be done: --level."""
     bag = _mcap(tmp_path)
 
     assert 1 == _run("import", two_levels, bag, "--scan")
@@ -581,9 +531,7 @@ def test_a_log_of_several_levels_is_told_where_the_robot_drove(
 def test_a_level_that_a_topic_tells_goes_before_that_of_all(
     two_levels: Path, tmp_path: Path
 ) -> None:
-    """
-    In a mapping file there is one for all, too.
-    """
+    """In a mapping file there is one for all, too."""
     mapping = tmp_path / "robot.yaml"
     mapping.write_text("level: L1\ntopics: {/scan: {read: scan, level: L2}}\n")
 
@@ -595,9 +543,7 @@ def test_a_level_that_a_topic_tells_goes_before_that_of_all(
 def test_the_level_of_all_is_that_of_topics_that_tell_none(
     two_levels: Path, tmp_path: Path
 ) -> None:
-    """
-    The command line goes before the mapping file.
-    """
+    """The command line goes before the mapping file."""
     mapping = tmp_path / "robot.yaml"
     mapping.write_text("level: L1\ntopics: {/scan: scan}\n")
     options = ImportOptions(mapping=mapping)
@@ -612,9 +558,7 @@ def test_the_level_of_all_is_that_of_topics_that_tell_none(
 def test_a_report_and_proposals_are_of_the_level_that_is_told(
     two_levels: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    As the import of the same bag.
-    """
+    """As the import of the same bag."""
     bag = _mcap(tmp_path)
 
     assert 0 == _run("scan-report", two_levels, bag, "--level", "L2", "--json")
@@ -628,9 +572,7 @@ def test_a_report_and_proposals_are_of_the_level_that_is_told(
 def test_heights_that_are_none_are_a_usage_error(
     heights: str, office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    With what is expected.
-    """
+    """With what is expected."""
     assert 2 == _run("import", office, "x.bag", "--scan", "/points", "--heights", heights)
 
     assert f"as 0.3,1.5; got '{heights}'" in capsys.readouterr().err
@@ -648,9 +590,7 @@ def test_heights_that_are_none_are_a_usage_error(
 def test_a_door_that_is_drawn_off_its_wall_is_told_with_how_far(
     y: float, said: str, tmp_path: Path
 ) -> None:
-    """
-    Beams end on the leaf, not on the line, at each visit to it while it is shut.
-    """
+    """Beams end on the leaf, not on the line, at each visit to it while it is shut."""
     with sl.create(tmp_path / "office", tz="UTC") as log:
         log.add_door(x=4.0, y=y, theta=0.0, width=0.9, name="lab", at=LONG_AGO)
     shut = [LaserRoom(state=lambda _: SHUT, begins_s=at) for at in (0.0, 60.0, 120.0)]
@@ -664,9 +604,7 @@ def test_a_door_that_is_drawn_off_its_wall_is_told_with_how_far(
 
 
 def test_a_door_that_is_always_open_may_be_glass(office: Path, tmp_path: Path) -> None:
-    """
-    Unless it is known to be: then its annotation says so.
-    """
+    """Unless it is known to be: then its annotation says so."""
     said = [each for i in range(5) for each in LaserRoom(begins_s=60.0 * i).said()]
     write_mcap(tmp_path / "x.mcap", said)
 
@@ -678,9 +616,7 @@ def test_a_door_that_is_always_open_may_be_glass(office: Path, tmp_path: Path) -
 
 
 def test_a_pose_that_jumps_is_told_with_when_and_how_far(office: Path, tmp_path: Path) -> None:
-    """
-    The largest of them.
-    """
+    """The largest of them."""
     room = LaserRoom(seconds=4.0)
     jumps = []
     for i in range(9):
@@ -698,9 +634,7 @@ def test_a_pose_that_jumps_is_told_with_when_and_how_far(office: Path, tmp_path:
 def test_a_dry_run_shows_what_would_be_written_and_counts(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Events with their sources on stdout, counts on stderr; the log stays as it is.
-    """
+    """Events with their sources on stdout, counts on stderr; the log stays as it is."""
     path = _mcap(tmp_path)
     before = {each: each.read_bytes() for each in office.iterdir()}
 
@@ -719,9 +653,7 @@ def test_a_dry_run_shows_what_would_be_written_and_counts(
 def test_scan_stands_alone_or_before_a_topic_or_a_file(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    What follows it is a topic if it can be one and is no file.
-    """
+    """What follows it is a topic if it can be one and is no file."""
     path = _mcap(tmp_path)
 
     for words in (
@@ -743,9 +675,7 @@ def test_scan_stands_alone_or_before_a_topic_or_a_file(
 def test_since_when_doors_were_there_can_be_tried_first(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A dry run takes the line that the refusal tells, and shows the doors' earlier adding, too.
-    """
+    """A dry run takes the line that the refusal tells, and shows the doors' earlier adding, too."""
     x, y, theta, width = DOOR
     office, path = tmp_path / "office", _mcap(tmp_path)
     with sl.create(office, tz="Europe/Vienna") as log:
@@ -766,9 +696,7 @@ def test_since_when_doors_were_there_can_be_tried_first(
 def test_json_has_the_counts(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    One document, also of a second import.
-    """
+    """One document, also of a second import."""
     path = _mcap(tmp_path)
 
     assert 0 == _run("import", office, path, "--scan", "--json")
@@ -779,9 +707,7 @@ def test_json_has_the_counts(
 
 
 def test_static_transforms_count_from_the_beginning(office: Path, tmp_path: Path) -> None:
-    """
-    A bag has them where they were sent, which may be behind the first scans.
-    """
+    """A bag has them where they were sent, which may be behind the first scans."""
     said = [each for each in drives_by() if each.topic != "/tf_static"]
     (fixed, *_) = LaserRoom().statics()
     late = replace(fixed, at_ns=START + 70 * S)
@@ -794,9 +720,7 @@ def test_static_transforms_count_from_the_beginning(office: Path, tmp_path: Path
 
 
 def test_scans_of_nothing_decide_nothing(office: Path, tmp_path: Path) -> None:
-    """
-    A laser that measures nothing, or is covered: no event says that a door was open or shut.
-    """
+    """A laser that measures nothing, or is covered: no event says that a door was open or shut."""
     room = LaserRoom()
     blind = [
         room.sent(room.scan(t, ranges=np.full(360, value, np.float32)), t + 0.1)
@@ -814,9 +738,7 @@ def test_scans_of_nothing_decide_nothing(office: Path, tmp_path: Path) -> None:
 
 
 def test_a_robot_that_drove_through_did_so_once(office: Path, tmp_path: Path) -> None:
-    """
-    Whichever of its two lasers told it, in whatever order they are imported.
-    """
+    """Whichever of its two lasers told it, in whatever order they are imported."""
 
     def drive(t: float) -> Any:
         made = turned("z", math.pi / 2)
@@ -844,9 +766,7 @@ def test_a_robot_that_drove_through_did_so_once(office: Path, tmp_path: Path) ->
 def test_doors_that_were_removed_before_the_bag_ended_were_there(
     office: Path, tmp_path: Path
 ) -> None:
-    """
-    What was seen of them until then counts, though the log has no door any more.
-    """
+    """What was seen of them until then counts, though the log has no door any more."""
     with sl.append(office) as log:
         log.remove_door(1, at=START + 30 * S)
 
@@ -858,9 +778,7 @@ def test_doors_that_were_removed_before_the_bag_ended_were_there(
 def test_looks_that_somebody_imported_in_his_name_count_once(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Of a bag that begins before another one ends, both by the same person; a dry run says so.
-    """
+    """Of a bag that begins before another one ends, both by the same person; a dry run says so."""
     said, bob = drives_by(), Note(actor="bob")
     one, other = tmp_path / "one.mcap", tmp_path / "other.mcap"
     write_mcap(one, said[: len(said) // 2 + 20])

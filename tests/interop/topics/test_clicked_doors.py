@@ -44,9 +44,7 @@ def _listener(rule: ReadClicks = ReadClicks(), version: RosVersion = 2) -> Liste
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_two_clicks_are_a_door(version: RosVersion) -> None:
-    """
-    From the first to the second; a line tells who clicks what was done.
-    """
+    """From the first to the second; a line tells who clicks what was done."""
     listener = _listener(version=version)
 
     first = listener.made(CLICKED, _click(2, 1, version=version))
@@ -65,9 +63,7 @@ def test_two_clicks_are_a_door(version: RosVersion) -> None:
 
 
 def test_the_third_click_begins_the_next_door() -> None:
-    """
-    Four clicks are two doors.
-    """
+    """Four clicks are two doors."""
     listener = _listener()
 
     made = [listener.hear(CLICKED, _click(x, 0), x) for x in (0, 1, 3, 4)]
@@ -86,9 +82,7 @@ def test_the_third_click_begins_the_next_door() -> None:
     ],
 )
 def test_nonsense_is_refused(clicks: list[tuple[float, float, float]], said: str) -> None:
-    """
-    With words; the next two clicks are a door.
-    """
+    """With words; the next two clicks are a door."""
     listener = _listener()
 
     assert [listener.hear(CLICKED, _click(*each)) for each in clicks] == [[], []]
@@ -98,9 +92,7 @@ def test_nonsense_is_refused(clicks: list[tuple[float, float, float]], said: str
 
 
 def test_a_bad_width_forgets_both_clicks() -> None:
-    """
-    Who clicked amiss clicks both ends anew.
-    """
+    """Who clicked amiss clicks both ends anew."""
     listener = _listener()
 
     made = [len(listener.hear(CLICKED, _click(x, 0))) for x in (0, 9, 9.5, 10.4)]
@@ -110,9 +102,7 @@ def test_a_bad_width_forgets_both_clicks() -> None:
 
 
 def test_clicks_in_another_frame_are_passed_over() -> None:
-    """
-    RViz's Fixed Frame was odom.
-    """
+    """RViz's Fixed Frame was odom."""
     listener = _listener()
 
     made = [listener.hear(CLICKED, _click(x, 0, frame="odom")) for x in (0, 1)]
@@ -122,9 +112,7 @@ def test_clicks_in_another_frame_are_passed_over() -> None:
 
 
 def test_a_click_that_comes_too_late_begins_another_door() -> None:
-    """
-    It is told, and is no second one.
-    """
+    """It is told, and is no second one."""
     listener = _listener(ReadClicks(within_s=10))
 
     made = [len(listener.hear(CLICKED, _click(x, 0), at)) for x, at in ((0, 0), (1, 11), (2, 12))]
@@ -135,9 +123,7 @@ def test_a_click_that_comes_too_late_begins_another_door() -> None:
 
 
 def test_a_door_that_is_there_is_not_added_again() -> None:
-    """
-    Whichever end is clicked first.
-    """
+    """Whichever end is clicked first."""
     listener = _listener()
 
     made = [len(listener.hear(CLICKED, _click(x, 0))) for x in (0, 0.9, 1.0, 0.1)]
@@ -147,9 +133,7 @@ def test_a_door_that_is_there_is_not_added_again() -> None:
 
 
 def test_doors_come_onto_the_level_that_is_told() -> None:
-    """
-    The same place on another level is another door.
-    """
+    """The same place on another level is another door."""
     known = Known()
     for level in (1, 2):
         known.apply(LevelAdded(level=level, name=f"L{level}", elevation=0.0))
@@ -164,9 +148,7 @@ def test_doors_come_onto_the_level_that_is_told() -> None:
 
 
 def test_a_mapping_file_says_it_and_a_bag_brings_the_same(tmp_path: Path) -> None:
-    """
-    By the same code.
-    """
+    """By the same code."""
     mapping = tmp_path / "m.yaml"
     mapping.write_text("topics:\n  /clicked_point: {read: clicked_points, within: 20}\n")
     said = [Said(CLICKED, *_click(x, 0, at_s=x), START + round(x * S)) for x in (0.0, 0.9)]
@@ -182,9 +164,7 @@ def test_a_mapping_file_says_it_and_a_bag_brings_the_same(tmp_path: Path) -> Non
 
 
 def test_a_mapping_file_that_cannot_be_is_refused(tmp_path: Path) -> None:
-    """
-    With the key.
-    """
+    """With the key."""
     mapping = tmp_path / "m.yaml"
     mapping.write_text("topics:\n  /clicked_point: {read: clicked_points, heights: [3, 1]}\n")
 
@@ -193,9 +173,7 @@ def test_a_mapping_file_that_cannot_be_is_refused(tmp_path: Path) -> None:
 
 
 def test_clicks_are_read_only_where_asked_for() -> None:
-    """
-    By the option, unless the mapping names their topic.
-    """
+    """By the option, unless the mapping names their topic."""
     mine = RosMapping(topics={"/door_points": TopicRule(ReadClicks())})
 
     assert WELL_KNOWN.rule(CLICKED, POINT_STAMPED) is None

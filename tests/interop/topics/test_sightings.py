@@ -61,9 +61,7 @@ def _said(events: list[Event]) -> list[tuple[int, str]]:
 
 
 def test_the_five_modes_are_the_five_states() -> None:
-    """
-    And a sixth is told, and left out.
-    """
+    """And a sixth is told, and left out."""
     listener = _states()
 
     said = [_said(listener.hear("/door_states", ROBOT.door_state("front", mode), mode))
@@ -77,9 +75,7 @@ def test_the_five_modes_are_the_five_states() -> None:
 
 
 def test_a_sighting_that_repeats_is_left_out_for_a_while() -> None:
-    """
-    Within 60 s the same is not said again; another state is, at once, and so is going back.
-    """
+    """Within 60 s the same is not said again; another state is, at once, and so is going back."""
     listener = _states()
 
     kept = [
@@ -93,9 +89,7 @@ def test_a_sighting_that_repeats_is_left_out_for_a_while() -> None:
 
 
 def test_no_limit_keeps_every_sighting() -> None:
-    """
-    `repeats: 0`.
-    """
+    """`repeats: 0`."""
     listener = Listener({"/s": ReadSensor("front")}, _front(), RosMapping(repeats_s=0))
 
     said = [listener.hear("/s", ROBOT.said("Bool", True), 0.001 * n) for n in range(3)]
@@ -104,9 +98,7 @@ def test_no_limit_keeps_every_sighting() -> None:
 
 
 def test_two_sources_do_not_repeat_each_other() -> None:
-    """
-    What one topic said is news from another.
-    """
+    """What one topic said is news from another."""
     known = _front()
     readings = {"/a": ReadSensor("front"), "/b": ReadSensor("front")}
     listener = Listener(readings, known)
@@ -117,10 +109,7 @@ def test_two_sources_do_not_repeat_each_other() -> None:
 
 
 def test_a_number_as_a_robots_name_is_no_id_of_ours() -> None:
-    """
-    Doors "2" and "1" of Open-RMF are two doors, whatever ids they got. In a mapping a
-    number may be an id, unless a door is called so.
-    """
+    """Doors "2" and "1" of Open-RMF are two doors, whatever ids they got."""
     listener = Listener({"/door_states": ReadRmfState(), "/mapped": ReadRmfState({"east": "1"})})
 
     for name in ("2", "1"):
@@ -139,9 +128,7 @@ def test_a_number_as_a_robots_name_is_no_id_of_ours() -> None:
 def test_the_mapping_says_what_becomes_of_unknown_doors(
     unknown: str, door: int | None, told: int
 ) -> None:
-    """
-    A new unplaced door of that name, once; nothing; or a complaint.
-    """
+    """A new unplaced door of that name, once; nothing; or a complaint."""
     listener = _states(unknown=unknown)
 
     first = listener.hear("/door_states", ROBOT.door_state("back", OPEN))
@@ -157,9 +144,7 @@ def test_the_mapping_says_what_becomes_of_unknown_doors(
 
 
 def test_doors_are_found_by_name_by_level_and_name_and_by_table() -> None:
-    """
-    A name on two levels is not clear; with the level, or in the table, it is.
-    """
+    """A name on two levels is not clear; with the level, or in the table, it is."""
     known = Known()
     for number, level in ((1, 1), (2, 2)):
         known.apply(LevelAdded(level=level, name=f"L{level}", happened_ns=START))
@@ -178,9 +163,7 @@ def test_doors_are_found_by_name_by_level_and_name_and_by_table() -> None:
 
 
 def test_a_new_door_with_a_known_level_in_its_name_is_put_there() -> None:
-    """
-    `L2/attic` is the door attic on L2; a level that nobody knows is a part of the name.
-    """
+    """`L2/attic` is the door attic on L2; a level that nobody knows is a part of the name."""
     known = _front()
     known.apply(LevelAdded(level=2, name="L2", happened_ns=START))
     listener = Listener({"/d": ReadRmfState(level="2")}, known)
@@ -231,9 +214,7 @@ def test_a_request_says_who_asked() -> None:
 def test_a_sensors_value_means_a_state(
     kind: str, value: Any, rule: dict[str, Any], state: str | None
 ) -> None:
-    """
-    As the mapping says, or plainly; a value that means none is told, and left out.
-    """
+    """As the mapping says, or plainly; a value that means none is told, and left out."""
     listener = _sensor(**rule)
 
     events = listener.hear("/s", ROBOT.said(kind, value))
@@ -243,9 +224,7 @@ def test_a_sensors_value_means_a_state(
 
 
 def test_a_field_can_lie_deep_and_must_be_there() -> None:
-    """
-    A path with dots; one that leads nowhere is told.
-    """
+    """A path with dots; one that leads nowhere is told."""
     name, data = ROBOT.door_state("any", OPEN)
     deep = _sensor(path="current_mode.value", states={2: DoorState.OPEN})
     nowhere = _sensor(path="current_mode.colour")
@@ -256,9 +235,7 @@ def test_a_field_can_lie_deep_and_must_be_there() -> None:
 
 
 def test_accuracies_are_those_of_the_mapping() -> None:
-    """
-    For open and closed apart.
-    """
+    """For open and closed apart."""
     listener = _sensor(accuracy=Accuracy(0.9, 0.95))
 
     (event,) = listener.hear("/s", ROBOT.said("Bool", True))
@@ -272,9 +249,7 @@ def test_accuracies_are_those_of_the_mapping() -> None:
     [(99, 99), (40, 40), (39, 100), (100, 100), (101, 100), (None, 100)],
 )
 def test_a_stamp_counts_if_it_can_be_believed(stamp_s: int | None, happened_s: int) -> None:
-    """
-    From a minute before the message came up to then; zero, older and later ones do not.
-    """
+    """From a minute before the message came up to then; zero, older and later ones do not."""
     listener = _states()
     at_ns = 0 if stamp_s is None else START + stamp_s * S
 
@@ -284,9 +259,7 @@ def test_a_stamp_counts_if_it_can_be_believed(stamp_s: int | None, happened_s: i
 
 
 def test_where_the_robot_was_is_kept_with_a_sighting() -> None:
-    """
-    Its last pose, though it moved less than the filter lets through; once.
-    """
+    """Its last pose, though it moved less than the filter lets through; once."""
     readings = {"/p": ReadPose(), "/s": ReadSensor("front")}
     listener = Listener(readings, _front())
     listener.hear("/p", ROBOT.pose(1.0, 1.0, 0.0))
@@ -302,9 +275,7 @@ def test_where_the_robot_was_is_kept_with_a_sighting() -> None:
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_bytes_that_are_no_such_message_are_told(version: Any) -> None:
-    """
-    Cut short at any place: never an event but of the whole message, never a crash.
-    """
+    """Cut short at any place: never an event but of the whole message, never a crash."""
     robot = Robot(version)
     name, data = robot.door_state("front", OPEN)
 
@@ -315,9 +286,7 @@ def test_bytes_that_are_no_such_message_are_told(version: Any) -> None:
 
 
 def test_a_message_of_another_type_is_told() -> None:
-    """
-    What somebody else publishes under the topic's name is not read as what was expected.
-    """
+    """What somebody else publishes under the topic's name is not read as what was expected."""
     listener = _states()
 
     assert [] == listener.hear("/door_states", ROBOT.said("String", "front"))
@@ -325,9 +294,7 @@ def test_a_message_of_another_type_is_told() -> None:
 
 
 def test_what_is_known_is_what_the_log_would_say(tmp_path: Path) -> None:
-    """
-    Doors, levels, rounds and floor plans, taken from a log and followed event by event.
-    """
+    """Doors, levels, rounds and floor plans, taken from a log and followed event by event."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         known = Known.of(log)
         listener = Listener({"/d": ReadRmfState()}, known)

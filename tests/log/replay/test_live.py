@@ -52,9 +52,7 @@ def _now(path: Path, checkpoint: Path | None = None) -> list[tuple[list[int], in
 
 
 def test_the_state_of_now_comes_at_once(path: Path, tmp_path: Path) -> None:
-    """
-    Also of an empty log, and where a checkpoint holds it already.
-    """
+    """Also of an empty log, and where a checkpoint holds it already."""
     sl.create(tmp_path / "empty", tz="UTC").close()
 
     assert [([], -1, False)] == _now(tmp_path / "empty", tmp_path / "empty_checkpoint")
@@ -63,9 +61,7 @@ def test_the_state_of_now_comes_at_once(path: Path, tmp_path: Path) -> None:
 
 
 def test_a_state_after_what_came_together(path: Path) -> None:
-    """
-    Two commits between two looks are one step; where nothing came, none.
-    """
+    """Two commits between two looks are one step; where nothing came, none."""
     live = sl.read(path).fold_live(Numbers(), poll_s=0)
     assert 1 == next(live).event
     _observe(path, 2)
@@ -78,9 +74,7 @@ def test_a_state_after_what_came_together(path: Path) -> None:
 
 
 def test_a_retraction_begins_anew(path: Path, tmp_path: Path) -> None:
-    """
-    The step says so; the state before stays as it was handed out.
-    """
+    """The step says so; the state before stays as it was handed out."""
     live = sl.read(path).fold_live(Numbers(), checkpoint=tmp_path / "checkpoint", poll_s=0)
     first = next(live)
     with sl.append(path) as log:
@@ -94,9 +88,7 @@ def test_a_retraction_begins_anew(path: Path, tmp_path: Path) -> None:
 
 
 def test_a_redaction_begins_anew(path: Path, tmp_path: Path) -> None:
-    """
-    The state held the text, and the checkpoint would have kept it.
-    """
+    """The state held the text, and the checkpoint would have kept it."""
     with sl.append(path) as log:
         log.annotate(1, "owner", "Zoe")
         log.observe(1, "open")
@@ -114,9 +106,7 @@ def test_a_redaction_begins_anew(path: Path, tmp_path: Path) -> None:
 
 
 def test_rolls_and_compactions_are_nothing_new(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Segments come, are merged and exchanged; each event is taken in once.
-    """
+    """Segments come, are merged and exchanged; each event is taken in once."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 3)
     live = sl.read(path).fold_live(Numbers(), poll_s=0)
     next(live)
@@ -130,9 +120,7 @@ def test_rolls_and_compactions_are_nothing_new(path: Path, monkeypatch: pytest.M
 
 
 def test_the_checkpoint_is_saved_when_the_loop_is_left(path: Path, tmp_path: Path) -> None:
-    """
-    By break, by an error of who looks at the states, at the end; and every so often before.
-    """
+    """By break, by an error of who looks at the states, at the end; and every so often before."""
     checkpoint = tmp_path / "checkpoint"
     opened = sl.read(path)
     for _ in opened.fold_live(Numbers(), checkpoint=checkpoint):
@@ -153,9 +141,7 @@ def test_the_checkpoint_is_saved_when_the_loop_is_left(path: Path, tmp_path: Pat
 
 
 def test_it_is_saved_while_nothing_comes(path: Path, tmp_path: Path) -> None:
-    """
-    What came last would otherwise be folded again after a kill, hours later.
-    """
+    """What came last would otherwise be folded again after a kill, hours later."""
     found: list[bool] = []
 
     def has_been_saved() -> bool:
@@ -175,9 +161,7 @@ def test_it_is_saved_while_nothing_comes(path: Path, tmp_path: Path) -> None:
 
 
 def test_a_state_left_half_made_is_not_kept(path: Path, tmp_path: Path) -> None:
-    """
-    The projection fails in the middle of its own state, behind a step that was not saved yet.
-    """
+    """The projection fails in the middle of its own state, behind a step that was not saved yet."""
 
     class HalfMade(Numbers):
         name = "Numbers"
@@ -202,9 +186,7 @@ def test_a_state_left_half_made_is_not_kept(path: Path, tmp_path: Path) -> None:
 
 
 def test_a_log_that_is_put_back_meanwhile_is_an_error(path: Path, tmp_path: Path) -> None:
-    """
-    States were handed out that the log knows nothing of: that is not hidden.
-    """
+    """States were handed out that the log knows nothing of: that is not hidden."""
     shutil.copytree(path, tmp_path / "backup")
     live = sl.read(path).fold_live(Numbers(), poll_s=0)
     next(live)
@@ -219,9 +201,7 @@ def test_a_log_that_is_put_back_meanwhile_is_an_error(path: Path, tmp_path: Path
 
 
 def test_another_log_in_its_place_is_an_error(path: Path) -> None:
-    """
-    Though its numbers would go on as if nothing were wrong.
-    """
+    """Though its numbers would go on as if nothing were wrong."""
     live = sl.read(path).fold_live(Numbers(), poll_s=0)
     next(live)
     shutil.rmtree(path)
@@ -234,9 +214,7 @@ def test_another_log_in_its_place_is_an_error(path: Path) -> None:
 
 
 def test_waiting_costs_next_to_nothing(path: Path) -> None:
-    """
-    While nothing happens no file is read.
-    """
+    """While nothing happens no file is read."""
     live = sl.read(path).fold_live(Numbers(), poll_s=0, stop=lambda: next(looks) == 199)
     looks = iter(range(200))
     next(live)
@@ -375,9 +353,7 @@ def test_killed_at_any_moment_of_a_long_fold(
 
 
 def test_a_writer_in_the_same_process(path: Path) -> None:
-    """
-    A thread that folds live while another appends ends with the same state as a fold.
-    """
+    """A thread that folds live while another appends ends with the same state as a fold."""
     done = threading.Event()
     states: list[LiveState[list[int]]] = []
 

@@ -17,9 +17,7 @@ COUNT = 40
 
 @pytest.mark.parametrize("seed", range(12))
 def test_a_retraction_reaches_the_same_events(seed: int) -> None:
-    """
-    Wherever they lie now, and none besides; one that reaches nothing that is there is not told.
-    """
+    """Wherever they lie now, and none besides."""
     dice, numbers, known, first = random.Random(seed), NewNumbers(COUNT), dict[int, int](), 5
     at = 0
     while at < COUNT:

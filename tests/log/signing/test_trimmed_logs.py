@@ -83,9 +83,7 @@ def trim(log: Path, which: int) -> None:
 def test_what_an_officer_has_taken_out_is_vouched_for(
     office: Path, key: SigningKey, officer: SigningKey, which: int
 ) -> None:
-    """
-    Through copies, compaction, merges and more trimming; and the robot goes on.
-    """
+    """Through copies, compaction, merges and more trimming; and the robot goes on."""
     sign(office, key)
     check_before_trimming(office, officer)
     trim(office, which)
@@ -111,9 +109,7 @@ def test_what_an_officer_has_taken_out_is_vouched_for(
 def test_what_was_trimmed_without_an_officer_is_not_vouched_for(
     office: Path, key: SigningKey, officer: SigningKey
 ) -> None:
-    """
-    Whoever asks for a key, or for a head, is told how many records that is; until one adopts it.
-    """
+    """Whoever asks for a key, or for a head, is told how many records that is."""
     sign(office, key)
     trim(office, 1)
     found = verify(office)
@@ -134,9 +130,7 @@ def test_what_was_trimmed_without_an_officer_is_not_vouched_for(
 
 
 def test_a_head_before_all_that_was_taken_out_is_still_enough(office: Path) -> None:
-    """
-    And one after it is not: it does not bind what is left there.
-    """
+    """And one after it is not: it does not bind what is left there."""
     first = list(sl.read(office).commits())[-1]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(segment_chain, "CONTINUE_BELOW_BYTES", 1)
@@ -174,9 +168,7 @@ def test_an_officer_vouches_for_no_more_than_came_before(
 def test_a_robot_s_key_removes_nothing(
     office: Path, key: SigningKey, tmp_path: Path, officer: SigningKey
 ) -> None:
-    """
-    A .pub file, or a line without namespaces, believes a key for what was recorded.
-    """
+    """A .pub file, or a line without namespaces, believes a key for what was recorded."""
     sign(office, key)
     trim(office, 0)
     sign(office, key, trimmed=True)
@@ -193,9 +185,7 @@ def test_a_robot_s_key_removes_nothing(
 
 
 def test_a_state_that_is_lost_is_not_guessed(office: Path, key: SigningKey, tmp_path: Path) -> None:
-    """
-    Statements of the key are there, and it does not know them: the log may be an older one.
-    """
+    """Statements of the key are there, and it does not know them: the log may be an older one."""
     sign(office, key)
     state = tmp_path / "robot.state"
     before = state.read_bytes()
@@ -218,9 +208,7 @@ def test_a_state_that_is_lost_is_not_guessed(office: Path, key: SigningKey, tmp_
 
 
 def test_another_zone_in_the_heads_is_not_signed(office: Path, key: SigningKey) -> None:
-    """
-    No commit binds it; the signer remembers.
-    """
+    """No commit binds it; the signer remembers."""
     sign(office, key)
     forgery = Forgery(office)
     for segment in forgery.segments:
@@ -257,9 +245,7 @@ def old_statement(log: Path, key: SigningKey, first: int, end: int) -> None:
 def test_statements_of_version_1_are_read(
     office: Path, key: SigningKey, officer: SigningKey
 ) -> None:
-    """
-    They stand for what is whole; signing goes on after them.
-    """
+    """They stand for what is whole; signing goes on after them."""
     ends = [one.last_event + 1 for one in sl.read(office).commits()]
     old_statement(office, key, 0, ends[30])
     assert (6, ["unsigned"]) == checked(office, key)[:2]
@@ -293,9 +279,7 @@ def test_statements_of_version_1_do_not_vouch_for_what_is_trimmed(
 
 
 def test_a_recovered_log_is_signed_on(office: Path, key: SigningKey) -> None:
-    """
-    What `recover` adds is an unsigned end.
-    """
+    """What `recover` adds is an unsigned end."""
     sign(office, key)
     for mark in office.glob("closed-*.json"):
         mark.write_text("{}")
@@ -308,9 +292,7 @@ def test_a_recovered_log_is_signed_on(office: Path, key: SigningKey) -> None:
 def test_a_successor_goes_on_in_a_key_s_place(
     office: Path, key: SigningKey, officer: SigningKey, tmp_path: Path
 ) -> None:
-    """
-    Who believes the old key believes it, too; the old one signs no more.
-    """
+    """Who believes the old key believes it, too; the old one signs no more."""
     sign(office, key)
     (named,) = read_public_keys([tmp_path / "officer.pub"]).values()
     assert 1 == len(sign(office, key, next_key=named).made)

@@ -133,9 +133,7 @@ def cut_off(truth: Truth, log: Path, call: str, at: int) -> bool:
 @pytest.mark.parametrize("call", CALLS)
 @pytest.mark.parametrize("kind", RULES)
 def test_killed_at_each_step(original: Path, copies: Iterator[Path], kind: str, call: str) -> None:
-    """
-    All is answered as before; done again, it is as if nothing had happened.
-    """
+    """All is answered as before; done again, it is as if nothing had happened."""
     truth = Truth(original, kind)
     for at in count(1):
         log = next(copies)
@@ -156,9 +154,7 @@ def test_killed_at_each_step(original: Path, copies: Iterator[Path], kind: str, 
 def test_a_full_disk_at_each_step(
     original: Path, copies: Iterator[Path], monkeypatch: pytest.MonkeyPatch, kind: str, call: str
 ) -> None:
-    """
-    It is said; all is answered as before, and nothing half lies about.
-    """
+    """It is said; all is answered as before, and nothing half lies about."""
     truth, hits, told = Truth(original, kind), 0, 0
 
     def full() -> None:
@@ -187,9 +183,7 @@ def test_a_full_disk_at_each_step(
 
 @pytest.mark.parametrize("kind", RULES)
 def test_killed_half_way(original: Path, copies: Iterator[Path], kind: str) -> None:
-    """
-    When some segments are trimmed, and others are not.
-    """
+    """When some segments are trimmed, and others are not."""
     truth, log = Truth(original, kind), next(copies)
 
     assert cut_off(truth, log, "replace", 4)

@@ -100,9 +100,7 @@ def killed_after(delay_s: float, log: Path) -> bool:
 def test_killed_at_random_moments(
     original: Path, compacted: dict[str, bytes], tmp_path: Path
 ) -> None:
-    """
-    From the first look at the files to the last removal.
-    """
+    """From the first look at the files to the last removal."""
     rng = random.Random(3)
     hits, longest_s = 0, 0.15
     for number in count():
@@ -124,9 +122,7 @@ def test_killed_at_random_moments(
 def test_killed_before_each_change(
     original: Path, compacted: dict[str, bytes], tmp_path: Path, call: str
 ) -> None:
-    """
-    A real SIGKILL in front of the n-th fsync, rename, unlink, for each n that there is.
-    """
+    """A real SIGKILL in front of the n-th fsync, rename, unlink, for each n that there is."""
     if shutil.which("strace") is None:
         pytest.skip("strace is not installed: no kill in front of a chosen system call")
     kills = leftovers = 0
@@ -165,9 +161,7 @@ def strace_compact(log: Path, fault: str) -> subprocess.CompletedProcess[str]:
 def test_an_error_of_the_disk_leaves_a_whole_log(
     original: Path, compacted: dict[str, bytes], tmp_path: Path, call: str
 ) -> None:
-    """
-    EIO from the n-th fsync, rename, unlink: exit code 1, the log is whole, and again.
-    """
+    """EIO from the n-th fsync, rename, unlink: exit code 1, the log is whole, and again."""
     if shutil.which("strace") is None:
         pytest.skip("strace is not installed: no error from a chosen system call")
     failures = 0

@@ -55,9 +55,7 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_leftover_costs_nothing(original: Path, tmp_path: Path, damage: str) -> None:
-    """
-    One of two files that lie in the merged one.
-    """
+    """One of two files that lie in the merged one."""
     log = Path(shutil.copytree(original, tmp_path / "log"))
     compact(log)
     path = Path(LogReader(log).leftovers[0])
@@ -89,9 +87,7 @@ def check_costs_nothing(log: Path, original: Path) -> None:
 
 
 def test_a_damaged_file_that_no_other_holds_is_needed(original: Path, tmp_path: Path) -> None:
-    """
-    Nor does a name of another log make it a leftover.
-    """
+    """Nor does a name of another log make it a leftover."""
     log = Path(shutil.copytree(original, tmp_path / "log"))
     compact(log)
     left = Path(LogReader(log).leftovers[0])
@@ -105,9 +101,7 @@ def test_a_damaged_file_that_no_other_holds_is_needed(original: Path, tmp_path: 
 
 @pytest.mark.slow
 def test_killed_at_each_step_of_a_compaction(original: Path, tmp_path: Path) -> None:
-    """
-    A real SIGKILL before each change of the disk; then each file that is left over is damaged.
-    """
+    """A real SIGKILL before each change of the disk."""
     kinds = set()
     for step in range(200):
         log = Path(shutil.copytree(original, tmp_path / str(step) / "log"))

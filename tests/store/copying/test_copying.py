@@ -78,9 +78,7 @@ def files(log: Path) -> dict[str, bytes]:
 
 
 def test_it_is_the_log_and_nothing_is_written_to_that(log: Path, tmp_path: Path) -> None:
-    """
-    Beside a writer: no lock is taken on the log, and the copy can be written to.
-    """
+    """Beside a writer: no lock is taken on the log, and the copy can be written to."""
     before = files(log)
 
     done = copy(log, tmp_path / "copy")
@@ -95,9 +93,7 @@ def test_it_is_the_log_and_nothing_is_written_to_that(log: Path, tmp_path: Path)
 
 
 def test_the_second_time_only_what_is_new_is_copied(older: Path, tmp_path: Path) -> None:
-    """
-    Of what is there already only the ends are looked at.
-    """
+    """Of what is there already only the ends are looked at."""
     copy(older, tmp_path / "copy")
     first, second, _ = segment_files(tmp_path / "copy")
     inodes = [path.stat().st_ino for path in (first, second)]
@@ -117,9 +113,7 @@ def test_the_second_time_only_what_is_new_is_copied(older: Path, tmp_path: Path)
 
 @pytest.mark.parametrize("merge", [True, False])
 def test_a_log_that_was_compacted_since(older: Path, tmp_path: Path, *, merge: bool) -> None:
-    """
-    What changed is copied again; what was merged stands in one file there, too.
-    """
+    """What changed is copied again; what was merged stands in one file there, too."""
     copy(older, tmp_path / "copy")
     goes_on(older)
     compact(older, merge=merge, keep_s=0)
@@ -134,10 +128,7 @@ def test_a_log_that_was_compacted_since(older: Path, tmp_path: Path, *, merge: b
 
 
 def test_a_copy_that_was_compacted_by_itself_goes_on(older: Path, tmp_path: Path) -> None:
-    """
-    It holds the same events, so what was merged there stays; not so where the log has changed the
-    end of that since: a small last segment is continued.
-    """
+    """It holds the same events, so what was merged there stays."""
     goes_on(older, 24)
     copy(older, tmp_path / "copy")
     compact(tmp_path / "copy", keep_s=0)
@@ -157,9 +148,7 @@ def test_a_copy_that_was_compacted_by_itself_goes_on(older: Path, tmp_path: Path
 
 
 def test_a_cut_copy_is_noticed(older: Path, tmp_path: Path) -> None:
-    """
-    Its mark tells how far it reaches, its live segment included.
-    """
+    """Its mark tells how far it reaches, its live segment included."""
     copy(older, tmp_path / "copy")
     last = segment_files(tmp_path / "copy")[-1]
     os.truncate(last, last.stat().st_size - 300)
@@ -169,9 +158,7 @@ def test_a_cut_copy_is_noticed(older: Path, tmp_path: Path) -> None:
 
 
 def test_a_torn_tail_and_what_is_not_the_logs_are_left_out(older: Path, tmp_path: Path) -> None:
-    """
-    And that is told.
-    """
+    """And that is told."""
     with segment_files(older)[-1].open("ab") as file:
         file.write(b"\x06torn")
     (older / "index").mkdir()
@@ -184,9 +171,7 @@ def test_a_torn_tail_and_what_is_not_the_logs_are_left_out(older: Path, tmp_path
 
 
 def test_what_is_no_earlier_copy_is_refused(older: Path, tmp_path: Path) -> None:
-    """
-    By what was expected and what was found; nothing there changes.
-    """
+    """By what was expected and what was found; nothing there changes."""
     there = tmp_path / "copy"
     copy(older, there)
     goes_on(there, 1)
@@ -203,9 +188,7 @@ def test_what_is_no_earlier_copy_is_refused(older: Path, tmp_path: Path) -> None
 
 
 def test_a_place_that_is_no_copy_is_left_alone(older: Path, tmp_path: Path) -> None:
-    """
-    Somebody's folder, a file, the log's own folder: not even a lock file is put there.
-    """
+    """Somebody's folder, a file, the log's own folder: not even a lock file is put there."""
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").touch()
     (tmp_path / "file").touch()
@@ -221,9 +204,7 @@ def test_a_place_that_is_no_copy_is_left_alone(older: Path, tmp_path: Path) -> N
 
 
 def test_a_copy_that_is_written_is_refused(older: Path, tmp_path: Path) -> None:
-    """
-    It has one writer, as any log.
-    """
+    """It has one writer, as any log."""
     copy(older, tmp_path / "copy")
     with sl.append(tmp_path / "copy"), pytest.raises(LogLockedError):
         copy(older, tmp_path / "copy")
@@ -234,9 +215,7 @@ def test_a_copy_that_is_written_is_refused(older: Path, tmp_path: Path) -> None:
 def test_a_damaged_log_leaves_the_copy_as_it_was(
     older: Path, tmp_path: Path, number: int, place: float
 ) -> None:
-    """
-    The error names the log's own file, the copy has no new file, and goes on later.
-    """
+    """The error names the log's own file, the copy has no new file, and goes on later."""
     there = tmp_path / "copy"
     copy(older, there)
     goes_on(older, 30)
@@ -260,9 +239,7 @@ def test_a_damaged_log_leaves_the_copy_as_it_was(
 
 
 def test_full_finds_what_is_damaged_in_the_copy(older: Path, tmp_path: Path) -> None:
-    """
-    And copies it again; without it nobody looks there.
-    """
+    """And copies it again; without it nobody looks there."""
     there = tmp_path / "copy"
     copy(older, there)
     path = segment_files(there)[0]
@@ -316,9 +293,7 @@ def died(call: str, number: int, act: Callable[[], object], *, error: int | None
 def test_stopped_at_any_step_the_copy_is_a_log(
     older: Path, tmp_path: Path, call: str, error: int | None, case: str
 ) -> None:
-    """
-    Killed, or the disk full: what was there, or more of it; and the next copying goes on.
-    """
+    """Killed, or the disk full: what was there, or more of it; and the next copying goes on."""
     former = 0
     if case != "new":
         copy(older, tmp_path / "former")
@@ -350,9 +325,7 @@ def test_stopped_at_any_step_the_copy_is_a_log(
 
 
 def test_what_was_copied_before_a_stop_is_not_copied_again(older: Path, tmp_path: Path) -> None:
-    """
-    The finished files of a copying that was killed are verified, and get their names.
-    """
+    """The finished files of a copying that was killed are verified, and get their names."""
     there = tmp_path / "copy"
     assert died("replace", 0, lambda: copy(older, there), error=None)
     finished = {path.stat().st_ino for path in there.glob(".*.tmp")}
@@ -364,9 +337,7 @@ def test_what_was_copied_before_a_stop_is_not_copied_again(older: Path, tmp_path
 
 
 def test_a_disk_that_is_really_full(older: Path, tmp_path: Path) -> None:
-    """
-    A file may not grow further: one line says so, and the copy is what it was.
-    """
+    """A file may not grow further: one line says so, and the copy is what it was."""
     there = tmp_path / "copy"
     copy(older, there)
     goes_on(older)
@@ -406,9 +377,7 @@ def test_beside_a_writer_that_rolls_closes_and_merges(tmp_path: Path) -> None:
 def test_the_verb(
     older: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    What was copied, what was there, and what was left out; from a zip file, too.
-    """
+    """What was copied, what was there, and what was left out; from a zip file, too."""
     monkeypatch.chdir(tmp_path)
     size = sum(path.stat().st_size for path in segment_files(older))
     (older / "index").mkdir()

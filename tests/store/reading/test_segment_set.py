@@ -66,9 +66,7 @@ def _numbers(log: Path) -> list[int]:
 
 
 def test_names_do_not_matter(log: Path) -> None:
-    """
-    The order comes from the heads: files under any name, as backups leave them.
-    """
+    """The order comes from the heads: files under any name, as backups leave them."""
     for i, path in enumerate(sorted(log.glob("*.mcap"), reverse=True)):
         path.rename(log / f"copy {i}.mcap")
 
@@ -77,9 +75,7 @@ def test_names_do_not_matter(log: Path) -> None:
 
 @pytest.mark.parametrize("number", range(5))
 def test_a_missing_segment_is_named(number: int, log: Path) -> None:
-    """
-    The first, or one between; the last cannot be missed without a head hash kept elsewhere.
-    """
+    """The first, or one between; the last cannot be missed without a head hash kept elsewhere."""
     _segment(log, number).unlink()
 
     with pytest.raises(CorruptLogError, match=rf"one is missing; segment {number} is not in "):
@@ -87,9 +83,7 @@ def test_a_missing_segment_is_named(number: int, log: Path) -> None:
 
 
 def test_several_missing_segments_are_named(log: Path) -> None:
-    """
-    As a range.
-    """
+    """As a range."""
     for number in (2, 3):
         _segment(log, number).unlink()
 
@@ -98,9 +92,7 @@ def test_several_missing_segments_are_named(log: Path) -> None:
 
 
 def test_a_segment_that_is_there_twice_is_named(log: Path) -> None:
-    """
-    With the other file's name.
-    """
+    """With the other file's name."""
     shutil.copy(_segment(log, 3), log / "copy.mcap")
 
     with pytest.raises(CorruptLogError, match=r"segment 3 of the log is there twice; the other is"):
@@ -108,9 +100,7 @@ def test_a_segment_that_is_there_twice_is_named(log: Path) -> None:
 
 
 def test_a_foreign_segment_is_named(log: Path, tmp_path: Path) -> None:
-    """
-    It has the right number, but it is of another log.
-    """
+    """It has the right number, but it is of another log."""
     with sl.create(tmp_path / "other", tz="UTC") as writing:
         for _ in range(12):
             writing.add_door()
@@ -132,9 +122,7 @@ def test_a_foreign_segment_is_named(log: Path, tmp_path: Path) -> None:
 def test_a_segment_of_a_copy_that_went_another_way_is_named(
     ask: Callable[[LogReader], object], log: Path, tmp_path: Path
 ) -> None:
-    """
-    Its log id, number and first event are right, and the events before it are others.
-    """
+    """Its log id, number and first event are right, and the events before it are others."""
     copy = tmp_path / "elsewhere" / "log"
     shutil.copytree(log, copy)
     for path in (log, copy):
@@ -149,9 +137,7 @@ def test_a_segment_of_a_copy_that_went_another_way_is_named(
 
 @pytest.mark.parametrize("at", [0, 5, 9, 22])
 def test_a_segment_whose_head_is_damaged_is_named(at: int, log: Path) -> None:
-    """
-    Among segments of ours, a file without our head is damage, not somebody else's bag.
-    """
+    """Among segments of ours, a file without our head is damage, not somebody else's bag."""
     path = _segment(log, 2)
     data = bytearray(path.read_bytes())
     data[at] ^= 0x08
@@ -164,9 +150,7 @@ def test_a_segment_whose_head_is_damaged_is_named(at: int, log: Path) -> None:
 
 @pytest.mark.parametrize("cut", [1, 40, 3000])
 def test_a_shortened_segment_is_named(cut: int, log: Path) -> None:
-    """
-    Only the last may be without an end.
-    """
+    """Only the last may be without an end."""
     path = _segment(log, 1)
     path.write_bytes(path.read_bytes()[:-cut])
 
@@ -175,10 +159,7 @@ def test_a_shortened_segment_is_named(cut: int, log: Path) -> None:
 
 
 def test_a_segment_of_another_copy_of_the_log_is_named(log: Path, tmp_path: Path) -> None:
-    """
-    Two copies went their own ways; a segment of one in the other has fitting numbers, but not the
-    hash. Whoever opens it is told; in a copy without marks, whoever asks anything.
-    """
+    """Two copies went their own ways."""
     copy = tmp_path / "copy"
     shutil.copytree(log, copy)
     for path in (log, copy):
@@ -199,9 +180,7 @@ def test_a_segment_of_another_copy_of_the_log_is_named(log: Path, tmp_path: Path
 
 
 def test_swapped_contents_are_named(log: Path) -> None:
-    """
-    Two files that exchanged their names are no harm; two that exchanged their heads would be.
-    """
+    """Two files that exchanged their names are no harm; two that exchanged their heads would be."""
     one, other = _segment(log, 1), _segment(log, 2)
     one.rename(log / "x.mcap")
     other.rename(one)
@@ -231,9 +210,7 @@ def test_what_was_merged_is_left_over(log: Path) -> None:
 
 
 def test_a_merged_segment_in_the_place_of_its_first(log: Path) -> None:
-    """
-    It takes the name of the first at once; the others are left over.
-    """
+    """It takes the name of the first at once; the others are left over."""
     _merge(log, [0, 1, 2, 3], _segment(log, 0))
 
     assert list(range(12)) == _numbers(log)
@@ -241,9 +218,7 @@ def test_a_merged_segment_in_the_place_of_its_first(log: Path) -> None:
 
 
 def test_the_next_writer_removes_what_is_left_over(log: Path) -> None:
-    """
-    What lies in a merged file goes once no copy of the folder can need it.
-    """
+    """What lies in a merged file goes once no copy of the folder can need it."""
     _merge(log, [0, 1, 2, 3], _segment(log, 0))
     sl.append(log).close()
     assert [_segment(log, n) for n in (1, 2, 3)] == LogReader(log).leftovers
@@ -258,9 +233,7 @@ def test_the_next_writer_removes_what_is_left_over(log: Path) -> None:
 
 
 def test_a_part_with_other_commits_is_no_leftover(log: Path, tmp_path: Path) -> None:
-    """
-    It holds what the merged segment does not: never ignored.
-    """
+    """It holds what the merged segment does not: never ignored."""
     copy = tmp_path / "copy"
     shutil.copytree(log, copy)
     for path in (log, copy):
@@ -276,9 +249,7 @@ def test_a_part_with_other_commits_is_no_leftover(log: Path, tmp_path: Path) -> 
 
 
 def test_every_event_is_found_in_a_merged_segment(log: Path) -> None:
-    """
-    Also those before a keyframe in the middle of it, whatever the chunks begin with.
-    """
+    """Also those before a keyframe in the middle of it, whatever the chunks begin with."""
     _merge(log, range(6), _segment(log, 0))
     (segment,) = LogReader(log).segments
 
@@ -290,9 +261,7 @@ def test_every_event_is_found_in_a_merged_segment(log: Path) -> None:
 
 
 def test_merged_segments_that_overlap_are_named(log: Path) -> None:
-    """
-    Neither is a part of the other.
-    """
+    """Neither is a part of the other."""
     _merge(log, [1, 2, 3], log / "one.mcap")
     _merge(log, [3, 4], log / "two.mcap")
 
@@ -303,9 +272,7 @@ def test_merged_segments_that_overlap_are_named(log: Path) -> None:
 def test_a_file_that_vanishes_while_it_is_opened(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Between the listing and the opening a writer merged: the folder is listed again.
-    """
+    """Between the listing and the opening a writer merged: the folder is listed again."""
     listed: list[int] = []
 
     def then_merge(folder: Path) -> list[tuple[str, int]]:
@@ -326,9 +293,7 @@ def test_a_file_that_vanishes_while_it_is_opened(
 
 
 def test_a_link_to_nowhere_is_an_error(log: Path) -> None:
-    """
-    It will not be there at the next look, either.
-    """
+    """It will not be there at the next look, either."""
     (log / "x.mcap").symlink_to(log / "nowhere")
 
     with pytest.raises(LogAccessError, match=r"x.mcap: cannot be read: No such file"):
@@ -336,9 +301,7 @@ def test_a_link_to_nowhere_is_an_error(log: Path) -> None:
 
 
 def test_a_log_that_is_gone_is_no_log(log: Path) -> None:
-    """
-    Refreshing says so.
-    """
+    """Refreshing says so."""
     reader = LogReader(log)
     shutil.rmtree(log)
 
@@ -347,9 +310,7 @@ def test_a_log_that_is_gone_is_no_log(log: Path) -> None:
 
 
 def test_more_segments_than_a_process_may_have_files(log: Path) -> None:
-    """
-    A log of five years has 1,825 segments, a process 1,024 descriptors: none is kept.
-    """
+    """A log of five years has 1,825 segments, a process 1,024 descriptors: none is kept."""
     code = (
         "import resource, sys\n"
         "from pathlib import Path\n"

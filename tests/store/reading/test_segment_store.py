@@ -40,9 +40,7 @@ def far(path: Path) -> tuple[sl.DoorLog, FarSegments]:
 def test_every_answer_is_that_of_the_same_log_on_a_disk(
     seed: int, step: str, tmp_path: Path
 ) -> None:
-    """
-    Now, at many moments, of both times; history, single events, commits, all bytes.
-    """
+    """Now, at many moments, of both times; history, single events, commits, all bytes."""
     path = tmp_path / "log"
     with tiny_steps():
         random_log(path, random.Random(seed), commits=40)
@@ -89,9 +87,7 @@ def test_a_moment_asks_for_few_bytes(second: int, long_log: Path) -> None:
 
 
 def test_opening_asks_for_heads_and_ends_only(long_log: Path) -> None:
-    """
-    No chunk of a closed log is fetched before there is a question.
-    """
+    """No chunk of a closed log is fetched before there is a question."""
     _, store = far(long_log)
 
     assert store.bytes_asked() < len(store.asked) * 2 * 2**12 + 2**15
@@ -99,9 +95,7 @@ def test_opening_asks_for_heads_and_ends_only(long_log: Path) -> None:
 
 
 def test_a_log_that_is_written_meanwhile_is_followed(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    Segments grow and roll; each commit comes once, and what is known is not fetched again.
-    """
+    """Segments grow and roll; each commit comes once, and what is known is not fetched again."""
     with tiny_steps(), sl.create(tmp_path / "log", tz="UTC", clock=clock, compact=False) as log:
         log.append([DoorAdded(door_id=DoorId(1), happened_ns=START_NS - 1)])
         opened, store = far(tmp_path / "log")
@@ -120,9 +114,7 @@ def test_a_log_that_is_written_meanwhile_is_followed(tmp_path: Path, clock: Stea
 
 
 def test_a_log_that_is_gone_or_damaged_is_told(tmp_path: Path) -> None:
-    """
-    By where it lies, as for a folder.
-    """
+    """By where it lies, as for a folder."""
     path = tmp_path / "log"
     with tiny_steps():
         random_log(path, random.Random(4), commits=30)

@@ -88,9 +88,7 @@ def with_damaged_indexes(path: Path) -> None:
 def test_every_command_is_found_after_rolls_and_a_reopening(
     change: Callable[[Path], None], tmp_path: Path
 ) -> None:
-    """
-    In whatever form its segment is: the commit that is stored, with its note; unknown ones not.
-    """
+    """In whatever form its segment is: the commit that is stored, with its note."""
     path = tmp_path / "log"
     events = made(path, range(100, 118))
     change(path)
@@ -108,9 +106,7 @@ def test_every_command_is_found_after_rolls_and_a_reopening(
 
 @pytest.mark.usefixtures("rolls")
 def test_commands_are_found_while_segments_roll_under_them(tmp_path: Path) -> None:
-    """
-    Whether somebody asked before a roll, or only behind several; of one that was continued, too.
-    """
+    """Whether somebody asked before a roll, or only behind several."""
     path = tmp_path / "log"
     events = made(path, range(3))
     with sl.append(path, compact=False) as log:
@@ -146,9 +142,7 @@ def test_commands_of_a_continued_segment_are_kept_once(tmp_path: Path) -> None:
 
 
 def test_a_command_that_is_held_back_is_known(tmp_path: Path) -> None:
-    """
-    Durability `none` keeps it in memory: to be answered, it is written first.
-    """
+    """Durability `none` keeps it in memory: to be answered, it is written first."""
     with sl.create(tmp_path / "log", tz="UTC", durability="none") as log:
         log.append([DoorAdded(door_id=DOOR)])
 
@@ -156,9 +150,7 @@ def test_a_command_that_is_held_back_is_known(tmp_path: Path) -> None:
 
 
 def test_an_id_drawn_at_random_can_be_asked_for(tmp_path: Path, rolls: None) -> None:
-    """
-    As LogPoisonedError tells it: whether the command was stored shows after reopening.
-    """
+    """As LogPoisonedError tells it: whether the command was stored shows after reopening."""
     path = tmp_path / "log"
     drawn: list[bytes] = []
 
@@ -179,9 +171,7 @@ def test_an_id_drawn_at_random_can_be_asked_for(tmp_path: Path, rolls: None) -> 
 @pytest.mark.parametrize("loses", [False, True], ids=["torn closing", "lost middle"])
 @pytest.mark.usefixtures("rolls")
 def test_after_recover_commands_are_known(loses: bool, tmp_path: Path) -> None:
-    """
-    All that are left of a log that lost its middle; those that were lost are stored anew.
-    """
+    """All that are left of a log that lost its middle; those that were lost are stored anew."""
     path = tmp_path / "log"
     made(path, range(18))
     _, second, *_, last = sorted(path.glob("*.mcap"))
@@ -203,9 +193,7 @@ def test_after_recover_commands_are_known(loses: bool, tmp_path: Path) -> None:
 
 
 def test_a_log_that_was_closed_without_index_knows_its_commands(tmp_path: Path) -> None:
-    """
-    A log as it was made before: its commits are read, once for each opening.
-    """
+    """A log as it was made before: its commits are read, once for each opening."""
     path = tmp_path / "log"
     shutil.copytree(GOLDEN, path)
     commits = list(LogReader(path).commits())
@@ -217,9 +205,7 @@ def test_a_log_that_was_closed_without_index_knows_its_commands(tmp_path: Path) 
 
 
 def test_the_same_id_for_something_else_is_an_error(tmp_path: Path, rolls: None) -> None:
-    """
-    Also when its command is long past; nothing is stored.
-    """
+    """Also when its command is long past; nothing is stored."""
     path = tmp_path / "log"
     made(path, range(18))
 
@@ -232,9 +218,7 @@ def test_the_same_id_for_something_else_is_an_error(tmp_path: Path, rolls: None)
 def test_commands_with_one_fingerprint_are_told_apart(
     tmp_path: Path, rolls: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A fingerprint only says where to look: here all have the same.
-    """
+    """A fingerprint only says where to look: here all have the same."""
     for module in (command_index, segment_chain):
         monkeypatch.setattr(module, "fingerprint", lambda _: 2**32 - 1)
     path = tmp_path / "log"
@@ -276,9 +260,7 @@ def test_nothing_is_read_until_a_command_with_an_id_comes(
 
 @pytest.mark.slow
 def test_memory_is_bounded_by_the_segment_and_eight_bytes_a_commit(tmp_path: Path) -> None:
-    """
-    Over 61,000 commits: ids of the live segment only, numbers for the rest; the first is found.
-    """
+    """Over 61,000 commits: ids of the live segment only, numbers for the rest."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", durability="none", compact=False) as log:
         log.append([DoorAdded(door_id=DOOR)])

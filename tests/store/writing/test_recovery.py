@@ -48,9 +48,7 @@ def _cut(crashed: Path, to: Path, size: int, tail: bytes = b"") -> Path:
 def test_cut_at_every_byte_of_the_last_commits(
     crashed: tuple[Path, list[int]], tmp_path: Path
 ) -> None:
-    """
-    Bare, with a tail of zeros and with garbage: exactly the whole commits before the cut.
-    """
+    """Bare, with a tail of zeros and with garbage: exactly the whole commits before the cut."""
     source, ends = crashed
     whole = (source / "log_000000.mcap").read_bytes()
     tails = (b"", bytes(300), b"\x05garbage" * 9)
@@ -79,9 +77,7 @@ def _commit_ends(source: Path) -> list[int]:
 
 
 def test_the_torn_tail_is_kept_beside_it(crashed: tuple[Path, list[int]], tmp_path: Path) -> None:
-    """
-    Named by where it lay; nothing is thrown away. A second opening changes nothing more.
-    """
+    """Named by where it lay; nothing is thrown away. A second opening changes nothing more."""
     source, ends = crashed
     path = _cut(source, tmp_path / "log", _commit_ends(source)[2] - 40)
     torn = (path / "log_000000.mcap").read_bytes()[ends[1] :]
@@ -98,9 +94,7 @@ def test_the_torn_tail_is_kept_beside_it(crashed: tuple[Path, list[int]], tmp_pa
 def test_a_long_torn_tail_is_kept_in_little_memory(
     crashed: tuple[Path, list[int]], tmp_path: Path
 ) -> None:
-    """
-    A power cut may leave a hole of any length; kept once more, the copy that is there is enough.
-    """
+    """A power cut may leave a hole of any length."""
     source, ends = crashed
     path = _cut(source, tmp_path / "log", ends[1])
     os.truncate(path / "log_000000.mcap", ends[1] + 48 * 2**20)
@@ -123,9 +117,7 @@ def test_a_long_torn_tail_is_kept_in_little_memory(
 def test_damage_before_whole_commits_is_an_error(
     crashed: tuple[Path, list[int]], tmp_path: Path
 ) -> None:
-    """
-    A flipped bit in an acknowledged commit is no torn tail: it is named, and nothing is cut.
-    """
+    """A flipped bit in an acknowledged commit is no torn tail: it is named, and nothing is cut."""
     source, ends = crashed
     path = _cut(source, tmp_path / "log", ends[2])
     file = path / "log_000000.mcap"
@@ -140,9 +132,7 @@ def test_damage_before_whole_commits_is_an_error(
 
 
 def test_a_damaged_closed_segment_is_an_error(tmp_path: Path) -> None:
-    """
-    A bit of a chunk, or a record's length: named with its place.
-    """
+    """A bit of a chunk, or a record's length: named with its place."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log:
         door = log.add_door()
@@ -160,9 +150,7 @@ def test_a_damaged_closed_segment_is_an_error(tmp_path: Path) -> None:
 
 
 def test_a_missing_segment_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Segments are numbered: the first, one between, or a live one that was cut, is named.
-    """
+    """Segments are numbered: the first, one between, or a live one that was cut, is named."""
     from semmap_log.store.writing import segment_chain
 
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 2)

@@ -141,9 +141,7 @@ def test_a_sync_waits_for_who_is_writing_what_was_held_back(
 def test_nothing_is_written_behind_a_write_that_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    What was held back is gone: a later chunk would lie behind a gap.
-    """
+    """What was held back is gone: a later chunk would lie behind a gap."""
     log = sl.create(tmp_path / "log", tz="UTC", durability="none")
     door = log.add_door()
     log.sync()
@@ -166,9 +164,7 @@ def test_nothing_is_written_behind_a_write_that_failed(
 
 
 def test_threads_that_append_at_once_share_one_timer(monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Two who start it together get one thread, and `close` ends it.
-    """
+    """Two who start it together get one thread, and `close` ends it."""
     looking, both, synced = threading.Barrier(2), threading.Barrier(2), threading.Event()
     timer = BatchTimer(synced.set, 0.001)
     is_set, made = threading.Event.is_set, threading.Thread.__init__

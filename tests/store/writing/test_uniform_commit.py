@@ -60,9 +60,7 @@ def test_it_makes_the_same_bytes(stamp: Stamp, first, count: int, data: st.DataO
 @settings(deadline=None)
 @given(stamps, st.lists(events, min_size=1, max_size=4))
 def test_it_leaves_alone_what_it_cannot(stamp: Stamp, given_events) -> None:
-    """
-    Several kinds, kinds with texts, a note: the general way is for them.
-    """
+    """Several kinds, kinds with texts, a note: the general way is for them."""
     kinds = {event.kind for event in given_events}
 
     fits = uniform_commit(stamp, Note(), given_events) is not None
@@ -71,9 +69,7 @@ def test_it_leaves_alone_what_it_cannot(stamp: Stamp, given_events) -> None:
 
 
 def test_it_leaves_large_commits_alone() -> None:
-    """
-    Those may be split.
-    """
+    """Those may be split."""
     from semmap_log.core.model.doors import DoorId
     from semmap_log.core.model.events import DoorRemoved
 

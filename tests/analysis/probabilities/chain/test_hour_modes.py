@@ -21,18 +21,14 @@ def mean_per_h(likely: np.ndarray) -> np.ndarray:
 
 
 def test_of_nothing_each_mode_is_as_likely_as_before() -> None:
-    """
-    No hour says anything: the prior stands.
-    """
+    """No hour says anything: the prior stands."""
     found = likely_modes(np.zeros((7, 24, len(PRIOR))))
 
     np.testing.assert_allclose(found, np.broadcast_to(PRIOR, found.shape), rtol=1e-9)
 
 
 def test_quiet_hours_say_how_quiet_each_is() -> None:
-    """
-    Never opened in six weeks: alone an hour may open once a week; a week of them hardly does.
-    """
+    """Never opened in six weeks: alone an hour may open once a week; a week of them hardly does."""
     quiet = np.zeros((7, 24))
     alone = np.full((7, 24), 0.0)
     alone[2, 3] = 6.0
@@ -73,9 +69,7 @@ def test_hours_of_such_days_are_alike() -> None:
 
 
 def test_modes_of_all_hours_are_drawn_together_not_to_a_mean() -> None:
-    """
-    Half of the hours open once a week, half each ten minutes: none is in between.
-    """
+    """Half of the hours open once a week, half each ten minutes: none is in between."""
     passed, waited_h = np.zeros((7, 24)), np.full((7, 24), 8.0)
     passed[:, 8:20], waited_h[:, 8:20] = 24.0, 4.0
 

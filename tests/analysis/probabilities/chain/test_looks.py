@@ -56,9 +56,7 @@ def test_a_change_that_was_watched_is_no_look_of_its_own() -> None:
 
 
 def test_a_certain_sighting_is_a_look_of_its_own() -> None:
-    """
-    They stand by what they tell, clipped on both sides; none proves more than a certain one.
-    """
+    """They stand by what they tell, clipped on both sides; none proves more than a certain one."""
     told = evidence(visits=[(0.25, True), (0.75, False), (0.76, True), (0.77, True)])
     told = replace(told, llr=np.array([2.0, -1e6, 1e6, 1.0]))
 
@@ -70,9 +68,7 @@ def test_a_certain_sighting_is_a_look_of_its_own() -> None:
 
 
 def test_sightings_of_five_minutes_are_one_look() -> None:
-    """
-    At the last of them, of what they add up to; however many agree, there is still a doubt.
-    """
+    """At the last of them, of what they add up to; however many agree, there is still a doubt."""
     told = evidence(visits=[(0.01, True), (0.02, True), (0.08, False), (0.09, True)])
     told = replace(told, llr=np.array([2.0, 1.5, -1.0, 3.0]))
     many = evidence(visits=[(i / 1e5, True) for i in range(1000)])
@@ -87,9 +83,7 @@ def test_sightings_of_five_minutes_are_one_look() -> None:
 
 
 def test_the_last_moment_is_included_and_nothing_later() -> None:
-    """
-    A sighting at that moment counts, one a nanosecond behind it does not.
-    """
+    """A sighting at that moment counts, one a nanosecond behind it does not."""
     told = evidence(visits=[(1.0, True), (1.25, False), (1.5, True)])
     until_ns = int(hours_ns(1.5))
 
@@ -100,9 +94,7 @@ def test_the_last_moment_is_included_and_nothing_later() -> None:
 
 
 def test_half_hours_without_a_look_are_the_buildings() -> None:
-    """
-    In Eucla, 8:45 ahead of UTC, hours begin at a quarter past; they are there if asked for.
-    """
+    """In Eucla, 8:45 ahead of UTC, hours begin at a quarter past; they are there if asked for."""
     eucla = LocalClock("Australia/Eucla")
     told = evidence(visits=[(0.3, True)])
 
@@ -112,9 +104,7 @@ def test_half_hours_without_a_look_are_the_buildings() -> None:
 
 
 def test_the_last_of_them() -> None:
-    """
-    From a time on, that one included.
-    """
+    """From a time on, that one included."""
     told = evidence(visits=[(0.4, True), (0.9, True)])
 
     def since(from_ns: int) -> list[float]:
@@ -134,9 +124,7 @@ def test_the_last_of_them() -> None:
 def test_a_stretch_holds_from_its_start_to_before_its_end(
     hour: float, expected: tuple[bool, bool]
 ) -> None:
-    """
-    But for one that holds on: it is known at the last moment of the evidence, too.
-    """
+    """But for one that holds on: it is known at the last moment of the evidence, too."""
     told = evidence([(1.0, 2.0, True), (2.0, 3.0, False), (4.0, 9.0, True)])
 
     held, is_open = held_at(told.up_to(int(hours_ns(4.5))), hours_ns([hour]))
@@ -145,9 +133,7 @@ def test_a_stretch_holds_from_its_start_to_before_its_end(
 
 
 def test_without_stretches_nothing_is_held() -> None:
-    """
-    Of a door that was only visited no state is known for sure at any time.
-    """
+    """Of a door that was only visited no state is known for sure at any time."""
     held, is_open = held_at(evidence(visits=[(1.0, True)]), hours_ns([0.5, 1.0, 1.5]))
 
     assert not held.any()

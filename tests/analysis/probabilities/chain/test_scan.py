@@ -31,9 +31,7 @@ def test_blocks_give_what_a_loop_gives(count: int) -> None:
 
 
 def test_products_of_very_many_stay_finite() -> None:
-    """
-    A hundred thousand steps that each shrink the weight a thousandfold do not underflow.
-    """
+    """A hundred thousand steps that each shrink the weight a thousandfold do not underflow."""
     matrices = np.full((2, 2, 100_000, 1), 1e-3)
     matrices[0, 0] = 2e-3
 
@@ -44,9 +42,7 @@ def test_products_of_very_many_stay_finite() -> None:
 
 
 def test_what_follows_changes_no_digit() -> None:
-    """
-    What stands at a place is the same bit for bit, however many matrices come behind it.
-    """
+    """What stands at a place is the same bit for bit, however many matrices come behind it."""
     rng = np.random.default_rng(7)
     matrices, first = rng.random((2, 2, 700, 2)) ** 4, np.array([[0.2, 0.9], [0.8, 0.1]])
     whole = states(matrices, first)

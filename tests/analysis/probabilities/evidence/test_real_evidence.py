@@ -26,9 +26,7 @@ def workshop(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> sl.
 
 @pytest.mark.slow
 def test_a_door_is_open_by_time_and_not_by_events(workshop: sl.DoorLog) -> None:
-    """
-    Half of the events say OPEN, and .179 of the known time is.
-    """
+    """Half of the events say OPEN, and .179 of the known time is."""
     evidence = workshop.fold(EvidenceProjection())
     (door,) = evidence.door_ids
 
@@ -42,9 +40,7 @@ def test_a_door_is_open_by_time_and_not_by_events(workshop: sl.DoorLog) -> None:
 
 
 def test_outages_are_known_to_be_unknown(workshop: sl.DoorLog) -> None:
-    """
-    Three gaps of weeks, which no state reaches into.
-    """
+    """Three gaps of weeks, which no state reaches into."""
     evidence = workshop.fold(EvidenceProjection())
     (door,) = evidence.door_ids
 

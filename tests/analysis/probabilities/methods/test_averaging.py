@@ -65,9 +65,7 @@ def test_a_table_gains_by_a_quarter_of_each_hours_likelihood() -> None:
 
 
 def test_no_table_is_lost() -> None:
-    """
-    After a year in which one was always wrong, it still has what is handed out anew each day.
-    """
+    """After a year in which one was always wrong, it still has what is handed out anew each day."""
     days = always(1.0, 365)
     p_open = np.full((366, TABLES), 0.9)
     p_open[:, 3] = 0.01
@@ -93,9 +91,7 @@ def test_a_table_is_scored_as_old_as_its_forecasts_are() -> None:
 
 
 def test_days_of_which_nothing_is_known_move_little() -> None:
-    """
-    Only what is handed out anew drifts back; there is nothing to be right about.
-    """
+    """Only what is handed out anew drifts back; there is nothing to be right about."""
     days = DayTables(DayRows.since(0, 1), np.zeros((1, 24)), np.zeros((1, 24)))
     p_open = np.tile(np.linspace(0.1, 0.9, TABLES), (2, 1))
 

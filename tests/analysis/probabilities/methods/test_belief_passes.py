@@ -32,9 +32,7 @@ def test_how_often_a_pass_looks_does_not_matter(sightings: int) -> None:
 
 @pytest.mark.parametrize("every_s", [0.0, 0.001, 1.0, 600.0])
 def test_what_is_certain_gainsays_all_that_was_certain_before(every_s: float) -> None:
-    """
-    A sensor that never errs saw the door open, again and again, and now closed: it is closed.
-    """
+    """A sensor that never errs saw the door open, again and again, and now closed: it is closed."""
     told = [seen("open", H + every_s * i, 1.0) for i in range(50)]
     last_s = H + every_s * 50
 
@@ -44,9 +42,7 @@ def test_what_is_certain_gainsays_all_that_was_certain_before(every_s: float) ->
 
 
 def test_what_is_certain_is_believed_before_what_comes_next() -> None:
-    """
-    As above, and then a sensor that hardly tells reads open: it is still closed, most likely.
-    """
+    """As above, and then a sensor that hardly tells reads open: it is still closed, most likely."""
     told = [seen("open", H + 0.01 * i, 1.0) for i in range(50)]
 
     found = p_open(*told, seen("closed", H + 1, 1.0), seen("open", H + 2, 0.6), at_s=H + 2)

@@ -22,9 +22,7 @@ def share(told: DoorEvidence, *hours: float) -> list[float]:
 
 
 def test_it_is_the_share_of_the_known_time() -> None:
-    """
-    Closed for 6 hours, open for 3, a gap, open for 1: at each moment what had passed by then.
-    """
+    """Closed for 6 hours, open for 3, a gap, open for 1: at each moment what had passed by then."""
     told = evidence([(0.0, 6.0, False), (6.0, 9.0, True), (20.0, 21.0, True)])
 
     found = share(told, 7.0, 7.5, 9.0, 19.0, 20.5, 21.0, 400.0)
@@ -33,9 +31,7 @@ def test_it_is_the_share_of_the_known_time() -> None:
 
 
 def test_changes_do_not_count() -> None:
-    """
-    A thousand openings of a minute in a thousand hours: one in sixty, not one in two.
-    """
+    """A thousand openings of a minute in a thousand hours: one in sixty, not one in two."""
     pairs = [((h + 0.0, h + 59 / 60, False), (h + 59 / 60, h + 1.0, True)) for h in range(1000)]
 
     found = share(evidence([stretch for pair in pairs for stretch in pair]), 1000.0)
@@ -44,9 +40,7 @@ def test_changes_do_not_count() -> None:
 
 
 def test_too_little_is_unknown() -> None:
-    """
-    Under three hours it is UNKNOWN, and between one half and what was seen.
-    """
+    """Under three hours it is UNKNOWN, and between one half and what was seen."""
     learnt = DoorCount(evidence([(0.0, 4.0, True)]), UTC)
     times_ns = hours_ns([0.0, 1.0, 2.99, 3.0])
 
@@ -83,9 +77,7 @@ def test_a_sensors_two_accuracies_are_used_apart() -> None:
 
 
 def test_readings_that_are_all_open_are_not_more_than_always() -> None:
-    """
-    Corrected they would be more than 1: the share is clipped, and so is its interval.
-    """
+    """Corrected they would be more than 1: the share is clipped, and so is its interval."""
     told = evidence(visits=[(float(hour), True) for hour in range(30)])
     times_ns = hours_ns([30.0])
 
@@ -110,9 +102,7 @@ def test_visits_of_one_hour_are_its_mean() -> None:
 
 
 def test_a_sensor_that_knows_nothing_adds_nothing() -> None:
-    """
-    Accuracies of one half: coin tosses count neither as known time nor as open.
-    """
+    """Accuracies of one half: coin tosses count neither as known time nor as open."""
     told = known(
         added(), put("closed", 0.0), put("unknown", 5 * 3600.0),
         *[seen("open", 3600.0 * hour, 0.5) for hour in range(6, 100)],

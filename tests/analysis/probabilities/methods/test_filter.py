@@ -68,9 +68,7 @@ def test_looking_on_and_on_does_not_wear_a_belief_out() -> None:
 
 
 def test_a_hundred_rounds_are_more_than_one() -> None:
-    """
-    The same sensor on a hundred rounds: it is surer than any single reading.
-    """
+    """The same sensor on a hundred rounds: it is surer than any single reading."""
     found = believed(added(), *at_rounds(np.ones(100, np.bool_)), at_s=99 * 1800.0)
 
     assert found.p_open[0] > 0.99
@@ -78,9 +76,7 @@ def test_a_hundred_rounds_are_more_than_one() -> None:
 
 @pytest.mark.parametrize(("state", "expected"), [("open", 0.999), ("closed", 0.001)])
 def test_a_state_that_was_set_is_certain_now(state: str, expected: float) -> None:
-    """
-    An update is an observation of accuracy 1, whatever was seen before.
-    """
+    """An update is an observation of accuracy 1, whatever was seen before."""
     other = at_rounds(np.full(20, state == "closed"))
 
     found = believed(added(), *other, put(state, 10 * H), at_s=10 * H)
@@ -89,9 +85,7 @@ def test_a_state_that_was_set_is_certain_now(state: str, expected: float) -> Non
 
 
 def test_who_went_through_saw_it_open() -> None:
-    """
-    A robot that passed is as good as a certain sighting; one that gave up says nothing.
-    """
+    """A robot that passed is as good as a certain sighting; one that gave up says nothing."""
     shut = at_rounds(np.zeros(20, np.bool_))
 
     through = believed(added(), *shut, passed(10 * H), at_s=10 * H)
@@ -136,10 +130,7 @@ def test_far_ahead_it_is_the_schedule(state: bool) -> None:
 
 
 def test_a_door_that_is_as_ever_is_expected_to_be_as_ever() -> None:
-    """
-    Open from eight on each day, and seen open at nine: that is no news for the evening. In the
-    evening it is: then a door that is still open is likelier so an hour later.
-    """
+    """Open from eight on each day, and seen open at nine: that is no news for the evening."""
     days = [put(state, day * D + hour * H)
             for day in range(28) for state, hour in (("closed", 18.0), ("open", 32.0))]  # fmt: skip
     usual, unusual = 30 * D + 9 * H, 29 * D + 20 * H
@@ -159,9 +150,7 @@ def test_a_door_that_is_as_ever_is_expected_to_be_as_ever() -> None:
 
 
 def test_an_outage_is_not_as_before() -> None:
-    """
-    Open when the contact failed: an hour later less surely, a week later as on any such day.
-    """
+    """Open when the contact failed: an hour later less surely, a week later as on any such day."""
     days = [put(state, day * D + hour * H)
             for day in range(28) for state, hour in (("closed", 0.0), ("open", 20.0))]  # fmt: skip
     failed = 28 * D
@@ -177,9 +166,7 @@ def test_an_outage_is_not_as_before() -> None:
 
 
 def test_what_was_seen_grows_old() -> None:
-    """
-    A door seen once is known for as long as half of that is left, and then UNKNOWN.
-    """
+    """A door seen once is known for as long as half of that is left, and then UNKNOWN."""
     told = [added(), seen("open", H), put("unknown", 3 * D)]
 
     found = believed(*told, at_s=[H - 1, H, H + 600, 2 * D])
@@ -207,10 +194,7 @@ def test_how_long_doors_stay_open_matters_not_only_how_often() -> None:
 
 
 def test_a_door_that_was_just_seen_does_not_lean_on_hours_nobody_knows() -> None:
-    """
-    Rounds by day for four days; on the fifth they go on till ten at night, when nobody ever looked:
-    shut at each, and so it is, whatever the schedule of that hour may be.
-    """
+    """Rounds by day for four days."""
     rounds = np.arange(0, 24 * 5 - 2, 0.5)
     by_day = rounds[(rounds % 24 >= 8) & ((rounds % 24 < 18) | (rounds >= 24 * 4 + 8))]
     told = [seen("open" if h % 24 < 10 else "closed", h * H) for h in by_day.tolist()]

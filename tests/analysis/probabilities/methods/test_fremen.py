@@ -46,9 +46,7 @@ def minute_samples(stretches: list[tuple[float, float, bool]]) -> tuple[np.ndarr
 @pytest.mark.parametrize("order", [1, 2, 5, 84])
 @pytest.mark.parametrize("seed", range(3))
 def test_it_is_the_published_algorithm(order: int, seed: int) -> None:
-    """
-    Integrals of stretches of whole minutes equal the authors' sums over the minutes.
-    """
+    """Integrals of stretches of whole minutes equal the authors' sums over the minutes."""
     stretches = random_stretches(np.random.default_rng(seed), 21 * 24)
     asked_h = np.arange(0.0, 28 * 24, 0.37)
 
@@ -63,9 +61,7 @@ def test_it_is_the_published_algorithm(order: int, seed: int) -> None:
 
 
 def test_visits_are_samples() -> None:
-    """
-    Of a log that holds only visits the figures are the authors' to the last digits.
-    """
+    """Of a log that holds only visits the figures are the authors' to the last digits."""
     rng = np.random.default_rng(5)
     seen_h = np.sort(rng.uniform(0, 14 * 24, 600))
     reads = np.sin(2 * np.pi * seen_h / 24) + rng.normal(0, 0.5, 600) > 0
@@ -143,9 +139,7 @@ def test_it_goes_by_the_buildings_clocks() -> None:
 
 
 def test_without_evidence_nothing_is_known() -> None:
-    """
-    P is a half, the interval everything, and it says so; before the first sighting, too.
-    """
+    """P is a half, the interval everything, and it says so; before the first sighting, too."""
     learnt = Fremen().learn({DOOR: evidence([(10, 20, True)])}, UTC)
 
     for found in (
@@ -159,18 +153,14 @@ def test_without_evidence_nothing_is_known() -> None:
 
 
 def test_there_are_84_components() -> None:
-    """
-    An order outside of 1..84 is refused.
-    """
+    """An order outside of 1..84 is refused."""
     with pytest.raises(ValueError, match=r"expected 1\.\.84, got 85"):
         Fremen(85)
 
 
 @pytest.mark.slow
 def test_three_years_take_no_minutes() -> None:
-    """
-    30,000 changes and a forecast for each of half a million minutes, known an hour ago each.
-    """
+    """30,000 changes and a forecast for each of half a million minutes, known an hour ago each."""
     stretches = random_stretches(np.random.default_rng(2), 3 * 365 * 24, mean_h=0.87)
     asked_h = np.arange(2 * 365 * 24 * 60, 2 * 365 * 24 * 60 + 500_000) / 60
 

@@ -37,9 +37,7 @@ def shrunk(opened: float, known: float, coarser: float, weight: float) -> float:
 
 
 def test_before_the_first_day_every_table_says_one_half() -> None:
-    """
-    Of a door of which nothing is known nothing is expected.
-    """
+    """Of a door of which nothing is known nothing is expected."""
     found = habits(table({}, days=3))
 
     np.testing.assert_allclose(found.p_open.of_weeks(slice(1)), 0.5)
@@ -76,9 +74,7 @@ def test_an_hour_is_drawn_to_those_beside_it_and_these_to_the_mean() -> None:
 
 
 def test_midnight_is_beside_eleven_at_night() -> None:
-    """
-    A door that opens from 0 to 1 was likelier open an hour before than in the evening.
-    """
+    """A door that opens from 0 to 1 was likelier open an hour before than in the evening."""
     found = of_kind(table({(day, 0): 1.0 for day in range(7)}, days=7), HOUR)[0]
 
     assert found[23] == pytest.approx(found[1])
@@ -99,9 +95,7 @@ def test_saturday_is_no_working_day() -> None:
 
 
 def test_a_weekday_is_drawn_to_its_kind_of_day_by_four_days() -> None:
-    """
-    Tuesdays alone are open at nine: after three of them, three days weigh against four.
-    """
+    """Tuesdays alone are open at nine: after three of them, three days weigh against four."""
     tables = table({(7 * week + 1, 9): 1.0 for week in range(3)}, days=21)
     working_day = of_kind(tables, TYPE)[1, 9]
 
@@ -126,9 +120,7 @@ def test_old_days_count_less_by_their_half_life() -> None:
 
 
 def test_what_is_hardly_known_hardly_counts() -> None:
-    """
-    Minutes of an hour are that share of a day, and the days of evidence say so.
-    """
+    """Minutes of an hour are that share of a day, and the days of evidence say so."""
     much, little = (
         habits(table({}, days=10, known=share)).days.of_weeks(LAST)[0, FOREVER * 4]
         for share in (1, 0.1)

@@ -20,9 +20,7 @@ def said(told: Evidence, *known_s: float, ahead_ns: int = 0) -> Forecast:
 
 
 def test_it_is_the_last_word_by_then() -> None:
-    """
-    Unknown before the first one, and then what was said last, at that moment too.
-    """
+    """Unknown before the first one, and then what was said last, at that moment too."""
     told = told_of(added(), put("closed", 10), put("open", 20), put("closed", 30))
 
     found = said(told, 9, 10, 19, 20, 29, 31)
@@ -32,9 +30,7 @@ def test_it_is_the_last_word_by_then() -> None:
 
 
 def test_it_never_fades() -> None:
-    """
-    A year later it says the same, and as surely: that is what is wrong with it.
-    """
+    """A year later it says the same, and as surely: that is what is wrong with it."""
     told = told_of(added(), put("open", 10))
 
     found = said(told, 20, ahead_ns=365 * DAY_NS)
@@ -43,9 +39,7 @@ def test_it_never_fades() -> None:
 
 
 def test_an_outage_does_not_end_it() -> None:
-    """
-    A state that was set to UNKNOWN is nothing new: the last one stays.
-    """
+    """A state that was set to UNKNOWN is nothing new: the last one stays."""
     told = told_of(added(), put("open", 10), put("unknown", 20))
 
     found = said(told, 30)
@@ -61,9 +55,7 @@ def test_an_outage_does_not_end_it() -> None:
 def test_a_reading_is_as_sure_as_its_sensor(
     state: str, accuracy: float | tuple[float, float], expected: float
 ) -> None:
-    """
-    P(open) by that reading alone, with what the sensor misses and what it invents.
-    """
+    """P(open) by that reading alone, with what the sensor misses and what it invents."""
     told = told_of(added(), seen(state, 10, accuracy))
 
     found = said(told, 20)
@@ -72,9 +64,7 @@ def test_a_reading_is_as_sure_as_its_sensor(
 
 
 def test_what_is_later_than_the_forecast_does_not_count() -> None:
-    """
-    A forecast of a time before what is known is of that time.
-    """
+    """A forecast of a time before what is known is of that time."""
     told = told_of(added(), put("closed", 10), put("open", 20))
 
     found = said(told, 25, ahead_ns=-10 * 10**9)

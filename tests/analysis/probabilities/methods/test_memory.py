@@ -55,9 +55,7 @@ def two_kinds() -> DoorEvidence:
 @pytest.mark.parametrize("count", [0, 1, 95, 96, 97, 400])
 @pytest.mark.parametrize("span_h", SPANS_H.tolist())
 def test_means_are_those_of_a_plain_loop(count: int, span_h: float) -> None:
-    """
-    Days side by side give what one step after the other gives, in part of a day, too.
-    """
+    """Days side by side give what one step after the other gives, in part of a day, too."""
     deviation = np.random.default_rng(count).normal(size=count)
     keep = math.exp(-STEP_H / span_h)
     expected, mean = [], 0.0
@@ -72,9 +70,7 @@ def test_means_are_those_of_a_plain_loop(count: int, span_h: float) -> None:
 
 @pytest.mark.parametrize("span_h", SPANS_H.tolist())
 def test_means_fade_through_days_that_are_left_out(span_h: float) -> None:
-    """
-    As through days on which the door is as it should be.
-    """
+    """As through days on which the door is as it should be."""
     day = np.random.default_rng(0).normal(size=STEPS_A_DAY)
     whole = np.concatenate([day, np.zeros(2 * STEPS_A_DAY), day])
 
@@ -85,9 +81,7 @@ def test_means_fade_through_days_that_are_left_out(span_h: float) -> None:
 
 
 def test_without_a_past_it_is_worth_nothing() -> None:
-    """
-    Sums of no days: every weight is 0, whatever the chain keeps.
-    """
+    """Sums of no days: every weight is 0, whatever the chain keeps."""
     spans = len(SPANS_H) + 1
     nothing = _Past(
         *np.zeros((2, 0), np.int64), np.zeros((0, spans - 1)),
@@ -101,9 +95,7 @@ def test_without_a_past_it_is_worth_nothing() -> None:
 
 
 def test_on_the_first_day_it_says_nothing() -> None:
-    """
-    What a day was worth is known at its end: until then there is no correction.
-    """
+    """What a day was worth is known at its end: until then there is no correction."""
     told = evidence(stretches_of(48.0, 2.0, 2.0, np.random.default_rng(1)))
     learnt = memory_of(told.up_to(int(hours_ns(48))))
     known_ns = hours_ns([5.0, 23.9, 24.0, 30.0])
@@ -114,9 +106,7 @@ def test_on_the_first_day_it_says_nothing() -> None:
 
 
 def test_a_patrol_has_no_memory() -> None:
-    """
-    A door that was only visited is corrected by nothing: nobody knows how it was in between.
-    """
+    """A door that was only visited is corrected by nothing: nobody knows how it was in between."""
     visits = [(hour / 2, hour % 7 < 3) for hour in range(48 * 30)]
     known_ns = hours_ns([24.0 * 29])
 
@@ -126,9 +116,7 @@ def test_a_patrol_has_no_memory() -> None:
 
 
 def test_weights_are_a_line_between_the_times_they_were_fitted_for() -> None:
-    """
-    From nothing at once over those of 1, 2, 4 … hours to nothing behind twice the last.
-    """
+    """From nothing at once over those of 1, 2, 4 … hours to nothing behind twice the last."""
     weights = np.arange(1.0, 7.0)[None, :, None]
     ahead_h = np.array([0.0, 0.5, 1.0, 3.0, 32.0, 48.0, 64.0, 1000.0])
 
@@ -139,9 +127,7 @@ def test_weights_are_a_line_between_the_times_they_were_fitted_for() -> None:
 
 
 def test_a_step_is_a_quarter_of_an_hour() -> None:
-    """
-    So many of them make a day.
-    """
+    """So many of them make a day."""
     assert 24.0 == STEPS_A_DAY * STEP_H
 
 

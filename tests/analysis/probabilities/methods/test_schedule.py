@@ -44,9 +44,7 @@ def at(hours: list[float]) -> np.ndarray:
 
 
 def test_working_hours_come_back() -> None:
-    """
-    After eight weeks: sure that it is open on Tuesday at noon, shut at night and on Sunday.
-    """
+    """After eight weeks: sure that it is open on Tuesday at noon, shut at night and on Sunday."""
     learnt = DoorSchedule(working_hours(8), UTC)
     next_week = 24.0 * 7 * 8
     asked = at([next_week + 24 + 12, next_week + 24 + 3, next_week + 6 * 24 + 12])
@@ -61,9 +59,7 @@ def test_working_hours_come_back() -> None:
 
 
 def test_local_hours_are_the_buildings_through_daylight_saving_time() -> None:
-    """
-    A door that opens at 09:00 in Oslo opens at 09:00 after the clocks change, not at 10:00.
-    """
+    """A door that opens at 09:00 in Oslo opens at 09:00 after the clocks change, not at 10:00."""
     oslo = LocalClock("Europe/Oslo")
     monday_day = 2356  # 2015-02-23, a Monday; the clocks change on 2015-03-29
     opens, closes = (
@@ -121,9 +117,7 @@ def test_far_ahead_the_long_run_counts() -> None:
 
 
 def test_a_door_that_is_seen_by_day_only_is_unknown_at_night() -> None:
-    """
-    Hours that no visit ever fell into are said to be UNKNOWN, however many days were seen.
-    """
+    """Hours that no visit ever fell into are said to be UNKNOWN, however many days were seen."""
     visits = [(24.0 * day + hour, True) for day in range(28) for hour in range(9, 17)]
     learnt = DoorSchedule(evidence(visits=visits), UTC)
     asked = at([24 * 28 + 12.0, 24 * 28 + 3.0])
@@ -135,9 +129,7 @@ def test_a_door_that_is_seen_by_day_only_is_unknown_at_night() -> None:
 
 
 def test_noisy_visits_are_not_pulled_to_one_half() -> None:
-    """
-    A door open a tenth of the time, read by a sensor that errs as often: P is .1, not .18.
-    """
+    """A door open a tenth of the time, read by a sensor that errs as often: P is .1, not .18."""
     rng = np.random.default_rng(4)
     times = np.arange(0.0, 24 * 400, 0.5)
     is_open = rng.random(len(times)) < 0.1
@@ -166,9 +158,7 @@ def test_before_the_first_midnight_nothing_is_known() -> None:
 
 
 def test_a_midnight_knows_the_days_before_it() -> None:
-    """
-    Row d of the habits is what the table of the first d days alone would end with.
-    """
+    """Row d of the habits is what the table of the first d days alone would end with."""
     rng = np.random.default_rng(3)
     known = rng.random((20, 24))
     tables = DayTables(DayRows.since(100, len(known)), known, known * rng.random((20, 24)))
@@ -185,9 +175,7 @@ def test_a_midnight_knows_the_days_before_it() -> None:
 
 @pytest.mark.parametrize("lead_d", [0, 1, 14])
 def test_weights_are_shares_and_know_nothing_later(lead_d: int) -> None:
-    """
-    At each midnight they sum to one, and are those of the days before alone.
-    """
+    """At each midnight they sum to one, and are those of the days before alone."""
     rng = np.random.default_rng(3)
     known = rng.random((40, 24))
     tables = DayTables(DayRows.since(100, len(known)), known, known * rng.random((40, 24)))
@@ -200,9 +188,7 @@ def test_weights_are_shares_and_know_nothing_later(lead_d: int) -> None:
 
 
 def test_the_lead_is_the_greatest_that_was_scored() -> None:
-    """
-    Between two leads the shorter one speaks; beyond all, the longest.
-    """
+    """Between two leads the shorter one speaks; beyond all, the longest."""
     found = [int(LEADS_D[lead]) for lead in lead_of(np.array([0, 1, 2, 3, 13, 14, 400]))]
 
     assert [0, 1, 1, 3, 7, 14, 56] == found
@@ -210,9 +196,7 @@ def test_the_lead_is_the_greatest_that_was_scored() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_later_evidence_moves_nothing(seed: int) -> None:
-    """
-    A schedule of half the evidence says the same of what that half knew.
-    """
+    """A schedule of half the evidence says the same of what that half knew."""
     told = evidence(random_stretches(np.random.default_rng(seed), 24 * 30))
     cut_ns = int(hours_ns(24 * 15 + 5.5))
     asked = at((24 * 10 + np.linspace(0, 24 * 9, 200)).tolist())

@@ -70,9 +70,7 @@ def test_a_door_that_is_so_already_is_not_waited_for(*, until_open: bool) -> Non
 
 
 def test_a_door_that_never_opens_is_waited_for_long() -> None:
-    """
-    Shut for half a year: the wait is weeks at least, and a number; until it is shut there is none.
-    """
+    """Shut for half a year: the wait is weeks at least, and a number."""
     now_ns = int(hours_ns(24 * 180))
     learnt = DoorFilter(evidence([(0.0, 24.0 * 180, False)]).up_to(now_ns), UTC)
 
@@ -83,9 +81,7 @@ def test_a_door_that_never_opens_is_waited_for_long() -> None:
 
 
 def test_the_wait_is_longer_in_the_evening_of_a_door_that_is_used_by_day() -> None:
-    """
-    Open off and on from 8 to 18: at 9 it opens soon, at 20 not before the morning.
-    """
+    """Open off and on from 8 to 18: at 9 it opens soon, at 20 not before the morning."""
     stretches: list[tuple[float, float, bool]] = []
     shut = 0.0
     for day in range(42):
@@ -106,9 +102,7 @@ def test_the_wait_is_longer_in_the_evening_of_a_door_that_is_used_by_day() -> No
 
 @pytest.mark.parametrize("most_s", [60.0, 1000.0, 7 * 3600.0, 90 * 86_400.0])
 def test_who_waits_only_so_long_waits_less(learnt: LearntFilter, most_s: float) -> None:
-    """
-    Of a steady rate the mean wait m becomes m (1 - e^(-most / m)); however long, never more than m.
-    """
+    """Of a steady rate the mean wait m becomes m (1 - e^(-most / m))."""
     at_ns = next(
         int(at)
         for at in hours_ns(24 * DAYS + np.arange(0, 240, 1.0))
@@ -123,9 +117,7 @@ def test_who_waits_only_so_long_waits_less(learnt: LearntFilter, most_s: float) 
 
 
 def test_of_a_door_that_nobody_told_of_it_is_not_known(learnt: LearntFilter) -> None:
-    """
-    No number at all, rather than one that somebody might plan with.
-    """
+    """No number at all, rather than one that somebody might plan with."""
     found = learnt.wait_s(DoorId(99), int(hours_ns(0)))
 
     assert math.isnan(found)

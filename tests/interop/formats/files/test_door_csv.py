@@ -54,9 +54,7 @@ def read(tmp_path, rows, windows=None, header="timestamp,door,state", tz=VIENNA)
 @pytest.mark.parametrize("quote", ["", '"'], ids=["whole blocks", "row by row"])
 @pytest.mark.parametrize("header", ["timestamp,door,state", "timestamp,door,state,accuracy"])
 def test_rows_without_an_accuracy_are_sightings_of_the_one_that_is_given(tmp_path, header, quote):
-    """
-    One that a row has wins; a state that a window's edge gives stays an update.
-    """
+    """One that a row has wins; a state that a window's edge gives stays an update."""
     own = ",0.7" if header.endswith("accuracy") else ""
     rows = f"2026-03-01T12:00,{quote}front{quote},open{own}\n"
     rows += f"2026-03-01T13:00,front,closed{',' if own else ''}\n"
@@ -73,9 +71,7 @@ def test_rows_without_an_accuracy_are_sightings_of_the_one_that_is_given(tmp_pat
 
 
 def test_rows_with_an_accuracy_are_sightings(tmp_path):
-    """
-    Those without are updates; columns are found by name.
-    """
+    """Those without are updates; columns are found by name."""
     rows = "OPEN,0.9,front,2026-03-01T12:00\nclosed,,front,2026-03-01T13:00Z\n"
 
     assert [
@@ -85,9 +81,7 @@ def test_rows_with_an_accuracy_are_sightings(tmp_path):
 
 
 def test_names_are_kept_as_they_are(tmp_path):
-    """
-    Slashes, commas, spaces, quotes, line breaks, many scripts.
-    """
+    """Slashes, commas, spaces, quotes, line breaks, many scripts."""
     names = ["/dev/tal", "a, b", ' "c" ', "Küche\nunten", "ハッカー", "π 3"]
     rows = [Sighting(i * 10**9, name, DoorState.OPEN, NAN) for i, name in enumerate(names)]
     path = written(tmp_path, "".join(dump_door_csv(rows, tz="UTC")))
@@ -96,9 +90,7 @@ def test_names_are_kept_as_they_are(tmp_path):
 
 
 def test_gzip_is_known_by_its_content(tmp_path):
-    """
-    Whatever the file is called.
-    """
+    """Whatever the file is called."""
     path = written(tmp_path, gzip.compress(b"timestamp,door,state\n2026-03-01,a,OPEN\n"))
 
     assert 1 == len(read_door_csv(path, tz="UTC"))
@@ -125,9 +117,7 @@ def test_gzip_is_known_by_its_content(tmp_path):
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_told_with_its_line(tmp_path, rows, message):
-    """
-    One bad row each.
-    """
+    """One bad row each."""
     path = tmp_path / "doors.csv"
     path.write_text(f"timestamp,door,state\n{rows}\n", errors="surrogateescape")
 
@@ -137,9 +127,7 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path, rows, message):
 
 @pytest.mark.parametrize("accuracy", ["0.4", "1.1", "nan", "high"])
 def test_an_accuracy_is_half_to_one(tmp_path, accuracy):
-    """
-    Below one half the sensor would be read the other way round.
-    """
+    """Below one half the sensor would be read the other way round."""
     with pytest.raises(
         FormatError, match=r"doors.csv:2: accuracy: expected a number from 0.5 to 1"
     ):
@@ -163,17 +151,13 @@ def test_an_accuracy_is_half_to_one(tmp_path, accuracy):
     ],
 )
 def test_what_is_no_door_csv_is_said(tmp_path, text, message):
-    """
-    No header, another header, another file, a torn one.
-    """
+    """No header, another header, another file, a torn one."""
     with pytest.raises(FormatError, match=message):
         read_door_csv(written(tmp_path, text), tz=VIENNA)
 
 
 def test_an_unknown_zone_is_said(tmp_path):
-    """
-    Before the file is read.
-    """
+    """Before the file is read."""
     with pytest.raises(MomentError, match="No time zone 'Wien'"):
         read_door_csv(tmp_path / "doors.csv", tz="Wien")
 
@@ -182,9 +166,7 @@ def test_an_unknown_zone_is_said(tmp_path):
 
 
 def test_a_window_is_known_from_its_start_until_before_its_end(tmp_path):
-    """
-    UNKNOWN at the end, the last row's state again at the next start.
-    """
+    """UNKNOWN at the end, the last row's state again at the next start."""
     rows = "2026-03-01T10:00,a,OPEN\n"
     windows = "a,2026-03-01T09:00,2026-03-01T12:00\na,2026-03-01T14:00,2026-03-01T15:00\n"
 
@@ -226,9 +208,7 @@ def test_a_window_is_known_from_its_start_until_before_its_end(tmp_path):
     ],
 )  # fmt: skip
 def test_rows_and_windows_at_the_same_instants(tmp_path, rows, windows, expected):
-    """
-    Hours of one day; each case says above it what it shows.
-    """
+    """Hours of one day; each case says above it what it shows."""
     row_text = "".join(
         f"2026-03-01T{hour}:00,a,{state}\n" for hour, state in map(str.split, rows.split("; "))
     )
@@ -243,9 +223,7 @@ def test_rows_and_windows_at_the_same_instants(tmp_path, rows, windows, expected
 
 
 def test_what_windows_add_is_an_update(tmp_path):
-    """
-    A sighting is evidence, the end of knowledge is not.
-    """
+    """A sighting is evidence, the end of knowledge is not."""
     path = written(tmp_path, "timestamp,door,state,accuracy\n2026-03-01T10:00,a,OPEN,0.9\n")
     windows = written(tmp_path, "door,start,end\na,2026-03-01,2026-03-02\n", "w.csv")
 
@@ -257,9 +235,7 @@ def test_what_windows_add_is_an_update(tmp_path):
 
 
 def test_rows_and_doors_without_windows_are_said(tmp_path):
-    """
-    A warning, for it may be a slip; a door without any window is known at all times.
-    """
+    """A warning, for it may be a slip; a door without any window is known at all times."""
     path = written(tmp_path, "timestamp,door,state\n2026-03-05,a,OPEN\n2026-03-05,b,OPEN\n")
     windows = written(tmp_path, "door,start,end\na,2026-03-01,2026-03-02\n", "w.csv")
 
@@ -283,9 +259,7 @@ def test_rows_and_doors_without_windows_are_said(tmp_path):
     ],
 )
 def test_what_is_wrong_with_windows_is_told_with_its_line(tmp_path, windows, message):
-    """
-    The lines are those of the windows file.
-    """
+    """The lines are those of the windows file."""
     with pytest.raises(FormatError, match=message):
         read(tmp_path, "2026-03-01,a,OPEN", windows)
 
@@ -294,9 +268,7 @@ def test_what_is_wrong_with_windows_is_told_with_its_line(tmp_path, windows, mes
 
 
 def test_in_the_hour_that_comes_twice_the_order_of_the_file_decides(tmp_path):
-    """
-    02:10 after 02:50 is the second 02:10, of whichever door; an offset says which, if it is there.
-    """
+    """02:10 after 02:50 is the second 02:10, of whichever door."""
     rows = "".join(f"2025-10-26T02:{minute},a,OPEN\n" for minute in ("10", "50", "10", "50"))
     rows += "2025-10-26T02:50,b,OPEN\n2025-10-26T03:00,a,OPEN\n"
     path = written(tmp_path, f"timestamp,door,state\n{rows}")
@@ -314,9 +286,7 @@ def test_in_the_hour_that_comes_twice_the_order_of_the_file_decides(tmp_path):
 
 
 def test_where_the_file_runs_backwards_each_doors_own_order_decides(tmp_path):
-    """
-    Rows of one door after the other: what comes after another door's last says nothing.
-    """
+    """Rows of one door after the other: what comes after another door's last says nothing."""
     a = "2025-10-26T02:10,a,OPEN\n2025-10-26T02:05,a,CLOSED\n2025-12-01T12:00,a,OPEN\n"
     b = "2025-10-01T02:00,b,OPEN\n2025-10-26T02:30,b,CLOSED\n2025-10-26T02:20,b,OPEN\n"
 
@@ -328,9 +298,7 @@ def test_where_the_file_runs_backwards_each_doors_own_order_decides(tmp_path):
 
 @pytest.mark.parametrize("is_plain", [True, False])
 def test_blanks_around_cells_do_not_count(tmp_path, monkeypatch, is_plain):
-    """
-    Of no column, quoted or not; those within a name do.
-    """
+    """Of no column, quoted or not; those within a name do."""
     if is_plain:
         monkeypatch.setattr(CsvBlocks, "rows", lambda *_: pytest.fail("row by row"))
     quote = "" if is_plain else '"'
@@ -344,9 +312,7 @@ def test_blanks_around_cells_do_not_count(tmp_path, monkeypatch, is_plain):
 
 
 def test_a_names_own_blanks_come_back(tmp_path):
-    """
-    A log may have a door of such a name: it is written so that they count.
-    """
+    """A log may have a door of such a name: it is written so that they count."""
     rows = [Sighting(1, name, DoorState.OPEN, NAN) for name in (" a", "a\xa0", " =1 ")]
     path = written(tmp_path, "".join(dump_door_csv(rows, tz="UTC")))
 
@@ -355,16 +321,12 @@ def test_a_names_own_blanks_come_back(tmp_path):
 
 @pytest.mark.parametrize("time", ["@1772434800", "@1772434800.000", "@1772434800000000000"])
 def test_seconds_since_1970_are_times(tmp_path, time):
-    """
-    As the message about other times says.
-    """
+    """As the message about other times says."""
     assert ["2026-03-02T08:00:00+01:00"] == [row[0] for row in read(tmp_path, f"{time},a,OPEN\n")]
 
 
 def test_a_third_time_through_that_hour_runs_backwards(tmp_path):
-    """
-    It comes twice only.
-    """
+    """It comes twice only."""
     rows = "".join(f"2025-10-26T02:{minute},a,OPEN\n" for minute in ("50", "40", "30"))
 
     with pytest.raises(FormatError, match=r"doors.csv:4: expected a door's times not to run back"):
@@ -372,9 +334,7 @@ def test_a_third_time_through_that_hour_runs_backwards(tmp_path):
 
 
 def test_a_window_may_end_in_the_second_coming_of_its_hour(tmp_path):
-    """
-    From 02:50 to 02:10 is twenty minutes then.
-    """
+    """From 02:50 to 02:10 is twenty minutes then."""
     rows = "2025-10-26T02:50,a,OPEN"
 
     found = read(tmp_path, rows, "a,2025-10-26T02:50,2025-10-26T02:10")
@@ -383,9 +343,7 @@ def test_a_window_may_end_in_the_second_coming_of_its_hour(tmp_path):
 
 
 def test_a_column_of_times_reads_as_its_texts_one_by_one(tmp_path):
-    """
-    The fast way over days with and without changes of clocks, in zones with odd ones.
-    """
+    """The fast way over days with and without changes of clocks, in zones with odd ones."""
     chance = random.Random(1)
     for tz in ("Europe/Vienna", "Australia/Lord_Howe", "America/St_Johns", "Asia/Kathmandu"):
         stamps = sorted(chance.randrange(10**18, 18 * 10**17) // 1000 * 1000 for _ in range(2000))
@@ -399,9 +357,7 @@ def test_a_column_of_times_reads_as_its_texts_one_by_one(tmp_path):
 
 
 def test_what_is_written_reads_as_the_same_rows(tmp_path):
-    """
-    Nanoseconds and all; an accuracy where there is one.
-    """
+    """Nanoseconds and all; an accuracy where there is one."""
     rows = [
         Sighting(parse_instant("2025-10-26T02:30+01:00", tz=VIENNA), "a", DoorState.MOVING, 1.0),
         Sighting(parse_instant("2026-03-01T12:00:00.000000001", tz=VIENNA), "a",
@@ -436,9 +392,7 @@ ONE = DoorId(1)
     ],
 )
 def test_which_events_are_rows(event, expected):
-    """
-    Those that set the state.
-    """
+    """Those that set the state."""
     row = sighting_of(event, happened_ns=5, door="a")
 
     assert expected == (row and f"{row.state.name} {row.accuracy}")
@@ -457,9 +411,7 @@ SETS = {
 
 @pytest.mark.parametrize("name", SETS)
 def test_the_real_sets_agree_with_their_texts_at_random_moments(shared_data, name):
-    """
-    1,000 moments, half of them exactly on rows and on ends and starts of windows.
-    """
+    """1,000 moments, half of them exactly on rows and on ends and starts of windows."""
     tz, rows, doors = SETS[name]
     folder = shared_data / "doors" / name
 
@@ -513,9 +465,7 @@ def _state(rows, windows, moment):
 
 
 def test_the_workshop_is_open_0_179_of_the_known_time(shared_data):
-    """
-    The figure of its README.
-    """
+    """The figure of its README."""
     folder = shared_data / "doors" / "workshop_3y"
 
     found = read_door_csv(
