@@ -199,9 +199,7 @@ def test_a_writer_that_rolls_while_it_is_verified_is_no_damage(
 
 
 def test_an_older_state_of_a_segment_is_damage(log: Path, tmp_path: Path) -> None:
-    """
-    A small closed segment is continued in a copy: the file as it was before is whole, and short.
-    """
+    """A continued segment is replaced by what it was before: whole, but short."""
     last = segment_files(log)[-1]
     shutil.copy(last, tmp_path / "older")
     with sl.append(log, compact=False) as opened:
@@ -288,19 +286,19 @@ def test_it_outlives_compaction(log: Path) -> None:
         sl.read(log)
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[1]", "null", '{"log_id": 1}', "[" * 3000])
+@pytest.mark.parametrize(
+    "text",
+    ["", "{}", "[1]", "null", '{"log_id": 1}', "[" * 3000, " " * MOST_BYTES + "{}"],
+    ids=lambda text: text[:8],
+)
 def test_damage_of_the_file_itself_is_named(log: Path, text: str) -> None:
-    """
-    Whether the log was cut cannot be told then: that is said, and `recover` takes it as it is.
-    """
+    """Whether the log was cut cannot be known then; `recover` takes it as it is."""
     marks(log)[-1].write_text(text)
 
-    with pytest.raises(CorruptLogError, match=r"closed-2-26\.json: damaged: it is not what was"):
+    with pytest.raises(CorruptLogError, match=r"closed-2-26\.json: damaged"):
         sl.read(log)
     assert 4 == verify(log).exit_code
-
     recover(log)
-
     assert (27, 0) == (events(log), verify(log).exit_code)
 
 
@@ -311,16 +309,7 @@ def test_a_hash_that_is_none_is_damage_of_the_file(log: Path, head: str) -> None
     assert found is not None
     marks(log)[-1].write_text(replace(found, head=head).text())
 
-    with pytest.raises(CorruptLogError, match=r"closed-2-26\.json: damaged: it is not what was"):
-        sl.read(log)
-
-
-def test_no_more_of_it_is_read_than_it_may_have(log: Path) -> None:
-    """A stranger's may fill the memory; one that begins with so many blanks is not ours."""
-    text = marks(log)[-1].read_text()
-    marks(log)[-1].write_text(" " * MOST_BYTES + text)
-
-    with pytest.raises(CorruptLogError, match=r"closed-2-26\.json: damaged: it is not what was"):
+    with pytest.raises(CorruptLogError, match=r"closed-2-26\.json: damaged"):
         sl.read(log)
 
 

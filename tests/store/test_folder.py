@@ -100,9 +100,7 @@ def test_a_writer_answers_from_its_own_folder(tmp_path: Path) -> None:
 def test_relative_paths_are_those_of_the_moment_of_opening(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    After `os.chdir` a log of the same name lies elsewhere: nobody looks at it, or writes to it.
-    """
+    """After `os.chdir` a log of the same name elsewhere is neither read nor written."""
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()
     there.mkdir()
@@ -189,9 +187,7 @@ def test_a_live_segment_that_was_copied_over_is_told(
 def test_a_compacted_copy_that_was_exchanged_takes_no_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_place: bool
 ) -> None:
-    """
-    An older state of the temporary file is put over it, once it is compared: the segment stays.
-    """
+    """An older state of the temporary file is put over it after it was compared."""
     path = made(tmp_path / "log", sightings=25)
     before = contents(path)
     install = SegmentWriter.install
@@ -400,29 +396,20 @@ def test_a_pipe_in_a_logs_folder_is_not_waited_for(tmp_path: Path) -> None:
     assert "closed.json: expected a regular file; a log has no others" in said
 
 
-@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
-def test_a_lock_file_that_is_a_link_is_refused(
-    tmp_path: Path, victim: Path, link: Callable[[Path, Path], None]
+@pytest.mark.parametrize(
+    "put", [Path.symlink_to, Path.hardlink_to, lambda path, _: os.mkfifo(path)]
+)
+def test_a_lock_file_that_is_a_link_or_a_pipe_is_refused(
+    tmp_path: Path, victim: Path, put: Callable[[Path, Path], None]
 ) -> None:
     """A log may come from a stranger: the lock file is emptied, and must be no other file."""
     path = made(tmp_path / "log")
     (path / ".lock").unlink()
-    link(path / ".lock", victim)
+    put(path / ".lock", victim)
 
     with pytest.raises(LogAccessError, match=r"\.lock: expected a file of this folder alone"):
         sl.append(path)
-
     assert VICTIM == victim.read_bytes()
-
-
-def test_a_lock_file_that_is_a_pipe_is_refused(tmp_path: Path) -> None:
-    """Opening one can wait for ever."""
-    path = made(tmp_path / "log")
-    (path / ".lock").unlink()
-    os.mkfifo(path / ".lock")
-
-    with pytest.raises(LogAccessError, match=r"\.lock: expected a file of this folder alone"):
-        sl.append(path)
 
 
 @pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])

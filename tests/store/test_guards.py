@@ -7,6 +7,7 @@ import random
 import struct
 import tracemalloc
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -16,14 +17,12 @@ import pytest
 from mcap.records import ChunkIndex
 
 import semmap_log as sl
-from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.messages import layout
 from semmap_log.core.model.commits import MOST_NOTE_CHARACTERS, Note
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAdded, DoorObserved
 from semmap_log.errors import CorruptLogError, LogPoisonedError
 from semmap_log.interop.formats.files.floor_plan import MOST_CELLS
-from semmap_log.log.replay import keyframes
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import (
     FREE_CHUNK_BYTES,
@@ -34,11 +33,7 @@ from semmap_log.store.chunks import (
     most_unpacked,
     read_chunk_head,
 )
-from semmap_log.store.commit_records import (
-    MOST_EVENT_BYTES,
-    CommitBuilder,
-    Stamp,
-)
+from semmap_log.store.commit_records import MOST_EVENT_BYTES, CommitBuilder, Stamp
 from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import CHUNK_BYTES, COMMIT_CHANNEL, KEYFRAME_CHANNEL, NO_HASH
@@ -128,45 +123,19 @@ def _read_all(log: Path) -> int:
     return sum(len(batch) for batch in opened.batches()) + len(list(opened.commits()))
 
 
-@pytest.mark.parametrize("closed", [True, False], ids=["closed", "live"])
-def test_what_is_not_forged_reads(closed: bool, tmp_path: Path) -> None:
-    """The measure of what follows: two events, two commits."""
-    log = _forged(tmp_path / "log", lambda stamp: stamp, closed=closed)
-
-    assert 4 == _read_all(log)
-
-
-@pytest.mark.parametrize("forgery", list(FORGERIES)[:3])
-def test_a_forged_commit_of_a_closed_segment_is_named(forgery: str, tmp_path: Path) -> None:
-    """Reading events and commits compares numbers and hashes, though every checksum is right."""
-    log = _forged(tmp_path / "log", FORGERIES[forgery], closed=True)
-
-    with pytest.raises(CorruptLogError, match=r"log_000000.mcap: damaged"):
-        _read_all(log)
-
-
 @pytest.mark.parametrize("forgery", FORGERIES)
-def test_a_forged_commit_of_a_live_segment_does_not_count(forgery: str, tmp_path: Path) -> None:
-    """The last commit: it is left out as torn, or named."""
-    log = _forged(tmp_path / "log", FORGERIES[forgery], closed=False)
-
-    try:
-        seen = _read_all(log)
-    except CorruptLogError:
-        seen = 2
-
-    assert 2 == seen
-
-
-def test_a_keyframe_that_is_not_what_was_hashed_is_not_used() -> None:
-    """A bit of a state's arrays, its chunk's checksum right: replay goes further back instead."""
-    data = bytearray(keyframes.encode(DoorMapState()))
-    assert keyframes.decode(bytes(data)) is not None
-    for at in (20, len(data) - 1):
-        changed = bytearray(data)
-        changed[at] ^= 1
-
-        assert keyframes.decode(bytes(changed)) is None
+def test_a_forged_commit_is_named_or_does_not_count(forgery: str, tmp_path: Path) -> None:
+    """Numbers and hashes are compared, though every checksum is right."""
+    for closed in (True, False):
+        honest = _forged(tmp_path / f"honest {closed}", lambda stamp: stamp, closed=closed)
+        assert 4 == _read_all(honest)
+    live = _forged(tmp_path / "live", FORGERIES[forgery], closed=False)
+    with suppress(CorruptLogError):
+        assert 2 == _read_all(live)
+    if forgery != "a time that goes back":
+        closed_log = _forged(tmp_path / "closed", FORGERIES[forgery], closed=True)
+        with pytest.raises(CorruptLogError, match=r"log_000000.mcap: damaged"):
+            _read_all(closed_log)
 
 
 def _chunk() -> bytearray:
@@ -177,9 +146,7 @@ def _chunk() -> bytearray:
 
 
 def test_a_chunk_says_its_own_sizes() -> None:
-    """
-    Of its records, of what is stored, and none beyond all measure: before anything is allocated.
-    """
+    """Before anything is allocated."""
     for field, value, problem in (
         (SIZE_AT, 3, "expected 3 bytes of records"),
         (SIZE_AT, FREE_CHUNK_BYTES + 1, "more than any chunk has"),
@@ -292,10 +259,7 @@ def test_a_head_that_was_changed_is_named(entry: str) -> None:
 
 
 def test_a_commit_is_hashed_with_all_its_records(tmp_path: Path) -> None:
-    """
-    Counted by hand: the Commit's own record, then each channel's number and digest, ascending;
-    for a commit of several kinds with a note, and for many of one kind.
-    """
+    """By hand: the Commit's own record, then each channel's number and digest, ascending."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door(name="front", actor="survey")
         log.append([DoorObserved(door_id=DoorId(1), state=sl.DoorState.OPEN) for _ in range(9)])

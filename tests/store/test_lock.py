@@ -299,10 +299,7 @@ def test_a_file_system_where_all_can_read_all(log: Path, monkeypatch: pytest.Mon
 
 @only_root
 def test_one_writer_whatever_a_stranger_locks(log: Path) -> None:
-    """
-    Four threads open and close, the lock file is as an older version's each time, and a stranger
-    locks what can be opened: never are there two writers, and each gets in.
-    """
+    """Four threads open and close while a stranger locks what can be opened."""
     inside, most = 0, 0
     counting = threading.Lock()
 

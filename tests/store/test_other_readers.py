@@ -121,19 +121,6 @@ def ours(path: Path) -> list[tuple[str, int, int]]:
     return found
 
 
-def test_it_has_several_segments(log: Path, request: pytest.FixtureRequest) -> None:
-    """The fixture is what it says: three segments or what they became, both maps, all kinds."""
-    reader = sl.read(log)._reader
-
-    merged = request.node.callspec.params["log"] == "merged"
-    keyframes = 2 if merged else 4  # one in the middle of the long commit
-    expected = [(0, 2)] if merged else [(0, 0), (1, 1), (2, 2)]
-    assert expected == [(s.header.number, s.header.last_number) for s in reader.segments]
-    assert keyframes == sum(topic == "/semmap/keyframe" for topic, *_ in ours(log))
-    assert all(segment.closed for segment in reader.segments)
-    assert {"/map", "/map/1", "/semmap/keyframe"} < {topic for topic, *_ in ours(log)}
-
-
 @pytest.mark.slow
 def test_mcap_seeking_reader(log: Path) -> None:
     """By the index, CRCs checked: the same messages in the same order, and true statistics."""

@@ -396,9 +396,7 @@ print([finding.kind for finding in verify(Path(sys.argv[1])).findings])
 @pytest.mark.slow
 @pytest.mark.parametrize("what", ["pipe", "/dev/zero", "/etc/hostname", "nowhere"])
 def test_a_metadata_file_that_is_no_file(tmp_path: Path, what: str) -> None:
-    """
-    `verify` says that it does not describe the log, and the next writer puts its own in its place.
-    """
+    """`verify` says so, and the next writer puts its own in its place."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door()
     path = tmp_path / "log" / BAG_METADATA_NAME

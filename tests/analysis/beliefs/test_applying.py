@@ -83,17 +83,6 @@ def test_new_evidence_is_written_again(path: Path) -> None:
     assert [FRONT] == [belief.door.door_id for belief in again.written]
 
 
-def test_it_can_be_taken_back(path: Path) -> None:
-    """A retraction gives the numbers back that were there before: none."""
-    with sl.append(path) as log:
-        done = apply_probabilities(log)
-        assert done.appended is not None
-        log.retract(done.appended.first_event, done.appended.first_event + 1)
-
-    doors = sl.read(path).replay().doors
-    assert all(door.prob_open != door.prob_open for door in doors.values())
-
-
 def test_the_same_command_is_stored_once(path: Path) -> None:
     """Sent again it is answered as the first time; for something else its id is refused."""
     command = bytes(range(16))

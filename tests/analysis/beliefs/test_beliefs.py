@@ -27,10 +27,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> sl.DoorLog:
 
 
 def test_doors_get_what_their_evidence_says(log: sl.DoorLog) -> None:
-    """
-    At noon of a working day the front door is likely open, the store is not, and of the attic,
-    which nobody ever looked at, nothing is known.
-    """
+    """The front door is likely open at noon of a working day, the store is not."""
     front, store, attic = probabilities(log, at="2026-03-27T12:00")
 
     assert (FRONT, STORE, ATTIC) == (front.door.door_id, store.door.door_id, attic.door.door_id)
@@ -46,10 +43,7 @@ def test_doors_get_what_their_evidence_says(log: sl.DoorLog) -> None:
 
 
 def test_the_evidence_is_told(log: sl.DoorLog) -> None:
-    """
-    28 days of 13 looks: so many sightings and visits, a word more (that it was added), so many
-    hours of the week unseen, and when it was seen last.
-    """
+    """28 days of 13 looks and the adding; how many hours of the week are unseen; the last look."""
     (front,) = probabilities(log, doors=["front"])
 
     seen = front.evidence
@@ -74,10 +68,7 @@ def test_what_comes_later_does_not_count(tmp_path: Path, log: sl.DoorLog) -> Non
 
 
 def test_at_counts_what_is_known_today_and_known_at_what_was_known_then(log: sl.DoorLog) -> None:
-    """
-    Each day's looks were recorded in the evening: at its noon only those of the days before were
-    known, and those of the morning are known today.
-    """
+    """At a day's noon only the looks of the days before were known."""
     (known,) = probabilities(log, known_at="2026-03-03T12:00", doors=[FRONT])
     (true,) = probabilities(log, at="2026-03-03T12:00", doors=[FRONT])
     (both,) = probabilities(log, at="2026-03-03T12:00", known_at="2026-03-03T12:00", doors=[FRONT])

@@ -32,9 +32,7 @@ def _run(folder: Path, *more: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_tool_notices_a_cell(tmp_path: Path) -> None:
-    """
-    One cell of one expected master is another: it is counted in both ways of drawing, and named.
-    """
+    """One cell of an expected master is another: it is counted in both ways of drawing."""
     cases = json.loads((CASES / "cases.json").read_text(encoding="utf-8"))[:3]
     with np.load(CASES / "cases.npz") as grids:
         kept = {

@@ -52,14 +52,6 @@ def test_every_cost_is_published_as_ros_publishes_it():
     assert [published(cost) for cost in range(256)] == to_occupancy(EVERY_BYTE).tolist()
 
 
-@pytest.mark.parametrize(
-    ("cost", "value"), [(0, 0), (1, 1), (128, 50), (252, 98), (253, 99), (254, 100), (255, -1)]
-)
-def test_some_published_values_by_hand(cost, value):
-    """The ends of the table and its middle."""
-    assert value == to_occupancy(np.array([[cost]], np.uint8))[0, 0]
-
-
 @pytest.mark.parametrize("track_unknown", [True, False])
 @pytest.mark.parametrize("trinary", [True, False])
 @settings(deadline=None)

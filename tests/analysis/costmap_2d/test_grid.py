@@ -40,9 +40,7 @@ def test_the_centre_of_a_cell() -> None:
 
 
 def test_bounds_are_taken_onto_the_map() -> None:
-    """
-    As LayeredCostmap::updateMap does: the last cell is in the window, and so is one on the edge.
-    """
+    """As LayeredCostmap::updateMap does: the last cell, and one on the edge, are in the window."""
     assert CellWindow(0, 0, 20, 10) == GRID.window_of(-1e30, -1e30, 1e30, 1e30)
     assert CellWindow(2, 0, 4, 2) == GRID.window_of(0.0, 2.0, 0.9, 2.5)
     assert 0 == GRID.window_of(1e30, 1e30, -1e30, -1e30).area

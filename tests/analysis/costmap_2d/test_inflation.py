@@ -81,38 +81,8 @@ def test_every_cell_is_claimed_by_the_same_source(seed: int, reach: int, density
     assert np.array_equal(expected, claims)
 
 
-@pytest.mark.slow
-def test_a_claim_is_not_always_that_of_the_nearest() -> None:
-    """Found at random: a cell whose cost an exact distance transform would set otherwise."""
-    dice = np.random.default_rng(3)
-    others = 0
-    for _ in range(200):
-        grid = np.where(dice.random((40, 40)) < 0.02, LETHAL, FREE_SPACE).astype(np.uint8)
-        geometry = GridGeometry(40, 40, 0.05)
-        layer = InflationLayer(geometry, 0.55, scaling=3.0)
-        costmap = LayeredCostmap(geometry, [StaticLayer(geometry, grid), layer])
-        costmap.update()
-        y, x = np.nonzero(grid == LETHAL)
-        rows, columns = np.indices(grid.shape)
-        squares = ((rows[..., None] - y) ** 2 + (columns[..., None] - x) ** 2).min(axis=-1)
-        exact = np.array([
-            [_exact_cost(square) for square in row] for row in squares.tolist()
-        ])  # fmt: skip
-        others += int((exact != costmap.costs).sum())
-
-    assert 0 < others < 100
-
-
-def _exact_cost(square: int) -> int:
-    if square == 0:
-        return LETHAL
-    return int(252 * math.exp(-3.0 * math.sqrt(square) * 0.05)) if square <= 11**2 else FREE_SPACE
-
-
 def test_a_change_beyond_the_window_asks_for_a_wider_one() -> None:
-    """
-    An obstacle at a window's edge concerns cells outside of it: they are not left as they were.
-    """
+    """Cells outside of the window are not left as they were."""
     geometry = GridGeometry(80, 80, 0.05)
     layer = InflationLayer(geometry, 0.55)
     master = np.zeros(geometry.shape, np.uint8)

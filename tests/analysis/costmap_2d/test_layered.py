@@ -98,10 +98,7 @@ class World:
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(PARTS))
 def test_updated_is_drawn_anew(part: int) -> None:
-    """
-    2,000 sequences: doors over walls and each other, on the map and off, with and without a wider
-    inflation of doors, in either order of layers; and nothing changed outside of what was said.
-    """
+    """2,000 sequences of doors over walls; nothing changes outside of the windows."""
     dice = random.Random(part)
     for _ in range(SEQUENCES // PARTS):
         world = World(dice)

@@ -84,9 +84,7 @@ def test_doors_without_evidence(log: sl.DoorLog) -> None:
 
 
 def test_to_a_door_means_before_it(log: sl.DoorLog) -> None:
-    """
-    On the side where one comes to it: from the hall no door is on the way, from the store its own.
-    """
+    """From the hall no door is on the way, from the store its own."""
     from_hall = door_trip(log, HALL, "3", depart=NOON)
     from_store = door_trip(log, IN_THE_STORE, "3", depart=NOON)
 
@@ -142,9 +140,7 @@ def test_what_is_no_trip_is_refused(log: sl.DoorLog, start: str, goal: str, said
 
 
 def test_the_best_way_after_the_log_s_end(log: sl.DoorLog) -> None:
-    """
-    Days ahead `schedule` is asked, which knows of no waits: a single door has no expected time.
-    """
+    """Days ahead `schedule` is asked, which knows of no waits."""
     trip = door_trip(log, HALL, IN_THE_STORE, depart="2026-04-20T12:10")
 
     assert trip.estimator == "schedule"

@@ -23,33 +23,12 @@ def graph_of(*pairs: tuple[int, int], lifts: tuple[Lift, ...] = ()) -> RoomGraph
     return RoomGraph({room: Room(room, 1, None, 9.0, 0.0, 0.0) for room in rooms}, doorways, lifts)
 
 
-def test_rooms_at_a_hall() -> None:
-    """Both doors of both rooms; none of the room beside, which leads back into the hall."""
-    graph = graph_of((1, 2), (1, 2), (1, 3), (1, 3), (1, 4), (1, 4))
-
-    assert doors_between(graph, 2, 3) == [1, 2, 3, 4]
-    assert doors_between(graph, 2, 1) == [1, 2]
-    assert doors_between(graph, 2, 2) == []
-
-
-def test_a_way_round_counts_and_a_dead_end_does_not() -> None:
-    """1 - 2 - 3 and 1 - 4 - 3; the closet 5 behind 4 is on no way."""
-    graph = graph_of((1, 2), (2, 3), (1, 4), (4, 3), (4, 5))
-
-    assert doors_between(graph, 1, 3) == [1, 2, 3, 4]
-
-
 def test_not_by_the_outside() -> None:
     """Unless the trip begins there."""
     graph = graph_of((1, OUTSIDE), (OUTSIDE, 2), (1, 2))
 
     assert doors_between(graph, 1, 2) == [3]
     assert doors_between(graph, OUTSIDE, 2) == [1, 2, 3]
-
-
-def test_rooms_that_nothing_joins() -> None:
-    """No doors."""
-    assert doors_between(graph_of((1, 2), (3, 4)), 1, 3) == []
 
 
 def test_by_a_lift() -> None:

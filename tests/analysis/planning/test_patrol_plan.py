@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from itertools import pairwise
 from pathlib import Path
@@ -21,7 +20,6 @@ from semmap_log.analysis.planning.round_planner import patrol_plan
 from semmap_log.analysis.rooms import Place, room_plan
 from semmap_log.core.model.moments import SECOND_NS
 from semmap_log.errors import PlanError, UnknownDoorError
-from semmap_log.interop.formats.json.plan_json import plan_to_json
 from tests.analysis.planning.ward import FRONT, HALL, SIDE, ward
 
 MORNING = "2026-03-20T10:00"
@@ -188,15 +186,6 @@ def test_a_log_without_doors(tmp_path: Path) -> None:
 
     with pytest.raises(PlanError, match="no door is in the map"):
         patrol_plan(sl.read(tmp_path / "empty"))
-
-
-def test_the_same_question_has_the_same_answer(log: sl.DoorLog) -> None:
-    """To the byte."""
-    said = [
-        json.dumps(plan_to_json(patrol_plan(log, start_at=HALL, start=MORNING))) for _ in range(2)
-    ]
-
-    assert said[0] == said[1]
 
 
 def test_ways_from_stop_to_stop_are_those_of_the_times(log: sl.DoorLog) -> None:

@@ -23,10 +23,3 @@ def test_the_ends_are_the_quantiles(alpha: float, beta: float, low: float, high:
     found = beta_interval(alpha, beta)
 
     assert pytest.approx((low, high), abs=1e-6) == found
-
-
-def test_right_and_wrong_are_mirrored() -> None:
-    """Exchanging hits and misses exchanges the ends."""
-    low, high = beta_interval(7.5, 2.5)
-
-    assert pytest.approx((1 - high, 1 - low)) == beta_interval(2.5, 7.5)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -31,18 +29,6 @@ def test_each_cell_has_the_region_of_a_flood_fill(free: NDArray[np.bool_]) -> No
 
     assert np.array_equal(flooded(free), _labels(found))
     assert np.array_equal(flooded(free), found.label_grid())
-
-
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.55, 0.6, 0.8, 1.0])
-def test_each_cell_has_the_label_of_scipy(share: float) -> None:
-    """On grids where regions wind, and are many."""
-    ndimage: Any = pytest.importorskip("scipy.ndimage", reason="scipy is the oracle here")
-    free = np.random.default_rng(4).random((211, 180)) < share
-
-    expected, count = ndimage.label(free)
-    found = regions_of(free)
-
-    assert (count, True) == (found.count, np.array_equal(expected, _labels(found)))
 
 
 @given(GRIDS)

@@ -55,9 +55,7 @@ def test_a_cell_lies_inside_the_first_ring_and_in_no_other(free: NDArray[np.bool
 
 
 def test_a_hole_may_touch_the_ring_around_it() -> None:
-    """
-    In a corner, where the room closes around it but for that: two rings, not one that crosses it.
-    """
+    """Two rings in a corner, not one that crosses itself."""
     free = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 0]], np.bool_)
     rooms = LevelRooms(0, GridGeometry(3, 3, 1.0), regions_of(free), np.array([0, 1]))
 

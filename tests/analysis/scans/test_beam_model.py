@@ -168,18 +168,6 @@ def test_a_stand_without_a_leaf_stops_no_beam() -> None:
     assert table[:, 0, gone] == pytest.approx(alone, abs=0.01)
 
 
-def test_a_beam_that_ends_on_the_line_is_likelier_off_a_shut_leaf() -> None:
-    beams = some_beams(200, seed=9)
-    on_line, deep = np.abs(beams.range - beams.plane) < 0.03, beams.range > beams.plane + 0.6
-    leaves = leaves_of("hinged")
-
-    table = log_likelihoods(beams, leaves, np.full(200, 0.01), MODEL)[:, 0]
-    ratio = table[:, (leaves.lengths == 0).all(1)][:, 0] - table[:, leaves.clear == 0][:, 0]
-
-    assert (ratio[on_line] < -1).all()
-    assert (ratio[deep & np.isfinite(beams.range)] > 1).all()
-
-
 def test_walls_beside_a_door_tell_how_far_the_laser_is_off() -> None:
     """Beams end 0.2 m behind the line, though the model believes in 5 cm."""
     beams = some_beams(300, seed=4)

@@ -25,63 +25,33 @@ def _texts(visits: Sequence[Visit], **how: frozenset[DoorId]) -> list[str]:
     ]
 
 
-def test_beams_that_end_behind_a_line() -> None:
-    """The offset is told with its mean and the number of visits that it comes from."""
-    behind = [0.20, 0.24, 0.22, 0.22]
-    visits = [some_visit(7, n, state=CLOSED, behind_m=at) for n, at in enumerate(behind)]
-
-    (text,) = _texts([*visits, some_visit(7, 9, state=CLOSED, behind_m=nan)])
-
-    assert text == (
-        "door 7: beams end 0.22 m behind its line on average (4 visits); if its line is drawn "
-        "there by mistake, move it with `update`"
-    )
-
-
-def test_beams_that_end_before_a_line() -> None:
-    """An offset toward the robot is one, too."""
-    visits = [some_visit(7, n, state=CLOSED, behind_m=-0.2) for n in range(3)]
-
-    assert "0.20 m before its line" in _texts(visits)[0]
-
-
-def test_a_line_that_is_drawn_beside_its_leaf_is_off_to_one_side_from_both() -> None:
-    """From the left its leaf lies behind it, from the right before it: on average, nowhere."""
-    seen = [(1, 0.2), (1, 0.22), (-1, -0.2), (-1, -0.18)]
-    visits = [
-        some_visit(7, n, state=CLOSED, side=side, behind_m=at) for n, (side, at) in enumerate(seen)
-    ]
-
-    (text,) = _texts(visits)
-
-    assert "0.20 m to the right of its line on average (4 visits from both sides)" in text
-    assert door_figures(visits)[0].behind_m.value == pytest.approx(0.01)
-
-
-def test_leaves_that_lie_behind_from_both_sides_are_behind() -> None:
-    """Behind a pane, say: no line could be drawn that fits."""
-    visits = [some_visit(7, n, state=CLOSED, side=(-1) ** n, behind_m=0.2) for n in range(4)]
-
-    assert "0.20 m behind its line on average (4 visits)" in _texts(visits)[0]
-
-
 @pytest.mark.parametrize(
-    "behind",
-    [[0.3, 0.3], [0.08] * 20, [0.6, -0.4, 0.5, -0.2, 0.3]],
-    ids=["too few visits", "a recess", "by chance"],
+    ("seen", "offset"),
+    [
+        ([(0, at) for at in (0.20, 0.24, 0.22, 0.22, nan)], "0.22 m behind"),
+        ([(0, -0.2)] * 3, "0.20 m before"),
+        ([(1, 0.2), (1, 0.22), (-1, -0.2), (-1, -0.18)], "0.20 m to the right of"),
+        ([(1, 0.2), (-1, 0.2)] * 2, "0.20 m behind"),
+        ([(0, 0.3)] * 2, ""),
+        ([(0, 0.08)] * 20, ""),
+        ([(0, at) for at in (0.6, -0.4, 0.5, -0.2, 0.3)], ""),
+    ],
+    ids=["behind", "before", "drawn beside", "behind a pane", "too few", "a recess", "by chance"],
 )
-def test_no_offset_is_told_of_little(behind: list[float]) -> None:
-    """Few visits, a leaf in its recess and scattered ends tell nothing of the line."""
-    visits = [some_visit(7, n, state=CLOSED, behind_m=at) for n, at in enumerate(behind)]
+def test_an_offset_of_a_line_is_told_with_its_side(
+    seen: list[tuple[int, float]], offset: str
+) -> None:
+    """From both sides of a line that is drawn beside its leaf, what holds is left or right."""
+    texts = _texts([
+        some_visit(7, n, state=CLOSED, side=side, behind_m=at) for n, (side, at) in enumerate(seen)
+    ])  # fmt: skip
 
-    assert not _texts(visits)
+    assert len(texts) == bool(offset)
+    assert offset in "".join(texts)
 
 
 def test_visits_that_met_a_leaf_tell_where_it_is() -> None:
-    """
-    A visit with hardly any does not, one whose beams mostly go on, or of an open
-    door: however many there are.
-    """
+    """A grazing visit does not, nor one whose beams mostly go on, nor one of an open door."""
     told = [some_visit(7, n, state=CLOSED, behind_m=0.14) for n in range(3)]
     toward = [some_visit(7, n, state=CLOSED, behind_m=-0.3, near=40.0) for n in range(20)]
     ajar = [some_visit(7, n, state=CLOSED, behind_m=0.3, ajar=0.6) for n in range(20)]

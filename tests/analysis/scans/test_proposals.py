@@ -73,13 +73,6 @@ def test_errors_of_poses_do_not_make_a_door_narrower() -> None:
     assert found.width == pytest.approx(LINE[3] + 0.02, abs=0.04)
 
 
-def test_a_gap_too_narrow_for_a_door_is_none() -> None:
-    """From jamb to jamb."""
-    gap = ((0.55, 1.0, 0.9, 1.0),)
-
-    assert proposals_of(_seen(ALONG, *gap), NO_DOORS) == []
-
-
 def test_driving_through_speaks_for_a_door() -> None:
     """It is counted, and the score is higher than by looks alone."""
     (looked,) = proposals_of(_seen(ALONG), NO_DOORS)

@@ -56,12 +56,3 @@ def test_a_line_that_is_drawn_beside_the_leaf_is_told_with_its_side(across: floa
     assert warning.concern is Concern.offset
     side = "right" if across > 0 else "left"
     assert f"beams end 0.14 m to the {side} of its line on average" in warning.text
-
-
-def test_seen_from_one_side_it_is_behind_or_before() -> None:
-    """As the robot sees it."""
-    (warning,) = door_warnings(
-        door_figures(_visits([scan for n in range(3) for scan in _drive(DOWN, 60.0 * n)], -0.25))
-    )
-
-    assert "beams end 0.25 m behind its line" in warning.text

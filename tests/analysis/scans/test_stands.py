@@ -134,10 +134,7 @@ def test_undecided_visits_are_no_news_and_no_end_of_them() -> None:
 @pytest.mark.parametrize("late_ns", [0, 40_000_000])
 @pytest.mark.parametrize("step", [1, 3])
 def test_a_filtered_copy_adds_nothing(leaves: tuple[Segment, ...], late_ns: int, step: int) -> None:
-    """
-    In another frame, some of its beams left out: the visit is as sure as without it, but for a
-    look where the copy begins.
-    """
+    """With some of its beams left out, in another frame, the visit is as sure as without it."""
     scans = past(*leaves).scans()
     copies = [
         replaced(scan, laser="front_filtered", stamp_ns=scan.stamp_ns + late_ns,
@@ -155,9 +152,7 @@ def test_a_filtered_copy_adds_nothing(leaves: tuple[Segment, ...], late_ns: int,
 
 
 def test_two_lasers_that_look_one_after_the_other_make_one_visit() -> None:
-    """
-    The front one until the robot is at the door, the rear one from there: as one that looks round.
-    """
+    """The front one until the robot is at the door, the rear one from there."""
     scans = past(*SHUT).scans()
     turns = [scan if i < 8 else replaced(scan, laser="rear") for i, scan in enumerate(scans)]
 

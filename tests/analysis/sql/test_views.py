@@ -64,9 +64,7 @@ def instant(us: int) -> str:
 
 
 def test_events(asked: Asked) -> None:
-    """
-    Every event is there once, the live end too, with who and why, and marked where taken back.
-    """
+    """Each event once, the live end too, with who and why, and marked where taken back."""
     log, events = asked
     texts = ("actor", "source", "reason", "correlation")
     expected = [

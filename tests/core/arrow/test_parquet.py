@@ -72,9 +72,7 @@ def test_a_file_of_no_rows_has_its_columns(tmp_path: Path) -> None:
 def test_groups_are_written_as_the_tables_come(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Memory does not grow with the log: what was taken lies in the file before the next is asked for.
-    """
+    """Memory does not grow with the log."""
     monkeypatch.setattr(parquet, "GROUP_ROWS", 1000)
     sizes = []
 

@@ -30,9 +30,7 @@ from tests.test_replay import random_log
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32))
 def test_changes_lead_from_the_map_before_to_the_map_after(seed: int) -> None:
-    """
-    For any part of a random log: late events, retractions, several writes to a door in a chunk.
-    """
+    """Late events, retractions, several writes to a door in a chunk."""
     dice = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder, tiny_steps(), pytest.MonkeyPatch.context() as to:
         to.setattr(change_finder, "FAR", dice.choice([0, 3, 1000]))

@@ -138,25 +138,6 @@ def _patched(before: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-@pytest.mark.slow
-def test_random_logs_hold_what_the_property_is_about(tmp_path: Path) -> None:
-    """Each part of a diff occurs in them, and each field: else the test above would show little."""
-    dice, seen = random.Random(1), set()
-    for i in range(12):
-        log = _random_log(tmp_path / str(i), dice, commits=25)
-        for first, second in _moments(log, dice):
-            found = log.diff(first, second)
-            seen |= {change.field for change in (*found.changed, *found.heard)}
-            seen |= {"added"} if found.added else set()
-            seen |= {"removed"} if found.removed else set()
-            seen |= {(c.before is None, c.after is None) for c in found.levels}
-
-    assert {
-        *("level", "x", "y", "theta", "width", "state", "prob_open", "prob_closed", "annotations"),
-        *("last_seen_ns", "last_event", "added", "removed", (True, False), (False, False)),
-    } <= seen
-
-
 @pytest.fixture
 def log(tmp_path: Path) -> Iterator[sl.DoorLogWriter]:
     """Three doors at 08:00; at 09:00 one is seen as before, one opened, one removed; a level."""

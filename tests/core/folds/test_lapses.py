@@ -187,9 +187,7 @@ def test_what_was_thinned_out_still_counts_as_looks() -> None:
 
 
 def test_friday_evening_does_not_make_sunday_known(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    A door that is open in one look of ten, the last one of them on Friday: not over the weekend.
-    """
+    """Open in one look of ten, the last one on Friday: not over the weekend."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         door = log.add_door(at="2026-02-23T08:00")
         for day in range(23, 28):
@@ -212,9 +210,7 @@ def test_friday_evening_does_not_make_sunday_known(tmp_path: Path, clock: Steady
 
 @pytest.mark.slow
 def test_a_robots_week_is_seen_as_far_as_it_looked() -> None:
-    """
-    Of each door of the clinic: a lapse begins when its last sighting is three median gaps ago.
-    """
+    """A lapse begins three median gaps after the last sighting."""
     log = sl.read(RECORDINGS / "clinic_week")
     seen_ns: dict[int, list[int]] = {}
     for entry in log.history(kinds=[DoorObserved, DoorPassed]):

@@ -223,38 +223,8 @@ def removal(ns: int) -> EventBatch:
     return batch_of([event], first_number=9, recorded_ns=[100])
 
 
-def test_equal_neighbours_are_one_interval() -> None:
-    """It begins with the first event, and counts all of them."""
-    found = timeline([seen((10, OPEN), (20, OPEN), (30, CLOSED))], DOOR, end_ns=50)
-
-    assert [
-        Interval(0, 10, UNKNOWN, event=0, sightings=1),
-        Interval(10, 30, OPEN, event=1, sightings=2),
-        Interval(30, 50, CLOSED, event=3, sightings=1),
-    ] == list(found)
-
-
-def test_of_events_at_the_same_time_the_last_one_holds() -> None:
-    """What stood for no time is no interval, and parts none."""
-    found = timeline([seen((10, OPEN), (20, CLOSED), (20, OPEN), (30, OPEN))], DOOR, end_ns=40)
-
-    assert [(0, UNKNOWN, 0, 1), (10, OPEN, 1, 3)] == [
-        (i.start_ns, i.state, i.event, i.sightings) for i in found
-    ]
-
-
-def test_the_order_of_batches_does_not_matter() -> None:
-    """Late events come in later batches."""
-    batch = seen((30, CLOSED), (10, OPEN), (20, CLOSED))
-    pieces = [batch.select(batch.number == n) for n in (3, 0, 2, 1)]
-
-    assert said_by(timeline([batch], DOOR)) == said_by(timeline(pieces, DOOR))
-
-
 def test_the_last_interval_never_ends_before_it_begins(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    Of a commit that is known at its first nanosecond, the others lie behind the moment asked for.
-    """
+    """Of a commit that is known at its first nanosecond the others lie after the moment."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         log.add_door()
         late = clock.now_ns + 10**12
@@ -266,16 +236,6 @@ def test_the_last_interval_never_ends_before_it_begins(tmp_path: Path, clock: St
 
     assert [UNKNOWN, OPEN, CLOSED] == [interval.state for interval in found]
     assert commit.recorded_ns + 1 == found.start_ns[-1] == found.end_ns[-1]
-
-
-def test_a_removal_ends_the_last_interval() -> None:
-    """And what is seen afterwards begins none."""
-    gone = removal(25)
-
-    found = timeline([seen((10, OPEN), (30, CLOSED)), gone], DOOR, end_ns=50)
-
-    assert found.removed
-    assert [(0, 10, UNKNOWN), (10, 25, OPEN)] == [(i.start_ns, i.end_ns, i.state) for i in found]
 
 
 def test_a_state_of_a_later_version_is_unknown() -> None:

@@ -63,9 +63,7 @@ def test_the_clocks_show_what_zoneinfo_says(tz: str, times: list[int]) -> None:
 def test_a_time_that_is_shown_comes_back_as_the_first_instant_that_shows_it(
     tz: str, ns: int
 ) -> None:
-    """
-    From the clocks to the instant: the very one, or an hour (a day) earlier that looks the same.
-    """
+    """The very instant, or one an hour (a day) earlier that looks the same."""
     clock = LocalClock(tz)
     ns -= ns % SECOND_NS
 

@@ -26,10 +26,7 @@ FLOOR = room(1)
 def test_at_any_moment_rviz_shows_what_a_replay_gives(
     name: str, which: Which, tmp_path: Path
 ) -> None:
-    """
-    Late events, moves between levels and removals included: the last grid with the updates after
-    it is the costmap of that moment, cell for cell.
-    """
+    """The last grid with its updates is the costmap of that moment, cell for cell."""
     log = restless_log(tmp_path / "log", seed=1)
     rng = random.Random(1)
 
@@ -79,9 +76,7 @@ def test_a_part_begins_with_the_costmap_as_it_was(tmp_path: Path) -> None:
 
 
 def test_a_wrong_question_leaves_no_file(tmp_path: Path) -> None:
-    """
-    Nothing to draw, a name that tells no bag, the log's own folder: said, and nothing is written.
-    """
+    """Nothing to draw, a name that tells no bag, the log's own folder."""
     sl.create(tmp_path / "empty", tz="UTC", clock=SteadyClock(START)).close()
     log = small_log(tmp_path / "log")
     before = {path.name for path in (tmp_path / "log").iterdir()}

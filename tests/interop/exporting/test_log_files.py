@@ -97,9 +97,7 @@ def test_a_place_that_cannot_be_written_is_said(tmp_path: Path) -> None:
 
 
 def test_events_as_json_lines_come_back_as_they_were(tmp_path: Path) -> None:
-    """
-    Through a file into a new log: the same doors and the same history, retracted ones left out.
-    """
+    """Through a file into a new log; retracted ones are left out."""
     with sl.create(tmp_path / "a", tz="Europe/Vienna") as log:
         door = log.add_door(x=1, y=2, theta=0, width=1, name="Tür")
         log.observe(door, "open", accuracy_open=0.9, accuracy_closed=0.8, opening=0.5)

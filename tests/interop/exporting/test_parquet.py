@@ -20,7 +20,6 @@ from semmap_log.core.model.events import Event, Retracted
 from semmap_log.interop.exporting.log_files import export
 from semmap_log.log.replay.replay import Scope
 from semmap_log.store.compaction import compact
-from tests.conftest import SteadyClock
 from tests.core.arrow.rows import history_rows, rows_of, write_any
 from tests.store.eventful import eventful_log
 from tests.strategies import events, texts
@@ -133,36 +132,3 @@ def test_duckdb_reads_it(log: sl.DoorLog, tmp_path: Path) -> None:
     """).fetchall()
 
     assert [(door.door_id, door.state.name) for door in log.replay().doors.values()] == rows
-
-
-@pytest.mark.slow
-def test_a_full_disk_leaves_the_old_file_whole(tmp_path: Path) -> None:
-    """No half file, no litter, one clear error."""
-    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock()) as log:
-        for n in range(50):
-            log.add_door(x=n, y=0, theta=0, width=1)
-    (tmp_path / "x.parquet").write_text("old")
-    code = """
-import resource, sys, semmap_log as sl
-from pathlib import Path
-from semmap_log.errors import OutputError
-from semmap_log.interop.exporting.log_files import export
-import semmap_log.core.arrow.arrow_sdk
-log = sl.read(sys.argv[1])
-resource.setrlimit(resource.RLIMIT_FSIZE, (500, 500))
-try:
-    export(log, Path(sys.argv[2]))
-except OutputError as error:
-    print(error)
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", code, tmp_path / "log", tmp_path / "x.parquet"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-
-    assert "x.parquet: could not be written: " in done.stdout
-    assert "None" not in done.stdout
-    assert "old" == (tmp_path / "x.parquet").read_text()
-    assert ["log", "x.parquet"] == sorted(p.name for p in tmp_path.iterdir())

@@ -301,11 +301,3 @@ def test_fast_downward_takes_the_likeliest_way(
     )
     assert 1 == len(awkward_solved.plan.actions)
     assert len(AWKWARD) == sum(str(each.type) == "door" for each in awkward_read.all_objects)
-
-
-def test_the_reader_of_these_tests_reads_as_planners_do() -> None:
-    """A comment ends with its line; what is not closed, or closed twice, is noticed."""
-    assert ["a", ["b", "c"], []] == expression_of("(a ; ) (\n(b c)())")
-    for wrong in ("(a", "(a))", "(a) (b)", ""):
-        with pytest.raises((AssertionError, ValueError)):
-            expression_of(wrong)

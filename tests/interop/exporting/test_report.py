@@ -74,19 +74,3 @@ def test_a_folder_that_is_not_there_is_an_error(log: sl.DoorLog, tmp_path: Path)
         write_report(log, tmp_path / "no" / "page.html")
 
     assert ["log"] == [path.name for path in tmp_path.iterdir()]
-
-
-def test_the_logs_own_folder_is_refused(log: sl.DoorLog) -> None:
-    """Nothing but the log lies there."""
-    with pytest.raises(OutputError, match="log's own folder"):
-        write_report(log, log.path / "page.html")
-
-
-def test_a_folder_of_that_name_stays(log: sl.DoorLog, tmp_path: Path) -> None:
-    """It cannot be replaced by a file; nothing is left beside it."""
-    (tmp_path / "page.html").mkdir()
-
-    with pytest.raises(OutputError, match="could not be written"):
-        write_report(log, tmp_path / "page.html")
-
-    assert ["log", "page.html"] == sorted(path.name for path in tmp_path.iterdir())

@@ -85,10 +85,7 @@ def test_whoever_jumps_to_a_moment_sees_the_same(seed: int, tmp_path: Path) -> N
 def test_the_thesis_message_is_the_door_database(
     name: str, options: StreamOptions, tmp_path: Path
 ) -> None:
-    """
-    At any moment the last one lists the doors with a place, ids ascending, states as the thesis
-    knows them; NaN stands for what was not given.
-    """
+    """The last message of a moment lists the placed doors, ids ascending; NaN is "not given"."""
     log = lively_log(tmp_path / "log", seed=1)
 
     record_bag(log, tmp_path / name, options)
@@ -230,9 +227,7 @@ def test_a_part_begins_with_what_was_there(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", BAGS)
 def test_the_floor_plans_are_the_logs_own(name: str, tmp_path: Path) -> None:
-    """
-    At any moment the last plan of each level, in its place, turned, and at its level's height.
-    """
+    """The last plan of each level in its place, turned, and at its level's height."""
     log = lively_log(tmp_path / "log", seed=7)
 
     record_bag(log, tmp_path / name, MARKED)
@@ -367,10 +362,7 @@ def digests(folder: Path) -> dict[str, str]:
 
 
 def test_a_wrong_question_leaves_no_file(tmp_path: Path) -> None:
-    """
-    A name that tells no bag, the log's own folder, times that run backwards, and those for which
-    ROS has no stamp.
-    """
+    """A name that tells no bag, the log's own folder, times backwards or beyond ROS's stamps."""
     log = small_log(tmp_path / "log")
     with sl.create(tmp_path / "late", tz="UTC", clock=SteadyClock(2**31 * SECOND)) as late:
         late.add_door(x=1.0, y=1.0, theta=0.0, width=1.0)

@@ -86,9 +86,7 @@ def _folder(storage: Any) -> Callable[[Path], Path]:
 def test_a_door_that_is_open_and_then_shut_is_seen_so(
     write: Callable[[Path], Path], office: Path, tmp_path: Path
 ) -> None:
-    """
-    Each visit is a commit: where the robot was at its first and its last look, and what it saw.
-    """
+    """Each visit is a commit: where the robot was at its first and last look, and what it saw."""
     imported = _import(office, write(tmp_path))
 
     commits = list(sl.read(office).commits())[1:]
@@ -178,9 +176,7 @@ def test_visits_that_the_robot_recorded_while_it_drove_count_once(
 def test_the_same_drive_in_another_name_counts_once(
     names: tuple[str, str], office: Path, tmp_path: Path
 ) -> None:
-    """
-    Another bag of it, as a converter or a second recorder writes it: no two robots were there.
-    """
+    """As a converter or a second recorder writes it: no two robots were there."""
     first, second = tmp_path / "first.mcap", tmp_path / "second.mcap"
     write_mcap(first, drives_by())
     write_mcap(second, drives_by()[5:])
@@ -364,22 +360,6 @@ def test_an_import_without_scan_says_what_a_laser_would_bring(
     assert 0 == _run("import", office, tmp_path / "x.mcap")
 
     assert "with --scan a laser's scans tell how the doors stood" in capsys.readouterr().err
-
-
-def test_ctrl_c_is_answered(
-    office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    """With what became of it: the same command goes on."""
-
-    def stopped(*_args: object, **_others: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("semmap_log.interop.importing.importing.import_file", stopped)
-
-    assert 130 == _run("import", office, "x.bag", "--scan")
-
-    assert "x.bag: interrupted; the same command goes on" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("topic", ["/tf", "/scan"])

@@ -40,9 +40,7 @@ def _door(door_id: int, **values: Any) -> dict[str, Any]:
 
 
 def test_new_doors_are_added_with_the_servers_ids() -> None:
-    """
-    With all that the message says, NaN probabilities as not given, and the server's number noted.
-    """
+    """With all that the message says; NaN probabilities are not given."""
     listener = _listener()
 
     events = listener.hear(TOPIC, ROBOT.door_map([_door(7, prob_open=0.25)]), 3)
@@ -314,11 +312,7 @@ _MAPS = st.lists(st.dictionaries(st.integers(1, 5), _VALUES, max_size=4), min_si
 def test_the_log_has_the_servers_doors_after_every_message(
     maps: list[dict[int, dict[str, Any]]], restart: int
 ) -> None:
-    """
-    Whatever it adds, changes, removes and numbers anew, and across a restart: a replay at the time
-    of each message shows just its doors, and the first message after a restart, said again, is no
-    event.
-    """
+    """A replay at each message shows just its doors; said again after a restart, it is no event."""
     with (
         TemporaryDirectory() as folder,
         sl.create(Path(folder) / "log", tz="UTC", durability="none", compact=False) as log,

@@ -131,9 +131,7 @@ def _warnings(*visits: Visit) -> list[str]:
 def test_a_door_drawn_elsewhere_is_one_on_which_visits_agree(
     offsets: list[float], said: str
 ) -> None:
-    """
-    Three at least: a leaf that stands a little open, each time otherwise, is no wrong drawing.
-    """
+    """Three visits at least; a leaf that stands otherwise each time is no wrong drawing."""
     found = _warnings(*(_visit(behind_m=each) for each in offsets))
 
     assert [True] * bool(said) == [said in each for each in found]

@@ -117,9 +117,7 @@ def test_of_a_million_beams_some_thousand_are_taken() -> None:
 
 
 def test_a_laser_without_an_end_has_one_here() -> None:
-    """
-    A simulator's range_max is infinity: a beam that does not come back has to have gone somewhere.
-    """
+    """A simulator's range_max is infinity."""
     found = _scan(range_max=math.inf, ranges=_ranges(math.inf, 50.0))
 
     assert isinstance(found, Sweep)

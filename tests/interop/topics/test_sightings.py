@@ -179,9 +179,7 @@ def test_a_new_door_with_a_known_level_in_its_name_is_put_there() -> None:
 
 
 def test_a_request_says_who_asked() -> None:
-    """
-    It changes no state; asked again by the same within the limit it is left out, by another not.
-    """
+    """It changes no state; repeated within the limit it is left out, by another not."""
     listener = Listener({"/door_requests": ReadRmfRequest()}, _front())
 
     made = [listener.made("/door_requests", ROBOT.door_request("front", OPEN, who), second)

@@ -234,9 +234,7 @@ def test_what_was_redacted_since_is_not_told(log_path: Path, path: Path) -> None
 
 
 def test_what_is_hidden_already_can_be_hidden_again(log_path: Path, path: Path) -> None:
-    """
-    A second retraction, of another log, of the same events changes nothing, and costs nothing.
-    """
+    """A second retraction of the same events changes nothing and costs nothing."""
     again = Retracted(first_event=4, last_event=5)
     with sl.append(log_path) as log:
         log.append([Retracted(first_event=3, last_event=6)])

@@ -103,10 +103,7 @@ def test_batches_come_in_order_and_without_retracted_events(log: sl.DoorLog) -> 
 def test_every_moment_with_and_without_a_checkpoint(
     log: sl.DoorLog, tmp_path: Path, projection: Any
 ) -> None:
-    """
-    at, known_at, event and all of it: a checkpoint of any earlier moment, or of a later one, leads
-    to the state that a fold from the start gives.
-    """
+    """A checkpoint of any moment leads to the state that a fold from the start gives."""
     dice = random.Random(1)
     commits = list(log.commits())
     times = [t for commit in commits for t in (commit.recorded_ns, commit.recorded_ns - 1)]
@@ -142,10 +139,7 @@ def test_an_earlier_question_leaves_a_later_checkpoint_alone(
 
 
 def test_states_of_two_parts_make_that_of_both(log: sl.DoorLog) -> None:
-    """
-    What `merge` promises, for every cut, though the retractions of the first part may lie in the
-    second.
-    """
+    """For every cut, though retractions of the first part may lie in the second."""
     projection, last = Numbers(), log._reader.last_commit().last_event
     whole = log.fold(projection)
 
@@ -180,9 +174,7 @@ def test_what_a_projection_offers_is_seen() -> None:
 
 
 def test_compaction_does_not_move_a_position(tmp_path: Path) -> None:
-    """
-    A checkpoint made before goes on in the rechunked, merged segments, in the middle of a chunk.
-    """
+    """It goes on in the middle of a chunk of merged segments."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", compact=False) as log:
         door = log.add_door()
@@ -232,10 +224,7 @@ def test_one_commit_of_many_pages_is_kept_when_it_is_whole(tmp_path: Path) -> No
 def test_a_fold_that_is_torn_off_goes_on_from_the_way(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A projection that fails in the middle: what was saved on the way is the state of the end of a
-    commit as it was known there, so not of one between an event and its retraction.
-    """
+    """What was saved is the state of the end of a commit."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 4)
     with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
         door = log.add_door(name="front")
@@ -265,9 +254,7 @@ def test_a_fold_that_is_torn_off_goes_on_from_the_way(
 def test_what_is_written_meanwhile_does_not_count(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, checkpoint: str | None
 ) -> None:
-    """
-    Another thread writes, retracts and asks while a fold is under way: it is of its beginning.
-    """
+    """A fold is of its beginning, though another thread writes, retracts and asks."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 4)
     with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
         door = log.add_door()

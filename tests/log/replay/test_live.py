@@ -265,10 +265,7 @@ def _start(code: str, *arguments: Path) -> subprocess.Popen[str]:
 
 @pytest.mark.slow
 def test_killed_again_and_again_beside_a_writer(path: Path, tmp_path: Path) -> None:
-    """
-    A process that folds live is killed at random moments, and so is the writer: each time the
-    checkpoint holds a state of the log's own, and the next process goes on without gap or repeat.
-    """
+    """Each time the checkpoint holds a state of the log; the next process goes on without gap."""
     checkpoint, dice = tmp_path / "checkpoint", random.Random(2)
     writer = _start(WRITER, path)
     resumed = []
@@ -323,10 +320,7 @@ for i in itertools.count():
 def test_killed_at_any_moment_of_a_long_fold(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A child that folds a log over and over, and saves on the way, is killed at random moments:
-    whatever it left leads to the same state as a fold from the start.
-    """
+    """Whatever it left leads to the same state as a fold from the start."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 50)
     path, dice, found = tmp_path / "log", random.Random(6), []
     with sl.create(path, tz="UTC", durability="none", compact=False) as log:

@@ -199,9 +199,7 @@ def patrolled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_moment_unpacks_no_chunk_twice(
     patrolled: Path, asked: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A keyframe, what came behind it up to the next, and no more of what came late than lies there.
-    """
+    """No more of what came late is read than lies between two keyframes."""
     unpacked: list[tuple[int, int]] = []
     records = StoredChunk.records
 
@@ -290,9 +288,7 @@ VERSION_AT, HASH = 12, slice(16, 48)
 def test_a_keyframe_that_cannot_be_used_is_left_out_with_a_warning(
     at: int, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Of another version, or with a wrong bit under a right CRC: said, and the answer is the same.
-    """
+    """Of another version, or with a wrong bit under a right CRC."""
     encoded = keyframes.encode
 
     def damaged(some_state: DoorMapState) -> bytes:

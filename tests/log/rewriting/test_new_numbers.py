@@ -46,9 +46,7 @@ def test_a_retraction_reaches_the_same_events(seed: int) -> None:
 
 
 def test_thinned_sightings_name_the_first_or_nothing() -> None:
-    """
-    0 means that it is not known: so do numbers of events that are not there, or of none at all.
-    """
+    """0 means that it is not known."""
     numbers = NewNumbers(COUNT)
     numbers.add(7, 3)
     numbers.add(0, 5)

@@ -159,9 +159,7 @@ def test_a_number_from_before_reaches_no_further(
 def test_a_thief_signs_no_other_log_in_its_place(
     log: Path, key: SigningKey, owner: SigningKey, tmp_path: Path
 ) -> None:
-    """
-    With the same numbers, and the revocation beside them: the last one that counts is missing.
-    """
+    """The same numbers and the revocation beside them: the last one that counts is missing."""
     other = eventful_log(tmp_path / "other", accuracy=0.8)
     sign(log, key)
     revoke(log, owner, public(key), first=2)

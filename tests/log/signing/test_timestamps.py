@@ -208,9 +208,7 @@ def test_bytes_of_strangers_are_no_time_stamp(data: bytes) -> None:
 
 
 def test_an_answer_with_any_byte_altered(answer: bytes) -> None:
-    """
-    It is refused, or altered in what openssl alone checks: the certificates and the signature.
-    """
+    """It is refused, or altered in what openssl alone checks."""
     refused = 0
     for place in range(len(answer)):
         altered = bytearray(answer)

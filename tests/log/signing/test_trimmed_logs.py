@@ -147,9 +147,7 @@ def test_a_head_before_all_that_was_taken_out_is_still_enough(office: Path) -> N
 def test_an_officer_vouches_for_no_more_than_came_before(
     office: Path, key: SigningKey, officer: SigningKey
 ) -> None:
-    """
-    What was taken out of later files is nobody's word, though all that was before is as signed.
-    """
+    """What was taken out of later files is nobody's word."""
     trim(office, 0)
     sign(office, officer, trimmed=True)
     with pytest.MonkeyPatch.context() as patch:

@@ -151,9 +151,7 @@ def test_a_view_begins_at_the_horizon_as_one_of_the_whole_log_that_begins_there(
 
 @pytest.mark.viewer
 def test_a_recording_begins_at_the_horizon(logs: Logs, tmp_path: Path) -> None:
-    """
-    What it shows, at each moment of each timeline, is what one of the whole log shows from then on.
-    """
+    """At each moment of each timeline it shows what one of the whole log shows."""
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
     from tests.views.rerun.some_logs import Drawn
 

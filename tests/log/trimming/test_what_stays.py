@@ -93,10 +93,7 @@ def test_a_copy_that_is_not_what_was_written_is_not_used(
 def test_a_log_that_was_cut_off_can_be_thinned(
     near: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The keyframe at the horizon, amid a segment, stays, though it contains sightings that go, and
-    though it is near the one before it, since what lay between them went.
-    """
+    """The keyframe at the horizon stays, though it contains sightings that go."""
     monkeypatch.setattr(care, "KEYFRAME_EVERY_BYTES", 2000)
     monkeypatch.setattr(care, "KEYFRAME_RARITY", 0)
     monkeypatch.setattr(merge, "KEYFRAME_EVERY_BYTES", 1000)

@@ -139,9 +139,7 @@ def test_abandoned_at_once(
     installed: Installed,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """
-    In the middle of a segment: nothing is replaced, no temporary file stays, the thread is gone.
-    """
+    """Nothing is replaced, no temporary file stays, the thread is gone."""
     real = compactor._pause
 
     def stands_still_once_it_writes(done: int) -> None:
@@ -257,9 +255,7 @@ def test_a_full_disk_is_logged(
     installed: Installed,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """
-    No room for the copy (here: a limit on the size of files): all stays, nothing is left behind.
-    """
+    """All stays as it was, nothing is left behind."""
     path = segment_files(log)[0]
     before = path.read_bytes()
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -330,27 +326,13 @@ def test_a_forked_child_cannot_use_it(log: Path, compactor: BackgroundCompactor)
     assert 0 == os.waitstatus_to_exitcode(status)
 
 
-def test_what_a_child_sees(log: Path, compactor: BackgroundCompactor) -> None:
-    """The same without a fork: another process id than that of whoever made it."""
-    compactor._pid += 1
-    compactor.close()
-
-    with pytest.raises(LogError, match="a forked child cannot go on"):
-        compactor.add(segment_files(log)[0].name)
-
-    compactor._pid -= 1
-    compactor.add(segment_files(log)[0].name)
-
-
 def test_abandoned_before_the_swap(
     log: Path,
     compactor: BackgroundCompactor,
     installed: Installed,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """
-    The copy is whole and compared: it is thrown away all the same, since the lock may be gone.
-    """
+    """The compared copy is thrown away, since the lock may be gone."""
     (path, *_), (ready, go_on) = segment_files(log), _held_before_the_swap(monkeypatch)
     before = path.read_bytes()
     compactor.add(path.name)

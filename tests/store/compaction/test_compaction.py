@@ -86,9 +86,7 @@ def test_a_second_time_nothing_is_done(log: Path) -> None:
 
 
 def test_the_bytes_do_not_depend_on_when_it_was_compacted(tmp_path: Path) -> None:
-    """
-    A log that was compacted between its sessions ends as the one that was compacted at the end.
-    """
+    """Compacted between its sessions a log ends as one that was compacted at the end."""
     compacted = []
     for between in (True, False):
         clock, entropy = SteadyClock(), random.Random(7).randbytes

@@ -18,13 +18,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.errors import (
-    CorruptLogError,
-    LogError,
-    LogExistsError,
-    LogLockedError,
-    OutputError,
-)
+from semmap_log.errors import CorruptLogError, LogError, LogExistsError, LogLockedError, OutputError
 from semmap_log.log.replay.care import copy, verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.writing import segment_chain
@@ -358,9 +352,7 @@ def test_a_disk_that_is_really_full(older: Path, tmp_path: Path) -> None:
 
 
 def test_beside_a_writer_that_rolls_closes_and_merges(tmp_path: Path) -> None:
-    """
-    Again and again into the same copy: each time the first events, all that were acknowledged.
-    """
+    """Each time the first events, all that were acknowledged."""
     log, there = tmp_path / "log", tmp_path / "copy"
     with recording(log, 5) as recorder:
         for _ in range(15):

@@ -148,9 +148,7 @@ def test_a_copy_of_what_was_cut_is_an_error(to: int, file: Path) -> None:
 
 
 def test_what_has_lost_its_name_is_checked_again(tmp_path: Path) -> None:
-    """
-    That all data were sound once does not hold for a file that somebody else may change unseen.
-    """
+    """Somebody else may change the file unseen."""
     log = write_log(tmp_path / "log", 50)
     (file,) = segment_files(log)
     opened = sl.read(log)

@@ -71,9 +71,7 @@ def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("second", [5, 100_000, 319_999])
 def test_a_moment_asks_for_few_bytes(second: int, long_log: Path) -> None:
-    """
-    Head and tail of each segment, then a keyframe and about a chunk: of the whole, a small share.
-    """
+    """Head and tail of each segment, a keyframe and about a chunk."""
     opened, store = far(long_log)
     whole = sum(file.stat().st_size for file in long_log.glob("*.mcap"))
 
@@ -136,9 +134,7 @@ def test_a_log_that_is_gone_or_damaged_is_told(tmp_path: Path) -> None:
 def test_bytes_that_were_not_fetched_are_no_answer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A source that forgets to fetch a chunk hands out the pattern: that is damage, never an answer.
-    """
+    """A source that forgets to fetch a chunk: damage, never an answer."""
     path = tmp_path / "log"
     with tiny_steps():
         random_log(path, random.Random(4), commits=30)

@@ -151,9 +151,7 @@ def test_in_place_the_damaged_files_are_kept(log: Path) -> None:
 
 
 def test_nothing_lost_keeps_numbers_hashes_and_the_id(log: Path) -> None:
-    """
-    Damage to what can be computed anew, such as a summary: the head of the log is still in it.
-    """
+    """Damage to what can be computed again, such as a summary."""
     head, log_id = verify(log).head, sl.read(log).info.log_id
     was = told(log)
     for file in sorted(log.glob("*.mcap")):
@@ -260,11 +258,7 @@ def test_whatever_was_damaged(
     original: Path, log: Path, tmp_path: Path,
     places: list[tuple[int, float, str]], in_place: bool,
 ) -> None:  # fmt: skip
-    """
-    What was recovered is good, and its events are the old ones, in order, with all their fields
-    and times; none is new, none different, none there twice. Every commit outside the damaged
-    places is there.
-    """
+    """The old events in order with all fields and times; each undamaged commit is there."""
     was = without_numbers(original)
     restore(original, log, tmp_path)
     for number, place, what in places:
@@ -364,10 +358,7 @@ STEPS = 21
 @pytest.mark.slow
 @pytest.mark.parametrize("step", range(1, STEPS + 1))
 def test_killed_at_any_step(step: int, log: Path, original: Path, tmp_path: Path) -> None:
-    """
-    Killed before the n-th change of the file system: the log is the old one or the new one, whole;
-    once more, and it is recovered, with every damaged file kept.
-    """
+    """The log is the old one or the new one, whole; afterwards it can be recovered."""
     spoil(log, 0, 2)
     damaged = contents(log)
     old = plan_recovery(log).verification.findings
@@ -432,9 +423,7 @@ def test_where_folders_cannot_be_swapped(log: Path, tmp_path: Path, monkeypatch)
 
 
 def test_a_strangers_links_lead_nowhere(log: Path, tmp_path: Path) -> None:
-    """
-    A log in which a recovery seems to be unfinished, its kept files a link to somebody's folder.
-    """
+    """The kept files of an unfinished recovery are a link to somebody's folder."""
     theirs = tmp_path / "theirs"
     theirs.mkdir()
     (theirs / "letter.txt").write_text("mine")

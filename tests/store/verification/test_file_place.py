@@ -23,9 +23,7 @@ def _flipped(file: Path, at: int) -> None:
 
 @pytest.mark.parametrize("where", [None, 300, -5000, -2000, -60, -30], ids=str)
 def test_what_is_found_is_the_same(where: int | None, tmp_path: Path) -> None:
-    """
-    Nothing; a bit in a head, in a chunk, in what closing wrote: the same words, of that place.
-    """
+    """A bit in a head, in a chunk, in what closing wrote, or none."""
     log = eventful_log(tmp_path / "log")
     if where is not None:
         _flipped(sorted(log.glob("*.mcap"))[1], where)

@@ -234,10 +234,7 @@ def mutated(data: bytes, changes: list[tuple[str, float, int, int]]) -> bytes:
 def test_no_bytes_are_too_wild(
     log: Path, original: Path, number: int, changes: list[tuple[str, float, int, int]]
 ) -> None:
-    """
-    Flipped, cut, inserted, swapped, doubled, zeroed: never an exception, and good only if nothing
-    is different.
-    """
+    """Flipped, cut, inserted, swapped, doubled, zeroed: good only if nothing is different."""
     file = segment(log, number)
     whole = segment(original, number).read_bytes()
     changed = mutated(whole, changes)
@@ -494,10 +491,7 @@ def test_progress_reaches_the_end(log: Path) -> None:
 
 
 def test_a_keyframe_that_a_retraction_reaches_behind(tmp_path: Path) -> None:
-    """
-    A retraction of what an earlier segment holds: the keyframes after it are compared with a new
-    fold, those before it with the old one.
-    """
+    """Keyframes after the retraction are compared with a new fold."""
     from semmap_log.core.model.events import Retracted
     from semmap_log.store.writing import segment_chain
 

@@ -169,9 +169,7 @@ def test_none_writes_when_much_waits(tmp_path: Path) -> None:
 
 
 def test_commits_say_what_was_durable_before_them(tmp_path: Path) -> None:
-    """
-    That tells a torn tail from damage: nothing below that number can be the work of a power cut.
-    """
+    """Nothing below that number can be the work of a power cut."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", durability="flush") as log:
         door = log.add_door()
@@ -184,10 +182,7 @@ def test_commits_say_what_was_durable_before_them(tmp_path: Path) -> None:
 
 
 def test_threads_share_syncs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Eight threads, each append durable when it returns, over many segments: far fewer syncs than
-    appends, nothing lost, each thread's events in its order.
-    """
+    """Far fewer syncs than appends, nothing lost, each thread's events in its order."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 40)
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log:
@@ -351,9 +346,7 @@ def test_a_promise_that_means_nothing_is_refused(options, what: str, tmp_path: P
 
 
 def test_a_timer_is_closed_at_any_moment_of_its_round() -> None:
-    """
-    Also between the end of its wait and the next: close waits for its thread, but not for ever.
-    """
+    """Close waits for its thread, but not for ever."""
     timer = BatchTimer(lambda: None, 0.0)
     closing = threading.Thread(target=timer.close, daemon=True)
     clear = timer._appended.clear

@@ -39,10 +39,7 @@ stamps = st.builds(
 @settings(deadline=None)
 @given(stamps, fixed_size, st.sampled_from([1, 2, FEW, FEW + 1, 40, MOST]), st.data())
 def test_it_makes_the_same_bytes(stamp: Stamp, first, count: int, data: st.DataObject) -> None:
-    """
-    Chunk, indexes, what the summary says, and the commit, for few events, many, and so many that
-    their chunk is compressed.
-    """
+    """For few events, many, and so many that their chunk is compressed."""
     drawn = data.draw(st.lists(st.none() | times, min_size=1, max_size=min(count, 40)))
     happened = [drawn[i % len(drawn)] for i in range(count)]
     given_events = [replace(first, happened_ns=time) for time in happened]

@@ -7,12 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from semmap_log.analysis.probabilities.chain.matrix_scan import (
-    Steps,
-    filtered,
-    likelihood,
-    weighed,
-)
+from semmap_log.analysis.probabilities.chain.matrix_scan import Steps, filtered, likelihood, weighed
 
 
 def some_steps(count: int, seed: int) -> tuple[Steps, np.ndarray]:

@@ -35,10 +35,7 @@ def test_rates_of_a_door_without_hours_come_back(*, until_open: bool) -> None:
 
 
 def test_a_burst_of_openings_is_one() -> None:
-    """
-    Each day a quarter past noon the door opens ten times within ten minutes: for one half hour's
-    look that is one passage, and who comes at eleven waits for more than an hour.
-    """
+    """Ten openings within ten minutes are one passage for one half hour's look."""
     stretches, last = [], 0.0
     for day in range(28):
         for minute in range(10):
@@ -80,9 +77,7 @@ def test_the_interval_narrows_with_what_was_seen() -> None:
 
 
 def test_the_interval_is_wide_where_days_differ() -> None:
-    """
-    Ten openings on one day of ten, or one on each: as many, but who knows when such a day comes.
-    """
+    """Ten openings on one day of ten are as many as one on each, but less certain."""
     each = [(24.0 * day + 12, 24.0 * day + 12.1) for day in range(40)]
     some = [(24.0 * day + hour, 24.0 * day + hour + 0.1) for day in range(4, 40, 10)
             for hour in range(8, 18)]  # fmt: skip

@@ -76,9 +76,7 @@ def _log_likelihood_of(looks: Looks, inside: list[int], mode: int) -> float:
 
 @pytest.mark.parametrize("row", range(3))
 def test_what_was_seen_before_and_after_speaks_too(row: int) -> None:
-    """
-    Every hour in a mode for sure: the difference of two modes of one hour is that of all looks.
-    """
+    """The difference of two modes of one hour is that of all looks."""
     looks, modes = some_looks(), np.array(MODES)
     likely = np.zeros((3, len(hour_modes.SHARE)))
     likely[np.arange(3), modes] = 1.0

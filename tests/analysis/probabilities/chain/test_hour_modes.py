@@ -41,9 +41,7 @@ def test_quiet_hours_say_how_quiet_each_is() -> None:
 
 
 def test_a_slot_says_nothing_about_the_other_days() -> None:
-    """
-    Opened each Wednesday from ten to twelve: Thursday at ten stays as quiet as Thursday at nine.
-    """
+    """Opened each Wednesday at ten: Thursday at ten stays as quiet as Thursday at nine."""
     passed, waited_h = np.zeros((7, 24)), np.full((7, 24), 6.0)
     passed[2, 10:12], waited_h[2, 10:12] = 6.0, 2.0
 
@@ -55,9 +53,7 @@ def test_a_slot_says_nothing_about_the_other_days() -> None:
 
 
 def test_hours_of_such_days_are_alike() -> None:
-    """
-    Three openings in an hour on each working day but Monday, of which little was seen: as the rest.
-    """
+    """A Monday of which little was seen is like the other working days."""
     passed, waited_h = np.zeros((7, 24)), np.full((7, 24), 6.0)
     passed[:5, 9:17], waited_h[:5, 9:17] = 3.0, 1.0
     passed[0, 12], waited_h[0, 12] = 0.0, 0.1

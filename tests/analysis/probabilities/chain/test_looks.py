@@ -27,10 +27,7 @@ def said(found: Looks) -> list[tuple[float, float]]:
 
 
 def test_a_stretch_is_a_look_each_half_hour_and_one_at_its_end() -> None:
-    """
-    Open from 0:10 to 1:40, then nothing: before all one that saw nothing, certain looks in it, one
-    when it ends, none behind it.
-    """
+    """Open from 0:10 to 1:40: one look that saw nothing, certain ones, and one when it ends."""
     told = evidence([(1 / 6, 5 / 3, True)])
 
     found = looks(told, UTC, int(hours_ns(2)))
@@ -43,10 +40,7 @@ def test_a_stretch_is_a_look_each_half_hour_and_one_at_its_end() -> None:
 
 
 def test_a_change_that_was_watched_is_no_look_of_its_own() -> None:
-    """
-    Where one stretch begins as another ends, only the half hours look: openings of minutes between
-    them are none, as they are for a patrol.
-    """
+    """Openings of minutes between two half hours are no looks, as they are none for a patrol."""
     told = evidence([(0.0, 0.6, False), (0.6, 0.8, True), (0.8, 2.0, False)])
 
     found = looks(told, UTC, int(hours_ns(1.75)))

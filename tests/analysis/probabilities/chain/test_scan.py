@@ -10,10 +10,7 @@ from semmap_log.analysis.probabilities.chain.matrix_scan import states
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 5, 16, 17, 1000])
 def test_blocks_give_what_a_loop_gives(count: int) -> None:
-    """
-    Whatever the number of matrices, of three chains side by side: also where it fills no whole
-    blocks.
-    """
+    """For any number of matrices of three chains, also where it fills no whole blocks."""
     rng = np.random.default_rng(count)
     matrices = rng.random((2, 2, count, 3)) ** 8  # some nearly singular
     first = np.array([[0.3, 0.5, 1.0], [0.7, 0.5, 0.0]])

@@ -58,9 +58,7 @@ def test_two_robots_that_pass_in_one_minute_are_two_visits(tmp_path: Path) -> No
 
 
 def test_a_robot_that_is_not_always_as_sure_makes_one_visit(tmp_path: Path) -> None:
-    """
-    A detector with a confidence of its own for each picture: a hundred are not a hundred proofs.
-    """
+    """A confidence of its own for each picture: a hundred are not a hundred proofs."""
     told = [("tug1", saw(i / 10, 0.8 + i / 1000)) for i in range(100)]
 
     found = seen_by(tmp_path, *told)

@@ -19,10 +19,3 @@ def test_what_is_covered_is_what_lies_before() -> None:
     found = covered_ns(start, end, times)
 
     assert expected == found.tolist()
-
-
-def test_without_stretches_nothing_is_covered() -> None:
-    """Zero at any time."""
-    none = np.empty(0, np.int64)
-
-    assert [0, 0] == covered_ns(none, none, np.array([1, 2])).tolist()

@@ -35,10 +35,7 @@ def always(state: float, days: int) -> DayTables:
 
 
 def test_before_any_day_tables_that_remember_longer_are_for_what_is_far() -> None:
-    """
-    For today all are alike; for a day two months ahead one of a day's memory is worth 57 times
-    less than one that forgets nothing.
-    """
+    """Two months ahead a table of one day's memory weighs 57 times less than one without end."""
     tables = told(np.full((1, TABLES), 0.5), always(1.0, 0))
 
     near, far = (weights(tables, always(1.0, 0), lead_d)[0] for lead_d in (0, 56))
@@ -49,9 +46,7 @@ def test_before_any_day_tables_that_remember_longer_are_for_what_is_far() -> Non
 
 
 def test_a_table_gains_by_a_quarter_of_each_hours_likelihood() -> None:
-    """
-    A day open all through, of which one table said .6 and all others .5: 24 hours at a quarter.
-    """
+    """One table said .6 of an open day and all others .5: 24 hours at a quarter."""
     days = always(1.0, 1)
     p_open = np.full((2, TABLES), 0.5)
     p_open[:, 2] = 0.6
@@ -77,9 +72,7 @@ def test_no_table_is_lost() -> None:
 
 
 def test_a_table_is_scored_as_old_as_its_forecasts_are() -> None:
-    """
-    One that was wrong until a week ago is right about today, and was not yet about a week ahead.
-    """
+    """A table that was wrong until a week ago is right about today, not about a week ahead."""
     days = always(1.0, 20)
     p_open = np.full((21, TABLES), 0.5)
     p_open[:, 1] = np.where(np.arange(21) < 13, 0.45, 0.95)

@@ -20,13 +20,6 @@ def p_of(method: Estimator, known: object, at_h: list[float], known_h: list[floa
     return found.p_open.tolist()
 
 
-def test_the_constant_weighs_by_time() -> None:
-    """One hour open in four, though half of the stretches are: .25; gaps count as nothing."""
-    known = evidence([(0, 3, False), (10, 11, True)])
-
-    assert [0.25, 0.25] == p_of(CONSTANT, known, [12, 1000], [12, 1000])
-
-
 def test_knowledge_ends_within_a_stretch() -> None:
     """Of a stretch that goes on, what was before counts."""
     known = evidence([(0, 3, False), (3, 9, True)])
@@ -120,9 +113,3 @@ def test_before_the_first_word_nothing_is_known(method: Estimator) -> None:
     assert [False, True] == early.is_known.tolist()
     assert [0.5, 0.999] == early.p_open.tolist()
     assert not stranger.is_known.any()
-
-
-def test_evidence_without_any_word_says_nothing() -> None:
-    """No stretch and no sighting: not an error."""
-    for method in (CONSTANT, HOUR_OF_DAY, HOUR_OF_WEEK):
-        assert [0.5] == p_of(method, evidence(), [5], [5])

@@ -141,10 +141,7 @@ def history() -> BeliefHistory:
 def test_a_belief_is_the_one_before_faded_and_weighed(
     by_hand: ByHand, history: BeliefHistory
 ) -> None:
-    """
-    In each regime, look by look: what is kept of how far it was off its long run, never without
-    room for a surprise; then the odds times what was read.
-    """
+    """What is kept of a deviation fades, with room for a surprise; then the odds are weighed."""
     found = history.at(by_hand.seen.times_ns)
 
     np.testing.assert_allclose(found.p_open[1:], np.array(by_hand.believed).T[1:], rtol=1e-7)

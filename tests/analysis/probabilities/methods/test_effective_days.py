@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from semmap_log.analysis.probabilities.evidence.day_tables import day_tables
-from semmap_log.analysis.probabilities.methods.effective_days import Variances, _joint, lasting_of
+from semmap_log.analysis.probabilities.methods.effective_days import Variances, lasting_of
 from semmap_log.analysis.probabilities.methods.habits import (
     WeekCells,
     habits,
@@ -81,12 +81,3 @@ def test_what_is_known_has_no_errors() -> None:
 
     assert not noise_of(alone, day_tables(alone, UTC), UTC).any()
     assert 0 < noise_of(both, day_tables(both, UTC), UTC)[-1] < 0.06
-
-
-def test_tables_err_together_as_far_as_the_surer_one_errs() -> None:
-    """Var of the mean of x (variance 1) and y (4), cov 1: (1 + 2 + 4) / 4."""
-    worth = np.array([[0.5, 0.5]])
-
-    joint = _joint(worth, np.array([[4.0, 1.0]]))
-
-    assert 7 / 4 == pytest.approx(float((joint[0] * np.array([4.0, 1.0])).sum()))

@@ -10,14 +10,12 @@ import pytest
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.methods.filter import DoorFilter
 from semmap_log.analysis.probabilities.methods.memory import (
-    AHEAD_H,
     SPANS_H,
     STEP_H,
     STEPS_A_DAY,
     Memory,
     _averaged,
     _between,
-    _Past,
 )
 from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule
 from semmap_log.core.model.local_clock import LocalClock
@@ -68,32 +66,6 @@ def test_means_are_those_of_a_plain_loop(count: int, span_h: float) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
 
 
-@pytest.mark.parametrize("span_h", SPANS_H.tolist())
-def test_means_fade_through_days_that_are_left_out(span_h: float) -> None:
-    """As through days on which the door is as it should be."""
-    day = np.random.default_rng(0).normal(size=STEPS_A_DAY)
-    whole = np.concatenate([day, np.zeros(2 * STEPS_A_DAY), day])
-
-    expected = _averaged(whole, np.zeros(4, np.int64), span_h)
-    found = _averaged(np.concatenate([day, day]), np.array([0, 2]), span_h)
-
-    np.testing.assert_allclose(found[STEPS_A_DAY:], expected[-STEPS_A_DAY:], rtol=1e-9)
-
-
-def test_without_a_past_it_is_worth_nothing() -> None:
-    """Sums of no days: every weight is 0, whatever the chain keeps."""
-    spans = len(SPANS_H) + 1
-    nothing = _Past(
-        *np.zeros((2, 0), np.int64), np.zeros((0, spans - 1)),
-        np.zeros((2, len(AHEAD_H), spans, spans)), np.zeros((2, len(AHEAD_H), spans)),
-    )  # fmt: skip
-
-    found = nothing.weights(np.array([0, 1]), np.full((2, len(AHEAD_H)), 0.5))
-
-    assert (2, len(AHEAD_H), spans) == found.shape
-    assert not found.any()
-
-
 def test_on_the_first_day_it_says_nothing() -> None:
     """What a day was worth is known at its end: until then there is no correction."""
     told = evidence(stretches_of(48.0, 2.0, 2.0, np.random.default_rng(1)))
@@ -126,16 +98,8 @@ def test_weights_are_a_line_between_the_times_they_were_fitted_for() -> None:
     np.testing.assert_allclose(found[:, 0], expected)
 
 
-def test_a_step_is_a_quarter_of_an_hour() -> None:
-    """So many of them make a day."""
-    assert 24.0 == STEPS_A_DAY * STEP_H
-
-
 def test_it_helps_where_openings_are_of_two_kinds(two_kinds: DoorEvidence) -> None:
-    """
-    Open for some minutes or for most of a day: who remembers how long it has been open already
-    knows which. An hour ahead the Brier score falls by a twentieth at least.
-    """
+    """Openings of minutes and of a day: memory lowers the Brier score an hour ahead."""
     rng = np.random.default_rng(4)
     known_ns = hours_ns(np.sort(rng.uniform(24 * 40, 24 * DAYS - 2, 4000)))
     times_ns = known_ns + int(3.6e12)

@@ -48,9 +48,7 @@ def next_week(known: DoorEvidence, weeks: int) -> np.ndarray:
 
 
 def test_a_slot_that_is_mostly_open_is_known_after_six_weeks() -> None:
-    """
-    Nine times of ten, and known all through: the schedule says it, and names that hour as best.
-    """
+    """Open nine times of ten: the schedule says it, and names that hour as best."""
     found = [next_week(evidence(slot_door(random_weeks(6, 0.9, s))), 6) for s in SEEDS]
 
     assert np.mean([week[WEDNESDAY_11] for week in found]) > 0.7

@@ -35,9 +35,7 @@ def learnt(stretches: list[tuple[float, float, bool]]) -> LearntFilter:
 def test_the_wait_is_that_of_the_door(
     stretches: list[tuple[float, float, bool]], learnt: LearntFilter, *, until_open: bool
 ) -> None:
-    """
-    Asked at many moments at which the door was not so yet: the mean wait is what it came to be.
-    """
+    """The mean wait is what it came to be, asked at many moments."""
     asked_h = 24 * DAYS + np.arange(0, 24 * DAYS * 1.9, 37.0)
     starts = np.array([start for start, _, _ in stretches])
     ends = np.array([end for _, end, _ in stretches])
@@ -56,9 +54,7 @@ def test_the_wait_is_that_of_the_door(
 
 @pytest.mark.parametrize("until_open", [True, False])
 def test_a_door_that_is_so_already_is_not_waited_for(*, until_open: bool) -> None:
-    """
-    Of a state that holds now the wait is a thousandth of the other's, as the belief is clipped.
-    """
+    """The wait for a state that holds is a thousandth of the other's."""
     told = stretches_of(24.0 * 30 - 1, CLOSED_H, OPEN_H, np.random.default_rng(3))
     now_ns = int(hours_ns(24 * 30))
     held = evidence([*told, (24.0 * 30 - 1, 24.0 * 30, until_open)]).up_to(now_ns)

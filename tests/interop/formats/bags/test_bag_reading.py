@@ -385,10 +385,7 @@ def test_metadata_may_not_name_files_elsewhere(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["rosbags.bag", "ros2.mcap", "no_chunks.mcap", "sqlite"])
 def test_damaged_bags_end_in_our_error_or_in_messages(name: str, tmp_path: Path) -> None:
-    """
-    Cut off and flipped at many places: nothing else is ever raised, and of a cut file nothing is
-    read that was not written.
-    """
+    """Cut and flipped at many places: nothing is read that was not written."""
     version, write = WRITERS[name]
     said = _day(version, 12)
     write(tmp_path / name, said)

@@ -115,10 +115,7 @@ def test_the_mcap_library_reads_what_rosbags_reads(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["x.mcap", "x"])
 def test_who_comes_late_gets_the_last_grid(name: str, tmp_path: Path) -> None:
-    """
-    ROS 2's players offer the grids as transient_local, and the updates, which mean nothing
-    without those before, as volatile.
-    """
+    """Players offer grids as transient_local, and updates as volatile."""
     write(tmp_path / name, restless(1))
 
     with AnyReader([tmp_path / name]) as reader:
@@ -164,10 +161,7 @@ def test_ros_1_latches_the_grids(tmp_path: Path) -> None:
 
 
 def test_ros_1_can_unpack_the_chunks(tmp_path: Path) -> None:
-    """
-    Its roslz4 takes LZ4 frames of one kind only: version 1, independent blocks, a checksum of the
-    content and no size of it (lz4s.c); any other is `malformed data`.
-    """
+    """roslz4 takes version 1, independent blocks, a checksum and no size (lz4s.c)."""
     write(tmp_path / "x.bag", restless(1))
 
     data = (tmp_path / "x.bag").read_bytes()

@@ -273,9 +273,7 @@ def test_doors_of_the_hotel_lie_where_open_rmf_has_them(shared_data):
 def test_the_buildings_of_open_rmf(  # noqa: PLR0917 - a row of the table above
     shared_data, name, doors, levels, lifts, widths_m
 ):
-    """
-    Every door of the three, and their lifts', with plausible widths, its way free in the plan.
-    """
+    """Every door of the three, and their lifts', its way free in the plan."""
     table = read_building(shared_data / "maps" / f"rmf_{name}" / f"{name}.building.yaml")
 
     names = {level.level: level.name for level in table.levels}

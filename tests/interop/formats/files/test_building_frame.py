@@ -75,9 +75,7 @@ def test_a_level_lies_by_its_fiducials(
 def test_points_that_were_not_clicked_exactly_are_averaged_as_in_open_rmf(
     read: Callable[..., DoorTable],
 ) -> None:
-    """
-    Of what its Transform.set_from_fiducials prints for these points: the mean turn, mean scale.
-    """
+    """As Transform.set_from_fiducials prints for these points: the mean turn, the mean scale."""
     table = read(upper("[[0, 0, a], [101, 2, b], [98, 103, c]]"))
 
     turns = [

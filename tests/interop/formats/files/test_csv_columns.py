@@ -111,9 +111,7 @@ def _by_itself(text: str, tz: str) -> tuple[int, int] | str:
 @given(st.lists(times | bad_times | st.text(max_size=30), max_size=30),
        st.sampled_from([VIENNA, "UTC", "Australia/Lord_Howe"]))  # fmt: skip
 def test_times_at_once_are_times_one_by_one(texts: list[str], tz: str) -> None:
-    """
-    Both instants of the hour that comes twice, and what is wrong with those that are no times.
-    """
+    """Both instants of the hour that comes twice, and texts that are no times."""
     first, second, wrong = instants_of(texts, tz=tz)
 
     for i, text in enumerate(texts):

@@ -75,58 +75,6 @@ def test_negate_takes_white_for_walls(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("rules", "cells"),
-    [("noetic", [0, 49, 100, 100]), ("nav2_humble", [0, 50, 100, -1]), ("nav2", [0, 50, 100, -1])],
-)
-def test_scale_spreads_what_lies_between(tmp_path, rules, cells):
-    """From free_thresh to occupied_thresh."""
-    pixels = [(255, 255, 255, 255), (128, 128, 128, 255), (0, 0, 0, 255), (0, 0, 0, 0)]
-    picture = Image.fromarray(np.array([pixels], np.uint8))
-    path = written(tmp_path, picture, mode="scale", occupied_thresh="0.9", free_thresh="0.1")
-
-    assert [cells] == read_map(path, rules=rules).cells.tolist()
-
-
-@pytest.mark.parametrize(
-    ("rules", "cells"),
-    [
-        ("noetic", [-1, -2, -101, -102, 0]),
-        ("nav2_humble", [0, 1, 100, -1, -1]),
-        ("nav2", [0, 1, 100, -1, -1]),
-    ],
-)
-def test_raw_takes_the_bytes(tmp_path, rules, cells):
-    """Nav2: 0..100 as they are, all else unknown, and negate means nothing."""
-    path = written(tmp_path, grey([0, 1, 100, 101, 255]), mode="raw", negate="1")
-
-    assert [cells] == read_map(path, rules=rules).cells.tolist()
-
-
-@pytest.mark.parametrize(
-    ("rules", "cells"),
-    [("noetic", [-1, 100]), ("nav2_humble", [-1, 100]), ("nav2", [100, -1])],
-)
-def test_transparency_in_trinary(tmp_path, rules, cells):
-    """One more channel, so that opaque black is (0 + 0 + 0 + 255) / 4."""
-    picture = Image.fromarray(np.array([[(0, 0, 0, 255), (0, 0, 0, 0)]], np.uint8))
-    path = written(tmp_path, picture, occupied_thresh="0.8")
-
-    assert [cells] == read_map(path, rules=rules).cells.tolist()
-
-
-@pytest.mark.parametrize(
-    ("rules", "cells"), [("noetic", [100, 0]), ("nav2_humble", [100, 0]), ("nav2", [-1, 0])]
-)
-def test_colours(tmp_path, rules, cells):
-    """Pure green is a third of white by its mean, and more than half of it by its luma."""
-    picture = Image.fromarray(np.array([[(0, 255, 0), (255, 255, 255)]], np.uint8))
-
-    path = written(tmp_path, picture)
-
-    assert [cells] == read_map(path, rules=rules).cells.tolist()
-
-
-@pytest.mark.parametrize(
     ("rules", "cells"), [("noetic", [1, 2]), ("nav2_humble", [-1, 7]), ("nav2", [-1, 7])]
 )
 def test_a_palette(tmp_path, rules, cells):

@@ -226,9 +226,7 @@ def test_no_folder_at_all(tmp_path):
 
 
 def test_no_shade_of_scale_means_every_value_in_all_servers():
-    """
-    Why mode scale is not written: of the values 1..99 many have no grade that both servers share.
-    """
+    """Of the values 1..99 many have no grade that both servers share."""
     grades = np.linspace(0, 1, 1_000_001)[1:-1]
     noetic, nav2 = (1 + 98 * grades).astype(int), np.floor(100 * grades + 0.5).astype(int)
 

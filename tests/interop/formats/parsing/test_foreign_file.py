@@ -36,9 +36,7 @@ PACKS = [bytes, gzip.compress]
 def test_every_line_that_is_not_blank_has_its_number(
     pack: Pack, text: str, block: int, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    """
-    Whatever stands before it, however little is read at once, with and without a last line feed.
-    """
+    """However little is read at once, with and without a last line feed."""
     path = tmp_path_factory.getbasetemp() / "lines"
     path.write_bytes(pack(text.encode()))
 

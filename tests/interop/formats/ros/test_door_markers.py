@@ -45,10 +45,7 @@ def test_a_name_stands_east_of_a_door_from_south_to_north(theta: float) -> None:
 
 
 def test_a_leaf_stands_on_its_floor() -> None:
-    """
-    2 m high and 0.1 m thick; a door without width shows as a post: a marker of size 0 is an error
-    to RViz. The name is at its upper edge.
-    """
+    """2 m high, 0.1 m thick; without width a post, since RViz refuses a marker of size 0."""
     leaf, name = markers_of(0.0)
     post, _ = markers_of(0.0, width=0.0)
 

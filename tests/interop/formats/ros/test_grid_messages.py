@@ -63,9 +63,7 @@ def at(grids: Sequence[tuple[int, NDArray[np.int8]]], moment: int) -> NDArray[np
 @pytest.mark.parametrize("name", BAGS)
 @pytest.mark.parametrize("every_s", [0, 60, 10_000])
 def test_rviz_shows_the_costmap_at_each_time(name: str, every_s: int, tmp_path: Path) -> None:
-    """
-    Whole grids with the updates between them are, after every message, the costmap as it was then.
-    """
+    """Whole grids with the updates between them are the costmap as it was then."""
     expected = grids_of(restless(1))
 
     write(tmp_path / name, restless(1), every_s=every_s)
@@ -81,10 +79,7 @@ def test_rviz_shows_the_costmap_at_each_time(name: str, every_s: int, tmp_path: 
 
 @pytest.mark.parametrize("name", BAGS)
 def test_whole_grids_alone_are_never_far_behind(name: str, tmp_path: Path) -> None:
-    """
-    Who knows no updates sees each change at most `every` later, and each grid is the costmap of
-    its own time; no two come closer, but for the last.
-    """
+    """Without updates each change is seen at most `every` later."""
     expected = grids_of(restless(2))
 
     write(tmp_path / name, restless(2), every_s=60)
