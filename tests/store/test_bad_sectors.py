@@ -114,9 +114,8 @@ def test_each_block_of_a_file(whole: Path, name: str, tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
-    ["replay", "history", "info", "tail", "show 4", "diff event:1 event:9", "compact",
-     "probabilities", "observe front open", "recover", "verify", "redact --notes",
-     "retain --keep 1s", "retain --thin 1s", "pin audit", "define dock"],
+    ["history", "tail", "diff event:1 event:9", "compact", "observe front open", "recover",
+     "retain --thin 1s"],
 )  # fmt: skip
 def test_every_verb_ends_with_a_code(whole: Path, command: str, tmp_path: Path) -> None:
     """A file of which nothing can be read but its head and its end: no verb dies of a signal."""

@@ -214,9 +214,8 @@ main(sys.argv[1:])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("verb", ["verify", "replay"])
+@pytest.mark.parametrize(("verb", "closed"), [("verify", True), ("replay", False)])
 @pytest.mark.parametrize("name", ["zeros", "alike", "keyframes"])
-@pytest.mark.parametrize("closed", [False, True])
 def test_a_small_log_that_holds_very_much_takes_little_memory(
     tmp_path: Path, verb: str, name: str, closed: bool
 ) -> None:

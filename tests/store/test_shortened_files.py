@@ -19,7 +19,7 @@ from semmap_log.store.compaction import compact
 from semmap_log.store.reading.segment_scan import open_segment
 from tests.store.logs import segment_files, write_log
 
-CUTS = (0, 5000, 8192, 20_000, -5000, -1)
+CUTS = (0, 8192, -5000)
 """To what the file is cut; negative: by so much."""
 
 Damage = Callable[[Path], None]

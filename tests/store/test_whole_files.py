@@ -362,7 +362,7 @@ except CheckpointError as error:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("what", [each for each in STRANGE if each != "nowhere"])
+@pytest.mark.parametrize("what", ["pipe", "/dev/zero"])
 def test_a_checkpoint_that_is_no_file(tmp_path: Path, what: str) -> None:
     """It is said, at once; nobody waits at a pipe or reads zeros for ever."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
@@ -394,7 +394,7 @@ print([finding.kind for finding in verify(Path(sys.argv[1])).findings])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("what", ["pipe", "/dev/zero", "/etc/hostname", "nowhere"])
+@pytest.mark.parametrize("what", ["pipe", "/dev/zero"])
 def test_a_metadata_file_that_is_no_file(tmp_path: Path, what: str) -> None:
     """`verify` says so, and the next writer puts its own in its place."""
     with sl.create(tmp_path / "log", tz="UTC") as log:

@@ -98,7 +98,7 @@ def told(draw: st.DrawFn) -> list[EventBatch]:
 
 
 @pytest.mark.parametrize("name", [*ESTIMATORS, "fremen2", "fremen84"])
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(batches=told(), share=st.floats(0, 1), seed=st.integers(0, 2**32 - 1))
 def test_no_last_digit_depends_on_the_future(
     name: str, batches: list[EventBatch], share: float, seed: int

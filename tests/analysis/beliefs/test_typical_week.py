@@ -81,7 +81,7 @@ def _name(log: sl.DoorLogWriter, clock: SteadyClock) -> None:
 
 
 @pytest.mark.parametrize("later", [_note, _other_door, _name])
-@pytest.mark.parametrize("days", [0.4, 5, 40, 400])
+@pytest.mark.parametrize("days", [0.4, 40])
 @pytest.mark.parametrize("held", [False, True], ids=["seen", "held"])
 def test_a_week_rests_on_what_is_said_of_the_door_alone(
     tmp_path: Path, later: Callable[[sl.DoorLogWriter, SteadyClock], None], days: float, held: bool

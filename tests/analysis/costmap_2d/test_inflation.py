@@ -49,7 +49,7 @@ def inflations(draw: st.DrawFn) -> tuple[np.ndarray[Any, Any], dict[str, Any]]:
     }
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(inflations())
 def test_the_fire_burns_as_cell_by_cell(inflation: tuple[Any, dict[str, Any]]) -> None:
     """The plain port of inflation_layer.cpp gives the same costs, whatever the obstacles."""

@@ -12,7 +12,6 @@ import pytest
 import semmap_log as sl
 from semmap_log.errors import MissingExtraError
 from semmap_log.interop.exporting.log_files import export
-from tests.batches import batch_of
 
 NEEDS_IT = ("arrow_sdk", "table", "history_table", "parquet", "event_view")
 INSTALL = r"pip install 'semmap-log\[arrow\]'"
@@ -24,13 +23,6 @@ def without_pyarrow(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     for name in NEEDS_IT:
         monkeypatch.delitem(sys.modules, f"semmap_log.core.arrow.{name}", raising=False)
-
-
-@pytest.mark.usefixtures("without_pyarrow")
-def test_a_table_says_what_to_install() -> None:
-    """The module itself can be imported, and batches be read."""
-    with pytest.raises(MissingExtraError, match=f"pyarrow.*{INSTALL}"):
-        batch_of([]).to_arrow()
 
 
 @pytest.mark.usefixtures("without_pyarrow")

@@ -27,7 +27,7 @@ from tests.strategies import events
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.lists(events, max_size=30))
 def test_every_event_is_the_row_that_it_should_be(drawn: list[Event]) -> None:
     """All kinds, all fields, at the ends of their ranges; what was not given is null."""

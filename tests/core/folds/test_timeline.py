@@ -170,7 +170,7 @@ def timeline_of(told: list[Told]) -> Timeline:
 
 
 @pytest.mark.slow
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(lives())
 def test_events_at_equal_times_count_in_the_order_of_their_numbers(told: list[Told]) -> None:
     """Also those of other kinds, those that were told before the door was, and wrong clocks."""
@@ -182,7 +182,7 @@ def test_events_at_equal_times_count_in_the_order_of_their_numbers(told: list[To
 
 
 @pytest.mark.slow
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(lives())
 def test_intervals_are_joined_and_count_the_events_that_say_so(told: list[Told]) -> None:
     """Each ends where the next begins, in another state."""

@@ -10,7 +10,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.analysis.costmap_2d.costs import to_occupancy
-from semmap_log.analysis.costmaps import CostmapOptions, costmap_at, costmap_frames
+from semmap_log.analysis.costmaps import CostmapOptions, costmap_at
 from semmap_log.errors import CostmapError, FormatError, OutputError
 from semmap_log.interop.exporting.costmap_files import Which, record_costmap
 from tests.conftest import SteadyClock
@@ -41,24 +41,6 @@ def test_at_any_moment_rviz_shows_what_a_replay_gives(
         costmap = costmap_at(log, OPTIONS, at=moment, floor=FLOOR)
         costs = costmap.master.costs if which == "master" else costmap.layer.costs
         np.testing.assert_array_equal(to_occupancy(costs), shown[at_ns])
-
-
-def test_each_frame_is_there(tmp_path: Path) -> None:
-    """With `every_s` 0 the whole grids are the frames, each at its time."""
-    log = restless_log(tmp_path / "log", seed=2)
-    expected = {
-        frame.at_ns: to_occupancy(frame.costmap.master.costs)
-        for frame in costmap_frames(log, OPTIONS, floor=FLOOR)
-    }
-
-    record_costmap(log, tmp_path / "x.mcap", OPTIONS, every_s=0, updates=False, floor=FLOOR)
-
-    shown = {each.at_ns: each.cells for each in played(tmp_path / "x.mcap")}
-    assert shown.keys() <= expected.keys()
-    last = np.empty(0)
-    for at_ns, cells in expected.items():
-        last = shown.get(at_ns, last)
-        np.testing.assert_array_equal(cells, last)
 
 
 def test_a_part_begins_with_the_costmap_as_it_was(tmp_path: Path) -> None:

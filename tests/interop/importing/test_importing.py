@@ -26,7 +26,6 @@ from semmap_log.core.model.events import (
     Retracted,
 )
 from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
-from semmap_log.interop.formats.files.building import read_building
 from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor
 from semmap_log.interop.formats.files.thesis_yaml import dump_thesis_yaml, parse_thesis_yaml
 from semmap_log.interop.formats.parsing.strict_yaml import parse_yaml
@@ -257,14 +256,3 @@ def test_a_name_that_two_doors_bear_is_an_error():
 
     with pytest.raises(CommandError, match="the log has 2 doors called 'front' on that level"):
         plan_doors(building(named("front")), log)
-
-
-def test_the_clinic_of_open_rmf(shared_data):
-    """132 doors, each with a name and a kind, 2 levels, 2 plans; those of its lifts left out."""
-    path = shared_data / "maps" / "rmf_clinic" / "clinic.building.yaml"
-    file = read_building(path, lifts=False)
-
-    plan = plan_doors(file, present())
-
-    assert 132 * 3 + 2 + 2 == plan.count == len(list(plan.events))
-    assert list(range(1, 133)) == [e.door_id for e in plan.events if isinstance(e, DoorAdded)]

@@ -101,18 +101,6 @@ def test_a_name_that_several_doors_bear_asks_for_the_level(tmp_path):
         plan_sightings(rows(tmp_path), doors)
 
 
-def test_hackerspaces_of_the_world(shared_data):
-    """142 doors, whose names have slashes, spaces and many scripts, as they are."""
-    folder = shared_data / "doors" / "spaces_polled"
-    found = read_door_csv(folder / "doors.csv.gz", windows=folder / "obs_windows.csv", tz="UTC")
-
-    events = list(one_by_one(plan_sightings(found, present()).events))
-
-    assert 142 == sum(isinstance(event, DoorAdded) for event in events)
-    assert list(found.doors) == [e.value for e in events if isinstance(e, DoorAnnotated)]
-    assert len(found) == sum(isinstance(event, DoorUpdated) for event in events)
-
-
 @pytest.mark.parametrize(
     ("called", "hint"), [("fron", r" \(did you mean 'fron'\?\)"), ("yard", "")]
 )

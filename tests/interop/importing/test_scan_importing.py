@@ -6,13 +6,13 @@ import json
 import math
 import re
 import shlex
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
 import pytest
 
 import semmap_log as sl
@@ -454,32 +454,6 @@ def test_two_lasers_of_a_robot_see_a_door_once(office: Path, tmp_path: Path) -> 
     assert [("scan:laser leaf-likelihood", DoorState.CLOSED)] == seen
 
 
-def test_doors_that_are_never_near_are_a_wrong_frame_maybe(tmp_path: Path) -> None:
-    """With how near the nearest was."""
-    with sl.create(tmp_path / "office", tz="UTC") as log:
-        log.add_door(x=40.0, y=1.2, theta=0.0, width=0.9, at=LONG_AGO)
-
-    imported = _import(tmp_path / "office", _mcap(tmp_path))
-
-    (said,) = [each for each in imported.plan.warnings if "ever within" in each]
-    assert "no door was ever within 6 m (nearest: door 1, 32." in said
-    assert "is the map frame right?" in said
-
-
-def test_doors_of_another_level_are_not_seen(tmp_path: Path) -> None:
-    """And it is said which they are of."""
-    with sl.create(tmp_path / "office", tz="UTC") as log:
-        log.append([LevelAdded(level=n, name=f"L{n}", happened_ns=LONG_AGO) for n in (1, 2)])
-        log.add_door(x=4.0, y=1.2, theta=0.0, width=0.9, level=2, at=LONG_AGO)
-    mapping = tmp_path / "robot.yaml"
-    mapping.write_text("topics: {/scan: {read: scan, level: L1}}\n")
-
-    imported = _import(tmp_path / "office", _mcap(tmp_path), ImportOptions(mapping=mapping))
-
-    assert [] == _events(tmp_path / "office", DoorObserved)
-    assert any("scans are of level 1, the doors on level 2" in e for e in imported.plan.warnings)
-
-
 @pytest.fixture
 def two_levels(tmp_path: Path) -> Path:
     """A log of two levels, the door of the room on the upper one."""
@@ -508,31 +482,22 @@ def test_a_log_of_several_levels_is_told_where_the_robot_drove(
     assert {2} == {pose.level for pose in _events(two_levels, RobotPose)}
 
 
-def test_a_level_that_a_topic_tells_goes_before_that_of_all(
-    two_levels: Path, tmp_path: Path
-) -> None:
-    """In a mapping file there is one for all, too."""
-    mapping = tmp_path / "robot.yaml"
-    mapping.write_text("level: L1\ntopics: {/scan: {read: scan, level: L2}}\n")
-
-    _import(two_levels, _mcap(tmp_path), ImportOptions(mapping=mapping))
-
-    assert [DoorState.OPEN, DoorState.CLOSED] == _states(two_levels)
-
-
-def test_the_level_of_all_is_that_of_topics_that_tell_none(
-    two_levels: Path, tmp_path: Path
-) -> None:
-    """The command line goes before the mapping file."""
-    mapping = tmp_path / "robot.yaml"
-    mapping.write_text("level: L1\ntopics: {/scan: scan}\n")
+def test_a_level_is_that_of_the_topic_or_of_all(two_levels: Path, tmp_path: Path) -> None:
+    """A topic's own level goes first, then that of the command line, then that of the file."""
+    mapping, bag = tmp_path / "robot.yaml", _mcap(tmp_path)
     options = ImportOptions(mapping=mapping)
+    mapping.write_text("level: L1\ntopics: {/scan: scan}\n")
+    below = _import(two_levels, bag, options)
+    assert any("level 1, the doors on level 2" in each for each in below.plan.warnings)
+    assert [] == _states(two_levels)
 
-    below = _import(two_levels, _mcap(tmp_path), options)
-    _import(two_levels, tmp_path / "patrol.mcap", replace(options, level="L2"))
-
-    assert any("scans are of level 1, the doors on level 2" in e for e in below.plan.warnings)
+    copy = Path(shutil.copytree(two_levels, tmp_path / "copy"))
+    _import(two_levels, bag, replace(options, level="L2"))
     assert [DoorState.OPEN, DoorState.CLOSED] == _states(two_levels)
+
+    mapping.write_text("level: L1\ntopics: {/scan: {read: scan, level: L2}}\n")
+    _import(copy, bag, options)
+    assert [DoorState.OPEN, DoorState.CLOSED] == _states(copy)
 
 
 def test_a_report_and_proposals_are_of_the_level_that_is_told(
@@ -556,59 +521,6 @@ def test_heights_that_are_none_are_a_usage_error(
     assert 2 == _run("import", office, "x.bag", "--scan", "/points", "--heights", heights)
 
     assert f"as 0.3,1.5; got '{heights}'" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("y", "said"),
-    [
-        (1.2, ""),
-        (1.15, ""),
-        (1.06, "door 1 (lab): beams end 0.14 m behind its line"),
-        (1.34, "door 1 (lab): beams end 0.14 m before its line"),
-    ],
-)
-def test_a_door_that_is_drawn_off_its_wall_is_told_with_how_far(
-    y: float, said: str, tmp_path: Path
-) -> None:
-    """Beams end on the leaf, not on the line, at each visit to it while it is shut."""
-    with sl.create(tmp_path / "office", tz="UTC") as log:
-        log.add_door(x=4.0, y=y, theta=0.0, width=0.9, name="lab", at=LONG_AGO)
-    shut = [LaserRoom(state=lambda _: SHUT, begins_s=at) for at in (0.0, 60.0, 120.0)]
-    write_mcap(tmp_path / "x.mcap", [each for room in shut for each in room.said()])
-
-    imported = _import(tmp_path / "office", tmp_path / "x.mcap")
-
-    assert [said] * bool(said) == [
-        each.partition(" on average")[0] for each in imported.plan.warnings if "its line" in each
-    ]
-
-
-def test_a_door_that_is_always_open_may_be_glass(office: Path, tmp_path: Path) -> None:
-    """Unless it is known to be: then its annotation says so."""
-    said = [each for i in range(5) for each in LaserRoom(begins_s=60.0 * i).said()]
-    write_mcap(tmp_path / "x.mcap", said)
-
-    imported = _import(office, tmp_path / "x.mcap")
-
-    assert [DoorState.OPEN] * 5 == _states(office)
-    (text,) = [each for each in imported.plan.warnings if "glass" in each]
-    assert text.startswith("door 1 (lab): always open (5 visits), never driven through")
-
-
-def test_a_pose_that_jumps_is_told_with_when_and_how_far(office: Path, tmp_path: Path) -> None:
-    """The largest of them."""
-    room = LaserRoom(seconds=4.0)
-    jumps = []
-    for i in range(9):
-        pose = moved(0.0, 0.4 if i >= 4 else 0.0) @ room.map_to_odom
-        jumps.append(room.transforms("tf", i / 2, [room.link("map", "odom", pose, i / 2)]))
-    said = [*room.statics(), *room.tf(localised=False), *jumps, *room.scans()]
-    write_mcap(tmp_path / "x.mcap", sorted(said, key=lambda each: each.at_ns))
-
-    imported = _import(office, tmp_path / "x.mcap")
-
-    (text,) = [each for each in imported.plan.warnings if "the pose jumps" in each]
-    assert "by 0.40 m, 0 degrees at 2026-02-02 02:40:02" in text
 
 
 def test_a_dry_run_shows_what_would_be_written_and_counts(
@@ -673,19 +585,6 @@ def test_since_when_doors_were_there_can_be_tried_first(
     assert 2 == _run("import", office, path, "--scan", "--since-ever")
 
 
-def test_json_has_the_counts(
-    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """One document, also of a second import."""
-    path = _mcap(tmp_path)
-
-    assert 0 == _run("import", office, path, "--scan", "--json")
-
-    (said,) = json.loads(capsys.readouterr().out)
-    assert (2, 6) == (said["event"], said["count"])
-    assert any(text.startswith("visits: 2") for text in said["summary"])
-
-
 def test_static_transforms_count_from_the_beginning(office: Path, tmp_path: Path) -> None:
     """A bag has them where they were sent, which may be behind the first scans."""
     said = [each for each in drives_by() if each.topic != "/tf_static"]
@@ -697,24 +596,6 @@ def test_static_transforms_count_from_the_beginning(office: Path, tmp_path: Path
 
     assert "scans of /scan: 192, 192 on the map" in imported.plan.summary
     assert TRANSFORMS == late.ros_type
-
-
-def test_scans_of_nothing_decide_nothing(office: Path, tmp_path: Path) -> None:
-    """A laser that measures nothing, or is covered: no event says that a door was open or shut."""
-    room = LaserRoom()
-    blind = [
-        room.sent(room.scan(t, ranges=np.full(360, value, np.float32)), t + 0.1)
-        for t, value in zip(np.arange(0.0, 11.0, 0.125), [np.nan, np.inf, 0.0, 0.02] * 22,
-                            strict=True)
-    ]  # fmt: skip
-    said = [*room.statics(), *room.tf(), *blind]
-    write_mcap(tmp_path / "x.mcap", sorted(said, key=lambda each: each.at_ns))
-
-    imported = _import(office, tmp_path / "x.mcap")
-
-    assert [] == _states(office)
-    assert 1 == len(list(sl.read(office).commits()))
-    assert imported.first_event is None
 
 
 def test_a_robot_that_drove_through_did_so_once(office: Path, tmp_path: Path) -> None:
@@ -741,18 +622,6 @@ def test_a_robot_that_drove_through_did_so_once(office: Path, tmp_path: Path) ->
         entry.source.split()[0].removeprefix("scan:")
         for entry in sl.read(office).history(kinds=[DoorPassed])
     ]
-
-
-def test_doors_that_were_removed_before_the_bag_ended_were_there(
-    office: Path, tmp_path: Path
-) -> None:
-    """What was seen of them until then counts, though the log has no door any more."""
-    with sl.append(office) as log:
-        log.remove_door(1, at=START + 30 * S)
-
-    _import(office, _mcap(tmp_path))
-
-    assert [DoorState.OPEN] == _states(office)
 
 
 def test_looks_that_somebody_imported_in_his_name_count_once(

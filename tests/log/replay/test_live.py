@@ -25,7 +25,6 @@ from semmap_log.log.trimming.trim_log import trim_log
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
-from tests.calls import MOST_CALLS_A_LOOK, calls_of
 from tests.log.replay.projections import Numbers, Texts
 from tests.log.replay.test_fold import expected_numbers
 
@@ -211,19 +210,6 @@ def test_another_log_in_its_place_is_an_error(path: Path) -> None:
 
     with pytest.raises(LogError, match="another log lies here now"):
         next(live)
-
-
-def test_waiting_costs_next_to_nothing(path: Path) -> None:
-    """While nothing happens no file is read."""
-    live = sl.read(path).fold_live(Numbers(), poll_s=0, stop=lambda: next(looks) == 199)
-    looks = iter(range(200))
-    next(live)
-
-    calls = calls_of(lambda: list(live))
-
-    assert None is next(looks, None)
-    assert 0 == calls["open"]
-    assert calls.total() < 200 * MOST_CALLS_A_LOOK
 
 
 WRITER = """

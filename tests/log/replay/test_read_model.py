@@ -132,7 +132,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
     return given
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_with_without_and_with_some(tmp_path: Path, seed: int, asked: list[Any]) -> None:
     """Event by event the same, whichever tables there are."""
     log = random_log(tmp_path / "log", seed)

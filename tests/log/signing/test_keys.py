@@ -6,7 +6,6 @@ import base64
 import os
 import stat
 import subprocess
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -206,20 +205,6 @@ def test_no_byte_of_a_public_key_may_differ(key: SigningKey, tmp_path: Path) -> 
             except SigningError:
                 continue
             assert key.public_bytes not in found, (place, bit)
-
-
-def test_without_cryptography_the_install_line_is_told(log: Path) -> None:
-    """And nothing is signed."""
-    program = (
-        "import sys; sys.modules['cryptography'] = None\n"
-        "from semmap_log.cli import main; main(sys.argv[1:])"
-    )
-    for verb in (["sign", log, "--key", "k"], ["verify", log, "--public-key", "k"]):
-        done = subprocess.run(
-            [sys.executable, "-c", program, *verb], capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 1
-        assert "pip install 'semmap-log[sign]'" in done.stderr
 
 
 def _keygen(path: Path, passphrase: str = "", kind: str = "ed25519") -> None:

@@ -9,9 +9,8 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.model.events import HistoryTrimmed, MomentPinned, Retracted, RobotPose
-from semmap_log.errors import CommandError, HorizonError
+from semmap_log.core.model.events import HistoryTrimmed, MomentPinned, RobotPose
+from semmap_log.errors import HorizonError
 from semmap_log.log.replay.care import verify
 from semmap_log.log.replay.read_model.indexing import index
 from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Tracks
@@ -32,7 +31,7 @@ from tests.store.trimming.plain_chain import all_bytes, read_plainly
 pytestmark = pytest.mark.filterwarnings("ignore::semmap_log.errors.HorizonWarning")
 
 
-@pytest.fixture(params=range(3))
+@pytest.fixture(params=range(2))
 def seed(request: pytest.FixtureRequest) -> int:
     return int(request.param)
 
@@ -153,16 +152,6 @@ def test_a_pinned_moment_is_answered_when_its_past_is_gone(log: Path) -> None:
         opened.observe(2, "offline", at=f"@{early}")
     state = sl.read(log).replay(at="pin:audit").doors[2].state
     assert state == sl.DoorState.OFFLINE
-
-
-def test_events_before_the_horizon_cannot_be_taken_back(log: Path) -> None:
-    """What would be true without them nobody knows any more."""
-    trim_log(log, Retention(LogReader(log), middle_ns(log)))
-
-    with sl.append(log) as opened, pytest.raises(CommandError, match="record again"):
-        opened.retract(5)
-    with pytest.raises(HorizonError):
-        sl.read(log).replay(event=5)
 
 
 @pytest.mark.parametrize("kind", ["redaction", "thinning", "retention"])
@@ -290,22 +279,6 @@ def test_a_text_of_an_earlier_time_counts_when_a_later_one_is_redacted(
     check_sound(path)
 
 
-def test_nothing_that_is_no_longer_kept_is_taken_back(small: Path) -> None:
-    """By no way of writing: else nothing could be answered any more."""
-    trim_log(small, Retention(LogReader(small), last_ns(small)))
-    before = repr(sl.read(small).replay())
-
-    with sl.append(small, compact=False) as opened:
-        for many in (
-            [Retracted(first_event=0, last_event=0)],
-            [EventBatch.from_events([Retracted(first_event=2, last_event=3)])],
-        ):
-            with pytest.raises(CommandError, match="no longer kept"):
-                opened.append(many)
-
-    assert repr(sl.read(small).replay()) == before
-
-
 def test_stopped_after_the_last_segment_it_can_be_finished(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -359,17 +332,6 @@ def test_a_log_is_kept_for_so_long_where_its_horizon_was_thinned(small: Path) ->
 
     assert 0 < LogReader(small).horizon <= rule.horizon
     assert repr(answers(small, asked)) == before
-
-
-def test_kept_for_so_long_again_nothing_is_written(log: Path) -> None:
-    """Each day, by a timer."""
-    until_ns = middle_ns(log)
-    trim_log(log, Retention(LogReader(log), until_ns))
-    files = {path.name: path.read_bytes() for path in log.iterdir()}
-
-    assert trim_log(log, Retention(LogReader(log), until_ns)).event is None
-
-    assert {path.name: path.read_bytes() for path in log.iterdir()} == files
 
 
 @pytest.mark.parametrize("kind", ["thin", "keep", "redact"])

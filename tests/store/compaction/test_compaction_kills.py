@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import errno
 import os
-import random
 import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +20,6 @@ from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
 from tests.store.logs import digest_of_records, segment_files, write_log
 
-KILLS = 30
 CALLS = ("fsync", "renameat", "unlinkat")
 """By which a compaction changes what is on the disk."""
 
@@ -77,44 +72,6 @@ def check_listing(log: Path, segments: set[str]) -> None:
     listed = said["rosbag2_bagfile_information"]["relative_file_paths"]
     assert len(listed) == len(set(listed))
     assert set(listed) <= segments
-
-
-def killed_after(delay_s: float, log: Path) -> bool:
-    """Compact in a child, and kill it after a while; tell whether that hit it."""
-    pid = os.fork()
-    if pid == 0:
-        try:
-            compact(log, keep_s=0)
-        finally:
-            os._exit(0)
-    time.sleep(delay_s)
-    try:
-        os.kill(pid, signal.SIGKILL)
-    except OSError as error:
-        assert error.errno == errno.ESRCH
-    _, status = os.waitpid(pid, 0)
-    return os.WIFSIGNALED(status)
-
-
-@pytest.mark.slow
-def test_killed_at_random_moments(
-    original: Path, compacted: dict[str, bytes], tmp_path: Path
-) -> None:
-    """From the first look at the files to the last removal."""
-    rng = random.Random(3)
-    hits, longest_s = 0, 0.15
-    for number in count():
-        log = Path(shutil.copytree(original, tmp_path / str(number) / "log"))
-
-        hit = killed_after(rng.uniform(0, longest_s), log)
-
-        check(log, original, compacted)
-        hits += hit
-        if not hit:
-            longest_s *= 0.8
-        if number >= KILLS and hits > KILLS / 4:
-            break
-        assert number < 10 * KILLS, hits
 
 
 @pytest.mark.slow

@@ -281,8 +281,11 @@ def died(call: str, number: int, act: Callable[[], object], *, error: int | None
     return os.WIFSIGNALED(status) or os.WEXITSTATUS(status) != 0
 
 
-@pytest.mark.parametrize("case", ["new", "grown", "merged"])
-@pytest.mark.parametrize("error", [None, errno.ENOSPC], ids=["killed", "full"])
+@pytest.mark.parametrize(
+    ("case", "error"),
+    [("new", None), ("grown", None), ("merged", None), ("grown", errno.ENOSPC)],
+    ids=["new, killed", "grown, killed", "merged, killed", "grown, full"],
+)
 @pytest.mark.parametrize("call", CALLS)
 def test_stopped_at_any_step_the_copy_is_a_log(
     older: Path, tmp_path: Path, call: str, error: int | None, case: str

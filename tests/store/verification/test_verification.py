@@ -227,7 +227,7 @@ def mutated(data: bytes, changes: list[tuple[str, float, int, int]]) -> bytes:
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None,
+@settings(max_examples=60, deadline=None,
           suppress_health_check=[HealthCheck.function_scoped_fixture,
                                  HealthCheck.too_slow])  # fmt: skip
 @given(number=st.integers(0, 2), changes=mutations())

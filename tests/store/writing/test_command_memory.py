@@ -339,4 +339,4 @@ class Commands(RuleBasedStateMachine):
 
 
 TestCommands = Commands.TestCase
-TestCommands.settings = settings(max_examples=40, stateful_step_count=25)
+TestCommands.settings = settings(max_examples=25, stateful_step_count=25)

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import threading
 import time
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -179,36 +178,6 @@ def test_commits_say_what_was_durable_before_them(tmp_path: Path) -> None:
         log.observe(door, "open")
 
     assert [0, 0, 2, 2] == [c.durable_before for c in sl.read(path).commits()]
-
-
-def test_threads_share_syncs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Far fewer syncs than appends, nothing lost, each thread's events in its order."""
-    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 40)
-    path = tmp_path / "log"
-    with sl.create(path, tz="UTC") as log:
-        doors = [log.add_door() for _ in range(8)]
-        begun = threading.Barrier(8)
-        late: list[int] = []
-
-        def append(door: sl.DoorId) -> None:
-            begun.wait()
-            for n in range(50):
-                last = log.observe(door, "open", opening=n / 50).commit.last_event
-                late.extend([last] if log.durable_before <= last else [])
-
-        threads = [threading.Thread(target=append, args=(door,)) for door in doors]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-
-    seen: dict[int, list[float]] = {}
-    for batch in sl.read(path).batches(kinds=[DoorObserved]):
-        for row in batch[DoorObserved]:
-            seen.setdefault(int(row["door_id"]), []).append(float(row["opening"]))
-    assert [] == late
-    assert 400 == sum(map(len, seen.values()))
-    assert all(a < b for openings in seen.values() for a, b in pairwise(openings))
 
 
 def test_one_sync_serves_all_who_wait(tmp_path: Path) -> None:

@@ -232,22 +232,6 @@ def test_the_timer_counts_again_after_each_batch(tmp_path: Path) -> None:
             assert before == log.durable_before
 
 
-def test_another_process_neither_closes_nor_unlocks(tmp_path: Path) -> None:
-    """As a forked child does at its end: the log is the parent's."""
-    log = sl.create(tmp_path / "log", tz="UTC")
-    log.add_door()
-    writer, lock = log._writer, log._writer._lock
-    writer._pid = lock._pid = os.getpid() + 1
-
-    with pytest.raises(LogError, match="forked child"):
-        log.append([SEEN])
-    with pytest.raises(LogError, match="forked child"):
-        writer._sync()
-    log.close()
-
-    assert not sl.read(tmp_path / "log")._reader.segments[-1].closed
-
-
 def test_appending_in_an_append_and_after_the_end(tmp_path: Path) -> None:
     """Both are errors that say what is wrong."""
 

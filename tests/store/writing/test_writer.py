@@ -20,7 +20,6 @@ from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAdded, DoorObserved, FloorMap, RobotPose
 from semmap_log.errors import (
     InvalidEventError,
-    LogError,
     LogExistsError,
     LogLockedError,
     LogPoisonedError,
@@ -189,41 +188,6 @@ def test_a_second_writer_is_refused_before_it_touches_anything(tmp_path: Path) -
     assert 2 == len(sl.read(path).replay())
 
 
-@pytest.mark.slow
-def test_the_lock_of_a_dead_process_is_no_obstacle(tmp_path: Path) -> None:
-    """A killed writer leaves a live segment and a lock file; the next one goes on."""
-    path = tmp_path / "log"
-    code = (
-        "import os, sys, semmap_log as sl\n"
-        "log = sl.create(sys.argv[1], tz='UTC'); log.add_door(); os.kill(os.getpid(), 9)"
-    )
-    subprocess.run([sys.executable, "-c", code, path], check=False)
-    assert (path / ".lock").exists()
-
-    with sl.append(path) as log:
-        log.add_door()
-
-    assert 2 == len(sl.read(path).replay())
-
-
-def test_a_forked_child_cannot_append(tmp_path: Path) -> None:
-    """It shares the file's end with its parent: both would write the same event number."""
-    with sl.create(tmp_path / "log", tz="UTC") as log:
-        log.add_door()
-        child = os.fork()
-        if child == 0:
-            try:
-                log.add_door()
-            except LogError as error:
-                os._exit(7 if "forked" in str(error) else 1)
-            os._exit(0)
-        _, status = os.waitpid(child, 0)
-
-        assert 7 == os.waitstatus_to_exitcode(status)
-        log.add_door()
-    assert 2 == len(sl.read(tmp_path / "log").replay())
-
-
 def test_readers_see_whole_commits_of_a_live_log(tmp_path: Path) -> None:
     """While the writer has it open, and after each refresh what came since."""
     path = tmp_path / "log"
@@ -323,39 +287,6 @@ def test_a_read_only_log_is_read_and_not_written() -> None:
     assert "1" == read
     assert written.startswith("LogAccessError")
     assert "Reading works" in written
-
-
-@pytest.mark.slow
-def test_a_full_disk_poisons_the_writer_and_loses_nothing(tmp_path: Path) -> None:
-    """Nothing is written later, and what was acknowledged is there."""
-    code = """
-import resource, sys, semmap_log as sl
-from semmap_log.errors import LogPoisonedError
-log = sl.create(sys.argv[1], tz="UTC")
-resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, resource.RLIM_INFINITY))
-stored = 0
-try:
-    while True:
-        log.add_door()
-        stored += 1
-except LogPoisonedError as error:
-    assert "unknown" in str(error), error
-resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-try:
-    log.add_door()
-except LogPoisonedError:
-    print(stored)
-log.close()
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", code, tmp_path / "log"], capture_output=True, text=True, check=True
-    )
-    stored = int(done.stdout)
-
-    with sl.append(tmp_path / "log") as log:
-        assert stored == len(log.replay())
-        log.add_door()
-    assert stored + 1 == len(sl.read(tmp_path / "log").replay())
 
 
 @pytest.mark.slow

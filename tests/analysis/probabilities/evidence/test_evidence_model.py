@@ -115,7 +115,7 @@ def same(one: DoorEvidence, other: DoorEvidence) -> bool:
 
 
 @pytest.mark.slow
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(told(), st.randoms(use_true_random=False))
 def test_at_any_time_it_is_what_a_plain_reading_of_the_events_up_to_then_says(
     happened: list[tuple[int, Event]], dice: random.Random
@@ -143,7 +143,7 @@ def test_at_any_time_it_is_what_a_plain_reading_of_the_events_up_to_then_says(
 
 
 @pytest.mark.slow
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(told(), st.randoms(use_true_random=False))
 def test_events_come_in_any_order_and_in_batches_of_any_size(
     happened: list[tuple[int, Event]], dice: random.Random
@@ -176,7 +176,7 @@ def test_events_come_in_any_order_and_in_batches_of_any_size(
         assert whole.latest_ns == other.latest_ns
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(told(), st.integers(0, 60))
 def test_events_after_a_time_move_nothing_at_that_time(
     happened: list[tuple[int, Event]], place: int

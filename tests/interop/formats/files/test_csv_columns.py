@@ -65,7 +65,7 @@ orderly = st.lists(good, max_size=30).map(lambda rows: [",".join(row) for row in
 
 
 @pytest.mark.slow
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(
     lines | orderly,
     st.sampled_from(["\n", "\r\n"]),
@@ -107,7 +107,7 @@ def _by_itself(text: str, tz: str) -> tuple[int, int] | str:
 
 
 @pytest.mark.slow
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.lists(times | bad_times | st.text(max_size=30), max_size=30),
        st.sampled_from([VIENNA, "UTC", "Australia/Lord_Howe"]))  # fmt: skip
 def test_times_at_once_are_times_one_by_one(texts: list[str], tz: str) -> None:
@@ -145,7 +145,7 @@ def test_decimals_at_once_are_floats(texts: list[str]) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.lists(st.lists(st.text(max_size=40), max_size=40), max_size=4))
 def test_texts_get_numbers_in_the_order_of_their_first_coming(columns: list[list[str]]) -> None:
     """The same text the same number, in later columns, too."""

@@ -12,7 +12,6 @@ from semmap_log.errors import CommandError, FormatError
 from semmap_log.interop.formats.files.thesis_yaml import (
     dump_thesis_yaml,
     parse_thesis_yaml,
-    read_thesis_yaml,
 )
 from semmap_log.interop.formats.parsing.strict_yaml import parse_yaml
 
@@ -235,11 +234,3 @@ def test_values_survive_a_round_trip_exactly(found):
 
     expected = sorted(values(one, reduced(one.state)) for one in found)
     assert expected == [values(one, one.state) for one in table.doors]
-
-
-def test_a_file_on_disk(tmp_path):
-    """Lines are those of the file."""
-    path = tmp_path / "doors.yaml"
-    path.write_text("# two doors\n" + FIGURE_4_1)
-
-    assert [3] == [found.line for found in read_thesis_yaml(path).doors]

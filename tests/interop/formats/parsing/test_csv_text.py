@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -89,12 +87,3 @@ def test_windows_name_doors_in_the_same_way(tmp_path: Path) -> None:
 
     assert ("=1",) == found.doors
     assert () == found.warnings
-
-
-def test_the_rule_stands_in_the_help() -> None:
-    """Who exports must know it."""
-    command = [sys.executable, "-m", "semmap_log", "export", "--help"]
-    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-
-    assert "begins with = + - @ gets an ' before it" in told
-    assert "as \\u001b" in told
