@@ -153,7 +153,7 @@ def test_a_bad_block_is_no_end_of_a_compaction(whole: Path, tmp_path: Path) -> N
     with bad_disk(whole, tmp_path / "disk.img", {CLOSED: [4]}) as log:
         before = (log / CLOSED).stat()
 
-        with pytest.raises(CorruptLogError, match="cannot be read at byte 16384: "):
+        with pytest.raises(CorruptLogError, match="byte 16384"):
             compact(log, keep_s=0)
 
         assert before.st_ino == (log / CLOSED).stat().st_ino

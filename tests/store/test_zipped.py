@@ -296,7 +296,7 @@ def test_no_room_for_it_is_said_before(tmp_path: Path, monkeypatch: pytest.Monke
     path = _zip(tmp_path / "office.zip", _office())
     monkeypatch.setattr(zipped.shutil, "disk_usage", lambda _: type("U", (), {"free": 10})())
 
-    with pytest.raises(LogAccessError, match="where 10 are free; set TMPDIR"):
+    with pytest.raises(LogAccessError, match="10 are free; set TMPDIR"):
         sl.read(path)
 
 

@@ -54,9 +54,7 @@ def test_the_note_tells_where_the_numbers_are_from(path: Path) -> None:
         note = done.appended.commit.note
 
     assert ("job", "probabilities (schedule)") == (note.actor, note.source)
-    assert (
-        "by schedule, as known at 2026-03-11 19:30:00+01:00: 2 doors, 260 sightings" in note.reason
-    )
+    assert "known at 2026-03-11 19:30:00+01:00: 2 doors, 260 sightings" in note.reason
 
 
 def test_a_second_time_nothing_is_written(path: Path) -> None:

@@ -166,7 +166,7 @@ def test_all_that_asks_for_beliefs_takes_the_word(late: sl.DoorLog) -> None:
     assert 0.9 < probabilities(late, known_at=then, as_happened=True)[0].p_open
     assert typical_weeks(late, known_at=then, as_happened=True)[0].is_known
     assert best_time(late, "front", known_at=then, as_happened=True).is_known
-    with pytest.raises(UnknownDoorError, match=r"--as-happened \(in Python: as_happened=True\)"):
+    with pytest.raises(UnknownDoorError, match=r"--as-happened"):
         best_time(late, "front", known_at=then)
 
 

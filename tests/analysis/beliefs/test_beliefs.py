@@ -124,5 +124,5 @@ def test_mistakes_are_named(log: sl.DoorLog) -> None:
 @pytest.mark.parametrize("days", [90_000, 10**12, -30_000])
 def test_a_horizon_ends_where_times_do(log: sl.DoorLog, days: int) -> None:
     """A moment that no time of a log can be is named, not computed with."""
-    with pytest.raises(MomentError, match=r"horizon: expected one that ends before 2262, got"):
+    with pytest.raises(MomentError, match=r"one that ends before 2262"):
         probabilities(log, horizon_ns=days * 24 * HOUR_NS)

@@ -39,44 +39,35 @@ def log_of(path: Path, *seen: tuple[float, str], source: str = "") -> sl.DoorLog
     return sl.read(path / "log")
 
 
-def test_hits_and_misses_are_counted_by_the_true_state(tmp_path: Path) -> None:
-    """Open: two of three right; closed: one of one; outside of the known time nothing counts."""
-    log = log_of(
-        tmp_path,
-        (-1, "closed"), (1, "open"), (2, "closed"), (3, "open"), (11, "closed"), (20, "open"),
-    )  # fmt: skip
+TRIALS = {
+    "open: two of three right; closed: one of one; outside of the known time nothing": (
+        [(-1, "closed"), (1, "open"), (2, "closed"), (3, "open"), (11, "closed"), (20, "open")],
+        [(0, 10, True), (10, 20, False)],
+        SensorHits(2, 3, 3),
+        SensorHits(1, 1, 1),
+    ),
+    "a burst of a hundred, three quarters of them right, is three quarters of a hit": (
+        [*((1 + n / 36000, "closed" if n % 4 == 0 else "open") for n in range(100)), (5, "open")],
+        [(0, 10, True)],
+        SensorHits(1.75, 2, 101),
+        SensorHits(),
+    ),
+    "a pass in which the door closes is a visit to each state": (
+        [(1 + n / 360, "open" if n < 5 else "closed") for n in range(10)],
+        [(0, 1 + 5 / 360, True), (1 + 5 / 360, 9, False)],
+        SensorHits(1, 1, 5),
+        SensorHits(1, 1, 5),
+    ),
+}
 
-    found = calibrate(log, truth((0, 10, True), (10, 20, False)))
 
-    assert SensorHits(2, 3, 3) == found.together.when_open
-    assert SensorHits(1, 1, 1) == found.together.when_closed
-    assert pytest.approx(2 / 3) == found.together.when_open.accuracy
+@pytest.mark.parametrize("case", TRIALS)
+def test_visits_are_counted_by_the_true_state(tmp_path: Path, case: str) -> None:
+    seen, known, when_open, when_closed = TRIALS[case]
+    found = calibrate(log_of(tmp_path, *seen), truth(*known))
+
+    assert (when_open, when_closed) == (found.together.when_open, found.together.when_closed)
     assert found.doors[DOOR] == found.together
-
-
-def test_a_burst_is_one_trial(tmp_path: Path) -> None:
-    """A hundred sightings in a pass, three quarters of them right, are three quarters of a hit."""
-    seen = [(1 + n / 36000, "closed" if n % 4 == 0 else "open") for n in range(100)]
-    log = log_of(tmp_path, *seen, (5, "open"))
-
-    found = calibrate(log, truth((0, 10, True)))
-
-    assert SensorHits(1.75, 2, 101) == found.together.when_open
-    assert 0 == found.together.when_closed.visits
-    assert found.together.when_closed.accuracy is None
-
-
-def test_a_pass_is_cut_where_the_door_moves(tmp_path: Path) -> None:
-    """The robot stands by while the door closes: one visit to each state."""
-    seen = [(1 + n / 360, "open" if n < 5 else "closed") for n in range(10)]
-
-    found = calibrate(
-        log_of(tmp_path, *seen), truth((0, 1 + 5 / 360, True), (1 + 5 / 360, 9, False))
-    )
-
-    assert (SensorHits(1, 1, 5), SensorHits(1, 1, 5)) == (
-        found.together.when_open, found.together.when_closed,
-    )  # fmt: skip
 
 
 def test_only_one_source_counts_if_asked(tmp_path: Path) -> None:
@@ -90,7 +81,7 @@ def test_only_one_source_counts_if_asked(tmp_path: Path) -> None:
 
     assert SensorHits(2, 2, 2) == lidar.together.when_open
     assert SensorHits(2, 3, 3) == both.together.when_open
-    with pytest.raises(EstimatorError, match="expected sightings of source 'sonar'"):
+    with pytest.raises(EstimatorError, match="sightings of source 'sonar'"):
         calibrate(log, truth((0, 9, True)), source="sonar")
 
 

@@ -45,7 +45,7 @@ def test_the_tool_notices_a_cell(tmp_path: Path) -> None:
     done, said = _run(tmp_path), _run(tmp_path, "--json")
 
     assert 1 == done.returncode
-    assert "master by redraw: 1 cells differ" in done.stdout
+    assert "redraw: 1 cells differ" in done.stdout
     assert "3 cases, 3 frames" in done.stdout
     assert 2 == json.loads(said.stdout)["differing"]
 

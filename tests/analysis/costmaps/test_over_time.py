@@ -227,13 +227,13 @@ def test_doors_of_other_levels_and_without_a_place_are_not_drawn(tmp_path: Path)
     assert [upper] == list(costmap_at(log, CostmapOptions(level="upper")).lines)
     with pytest.raises(UnknownLevelError, match=r"1 \(ground\), 2 \(upper\); say which"):
         costmap_at(log)
-    with pytest.raises(CostmapError, match="level 0 has no floor map, and no door with a place"):
+    with pytest.raises(CostmapError, match="level 0"):
         costmap_at(log, CostmapOptions(level=0))
 
 
 def test_a_turned_floor_is_an_error(path: Path) -> None:
     """noetic ignores the yaw, and draws every door in a wrong place."""
-    with pytest.raises(CostmapError, match=r"expected an origin with yaw 0, got 0.5"):
+    with pytest.raises(CostmapError, match=r"origin with yaw 0, got 0.5"):
         costmap_at(sl.read(path), floor=_floor(origin_theta=0.5))
 
 

@@ -199,24 +199,26 @@ def test_a_door_that_was_left_out_joins_when_it_is_told_open(patrol: Begun) -> N
     assert "store" in round_.rest
 
 
-def test_a_robot_in_a_room_has_visited_it(patrol: Begun) -> None:
-    """Though nobody told of a door."""
-    round_ = patrol()
+@pytest.mark.parametrize(
+    ("event", "at_s", "because", "left"),
+    [
+        (stands(8.5, DOOR_Y + 1.5), 12, "the robot is in lab", ["front"]),
+        (DoorRemoved(door_id=LAB), 4, "lab was removed", ["front"]),
+        (PatrolFinished(patrol=9), 5, "the round was finished", []),
+        (stands(5.0), 61, "budget", []),
+    ],
+)
+def test_what_takes_stops_away(
+    patrol: Begun, event: Event, at_s: float, because: str, left: list[str]
+) -> None:
+    """A robot in a room has visited it; what comes after the end changes nothing."""
+    round_ = patrol(options=PatrolOptions(budget_s=60.0))
+    (step,) = round_.tell(event, at_s=at_s)
 
-    (step,) = round_.tell(stands(8.5, DOOR_Y + 1.5), at_s=12)
-
-    assert step.because == "the robot is in lab"
-    assert [target.name for target in round_.round.visited] == ["lab"]
-
-
-def test_a_door_that_is_removed(patrol: Begun) -> None:
-    """It is not gone to."""
-    round_ = patrol()
-
-    (step,) = round_.tell(DoorRemoved(door_id=LAB), at_s=4)
-
-    assert step.because == "lab was removed"
-    assert round_.rest == ["front"]
+    assert step.because == because
+    assert round_.rest == left
+    assert (step.stop is None) == round_.round.is_over == (not left)
+    assert left or round_.tell(passed(LAB), at_s=at_s + 1) == []
 
 
 @pytest.mark.parametrize(
@@ -230,17 +232,6 @@ def test_what_does_not_concern_the_round(patrol: Begun, event: Event) -> None:
     assert round_.rest == ["lab", "front"]
 
 
-def test_a_finished_round_is_over(patrol: Begun) -> None:
-    """Also when stops are left; what comes then changes nothing."""
-    round_ = patrol()
-
-    (over,) = round_.tell(PatrolFinished(patrol=9), at_s=5)
-
-    assert (over.because, over.stop, over.left) == ("the round was finished", None, 0)
-    assert round_.tell(passed(LAB), at_s=9) == []
-    assert round_.round.is_over
-
-
 def test_a_robot_that_is_late(patrol: Begun) -> None:
     """What is ahead is not in the past: the plan is put off."""
     round_ = patrol()
@@ -251,15 +242,6 @@ def test_a_robot_that_is_late(patrol: Begun) -> None:
     late_ns = [stop.arrives_ns for stop in round_.round.stops()]
     assert late_ns[0] == MORNING_NS + 600 * SECOND_NS
     assert late_ns[1] - late_ns[0] == pytest.approx(legs_ns[1] - legs_ns[0], abs=SECOND_NS)
-
-
-def test_the_budget_ends_it(patrol: Begun) -> None:
-    """By the time of what the log tells."""
-    round_ = patrol(options=PatrolOptions(budget_s=60.0))
-
-    (over,) = round_.tell(stands(5.0), at_s=61)
-
-    assert (over.because, over.stop) == ("budget", None)
 
 
 def test_what_happened_before_the_start_changes_no_plan(patrol: Begun) -> None:

@@ -21,7 +21,7 @@ from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorObserved, DoorUpdated
 from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.core.model.meaning import Changed
-from semmap_log.core.model.moments import DAY_NS, HOUR_NS, parse_instant
+from semmap_log.core.model.moments import HOUR_NS, parse_instant
 
 TZ = "Europe/Vienna"
 MONDAY_NS = parse_instant("2026-03-02", tz=TZ)
@@ -47,21 +47,23 @@ def at(evidence: Evidence, hour: float) -> LooksThen:
     return looks_then(evidence.door(DOOR), LocalClock(TZ), time_ns=time_ns, known_ns=time_ns)
 
 
-def test_looks_count_at_about_that_time_of_day() -> None:
-    """Up to three hours before or after it, also over midnight."""
-    evidence = seen(10, 34, 39, 24 + 23, 5 * 24 + 10)
-
-    assert at(evidence, 3 * 24 + 11) == (2, 0)
-    assert at(evidence, 3 * 24 + 1) == (1, 0)
-    assert at(evidence, 6 * 24 + 11) == (1, 0)
-
-
-def test_later_looks_do_not_count() -> None:
-    """Only what was known then."""
-    evidence = seen(10, 34)
-
-    assert at(evidence, 30.0) == (0, 0)  # at six in the morning: four hours after no look
-    assert at(evidence, 12.0) == (1, 0)
+@pytest.mark.parametrize(
+    ("looks_h", "hour", "counted"),
+    [
+        ((10, 34, 39, 24 + 23, 5 * 24 + 10), 3 * 24 + 11, 2),
+        ((10, 34, 39, 24 + 23, 5 * 24 + 10), 3 * 24 + 1, 1),
+        ((10, 34, 39, 24 + 23, 5 * 24 + 10), 6 * 24 + 11, 1),
+        ((10, 34), 30, 0),
+        ((10, 34), 12, 1),
+        ((10,), 28 * 24 + 10, 0),
+    ],
+    ids=["within three hours", "over midnight", "another kind of day", "at six", "later", "old"],
+)
+def test_looks_count_at_about_that_time_of_day(
+    looks_h: tuple[float, ...], hour: float, counted: int
+) -> None:
+    """Only what was known then, of the last four weeks."""
+    assert at(seen(*looks_h), hour) == (counted, 0)
 
 
 def test_a_pass_is_one_look() -> None:
@@ -155,13 +157,3 @@ def test_an_unknown_door_counts_as_the_others_and_by_its_looks() -> None:
     assert (found.low[2, 0], found.high[2, 0]) == (0.0, 1.0)
     assert found.is_known.tolist() == [True, True, False, False]
     assert nothing.p_passes[2, 0] == 0.5
-
-
-def test_old_looks_are_forgotten() -> None:
-    """After four weeks."""
-    evidence = seen(10)
-
-    late_ns = MONDAY_NS + 10 * HOUR_NS + 28 * DAY_NS
-    found = looks_then(evidence.door(DOOR), LocalClock(TZ), time_ns=late_ns, known_ns=late_ns)
-
-    assert found == (0, 0)

@@ -126,5 +126,5 @@ def test_fremen_is_there_in_all_its_orders() -> None:
     assert ["fremen1", "fremen84"] == [by_name(name).name for name in ("fremen1", "fremen84")]
 
     for name in ("fremen0", "fremen85", "fremen", "Filter", ""):
-        with pytest.raises(EstimatorError, match=r"filter, schedule, count.* fremen1\.\.fremen84"):
+        with pytest.raises(EstimatorError, match=r"schedule, count.* fremen1\.\.fremen84"):
             by_name(name)

@@ -103,17 +103,6 @@ def test_a_door_has_one_room_to_its_left_and_one_to_its_right() -> None:
     )
 
 
-@pytest.mark.parametrize("turned", [False, True])
-def test_left_is_left_also_of_a_door_that_lies_along_x(turned: bool) -> None:
-    """From west to east it is the north; from east to west the south."""
-    floor = floor_of(TWO_ROOMS.cells.T.copy())
-    ends = ((3.0, 5.5), (4.0, 5.5))
-
-    (doorway,) = _plan(floor, door_at(1, *(ends[::-1] if turned else ends))).graph.doorways.values()
-
-    assert ((1, 2) if turned else (2, 1)) == (doorway.left, doorway.right)
-
-
 def test_most_probes_decide_which_room_lies_there() -> None:
     """A wall ends in the doorway: most of the door lies before the room behind it."""
     cells = np.full((60, 60), 100, np.int8)
@@ -145,13 +134,6 @@ def test_doors_over_one_another_join_the_same_rooms() -> None:
 
     assert [(1, 2), (1, 2)] == [(each.left, each.right) for each in graph.doorways.values()]
     assert (1, 2) == graph.doors_of(1)
-
-
-def test_a_map_without_doors_has_the_rooms_of_its_walls() -> None:
-    """The doorway is open: one room."""
-    graph = _plan(TWO_ROOMS).graph
-
-    assert ([1], {}) == (list(graph.rooms), dict(graph.doorways))
 
 
 @pytest.mark.parametrize("value", [0, -1, 100])
@@ -304,17 +286,6 @@ def test_the_doors_of_real_buildings(shared_data: Path, tmp_path: Path, name: st
 
     assert TABLE[name] == found
     assert all(doorway.in_wall for doorway in graph.doorways.values())
-
-
-@pytest.mark.slow
-def test_the_loops_of_the_clinic(shared_data: Path, tmp_path: Path) -> None:
-    """Doors of halls and corridors that have another, open end."""
-    log = _imported(shared_data, tmp_path, "clinic")
-    door_map = log.replay()
-
-    assert [
-        "L1_left_inner", "L1_right_inner", "L2_left_consult_rm_13_outer", "m", "L2_right_inner",
-    ] == [door_map[door].name for door in rooms_of(log).loops]  # fmt: skip
 
 
 def _imported(shared_data: Path, tmp_path: Path, name: str) -> sl.DoorLog:

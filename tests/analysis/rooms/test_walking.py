@@ -260,15 +260,6 @@ def _along(way: list[tuple[float, float]]) -> Iterator[tuple[float, float]]:
             yield x0 + share * (x1 - x0), y0 + share * (y1 - y0)
 
 
-def test_there_is_no_way_where_there_is_no_distance() -> None:
-    """From a wall, to the yard, through a shut door."""
-    walking = WalkingDistances(TWO_ROOMS, [BETWEEN])
-
-    assert None is walking.way(LEFT, YARD)
-    assert None is walking.way((1.5, 3.0), LEFT)
-    assert None is walking.way(LEFT, RIGHT, [DoorId(1)])
-
-
 def test_a_way_over_levels_takes_the_lift() -> None:
     """Both ends of the ride are corners."""
     way = _building().way(Place(1, *LEFT), Place(2, *RIGHT))
@@ -304,15 +295,6 @@ def test_a_lift_takes_a_robot_to_the_other_level() -> None:
         assert math.inf == times.between([below], [above], [DoorId(door)])[0, 0]
     assert math.inf == _building(lift=False).between([below], [above])[0, 0]
     assert math.inf == times.between([Place(7, *LEFT)], [below])[0, 0]
-
-
-def test_seconds_are_metres_by_the_speed() -> None:
-    """On one level."""
-    metres = _one(WalkingDistances(TWO_ROOMS, [BETWEEN]), LEFT, RIGHT)
-
-    seconds = _building().between([Place(1, *LEFT)], [Place(1, *RIGHT)])[0, 0]
-
-    assert metres / 0.5 == pytest.approx(seconds)
 
 
 # The real thing

@@ -90,21 +90,33 @@ def test_how_scans_come_makes_no_difference_to_what_is_news() -> None:
     assert any(v.told_ns for v in whole)
 
 
-def test_who_comes_back_to_where_it_stood_tells_anew() -> None:
-    """The errors of its pose are others now."""
-    away = [replaced(scan, stamp_ns=scan.stamp_ns + 360 * 10**9)
-            for scan in past(start=6.5, stop=9.0).scans()]  # fmt: skip
-    scans = [*standing(5), *away, *standing(5, from_min=8)]
+def away() -> list[PlacedScan]:
+    """Return a drive elsewhere, from the sixth minute on."""
+    return [
+        replaced(scan, stamp_ns=scan.stamp_ns + 360 * 10**9)
+        for scan in past(start=6.5, stop=9.0).scans()
+    ]
 
-    assert [0, 8] == [minute for _, minute in news(seen(scans, places()))]
+
+SOMEBODY = (*SHUT, (0.0, 0.5, 0.9, 0.5))
 
 
-def test_who_moves_tells_at_each_visit() -> None:
-    """Half a metre is another place to look from."""
-    there = (1.1, -0.3, 1.57)
-    scans = [*standing(3), *standing(3, from_min=3, pose=there)]
+@pytest.mark.parametrize(
+    ("scans", "minutes"),
+    [
+        ([*standing(5), *away(), *standing(5, from_min=8)], [0, 8]),
+        ([*standing(3), *standing(3, from_min=3, pose=(1.1, -0.3, 1.57))], [0, 3]),
+        ([*standing(3, from_min=60), *standing(3)], [0, 60]),
+        ([*standing(3), *standing(2, SOMEBODY, from_min=3), *standing(3, from_min=5)], [0]),
+    ],
+    ids=["it comes back", "it moves", "its clock is set back", "somebody stands in the doorway"],
+)
+def test_when_the_same_is_news(scans: list[PlacedScan], minutes: list[int]) -> None:
+    """What is seen from another stand is; an undecided visit is no news and ends none."""
+    found = news(seen(scans, places()))
 
-    assert [0, 3] == [minute for _, minute in news(seen(scans, places()))]
+    assert minutes == [minute for _, minute in found]
+    assert {"CLOSED"} == {state for state, _ in found}
 
 
 def test_a_door_that_is_otherwise_now_is_told_anew() -> None:
@@ -114,20 +126,6 @@ def test_a_door_that_is_otherwise_now_is_told_anew() -> None:
     visits += watcher.take(scans[90:], places(glass=True))
 
     assert [0, 3] == [minute for _, minute in news(visits + watcher.close())]
-
-
-def test_a_clock_that_is_set_back_begins_anew() -> None:
-    scans = [*standing(3, from_min=60), *standing(3)]
-
-    assert [0, 60] == [minute for _, minute in news(seen(scans, places()))]
-
-
-def test_undecided_visits_are_no_news_and_no_end_of_them() -> None:
-    """Somebody stands in the doorway for a while."""
-    somebody = (*SHUT, (0.0, 0.5, 0.9, 0.5))
-    scans = [*standing(3), *standing(2, somebody, from_min=3), *standing(3, from_min=5)]
-
-    assert [("CLOSED", 0)] == news(seen(scans, places()))
 
 
 @pytest.mark.parametrize("leaves", [SHUT, OPEN])

@@ -106,7 +106,7 @@ def test_names_that_a_log_cannot_have(log: sl.DoorLog, name: str) -> None:
 
 def test_what_is_no_log(log: sl.DoorLog) -> None:
     """A misspelt keyword does not go unheard."""
-    with pytest.raises(CommandError, match="allow_file: expected a log, got bool"):
+    with pytest.raises(CommandError, match="allow_file"):
         log.sql("select 1", allow_file=True)
     with pytest.raises(CommandError, match="at least one log"):
         sl.sql("select 1")
@@ -277,6 +277,6 @@ def test_what_parquet_cannot_have_is_said(log: sl.DoorLog, tmp_path: Path) -> No
     """And which file can have it."""
     answer = table_of_query("select union_value(num := 2) as x", log, {})
 
-    with pytest.raises(FormatError, match=r"x\.parquet.*write it as \.csv or \.json"):
+    with pytest.raises(FormatError, match=r"x\.parquet.*write"):
         write_answer(answer, tmp_path / "x.parquet")
     assert [] == list(tmp_path.iterdir())

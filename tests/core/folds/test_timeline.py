@@ -169,8 +169,7 @@ def timeline_of(told: list[Told]) -> Timeline:
     return timeline(reversed(batches), DOOR)
 
 
-@pytest.mark.slow
-@settings(max_examples=80, deadline=None)
+@settings(deadline=None)
 @given(lives())
 def test_events_at_equal_times_count_in_the_order_of_their_numbers(told: list[Told]) -> None:
     """Also those of other kinds, those that were told before the door was, and wrong clocks."""
@@ -181,8 +180,7 @@ def test_events_at_equal_times_count_in_the_order_of_their_numbers(told: list[To
         assert (None if replayed is None else replayed["state"]) == state_at(found, at)
 
 
-@pytest.mark.slow
-@settings(max_examples=80, deadline=None)
+@settings(deadline=None)
 @given(lives())
 def test_intervals_are_joined_and_count_the_events_that_say_so(told: list[Told]) -> None:
     """Each ends where the next begins, in another state."""

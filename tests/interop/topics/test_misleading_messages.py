@@ -111,7 +111,7 @@ def test_a_message_at_time_0_counts_at_time_0() -> None:
 
     assert [0, 0, 0, START] == [event.happened_ns for event in events]
     (told,) = listener.told
-    assert "/s: a message that came at time 0, before any clock: it counts at 1970" in told
+    assert "came at time 0, before" in told
 
 
 @pytest.mark.parametrize("at_s", [-1, 2**34])
@@ -130,7 +130,7 @@ def test_transforms_of_other_frames_say_which_there_are() -> None:
     (why,) = listener.translator.why_no_poses()
     listener.hear("/tf", ROBOT.transforms(("map", "base_link", 1.0, 2.0, 0.0)))
 
-    assert "/tf: no poses: no transform from map to base_link; there is world to cart" in why
+    assert "map to base_link" in why
     assert () == listener.translator.why_no_poses()
 
 

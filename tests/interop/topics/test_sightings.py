@@ -91,7 +91,6 @@ def test_a_sighting_that_repeats_is_left_out_for_a_while() -> None:
 def test_no_limit_keeps_every_sighting() -> None:
     """`repeats: 0`."""
     listener = Listener({"/s": ReadSensor("front")}, _front(), RosMapping(repeats_s=0))
-
     said = [listener.hear("/s", ROBOT.said("Bool", True), 0.001 * n) for n in range(3)]
 
     assert [1, 1, 1] == [len(events) for events in said]
@@ -159,7 +158,7 @@ def test_doors_are_found_by_name_by_level_and_name_and_by_table() -> None:
 
     assert [[(1, "OPEN")], [(2, "OPEN")], [], [], []] == said  # 3 and 4 say the same again
     (told,) = listener.told
-    assert "a name that is not clear; passed over: lab can mean doors 1, 2; write level/" in told
+    assert "lab can mean doors 1, 2" in told
 
 
 def test_a_new_door_with_a_known_level_in_its_name_is_put_there() -> None:
@@ -213,9 +212,13 @@ def test_a_sensors_value_means_a_state(
     kind: str, value: Any, rule: dict[str, Any], state: str | None
 ) -> None:
     """As the mapping says, or plainly; a value that means none is told, and left out."""
-    listener = _sensor(**rule)
+    listener = _sensor(accuracy=Accuracy(0.9, 0.95), **rule)
 
     events = listener.hear("/s", ROBOT.said(kind, value))
+
+    assert {(0.9, 0.95)} >= {
+        (e.accuracy_open, e.accuracy_closed) for e in events if isinstance(e, DoorObserved)
+    }
 
     assert ([] if state is None else [(1, state)]) == _said(events)
     assert (1 if state is None else 0) == len(listener.told)
@@ -230,16 +233,6 @@ def test_a_field_can_lie_deep_and_must_be_there() -> None:
     assert [(1, "OPEN")] == _said(deep.hear("/s", (name, data)))
     assert [] == nowhere.hear("/s", (name, data))
     assert "has no attribute 'colour'" in nowhere.told[0]
-
-
-def test_accuracies_are_those_of_the_mapping() -> None:
-    """For open and closed apart."""
-    listener = _sensor(accuracy=Accuracy(0.9, 0.95))
-
-    (event,) = listener.hear("/s", ROBOT.said("Bool", True))
-
-    assert isinstance(event, DoorObserved)
-    assert (0.9, 0.95) == (event.accuracy_open, event.accuracy_closed)
 
 
 @pytest.mark.parametrize(
@@ -288,7 +281,7 @@ def test_a_message_of_another_type_is_told() -> None:
     listener = _states()
 
     assert [] == listener.hear("/door_states", ROBOT.said("String", "front"))
-    assert "a std_msgs/String, expected rmf_door_msgs/DoorState" in listener.told[0]
+    assert "rmf_door_msgs/DoorState" in listener.told[0]
 
 
 def test_what_is_known_is_what_the_log_would_say(tmp_path: Path) -> None:

@@ -18,7 +18,6 @@ from semmap_log.interop.topics.transforms import (
     TransformTree,
     angle_between,
     between,
-    yaw,
 )
 from tests.interop.topics.laser_room import moved, quaternion, turned
 from tests.interop.topics.robots import S
@@ -70,15 +69,6 @@ def test_a_turn_between_two_is_on_the_way_at_a_constant_rate(
 
     np.testing.assert_allclose(_share_of(a, b, share), _matrix_of(found), atol=1e-5)
     assert pytest.approx(angle, abs=1e-5) == float(angle_between(one, other))
-
-
-def test_a_yaw_passes_the_seam_of_a_turn() -> None:
-    """From 179 to -179 degrees it is two degrees, not 358."""
-    a, b = (quaternion(turned("z", math.radians(each))) for each in (179.0, -179.0))
-
-    found = math.degrees(float(yaw(between(a, b, 0.25))))
-
-    assert pytest.approx(179.5) == found
 
 
 def _pose(x: float, theta: float = 0.0) -> LinkPose:
@@ -190,15 +180,6 @@ def test_a_frame_that_gets_another_parent_begins_anew() -> None:
         frame, tree.parent("base_link"), history.stamps,
     )  # fmt: skip
     assert "base_link stands in cart, and stood in odom" == tree.stray
-
-
-def test_a_stray_stamp_is_told_with_its_link() -> None:
-    """And how far off it is."""
-    tree = _tree(("map", "odom"))
-    _take(tree, "map", "odom", 500.0)
-    _take(tree, "map", "odom", 2.0)
-
-    assert (1, "map -> odom: 498.0 s from the future") == (tree.strays, tree.stray)
 
 
 def test_only_the_latest_is_known_where_nothing_is_kept() -> None:

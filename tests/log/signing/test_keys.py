@@ -141,7 +141,7 @@ def test_a_key_of_another_kind_is_refused(tmp_path: Path) -> None:
 
     with pytest.raises(SigningError, match="expected a key of Ed25519"):
         read_key(tmp_path / "rsa", log=tmp_path / "log")
-    with pytest.raises(SigningError, match=r"rsa.pub, line 1: expected `ssh-ed25519 BASE64`"):
+    with pytest.raises(SigningError, match=r"1: expected `ssh-ed25519 BASE64`"):
         read_public_keys([tmp_path / "rsa.pub"])
 
 

@@ -263,7 +263,7 @@ def test_a_revocation_can_be_kept_elsewhere(
 
 def test_a_number_that_nothing_comes_before(log: Path, key: SigningKey, owner: SigningKey) -> None:
     """Where nothing of the key lies there, no statement can be named as the last that counts."""
-    with pytest.raises(SigningError, match="with a number below 2, got none"):
+    with pytest.raises(SigningError, match="number below 2, got none"):
         revoke(log, owner, public(key), first=2)
     assert not (log / "signatures").exists()
 

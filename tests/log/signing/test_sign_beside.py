@@ -94,7 +94,7 @@ def test_the_end_of_a_killed_recorder_is_signed_up_to_the_last_time(
     with recording(killed, key, tell=told.append) as (signer, log):
         observe(log, 1)
         wait_until(lambda: signer.problem, "a problem")
-    assert "events 2..4 are not signed, and no recorder with this key wrote them" in told[0]
+    assert "events 2..4" in told[0]
     assert (6, ["unsigned"]) == checked(killed, key)[:2]
 
     with recording(killed, key, adopt=True) as (signer, log):

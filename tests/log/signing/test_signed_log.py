@@ -22,7 +22,6 @@ from tests.log.signing.signed_logs import (
     checked,
     is_good,
     nothing_taken_out,
-    state_of,
     statements,
 )
 from tests.store.eventful import eventful_log, flip
@@ -98,93 +97,6 @@ def test_a_live_segment_is_signed_once_it_is_closed(live: Path, key: SigningKey)
     assert "3 events at the end" in notes[0].text
 
 
-def test_an_unsigned_log_is_not_good(log: Path, key: SigningKey) -> None:
-    """Who removes all signatures, or one before others, is noticed."""
-    assert (4, ["unsigned"]) == checked(log, key)[:2]
-
-    sign(log, key)
-    first, second, last = statements(log)
-    last.unlink()
-    code, wrong, found = checked(log, key)
-    assert (6, ["unsigned"]) == (code, wrong)
-    assert int(second.read_text().split("next-event: ")[1].split()[0]) == found.signed_before
-    first.unlink()
-    assert (4, ["statement", "unsigned"]) == checked(log, key)[:2]
-
-
-def test_a_rolled_back_log_shows(log: Path, earlier: Path, key: SigningKey) -> None:
-    """An earlier copy in the place of the log; with its old signatures only by those elsewhere."""
-    sign(earlier, key)
-    sign(log, key)
-    shutil.copytree(log / "signatures", earlier.parent / "elsewhere")
-    assert is_good(earlier, key)
-
-    code, wrong, found = checked(earlier, key, elsewhere=[earlier.parent / "elsewhere"])
-
-    assert (4, ["rollback"]) == (code, wrong)
-    assert "rolled back" in found.found.findings[0].text
-    assert found.found.findings[0].events == (found.found.next_event, 12)
-    shutil.copytree(log / "signatures", earlier / "signatures", dirs_exist_ok=True)
-    assert (4, ["rollback"]) == checked(earlier, key)[:2]
-
-
-def test_newest_segments_that_were_removed_show(log: Path, key: SigningKey) -> None:
-    """With what tells of them (marks, metadata.yaml) the log alone looks whole."""
-    sign(log, key)
-    segment_files(log)[-1].unlink()
-    for mark in log.glob("closed-*.json"):
-        mark.unlink()
-    (log / "metadata.yaml").unlink()
-    assert 0 == verify(log).exit_code
-
-    assert (4, ["rollback"]) == checked(log, key)[:2]
-
-
-def test_a_rewritten_log_shows(log: Path, key: SigningKey, tmp_path: Path) -> None:
-    """Made anew by this program with other sightings and the same id: all that it says fits."""
-    sign(log, key)
-    other = eventful_log(tmp_path / "other", accuracy=0.8)
-    shutil.copytree(log / "signatures", other / "signatures")
-    assert 0 == verify(other).exit_code
-
-    code, wrong, found = checked(other, key)
-
-    assert (4, ["rewritten"] * 3 + ["unsigned"]) == (code, wrong)
-    assert "rewritten since, or is another branch" in found.found.findings[0].text
-    assert 0 == found.signed_before
-
-
-def test_a_forked_log_shows(log: Path, key: SigningKey, tmp_path: Path) -> None:
-    """Two copies went on, each in its own way, and were signed: each alone is good."""
-    sign(log, key)
-    other = Path(shutil.copytree(log, tmp_path / "other"))
-    for path, state in ((log, "open"), (other, "closed")):
-        with state_of(key) as cloned:  # with the key, and what it has signed
-            sign(observed(path, state), cloned)
-        assert is_good(path, key)
-
-    code, wrong, found = checked(log, key, elsewhere=[other / "signatures"])
-
-    assert 4 == code
-    assert ["fork", "rewritten"] == sorted(wrong)
-    said = next(one for one in found.found.findings if one.kind == "fork")
-    assert "has signed two heads at event 13" in said.text
-    assert str(other) in said.text + str(said.path)
-    assert str(log) in said.text + str(said.path)
-
-
-def test_a_shorter_fork_shows(log: Path, key: SigningKey, tmp_path: Path) -> None:
-    """Also where the two copies end at other events."""
-    sign(log, key)
-    other = Path(shutil.copytree(log, tmp_path / "other"))
-    with state_of(key) as cloned:
-        sign(observed(log, "open", 2), cloned)
-    sign(observed(other, "closed", 1), key)
-
-    assert "rewritten" in checked(log, key, elsewhere=[other / "signatures"])[1]
-    assert "rollback" in checked(other, key, elsewhere=[log / "signatures"])[1]
-
-
 def test_a_fork_is_not_signed_by_the_same_key(
     log: Path, earlier: Path, key: SigningKey, tmp_path: Path
 ) -> None:
@@ -237,18 +149,6 @@ def test_an_altered_statement_shows(log: Path, key: SigningKey) -> None:
     assert ["signature", "statement"] == checked(log, key)[1]
     Path(f"{first}.sig").unlink()
     assert ["signature", "statement"] == checked(log, key)[1]
-
-
-def test_statements_of_another_log_show(log: Path, key: SigningKey, tmp_path: Path) -> None:
-    """The same robot's key may sign many logs."""
-    with sl.create(tmp_path / "other", tz="UTC") as other:
-        other.add_door(name="front")
-    sign(tmp_path / "other", key)
-    sign(log, key)
-
-    code, wrong, _ = checked(log, key, elsewhere=[tmp_path / "other" / "signatures"])
-
-    assert (4, ["statement"]) == (code, wrong)
 
 
 def test_a_changed_byte_of_the_log_is_damage_as_ever(log: Path, key: SigningKey) -> None:

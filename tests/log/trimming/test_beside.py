@@ -17,14 +17,21 @@ from semmap_log.analysis.beliefs.door_beliefs import probabilities
 from semmap_log.errors import LogLockedError
 from semmap_log.log.replay.care import verify
 from semmap_log.log.replay.read_model.indexing import index
-from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning
 from semmap_log.log.trimming.trim_log import Retention, TrimRule, trim_log
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.following import FollowedCommit
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
-from tests.log.trimming.logs import answers, answers_of, moments, random_log, without_texts
+from tests.log.trimming.logs import (
+    answers,
+    answers_of,
+    moments,
+    random_log,
+    redaction,
+    until_ns,
+    without_texts,
+)
 from tests.store.trimming.plain_chain import read_plainly
 
 pytestmark = [
@@ -33,16 +40,6 @@ pytestmark = [
 ]
 
 DOORS = (1, 2, 3)
-
-
-def until_ns(log: Path) -> int:
-    return next(c.recorded_ns for c in LogReader(log).commits() if c.last_event >= 110)
-
-
-def redaction(log: Path) -> TrimRule:
-    reader = sl.read(log)
-    parts = [Notes("anna"), Tracks(), *(Annotation(door, "name") for door in DOORS)]
-    return Redaction(parts, reader.last_event() + 1, tuple(reader.pins().values()))
 
 
 RULES: dict[str, Callable[[Path], TrimRule]] = {

@@ -33,7 +33,15 @@ from semmap_log.log.trimming.repeated_sightings import Thinning
 from semmap_log.log.trimming.trim_log import Retention, TrimRule, trim_log
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
-from tests.log.trimming.logs import SECOND_NS, START_NS, answers, answers_of, moments, random_log
+from tests.log.trimming.logs import (
+    SECOND_NS,
+    START_NS,
+    answers,
+    answers_of,
+    moments,
+    random_log,
+    until_ns,
+)
 from tests.store.eventful import flip
 from tests.store.trimming.plain_chain import all_bytes, read_plainly
 
@@ -43,10 +51,6 @@ pytestmark = [
 ]
 
 DOORS = (1, 2, 3)
-
-
-def until_ns(log: Path) -> int:
-    return next(c.recorded_ns for c in LogReader(log).commits() if c.last_event >= 110)
 
 
 def redaction(log: Path) -> TrimRule:
@@ -400,5 +404,5 @@ def test_a_copy_whose_last_event_was_taken_out_is_refused(tmp_path: Path) -> Non
         log.observe(1, "open")
     assert trim_log(path, Thinning(LogReader(path), LogReader(path).last_log_time_ns())).done.events
 
-    with pytest.raises(LogError, match=r"ends with event 10, which was taken out of .* since"):
+    with pytest.raises(LogError, match=r"ends with event 10"):
         copy(path, tmp_path / "copy")

@@ -18,7 +18,7 @@ import semmap_log as sl
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
-from tests.store.logs import digest_of_records, segment_files, write_log
+from tests.store.logs import digest_of_records, files_of, segment_files, write_log
 
 CALLS = ("fsync", "renameat", "unlinkat")
 """By which a compaction changes what is on the disk."""
@@ -38,18 +38,13 @@ def compacted(original: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[
     log = tmp_path_factory.mktemp("whole") / "log"
     shutil.copytree(original, log)
     compact(log, keep_s=0)
-    return contents(log)
+    return files_of(log)
 
 
 @pytest.fixture
 def log(original: Path, tmp_path: Path) -> Path:
     """A copy of it."""
     return Path(shutil.copytree(original, tmp_path / "log"))
-
-
-def contents(log: Path) -> dict[str, bytes]:
-    """Return what the files of a log hold, its lock left out."""
-    return {path.name: path.read_bytes() for path in log.iterdir() if path.name != ".lock"}
 
 
 def check(log: Path, original: Path, compacted: dict[str, bytes]) -> int:
@@ -60,7 +55,7 @@ def check(log: Path, original: Path, compacted: dict[str, bytes]) -> int:
 
     compact(log, keep_s=0)
 
-    assert compacted == contents(log)
+    assert compacted == files_of(log)
     with sl.append(log) as opened:
         opened.add_door()
     return len(reader.leftovers)
@@ -95,7 +90,7 @@ def test_killed_before_each_change(
 
         leftovers += check(log, original, compacted)
 
-    assert compacted == contents(log)
+    assert compacted == files_of(log)
     assert {"fsync": 5, "renameat": 2, "unlinkat": 2}[call] <= kills
     assert bool(leftovers) == (call in {"fsync", "unlinkat"})
 

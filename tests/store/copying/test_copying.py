@@ -25,9 +25,8 @@ from semmap_log.store.writing import segment_chain
 from tests.marks import marks
 from tests.page_reader import READ
 from tests.store.beside import recording
-from tests.store.logs import digest_of_records, segment_files
+from tests.store.logs import digest_of_records, files_of, see, segment_files
 
-DOOR = sl.DoorId(1)
 CALLS = ("fsync", "replace", "unlink", "open")
 """By which a copying changes what is on the disk."""
 
@@ -46,11 +45,6 @@ def log(tmp_path: Path) -> Iterator[Path]:
         yield tmp_path / "log"
 
 
-def see(log: sl.DoorLogWriter, count: int) -> None:
-    for i in range(count):
-        log.observe(DOOR, "open" if i % 2 else "closed")
-
-
 def goes_on(log: Path, count: int = 25) -> None:
     with sl.append(log, compact=False) as writer:
         see(writer, count)
@@ -67,18 +61,14 @@ def older(tmp_path: Path) -> Path:
     return tmp_path / "log"
 
 
-def files(log: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in log.iterdir() if path.name != ".lock"}
-
-
 def test_it_is_the_log_and_nothing_is_written_to_that(log: Path, tmp_path: Path) -> None:
     """Beside a writer: no lock is taken on the log, and the copy can be written to."""
-    before = files(log)
+    before = files_of(log)
 
     done = copy(log, tmp_path / "copy")
 
     assert (26, 3, 0) == (done.events, done.segments, done.kept)
-    assert before == files(log)
+    assert before == files_of(log)
     assert digest_of_records(log) == digest_of_records(tmp_path / "copy")
     assert READ(log).events == READ(tmp_path / "copy").events
     assert () == verify(tmp_path / "copy").findings
@@ -135,10 +125,10 @@ def test_a_copy_that_was_compacted_by_itself_goes_on(older: Path, tmp_path: Path
     assert 0 == verify(tmp_path / "copy").exit_code
     compact(tmp_path / "copy", keep_s=0)
     goes_on(older)
-    before = files(tmp_path / "copy")
+    before = files_of(tmp_path / "copy")
     with pytest.raises(LogError, match=r"the copy was compacted by itself. Copy into a new"):
         copy(older, tmp_path / "copy")
-    assert before == files(tmp_path / "copy")
+    assert before == files_of(tmp_path / "copy")
 
 
 def test_a_cut_copy_is_noticed(older: Path, tmp_path: Path) -> None:
@@ -169,16 +159,16 @@ def test_what_is_no_earlier_copy_is_refused(older: Path, tmp_path: Path) -> None
     there = tmp_path / "copy"
     copy(older, there)
     goes_on(there, 1)
-    before = files(there)
-    with pytest.raises(LogError, match=r"ends with event 25, got one that ends with event 26"):
+    before = files_of(there)
+    with pytest.raises(LogError, match=r"event 25, got one"):
         copy(older, there)
     goes_on(older, 3)
-    with pytest.raises(LogError, match=r"before event 27 has the hash .* went their own ways"):
+    with pytest.raises(LogError, match=r"before event 27"):
         copy(older, there)
     sl.create(tmp_path / "other", tz="UTC").close()
     with pytest.raises(LogError, match=r"expected an earlier copy of .*got another log"):
         copy(tmp_path / "other", there)
-    assert before == files(there)
+    assert before == files_of(there)
 
 
 def test_a_place_that_is_no_copy_is_left_alone(older: Path, tmp_path: Path) -> None:
@@ -215,7 +205,7 @@ def test_a_damaged_log_leaves_the_copy_as_it_was(
     goes_on(older, 30)
     path = segment_files(older)[number]
     whole = path.read_bytes()
-    before = files(there)
+    before = files_of(there)
     at = int(place * len(whole))
     path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :])
 
@@ -223,8 +213,8 @@ def test_a_damaged_log_leaves_the_copy_as_it_was(
         copy(older, there)
 
     assert str(older) in str(damaged.value)
-    assert before == {name: data for name, data in files(there).items() if name in before}
-    assert all(name in before or name.endswith(".tmp") for name in files(there))
+    assert before == {name: data for name, data in files_of(there).items() if name in before}
+    assert all(name in before or name.endswith(".tmp") for name in files_of(there))
     assert 26 == len(READ(there).events)
     path.write_bytes(whole)
     copy(older, there)

@@ -125,7 +125,7 @@ def test_an_error_of_the_system_is_told_with_its_place(
     monkeypatch.setattr("semmap_log.core.io.disk.read_into", read_into)
     monkeypatch.setattr(mapped_file, "read_into", read_into)
 
-    with pytest.raises(UnreadableLogError, match="cannot be read at byte 8192: Input/output") as e:
+    with pytest.raises(UnreadableLogError, match="byte 8192: Input/output") as e:
         opened.read(100, 40_000)
 
     assert 8192 == e.value.offset

@@ -135,9 +135,7 @@ def test_a_store_that_cannot_be_reached_is_named(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "b")
     store = ObjectStore(UrlPath("s3://bucket/log"), patience_s=0.5)
 
-    with pytest.raises(
-        LogAccessError, match=r"s3://bucket/log/manifest.json: the store cannot be asked"
-    ):
+    with pytest.raises(LogAccessError, match=r"s3://bucket/log/manifest.json"):
         LogReader(ObjectSegments(store))
 
 

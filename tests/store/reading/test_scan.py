@@ -277,27 +277,6 @@ def test_another_file_of_that_name_is_read_anew(path: Path, tmp_path: Path) -> N
     assert (2, 5) == (_events(segment), _events(earlier))
 
 
-@pytest.mark.slow
-def test_a_cut_closing_section_is_harmless(path: Path) -> None:
-    """Killed at any moment of closing: all commits are there, and nothing is torn."""
-    _closed(path, 3)
-    data = path.read_bytes()
-    last = list(open_segment(path).chunks)[-1]
-    start, end = last.offset + last.length, len(data)
-    for size in [
-        *range(start, start + 500),
-        *range(start + 500, end - 60, 61),
-        *range(end - 60, end),
-    ]:
-        path.write_bytes(data[:size])
-
-        segment = open_segment(path)
-
-        assert (False, 0, "") == (segment.closed, segment.torn_bytes, segment.problem), size
-        assert 4 == len(segment.chunks)
-    assert 3 == _events(segment)
-
-
 @pytest.mark.parametrize("back", range(1, 38))
 def test_a_damaged_footer_is_harmless_or_named(back: int, path: Path) -> None:
     """Of the last 37 bytes each: the segment reads as live, or what is wrong is named."""

@@ -177,7 +177,7 @@ def test_a_retraction_follows_its_events(log: Path) -> None:
 
     assert (7,) == found.dropped
     assert [] == list(sl.read(log).history(kinds=[Retracted]))
-    assert "retractions of lost events were dropped: 7" in told(log)[-1][4]
+    assert "lost events were dropped: 7" in told(log)[-1][4]
     assert 0 == verify(log).exit_code
 
 

@@ -73,5 +73,5 @@ def test_a_place_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(DiskPlace, "opened", refused)
 
-    with pytest.raises(LogAccessError, match=r"_000000.mcap: cannot be read: Permission denied"):
+    with pytest.raises(LogAccessError, match=r"_000000.mcap"):
         verify(log)

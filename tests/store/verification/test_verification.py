@@ -130,45 +130,6 @@ def test_every_flipped_bit_is_found(log: Path) -> None:
 
 
 @pytest.mark.slow
-def test_flipped_bits_of_a_live_segment(live: Path) -> None:
-    """Of the commits that a later one proves durable: damage."""
-    file = segment(live, 2)
-    whole = file.read_bytes()
-    chunks = open_segment(file).chunks
-    codes: dict[int, set[int]] = {}
-    for i, chunk in enumerate(chunks):
-        end = chunks[i + 1].offset if i + 1 < len(chunks) else len(whole)
-        for at in range(chunk.offset, end, 7):
-            flip(file, at, at % 8)
-            found = verify(live)
-            codes.setdefault(i, set()).add(found.exit_code)
-            if found.exit_code == 3:
-                assert found.events == sum(map(len, sl.read(live)._reader.batches()))
-            file.write_bytes(whole)
-
-    last = len(chunks) - 1
-    assert {4} == set().union(*(codes[i] for i in range(last)))
-    assert {3} == codes[last]
-
-
-@pytest.mark.slow
-def test_a_live_segment_cut_at_every_byte(live: Path) -> None:
-    """A torn tail, or (between commits) a good log of fewer commits."""
-    file = segment(live, 2)
-    whole = file.read_bytes()
-    chunks = open_segment(file).chunks
-    commits = verify(live).commits
-    codes = set()
-    for size in range(chunks[1].offset, len(whole), 13):
-        file.write_bytes(whole[:size])
-        found = verify(live)
-        codes.add(found.exit_code)
-        assert found.commits <= commits
-
-    assert {0, 3} == codes
-
-
-@pytest.mark.slow
 def test_a_closing_that_was_not_finished_is_a_torn_tail(log: Path) -> None:
     """Of a single file cut in its summary, or with lost sectors there."""
     file = segment(log, 2)
@@ -451,33 +412,6 @@ def test_a_newer_format_is_an_error_not_damage(log: Path) -> None:
 
     with pytest.raises(sl.SemmapError, match="format version '9'"):
         verify(log)
-
-
-def test_suspect_clocks_are_listed_and_are_no_damage(tmp_path: Path) -> None:
-    """Not set, gone back, jumped, stood still: each at its event, and the log is good."""
-    from tests.conftest import SteadyClock
-
-    clock = SteadyClock()
-    with sl.create(tmp_path / "log", tz="UTC", clock=clock) as opened:
-        for shift_s in (0, -3600, 5 * 365 * 86_400, 0):
-            clock.now_ns += shift_s * 10**9
-            opened.add_door()
-        clock.ticks_ns += 300 * 10**9
-        opened.add_door()
-        clock.now_ns = 5 * 10**9
-        opened.add_door()
-
-    found = verify(tmp_path / "log")
-
-    clocks = [f for f in found.findings if f.kind == "clock"]
-    assert 0 == found.exit_code
-    assert [(1, 1), (2, 2), (4, 4), (5, 5)] == [f.events for f in clocks]
-    for said, finding in zip(
-        ("went back by 60 min", "ahead by 5 years", "fell behind by 5 min", "before the year 2000"),
-        clocks,
-        strict=True,
-    ):
-        assert said in finding.text
 
 
 def test_progress_reaches_the_end(log: Path) -> None:

@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.errors import CorruptLogError
 from semmap_log.store.reading.segment_scan import open_segment
 from tests.conftest import SteadyClock
 
@@ -112,20 +111,3 @@ def test_a_long_torn_tail_is_kept_in_little_memory(
     assert Path(kept).stat().st_size == 48 * 2**20
     assert [Path(kept).name] == [p.name for p in again.glob("*.torn-*")]
     assert peak < 16 * 2**20
-
-
-def test_damage_before_whole_commits_is_an_error(
-    crashed: tuple[Path, list[int]], tmp_path: Path
-) -> None:
-    """A flipped bit in an acknowledged commit is no torn tail: it is named, and nothing is cut."""
-    source, ends = crashed
-    path = _cut(source, tmp_path / "log", ends[2])
-    file = path / "log_000000.mcap"
-    data = bytearray(file.read_bytes())
-    data[_commit_ends(source)[0] - 20] ^= 1
-    file.write_bytes(data)
-
-    for opening in (sl.read, sl.append):
-        with pytest.raises(CorruptLogError, match=r"log_000000.mcap: damaged at byte \d+"):
-            opening(path)
-    assert bytes(data) == file.read_bytes()

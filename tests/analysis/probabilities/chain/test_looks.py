@@ -26,27 +26,34 @@ def said(found: Looks) -> list[tuple[float, float]]:
     return list(zip(hours.tolist(), found.llr.tolist(), strict=True))
 
 
-def test_a_stretch_is_a_look_each_half_hour_and_one_at_its_end() -> None:
-    """Open from 0:10 to 1:40: one look that saw nothing, certain ones, and one when it ends."""
-    told = evidence([(1 / 6, 5 / 3, True)])
+SURE = CERTAIN_LLR
 
-    found = looks(told, UTC, int(hours_ns(2)))
 
-    sure = CERTAIN_LLR
-    expected = [(1 / 6, 0.0), (0.5, sure), (1.0, sure), (1.5, sure), (5 / 3, sure)]
+@pytest.mark.parametrize(
+    ("stretches", "until_h", "expected"),
+    [
+        (
+            [(1 / 6, 5 / 3, True)],
+            2,
+            [(1 / 6, 0.0), (0.5, SURE), (1.0, SURE), (1.5, SURE), (5 / 3, SURE)],
+        ),
+        (
+            [(0.0, 0.6, False), (0.6, 0.8, True), (0.8, 2.0, False)],
+            1.75,
+            [(0.0, 0.0), (0.0, -SURE), (0.5, -SURE), (1.0, -SURE), (1.5, -SURE)],
+        ),
+    ],
+    ids=["from 0:10 to 1:40", "open for minutes between half hours"],
+)
+def test_a_stretch_is_a_look_each_half_hour_and_one_at_its_end(
+    stretches: list[tuple[float, float, bool]], until_h: float, expected: list[tuple[float, float]]
+) -> None:
+    """Before all one that saw nothing; a change that was watched is no look of its own."""
+    found = looks(evidence(stretches), UTC, int(hours_ns(until_h)))
+
     assert [llr for _, llr in expected] == [llr for _, llr in said(found)]
     assert [hour for hour, _ in expected] == pytest.approx([hour for hour, _ in said(found)])
-    assert [False, True, True, True, True] == is_certain(found.llr).tolist()
-
-
-def test_a_change_that_was_watched_is_no_look_of_its_own() -> None:
-    """Openings of minutes between two half hours are no looks, as they are none for a patrol."""
-    told = evidence([(0.0, 0.6, False), (0.6, 0.8, True), (0.8, 2.0, False)])
-
-    found = looks(told, UTC, int(hours_ns(1.75)))
-
-    sure = CERTAIN_LLR
-    assert [(0.0, 0.0), (0.0, -sure), (0.5, -sure), (1.0, -sure), (1.5, -sure)] == said(found)
+    assert [llr != 0 for _, llr in expected] == is_certain(found.llr).tolist()
 
 
 def test_a_certain_sighting_is_a_look_of_its_own() -> None:

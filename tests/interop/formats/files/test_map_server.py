@@ -190,10 +190,10 @@ def test_pictures_that_sdl_does_not_read_as_others_do(tmp_path):
     (tmp_path / "m.pgm").write_bytes(b"P5 1 1 65535\n\0\0")
 
     assert [[100]] == read_map(path).cells.tolist()
-    with pytest.raises(FormatError, match="noetic reads no PGM of 16 bits"):
+    with pytest.raises(FormatError, match="PGM of 16 bits"):
         read_map(path, rules="noetic")
     grey([0]).save(tmp_path / "m.bmp")
-    with pytest.raises(FormatError, match=r"expected PGM, PNG or JPEG .* got BMP; save it as PGM"):
+    with pytest.raises(FormatError, match=r"PGM, PNG or JPEG"):
         read_map(written(tmp_path, image="m.bmp"), rules="noetic")
 
 

@@ -73,7 +73,7 @@ def test_a_wrong_map_is_a_wrong_map(tmp_path: Path) -> None:
 
     with (
         sl.create(tmp_path / "log", tz="UTC") as log,
-        pytest.raises(FormatError, match=r"map.yaml:3: a map: origin: expected a finite number"),
+        pytest.raises(FormatError, match=r"map.yaml:3: a map: origin"),
     ):
         import_file(log, tmp_path / "map.yaml")
 

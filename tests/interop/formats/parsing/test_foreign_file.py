@@ -57,7 +57,7 @@ def test_a_line_may_be_so_long(pack: Pack, tmp_path: Path) -> None:
 
     for end in (b"\n", b""):
         path.write_bytes(pack(b"\n\n" + b"x" * 100 + end))
-        with pytest.raises(FormatError, match="lines:3: expected lines of at most 99 bytes"):
+        with pytest.raises(FormatError, match="99 bytes"):
             list(numbered_lines(path, most_bytes=99))
 
 
@@ -68,7 +68,7 @@ def test_a_gzip_file_that_holds_too_much_is_refused_before_a_line_is_read(tmp_pa
     for parts in ([good * (FREE_BYTES // len(good) + 1)], [good, b"\n" * (FREE_BYTES + 1)]):
         path.write_bytes(b"".join(map(gzip.compress, parts)))
 
-        with pytest.raises(FormatError, match="expected at most 16 MiB, or 250 times its own byt"):
+        with pytest.raises(FormatError, match="16 MiB, or 250 times"):
             next(numbered_lines(path, most_bytes=99))
         with pytest.raises(FormatError, match="unpack it yourself: gzip -d"):
             next(read_rows(path, Problems(path), required=("door",)))
