@@ -53,7 +53,7 @@ def test_rows_of_two_exports_are_one_sighting_each(log: sl.DoorLogWriter, tmp_pa
     found = _take(log, week2)
 
     assert 5 == found.plan.count  # two of them add the lab
-    assert "rows: 5" in found.plan.summary
+    assert "rows: 5; in the log already, by another file: 2" in found.plan.summary
     assert 5 == _count(log)
     assert 0 == _take(log, _csv(tmp_path / "again.csv", "08:00,gate,OPEN,0.9")).plan.count
 

@@ -123,7 +123,7 @@ def test_the_same_bag_again_changes_nothing(office: Path, tmp_path: Path) -> Non
     named = _import(office, path, ImportOptions(scan=ScanOptions(("/scan",))))
     by_file = _import(office, path, ImportOptions(mapping=mapping))
 
-    assert "log already: 2" in again.plan.summary
+    assert "of them in the log already: 2" in again.plan.summary
     assert () == again.plan.warnings == again.plan.left_out
     assert [None] * 3 == [each.first_event for each in (again, named, by_file)]
     assert before == {each: each.read_bytes() for each in office.iterdir()}
@@ -169,7 +169,7 @@ def test_visits_that_the_robot_recorded_while_it_drove_count_once(
     imported = _import(office, path)
 
     assert [DoorState.OPEN, DoorState.CLOSED] == _states(office)
-    assert "laser then: 1" in imported.plan.warnings
+    assert "left out, since the log has visits of that laser then: 1" in imported.plan.warnings
 
 
 @pytest.mark.parametrize("names", [("ann", ""), ("", "ann"), ("ann", "bob")])
@@ -185,7 +185,7 @@ def test_the_same_drive_in_another_name_counts_once(
         imported = import_file(log, second, SCANS, note=Note(actor=names[1]))
 
     assert [DoorState.OPEN, DoorState.CLOSED] == _states(office)
-    assert "laser then: 2" in imported.plan.warnings
+    assert "left out, since the log has visits of that laser then: 2" in imported.plan.warnings
 
 
 def test_another_robot_that_saw_the_door_meanwhile_counts_too(office: Path, tmp_path: Path) -> None:
@@ -590,7 +590,7 @@ def test_static_transforms_count_from_the_beginning(office: Path, tmp_path: Path
 
     imported = _import(office, tmp_path / "x.mcap")
 
-    assert "scans of /scan: 192, 192" in imported.plan.summary
+    assert "scans of /scan: 192, 192 on the map" in imported.plan.summary
     assert TRANSFORMS == late.ros_type
 
 

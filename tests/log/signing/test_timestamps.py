@@ -232,7 +232,7 @@ def test_a_report_says_of_each_statement_whether_it_has_one(
     lines = _lines(log, key)
 
     assert 2 == sum(line.endswith("  no time stamp") for line in lines)
-    assert "1 time stamp; openssl ts" in lines
+    assert "1 time stamp; openssl ts -verify checks whose" in lines
     assert all(len(line) <= 80 for line in lines if "time stamp" in line)
 
 
