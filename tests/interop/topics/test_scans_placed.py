@@ -22,8 +22,9 @@ from semmap_log.interop.topics.lasers.lasers import RobotScan
 from semmap_log.interop.topics.topic_reader import Known, TopicProblems
 from semmap_log.interop.topics.topic_rules import ReadScan, RosMapping, TopicRule
 from semmap_log.interop.topics.translator import Translator
+from tests.analysis.scans.beams import ranges_of
 from tests.interop.formats.bags.bags_of_others import Said
-from tests.interop.topics.laser_room import WALLS, LaserRoom, moved, ranges_of, turned
+from tests.interop.topics.laser_room import WALLS, LaserRoom, moved, turned
 
 PLAIN = RosMapping(scans=ReadScan())
 
