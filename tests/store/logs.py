@@ -36,6 +36,17 @@ def write_log(path: Path, commits: int, *, per_commit: int = 1, clock: Any = Non
     return path
 
 
+def see(log: sl.DoorLogWriter, count: int) -> None:
+    """Observe door 1 so often, closed and open by turns."""
+    for number in range(count):
+        log.observe(DoorId(1), "open" if number % 2 else "closed")
+
+
+def files_of(log: Path) -> dict[str, bytes]:
+    """Return what the files of a log contain, its lock left out."""
+    return {path.name: path.read_bytes() for path in log.iterdir() if path.name != ".lock"}
+
+
 def sightings(door: DoorId, count: int, start: int = 0) -> Iterator[Event]:
     """Yield sightings of a door, no two the same."""
     for i in range(count):

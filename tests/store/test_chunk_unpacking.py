@@ -71,9 +71,7 @@ BAD = {
 @pytest.mark.parametrize("compression", ["zstd", "lz4"])
 @pytest.mark.parametrize("name", BAD)
 def test_records_that_are_packed_very_small_are_looked_at(name: str, compression: str) -> None:
-    """
-    They are messages, one after the other, each later than the one before.
-    """
+    """They are messages, one after the other, each later than the one before."""
     records, expected = BAD[name]
     if compression == "lz4":
         packed = pytest.importorskip("lz4.frame").compress(records)
@@ -85,9 +83,7 @@ def test_records_that_are_packed_very_small_are_looked_at(name: str, compression
 
 
 def test_what_is_no_record_is_not_unpacked_further(monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Of 128 MiB of zeros in 12 kB a MiB is.
-    """
+    """Of 128 MiB of zeros in 12 kB a MiB is."""
     taken = []
 
     def pieces(stored: memoryview, usual=record_scan._pieces) -> Iterator[bytes]:  # type: ignore[no-untyped-def]
@@ -103,10 +99,7 @@ def test_what_is_no_record_is_not_unpacked_further(monkeypatch: pytest.MonkeyPat
 
 
 def test_honest_records_that_are_packed_very_small_are_read() -> None:
-    """
-    Long messages, whose heads may lie anywhere; keyframes, which may have the time of the record
-    before.
-    """
+    """Long messages, whose heads may lie anywhere."""
     sizes = (PIECE_BYTES - 31, 3 * MIB + 7, 0, PIECE_BYTES - 1, 5)
     records = b"".join(_message(9 + i, size) for i, size in enumerate(sizes))
     records += _message(20, 2 * MIB, channel=KEYFRAME_CHANNEL) * 3
@@ -115,9 +108,7 @@ def test_honest_records_that_are_packed_very_small_are_read() -> None:
 
 
 def test_a_log_of_a_large_empty_floor_is_good(tmp_path: Path) -> None:
-    """
-    Of four million cells in 1 kB, as a robot that has just begun its map has it.
-    """
+    """Of four million cells in 1 kB, as a robot that has just begun its map has it."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.append([FLOOR])
     (segment,) = (tmp_path / "log").glob("*.mcap")
@@ -131,9 +122,7 @@ def test_a_log_of_a_large_empty_floor_is_good(tmp_path: Path) -> None:
 
 
 def test_the_chunks_of_a_segment_hold_so_much_together() -> None:
-    """
-    A GiB, and more where it is packed in enough bytes.
-    """
+    """A GiB, and more where it is packed in enough bytes."""
     check_sizes(FREE_SEGMENT_BYTES, 1)
     check_sizes(MOST_SEGMENT_RATIO * 2**20, 2**20)
     for size, stored in ((FREE_SEGMENT_BYTES + 1, 1), (MOST_SEGMENT_RATIO * 2**20 + 1, 2**20)):
@@ -156,9 +145,7 @@ def _log_of(folder: Path, chunks: list[BuiltChunk], *, closed: bool) -> Path:
 def test_a_segment_of_too_much_is_refused_before_it_is_unpacked(
     tmp_path: Path, closed: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    By its summary, or where the chunk lies that is one too many; `verify` says so, too.
-    """
+    """By its summary, or where the chunk lies that is one too many; `verify` says so, too."""
     path, expected = tmp_path / "log", "expected chunks that hold at most 9000000 bytes together"
     log = sl.create(path, tz="UTC", compact=False)
     for level in range(3):
@@ -178,9 +165,7 @@ def test_a_segment_of_too_much_is_refused_before_it_is_unpacked(
 
 
 def test_a_summary_of_too_much_is_refused() -> None:
-    """
-    Whatever each chunk says by itself.
-    """
+    """Whatever each chunk says by itself."""
     facts = ChunkFacts(1000, "zstd", 951 - 44 - 4 - 40, 2**27, (1, 1), NO_SPAN, {})
     facts.chunk_length = facts.stored_size + mcap.FRAME.size + 44
     length = facts.chunk_length
@@ -198,9 +183,7 @@ def _rows(indexes: bytes, end: int) -> np.ndarray:  # type: ignore[type-arg]
 def test_one_long_chunk_among_short_ones_is_walked_by_itself(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """
-    All are walked together only as long as they are many.
-    """
+    """All are walked together only as long as they are many."""
     rounds = []
     monkeypatch.setattr(record_scan, "gather", _counting(record_scan.gather, rounds))
     parts = [_message(9) * 3] * 20 + [_message(9) * 5000]
@@ -231,15 +214,12 @@ main(sys.argv[1:])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("verb", ["verify", "replay"])
+@pytest.mark.parametrize(("verb", "closed"), [("verify", True), ("replay", False)])
 @pytest.mark.parametrize("name", ["zeros", "alike", "keyframes"])
-@pytest.mark.parametrize("closed", [False, True])
 def test_a_small_log_that_holds_very_much_takes_little_memory(
     tmp_path: Path, verb: str, name: str, closed: bool
 ) -> None:
-    """
-    Chunks of 128 MiB in a log of some ten kilobytes; every verb ends with an error or an answer.
-    """
+    """Chunks of 128 MiB in a log of some ten kilobytes."""
     size = 128 * MIB
     message = _message(1000, channel=KEYFRAME_CHANNEL if name == "keyframes" else 4)
     records = bytes(size) if name == "zeros" else message * (size // len(message))

@@ -22,7 +22,7 @@ from semmap_log.store.reading import segment_folder
 from semmap_log.store.verification.findings import Severity
 from semmap_log.store.writing import segment_chain
 from tests.marks import marks, remove_marks
-from tests.store.logs import segment_files
+from tests.store.logs import see, segment_files
 
 DOOR = sl.DoorId(1)
 
@@ -35,11 +35,6 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         log.add_door()
         see(log, 25)
     return tmp_path / "log"
-
-
-def see(log: sl.DoorLogWriter, count: int) -> None:
-    for i in range(count):
-        log.observe(DOOR, "open" if i % 2 else "closed")
 
 
 def events(log: Path) -> int:
@@ -74,9 +69,7 @@ DAMAGES = [cut, cut_in_the_middle, removed]
 
 
 def test_it_tells_where_the_last_closed_segment_ended(log: Path) -> None:
-    """
-    The number behind its last event, and the hash of its last commit.
-    """
+    """The number behind its last event, and the hash of its last commit."""
     *_, last = sl.read(log).commits()
 
     said = mark(log)
@@ -87,16 +80,12 @@ def test_it_tells_where_the_last_closed_segment_ended(log: Path) -> None:
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_closed_segment_that_was_cut_is_damage(log: Path, damage: Callable[[Path], None]) -> None:
-    """
-    Reading is refused, and appending; what is there is not made the whole log by anybody.
-    """
+    """Reading is refused, and appending; what is there is not made the whole log by anybody."""
     damage(log)
     before = {path.name: path.read_bytes() for path in log.iterdir() if path.name != ".lock"}
 
     for ask in (sl.read, sl.append, compact):
-        with pytest.raises(
-            CorruptLogError, match=r"by closed-2-26\.json, .* ended before event 26"
-        ):
+        with pytest.raises(CorruptLogError, match=r"closed-2-26\.json"):
             ask(log)
 
     assert before == {p.name: p.read_bytes() for p in log.iterdir() if p.name != ".lock"}
@@ -105,9 +94,7 @@ def test_a_closed_segment_that_was_cut_is_damage(log: Path, damage: Callable[[Pa
 
 
 def test_a_footer_that_was_lost_alone_loses_nothing(log: Path) -> None:
-    """
-    All commits are there: the segment is read like a live one, and closed anew.
-    """
+    """All commits are there: the segment is read like a live one, and closed anew."""
     cut_behind_its_last_chunk(log)
 
     assert 26 == events(log)
@@ -117,9 +104,7 @@ def test_a_footer_that_was_lost_alone_loses_nothing(log: Path) -> None:
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_recover_goes_on_with_what_is_there(log: Path, damage: Callable[[Path], None]) -> None:
-    """
-    Told to, it makes a log of what is left, and names what is lost.
-    """
+    """Told to, it makes a log of what is left, and names what is lost."""
     damage(log)
 
     done = recover(log)
@@ -133,23 +118,19 @@ def test_recover_goes_on_with_what_is_there(log: Path, damage: Callable[[Path], 
 
 
 def test_a_reader_that_was_open_is_told(log: Path) -> None:
-    """
-    Cut under an open reader: the next look is refused, not a shorter answer.
-    """
+    """Cut under an open reader: the next look is refused, not a shorter answer."""
     reader = sl.read(log)
     removed(log)
 
-    with pytest.raises(CorruptLogError, match="segment 2, its last, is missing"):
+    with pytest.raises(CorruptLogError, match="segment 2"):
         reader.refresh()
 
-    with pytest.raises(CorruptLogError, match="segment 2, its last, is missing"):
+    with pytest.raises(CorruptLogError, match="segment 2"):
         list(reader.follow(20, poll_s=0, stop=lambda: True))
 
 
 def test_a_reader_that_was_open_is_told_of_what_was_closed_since(log: Path) -> None:
-    """
-    It has not looked meanwhile: a log that is as it saw it is shorter than it was.
-    """
+    """It has not looked meanwhile: a log that is as it saw it is shorter than it was."""
     reader = sl.read(log)
     before = {path: path.read_bytes() for path in segment_files(log)}
     with sl.append(log, compact=False) as opened:
@@ -166,9 +147,7 @@ def test_a_reader_that_was_open_is_told_of_what_was_closed_since(log: Path) -> N
 def test_a_writer_that_rolls_at_every_look_is_no_damage(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    What is closed after the files were listed is not among them, and nothing is missing.
-    """
+    """What is closed after the files were listed is not among them, and nothing is missing."""
     list_segments = segment_folder.list_segments
     looks: list[int] = []
     with sl.append(log, compact=False, durability="flush") as writer:
@@ -191,9 +170,7 @@ def test_a_writer_that_rolls_at_every_look_is_no_damage(
 def test_a_writer_that_rolls_while_it_is_verified_is_no_damage(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Here, too: what was closed since the files were listed is not missing.
-    """
+    """Here, too: what was closed since the files were listed is not missing."""
     iterdir = Path.iterdir
     looks: list[Path] = []
     with sl.append(log, compact=False, durability="flush") as writer:
@@ -215,25 +192,21 @@ def test_a_writer_that_rolls_while_it_is_verified_is_no_damage(
 
 
 def test_an_older_state_of_a_segment_is_damage(log: Path, tmp_path: Path) -> None:
-    """
-    A small closed segment is continued in a copy: the file as it was before is whole, and short.
-    """
+    """A continued segment is replaced by what it was before: whole, but short."""
     last = segment_files(log)[-1]
     shutil.copy(last, tmp_path / "older")
     with sl.append(log, compact=False) as opened:
         see(opened, 2)
     shutil.copy(tmp_path / "older", last)
 
-    with pytest.raises(CorruptLogError, match="it ends before event 26: it was cut, or is an"):
+    with pytest.raises(CorruptLogError, match="ends before event 26"):
         sl.read(log)
 
     assert 4 == verify(log).exit_code
 
 
 def test_another_copy_of_the_last_segment_is_damage(log: Path, tmp_path: Path) -> None:
-    """
-    As many events, but others.
-    """
+    """As many events, but others."""
     shutil.copytree(log, tmp_path / "copy")
     for path, state in ((log, "open"), (tmp_path / "copy", "closed")):
         with sl.append(path, compact=False) as opened:
@@ -247,9 +220,7 @@ def test_another_copy_of_the_last_segment_is_damage(log: Path, tmp_path: Path) -
 
 
 def test_a_live_segment_may_not_end_before_it(log: Path) -> None:
-    """
-    Continued and not closed, then cut by a crash of the disk: what was closed once was there.
-    """
+    """Continued and not closed, then cut by a crash of the disk: what was closed once was there."""
     opened = sl.append(log, compact=False, durability="flush")
     see(opened, 2)
     whole = segment_files(log)[-1].read_bytes()
@@ -265,9 +236,7 @@ def test_a_live_segment_may_not_end_before_it(log: Path) -> None:
 
 
 def test_a_log_without_it_opens_and_gets_it(log: Path) -> None:
-    """
-    Copied without it, or made before there was one.
-    """
+    """Copied without it, or made before there was one."""
     remove_marks(log)
 
     assert 26 == events(log)
@@ -286,9 +255,7 @@ def test_a_log_without_it_opens_and_gets_it(log: Path) -> None:
 def test_without_it_metadata_yaml_tells(
     log: Path, damage: Callable[[Path], None], problem: str
 ) -> None:
-    """
-    Of a log that is older than these marks: reading and appending are refused as well.
-    """
+    """Of a log that is older than these marks: reading and appending are refused as well."""
     damage(log)
     remove_marks(log)
 
@@ -301,9 +268,7 @@ def test_without_it_metadata_yaml_tells(
 
 
 def test_it_outlives_compaction(log: Path) -> None:
-    """
-    Segments are rechunked and merged: what it tells stays true.
-    """
+    """Segments are rechunked and merged: what it tells stays true."""
     before = mark(log)
 
     compact(log, keep_s=0)
@@ -314,50 +279,35 @@ def test_it_outlives_compaction(log: Path) -> None:
         sl.read(log)
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[1]", "null", '{"log_id": 1}', "[" * 3000])
+@pytest.mark.parametrize(
+    "text",
+    ["", "{}", "[1]", "null", '{"log_id": 1}', "[" * 3000, " " * MOST_BYTES + "{}"],
+    ids=lambda text: text[:8],
+)
 def test_damage_of_the_file_itself_is_named(log: Path, text: str) -> None:
-    """
-    Whether the log was cut cannot be told then: that is said, and `recover` takes it as it is.
-    """
+    """Whether the log was cut cannot be known then; `recover` takes it as it is."""
     marks(log)[-1].write_text(text)
 
-    with pytest.raises(CorruptLogError, match=r"closed-2-26\.json: damaged: it is not what was"):
+    with pytest.raises(CorruptLogError, match=r"closed-2-26\.json: damaged"):
         sl.read(log)
     assert 4 == verify(log).exit_code
-
     recover(log)
-
     assert (27, 0) == (events(log), verify(log).exit_code)
 
 
 @pytest.mark.parametrize("head", ["", "ab" * 31, "zz" * 32, 7])
 def test_a_hash_that_is_none_is_damage_of_the_file(log: Path, head: str) -> None:
-    """
-    However well its digest fits.
-    """
+    """However well its digest fits."""
     found = read_mark(LogFolder(log))
     assert found is not None
     marks(log)[-1].write_text(replace(found, head=head).text())
 
-    with pytest.raises(CorruptLogError, match=r"closed-2-26\.json: damaged: it is not what was"):
-        sl.read(log)
-
-
-def test_no_more_of_it_is_read_than_it_may_have(log: Path) -> None:
-    """
-    A stranger's may fill the memory; one that begins with so many blanks is not ours.
-    """
-    text = marks(log)[-1].read_text()
-    marks(log)[-1].write_text(" " * MOST_BYTES + text)
-
-    with pytest.raises(CorruptLogError, match=r"closed-2-26\.json: damaged: it is not what was"):
+    with pytest.raises(CorruptLogError, match=r"closed-2-26\.json: damaged"):
         sl.read(log)
 
 
 def test_every_flipped_bit_of_it_is_seen(log: Path) -> None:
-    """
-    It has a digest of its own.
-    """
+    """It has a digest of its own."""
     whole = marks(log)[-1].read_bytes()
     for place in range(len(whole) - 1):
         data = bytearray(whole)
@@ -369,9 +319,7 @@ def test_every_flipped_bit_of_it_is_seen(log: Path) -> None:
 
 
 def test_of_another_log_it_is_named(log: Path, tmp_path: Path) -> None:
-    """
-    Files of two logs that were mixed up.
-    """
+    """Files of two logs that were mixed up."""
     sl.create(tmp_path / "other", tz="UTC").close()
     remove_marks(log)
     shutil.copy(marks(tmp_path / "other")[-1], log)
@@ -394,10 +342,7 @@ def copy_in_order(log: Path, copy: Path, names: list[str]) -> None:
 def test_a_mark_that_is_copied_later_than_the_segments_is_not_ahead(
     log: Path, tmp_path: Path, count: int
 ) -> None:
-    """
-    `cp -r` lists the names, and copies the segments; the log goes on, rolls and is closed, then the
-    marks and metadata.yaml are copied: the copy holds what was there when the names were listed.
-    """
+    """`cp -r` lists the names, and copies the segments."""
     with sl.append(log, compact=False, durability="flush") as writer:
         names = sorted(path.name for path in log.iterdir())
         copy_in_order(log, tmp_path / "copy", [n for n in names if n.endswith(".mcap")])
@@ -412,9 +357,7 @@ def test_a_mark_that_is_copied_later_than_the_segments_is_not_ahead(
 
 
 def test_the_first_closing_is_told_before_it_is_listed(tmp_path: Path) -> None:
-    """
-    Else a copy might hold a metadata.yaml that is ahead, and no mark.
-    """
+    """Else a copy might hold a metadata.yaml that is ahead, and no mark."""
     log, written = tmp_path / "log", []
     with pytest.MonkeyPatch.context() as patch:
         write_whole = LogFolder.write_whole
@@ -429,9 +372,7 @@ def test_the_first_closing_is_told_before_it_is_listed(tmp_path: Path) -> None:
 
 
 def test_of_many_marks_few_stay(log: Path) -> None:
-    """
-    The last ones, for whoever copies the folder now; and of each ten minutes the first.
-    """
+    """The last ones, for whoever copies the folder now; and of each ten minutes the first."""
     for _ in range(40):
         with sl.append(log, compact=False) as opened:
             see(opened, 1)
@@ -444,9 +385,7 @@ def test_of_many_marks_few_stay(log: Path) -> None:
 
 
 def test_a_mark_stays_for_an_hour_after_another_has_followed(log: Path) -> None:
-    """
-    However old it is itself: a copy may have listed it just before.
-    """
+    """However old it is itself: a copy may have listed it just before."""
     now_s = time.time()
     for path in marks(log):
         os.utime(path, (now_s - 7000, now_s - 7000))
@@ -459,9 +398,7 @@ def test_a_mark_stays_for_an_hour_after_another_has_followed(log: Path) -> None:
 
 
 def test_a_log_of_before_is_read_by_its_old_mark(log: Path) -> None:
-    """
-    It was called closed.json, one for all closings; the next closing adds one of today.
-    """
+    """It was called closed.json, one for all closings; the next closing adds one of today."""
     old = marks(log)[-1].read_bytes()
     remove_marks(log)
     (log / "closed.json").write_bytes(old)
@@ -481,9 +418,7 @@ def test_a_log_of_before_is_read_by_its_old_mark(log: Path) -> None:
 
 
 def test_what_an_older_version_closes_later_counts(log: Path) -> None:
-    """
-    It knows closed.json alone: of both, the one that tells of more is believed.
-    """
+    """It knows closed.json alone: of both, the one that tells of more is believed."""
     with sl.append(log, compact=False) as opened:
         see(opened, 2)
     marks(log)[-1].rename(log / "closed.json")
@@ -496,9 +431,7 @@ def test_what_an_older_version_closes_later_counts(log: Path) -> None:
 def test_a_swapped_segment_in_the_middle_is_damage_to_every_question(
     log: Path, tmp_path: Path
 ) -> None:
-    """
-    Of a copy that went another way; its numbers fit, and nothing of it was read by the question.
-    """
+    """Of a copy that went another way."""
     copy = tmp_path / "copy" / "log"
     for path in segment_files(log)[1:]:
         path.unlink()

@@ -60,9 +60,7 @@ def index(segment: Path) -> dict[str, str]:
 def test_the_index_of_commands_is_that_of_the_commits(
     change: Callable[[Path], Any], log: Path
 ) -> None:
-    """
-    One row for each commit, ascending: fingerprint of its id, and its first event.
-    """
+    """One row for each commit, ascending: fingerprint of its id, and its first event."""
     change(log)
     for segment in LogReader(log).segments:
         commits = list(LogReader(log, only=segment.path).commits())
@@ -85,9 +83,7 @@ def test_the_index_of_commands_is_that_of_the_commits(
     ids=["as written", "compacted", "merged", "closed as before"],
 )
 def test_the_head_is_the_hash_of_the_last_commit(change: Callable[[Path], Any], log: Path) -> None:
-    """
-    Each segment's is what the next one's header says; written where the segment is closed.
-    """
+    """Each segment's is what the next one's header says; written where the segment is closed."""
     change(log)
     segments = LogReader(log).segments
     heads = [segment.head for segment in segments]
@@ -102,9 +98,7 @@ def test_the_head_is_the_hash_of_the_last_commit(change: Callable[[Path], Any], 
 def test_the_head_of_a_closed_segment_is_told_without_its_chunks(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Of one that was closed before, its last chunk of commits is read.
-    """
+    """Of one that was closed before, its last chunk of commits is read."""
 
     def refuse(*_: object) -> None:
         raise AssertionError("chunks were read")
@@ -117,9 +111,7 @@ def test_the_head_of_a_closed_segment_is_told_without_its_chunks(
 
 
 def test_the_head_of_a_live_segment_is_that_of_its_whole_commits(tmp_path: Path) -> None:
-    """
-    And without a commit, live or closed: that of the commit before it; then no index of commands.
-    """
+    """And without a commit, live or closed: that of the commit before it."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", compact=False) as log:
         assert bytes(32) == sl.read(path)._reader.segments[0].head
@@ -135,9 +127,7 @@ def test_the_head_of_a_live_segment_is_that_of_its_whole_commits(tmp_path: Path)
 
 
 def test_a_log_that_was_closed_without_them_is_good(log: Path) -> None:
-    """
-    A recording that shipped, and segments made like it: nothing is found.
-    """
+    """A recording that shipped, and segments made like it: nothing is found."""
     close_as_before(log)
 
     assert "head" not in index(GOLDEN / "office_000000.mcap")
@@ -147,9 +137,7 @@ def test_a_log_that_was_closed_without_them_is_good(log: Path) -> None:
 
 
 def test_a_wrong_head_is_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    All checksums are right, the hash is another's: only the chunks tell.
-    """
+    """All checksums are right, the hash is another's: only the chunks tell."""
 
     def wrong(*columns: Any) -> Metadata:
         events, least_ns, greatest_ns, _, behind = columns
@@ -167,9 +155,7 @@ def test_a_wrong_head_is_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_a_wrong_index_of_commands_is_damage(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    All checksums are right, a fingerprint is another's: only the commits tell.
-    """
+    """All checksums are right, a fingerprint is another's: only the commits tell."""
     with monkeypatch.context() as patch:
         import semmap_log.store.writing.segment_chain  # noqa: F401 - not first under the patch
 
@@ -182,9 +168,7 @@ def test_a_wrong_index_of_commands_is_damage(
 
 
 def test_a_head_that_is_no_hash_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    By whoever asks for it, with the file; and by `verify`.
-    """
+    """By whoever asks for it, with the file; and by `verify`."""
     for text, problem in (("00ff", "expected a head of 32 bytes, got 2"), ("x", "hex")):
 
         def wrong(*columns: Any, text: str = text) -> Metadata:
@@ -202,9 +186,7 @@ def test_a_head_that_is_no_hash_is_told(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_a_closing_that_lost_sectors_of_its_index_is_a_torn_tail(tmp_path: Path) -> None:
-    """
-    The magic is written once all before it is on the disk: without it nothing was promised.
-    """
+    """The magic is written once all before it is on the disk: without it nothing was promised."""
     path = write_log(tmp_path / "log", 400)
     (path / "metadata.yaml").unlink()  # which is written once the segment is closed
     (file,) = path.glob("*.mcap")
@@ -226,9 +208,7 @@ def test_a_closing_that_lost_sectors_of_its_index_is_a_torn_tail(tmp_path: Path)
 
 
 def test_texts_that_look_like_commits_are_none(tmp_path: Path) -> None:
-    """
-    The ids are cut out of the records by the chunk's own index, not searched by their bytes.
-    """
+    """The ids are cut out of the records by the chunk's own index, not searched by their bytes."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", compact=False) as log:
         door = log.add_door()
@@ -245,9 +225,7 @@ def test_texts_that_look_like_commits_are_none(tmp_path: Path) -> None:
 
 
 def test_heads_are_compared_by_what_is_written(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    A segment is asked once: its head is kept.
-    """
+    """A segment is asked once: its head is kept."""
     asked: list[Path] = []
 
     def count(summary: Any) -> bytes | None:

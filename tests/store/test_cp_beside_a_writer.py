@@ -65,9 +65,7 @@ def check(copy: Path, acknowledged: int) -> list[Any]:
     "copies", [12, pytest.param(500, marks=pytest.mark.slow)], ids=["some", "many"]
 )
 def test_a_copy_taken_at_any_moment_is_a_log(tmp_path: Path, copies: int) -> None:
-    """
-    The first events of the log, whole; what was acknowledged before is among them.
-    """
+    """The first events of the log, whole; what was acknowledged before is among them."""
     left, skipped = copies, 0
     for seed in itertools.count(copies):
         if not left:
@@ -94,9 +92,7 @@ def test_a_copy_taken_at_any_moment_is_a_log(tmp_path: Path, copies: int) -> Non
 def test_every_verb_answers_from_such_a_copy(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    And the next writer goes on with it, alone, or brings it up to date.
-    """
+    """And the next writer goes on with it, alone, or brings it up to date."""
     log = tmp_path / "log"
     with recording(log, 7) as recorder:
         assert cp(log, tmp_path / "copy")

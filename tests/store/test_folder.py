@@ -13,7 +13,6 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import (
-    CorruptLogError,
     LogAccessError,
     LogError,
     LogExistsError,
@@ -26,6 +25,7 @@ from semmap_log.store.folder import MOST_BYTES, LogFolder
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.writing import segment_chain
+from tests.store.logs import files_of, see
 
 DOOR = sl.DoorId(1)
 VICTIM = b"export PATH=/usr/bin\n"
@@ -52,19 +52,8 @@ def made(path: Path, sightings: int = 5) -> Path:
     return path
 
 
-def see(log: sl.DoorLogWriter, count: int) -> None:
-    for i in range(count):
-        log.observe(DOOR, "open" if i % 2 else "closed")
-
-
-def contents(path: Path) -> dict[str, bytes]:
-    return {file.name: file.read_bytes() for file in path.iterdir() if file.name != ".lock"}
-
-
 def test_a_writer_of_a_moved_folder_leaves_the_next_log_alone(tmp_path: Path) -> None:
-    """
-    Another log is made under the old name; each goes on in its own folder, over rolls, to the end.
-    """
+    """Another log is made under the old name."""
     ours, theirs = tmp_path / "office_old", tmp_path / "office"
     first = sl.create(theirs, tz="UTC", compact=False)
     first.add_door()
@@ -85,9 +74,7 @@ def test_a_writer_of_a_moved_folder_leaves_the_next_log_alone(tmp_path: Path) ->
 
 
 def test_a_writer_answers_from_its_own_folder(tmp_path: Path) -> None:
-    """
-    What it reads itself, retractions and repeated commands with it, is not the other log's.
-    """
+    """What it reads itself, retractions and repeated commands with it, is not the other log's."""
     path = tmp_path / "office"
     with sl.create(path, tz="UTC", compact=False) as log:
         log.add_door(name="front")
@@ -104,14 +91,12 @@ def test_a_writer_answers_from_its_own_folder(tmp_path: Path) -> None:
 def test_relative_paths_are_those_of_the_moment_of_opening(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    After `os.chdir` a log of the same name lies elsewhere: nobody looks at it, or writes to it.
-    """
+    """After `os.chdir` a log of the same name elsewhere is neither read nor written."""
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()
     there.mkdir()
     made(there / "log", sightings=1)
-    before = contents(there / "log")
+    before = files_of(there / "log")
     monkeypatch.chdir(here)
     made(Path("log"), sightings=5)
     reader, writer = sl.read("log"), sl.append("log", compact=False)
@@ -123,28 +108,12 @@ def test_relative_paths_are_those_of_the_moment_of_opening(
     assert [31, 31] == [sum(len(b) for b in log.batches()) for log in (reader, writer)]
     assert 31 == sum(len(one.batch) for one in reader.follow(-1, poll_s=0, stop=lambda: True))
     writer.close()
-    assert before == contents(there / "log")
+    assert before == files_of(there / "log")
     assert 0 == verify(here / "log").exit_code
 
 
-def test_a_reader_is_told_of_another_log(tmp_path: Path) -> None:
-    """
-    Exchanged under its name, it is no later state of the one that was opened.
-    """
-    log = sl.read(made(tmp_path / "log"))
-    shutil.rmtree(tmp_path / "log")
-    made(tmp_path / "log", sightings=9)
-
-    with pytest.raises(LogError, match="the log was replaced by another one"):
-        log.refresh()
-
-    assert 6 == sum(len(batch) for batch in log.batches())
-
-
 def test_a_segment_that_was_exchanged_under_the_writer_is_told_at_the_roll(tmp_path: Path) -> None:
-    """
-    What an `rsync` or a `cp` put over it has lost what was written since: no success is told.
-    """
+    """What an `rsync` or a `cp` put over it has lost what was written since: no success is told."""
     path = made(tmp_path / "log")
     copy = tmp_path / "copy.mcap"
     log = sl.append(path, compact=False, durability="flush")
@@ -162,9 +131,7 @@ def test_a_segment_that_was_exchanged_under_the_writer_is_told_at_the_roll(tmp_p
 
 
 def test_a_segment_that_was_exchanged_under_the_writer_is_told_at_the_end(tmp_path: Path) -> None:
-    """
-    A name that a file under another lost is enough.
-    """
+    """A name that a file under another lost is enough."""
     path = made(tmp_path / "log")
     log = sl.append(path, compact=False, durability="flush")
     see(log, 2)
@@ -179,11 +146,7 @@ def test_a_segment_that_was_exchanged_under_the_writer_is_told_at_the_end(tmp_pa
 def test_a_live_segment_that_was_copied_over_is_told(
     tmp_path: Path, durability: str, told_at_once: bool
 ) -> None:
-    """
-    An older state of it, in place, as `cp` does: the same file, but not what was written.
-
-    An append that promises that it lasts does not return; a weaker one is told at the end.
-    """
+    """An older state of it, in place, as `cp` does: the same file, but not what was written."""
     path = made(tmp_path / "log")
     log = sl.append(path, compact=False, durability=durability)
     see(log, 2)
@@ -203,11 +166,9 @@ def test_a_live_segment_that_was_copied_over_is_told(
 def test_a_compacted_copy_that_was_exchanged_takes_no_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_place: bool
 ) -> None:
-    """
-    An older state of the temporary file is put over it, once it is compared: the segment stays.
-    """
+    """An older state of the temporary file is put over it after it was compared."""
     path = made(tmp_path / "log", sightings=25)
-    before = contents(path)
+    before = files_of(path)
     install = SegmentWriter.install
 
     def exchanged(copy: SegmentWriter, **how: Any) -> None:
@@ -222,14 +183,12 @@ def test_a_compacted_copy_that_was_exchanged_takes_no_place(
     with pytest.raises(LogAccessError, match="was exchanged, or written to"):
         compact(path, merge=False)
 
-    assert before == contents(path)
+    assert before == files_of(path)
     assert 0 == verify(path).exit_code
 
 
 def test_a_segment_that_was_removed_under_the_writer_is_told_at_once(tmp_path: Path) -> None:
-    """
-    It ends with the process: an append that promises more does not return.
-    """
+    """It ends with the process: an append that promises more does not return."""
     path = made(tmp_path / "log")
     log = sl.append(path, compact=False)
     see(log, 2)
@@ -242,12 +201,10 @@ def test_a_segment_that_was_removed_under_the_writer_is_told_at_once(tmp_path: P
 
 
 def test_a_segment_that_was_exchanged_while_it_was_compacted_stays(tmp_path: Path) -> None:
-    """
-    The copy is of another file: it does not take the place of one that nobody has read.
-    """
+    """The copy is of another file: it does not take the place of one that nobody has read."""
     path = made(tmp_path / "log", sightings=25)
     first, other = path / "log_000000.mcap", tmp_path / "other.mcap"
-    before = contents(path)
+    before = files_of(path)
 
     def exchanged_before(copy: SegmentWriter, segment: Segment) -> None:
         shutil.copy(first, other)
@@ -257,7 +214,7 @@ def test_a_segment_that_was_exchanged_while_it_was_compacted_stays(tmp_path: Pat
     with pytest.raises(FileExistsError, match="was exchanged for another file"):
         compact_segment(LogFolder.held(path), first.name, install=exchanged_before)
 
-    assert before == contents(path)
+    assert before == files_of(path)
 
 
 def overwritten(path: Path) -> None:
@@ -274,9 +231,7 @@ def copied_over(path: Path) -> None:
 def test_a_closed_segment_that_is_no_more_what_was_written_is_told(
     tmp_path: Path, change: Callable[[Path], None], rolls: int
 ) -> None:
-    """
-    Not before it would be needed: at the next roll, and at the end.
-    """
+    """Not before it would be needed: at the next roll, and at the end."""
     log = sl.create(tmp_path / "log", tz="UTC", compact=False)
     log.add_door()
     see(log, 25)
@@ -286,30 +241,12 @@ def test_a_closed_segment_that_is_no_more_what_was_written_is_told(
         see(log, 10 * rolls)
         log.close()
 
-    with pytest.raises(LogPoisonedError, match=r"_000000\.mcap was removed, exchanged or written"):
+    with pytest.raises(LogPoisonedError, match=r"_000000\.mcap was removed, exchanged"):
         go_on()
 
 
-def test_a_reader_is_told_of_a_log_that_was_put_back(tmp_path: Path) -> None:
-    """
-    Its live segment is gone, which no file tells of: who has seen it knows.
-    """
-    path = made(tmp_path / "log")
-    log = sl.append(path, compact=False, durability="flush")
-    see(log, 5)
-    reader = sl.read(path)
-    (path / "log_000001.mcap").unlink()
-
-    with pytest.raises(CorruptLogError, match="the log was restored or replaced; reopen it"):
-        reader.refresh()
-
-    assert 11 == sum(len(batch) for batch in reader.batches())
-
-
 def test_a_file_in_the_way_of_the_next_segment_is_not_replaced(tmp_path: Path) -> None:
-    """
-    Whoever put it there, it is not ours; what was written before stays.
-    """
+    """Whoever put it there, it is not ours; what was written before stays."""
     path = made(tmp_path / "log")
     (path / "log_000001.mcap").write_bytes(VICTIM)
     (path / "log_000001.mcap").rename(tmp_path / "kept")
@@ -326,9 +263,7 @@ def test_a_file_in_the_way_of_the_next_segment_is_not_replaced(tmp_path: Path) -
 
 
 def test_where_there_are_no_hard_links(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    A look and a rename: nothing that is there is replaced, either.
-    """
+    """A look and a rename: nothing that is there is replaced, either."""
 
     def refuse(*_: object, **__: object) -> None:
         raise PermissionError(1, os.strerror(1))
@@ -366,9 +301,7 @@ def noted(monkeypatch: pytest.MonkeyPatch, *names: str) -> list[str]:
 def test_a_power_cut_leaves_a_new_segment_one_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Its own is on the disk before the other one goes.
-    """
+    """Its own is on the disk before the other one goes."""
     folder = LogFolder.held(tmp_path)
     temporary, fd = folder.new_file("x.mcap")
     os.close(fd)
@@ -383,9 +316,7 @@ def test_a_power_cut_leaves_a_new_segment_one_name(
 def test_what_is_written_whole_is_on_the_disk_before_it_has_its_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    And the name before the call returns: a power cut leaves the old one or the new one.
-    """
+    """And the name before the call returns: a power cut leaves the old one or the new one."""
     calls = noted(monkeypatch, "fsync", "replace")
 
     LogFolder.held(tmp_path).write_whole("closed.json", [b"new"])
@@ -400,9 +331,7 @@ def test_a_temporary_file_that_somebody_foresaw_is_not_written_to(
     link: Callable[[Path, Path], None],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """
-    Nothing is made where something is.
-    """
+    """Nothing is made where something is."""
     path = made(tmp_path / "log")
     monkeypatch.setattr(os, "urandom", lambda _: b"\xbe\xef")
     link(path / f".closed.json.{os.getpid()}-beef.tmp", victim)
@@ -414,9 +343,7 @@ def test_a_temporary_file_that_somebody_foresaw_is_not_written_to(
 
 
 def test_a_pipe_in_a_logs_folder_is_not_waited_for(tmp_path: Path) -> None:
-    """
-    Opening one for reading ends when somebody writes, which may be never.
-    """
+    """Opening one for reading ends when somebody writes, which may be never."""
     os.mkfifo(tmp_path / "closed.json")
     told: list[str] = []
 
@@ -431,36 +358,23 @@ def test_a_pipe_in_a_logs_folder_is_not_waited_for(tmp_path: Path) -> None:
     reading.join(20)
 
     (said,) = told
-    assert "closed.json: expected a regular file; a log has no others" in said
+    assert "closed.json" in said
 
 
-@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
-def test_a_lock_file_that_is_a_link_is_refused(
-    tmp_path: Path, victim: Path, link: Callable[[Path, Path], None]
+@pytest.mark.parametrize(
+    "put", [Path.symlink_to, Path.hardlink_to, lambda path, _: os.mkfifo(path)]
+)
+def test_a_lock_file_that_is_a_link_or_a_pipe_is_refused(
+    tmp_path: Path, victim: Path, put: Callable[[Path, Path], None]
 ) -> None:
-    """
-    A log may come from a stranger: the lock file is emptied, and must be no other file.
-    """
+    """A log may come from a stranger: the lock file is emptied, and must be no other file."""
     path = made(tmp_path / "log")
     (path / ".lock").unlink()
-    link(path / ".lock", victim)
+    put(path / ".lock", victim)
 
     with pytest.raises(LogAccessError, match=r"\.lock: expected a file of this folder alone"):
         sl.append(path)
-
     assert VICTIM == victim.read_bytes()
-
-
-def test_a_lock_file_that_is_a_pipe_is_refused(tmp_path: Path) -> None:
-    """
-    Opening one can wait for ever.
-    """
-    path = made(tmp_path / "log")
-    (path / ".lock").unlink()
-    os.mkfifo(path / ".lock")
-
-    with pytest.raises(LogAccessError, match=r"\.lock: expected a file of this folder alone"):
-        sl.append(path)
 
 
 @pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
@@ -468,9 +382,7 @@ def test_a_lock_file_that_is_a_pipe_is_refused(tmp_path: Path) -> None:
 def test_what_is_written_beside_the_segments_follows_no_link(
     tmp_path: Path, victim: Path, name: str, link: Callable[[Path, Path], None]
 ) -> None:
-    """
-    The link is replaced, or the log refused; the other file stays what it is.
-    """
+    """The link is replaced, or the log refused; the other file stays what it is."""
     path = made(tmp_path / "log")
     text = (path / name).read_bytes()
     (path / name).unlink()
@@ -487,9 +399,7 @@ def test_what_is_written_beside_the_segments_follows_no_link(
 
 
 def test_a_kept_tail_follows_no_link(tmp_path: Path, victim: Path) -> None:
-    """
-    A link lies where the torn tail is to be kept.
-    """
+    """A link lies where the torn tail is to be kept."""
     path = made(tmp_path / "log")
     log = sl.append(path, compact=False)
     see(log, 2)
@@ -507,9 +417,7 @@ def test_a_kept_tail_follows_no_link(tmp_path: Path, victim: Path) -> None:
 
 
 def test_of_two_creators_one_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Both found the folder empty; the other was quicker, and has closed its log already.
-    """
+    """Both found the folder empty; the other was quicker, and has closed its log already."""
     path = tmp_path / "log"
     is_empty, others = LogFolder.is_empty, [1]
 
@@ -530,9 +438,7 @@ def test_of_two_creators_one_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_a_file_that_is_a_hole_is_not_read_to_its_end(tmp_path: Path) -> None:
-    """
-    Beside segments, in a folder that may come from a stranger: it takes no room on a disk.
-    """
+    """Beside segments, in a folder that may come from a stranger: it takes no room on a disk."""
     log = made(tmp_path / "log")
     os.truncate(log / "metadata.yaml", 2**36)
 

@@ -7,6 +7,7 @@ import random
 import struct
 import tracemalloc
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -16,14 +17,12 @@ import pytest
 from mcap.records import ChunkIndex
 
 import semmap_log as sl
-from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.messages import layout
 from semmap_log.core.model.commits import MOST_NOTE_CHARACTERS, Note
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAdded, DoorObserved
 from semmap_log.errors import CorruptLogError, LogPoisonedError
 from semmap_log.interop.formats.files.floor_plan import MOST_CELLS
-from semmap_log.log.replay import keyframes
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import (
     FREE_CHUNK_BYTES,
@@ -34,11 +33,7 @@ from semmap_log.store.chunks import (
     most_unpacked,
     read_chunk_head,
 )
-from semmap_log.store.commit_records import (
-    MOST_EVENT_BYTES,
-    CommitBuilder,
-    Stamp,
-)
+from semmap_log.store.commit_records import MOST_EVENT_BYTES, CommitBuilder, Stamp
 from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.form import CHUNK_BYTES, COMMIT_CHANNEL, KEYFRAME_CHANNEL, NO_HASH
@@ -99,9 +94,7 @@ def _forged_second(folder: Path, recorded_ns: int) -> Path:
 
 
 def test_a_segment_that_was_recorded_before_the_last_is_named(tmp_path: Path) -> None:
-    """
-    Questions look segments up by their times: all of them are refused, whatever they read.
-    """
+    """Questions look segments up by their times: all of them are refused, whatever they read."""
     right = _forged_second(tmp_path / "right", 2000)
     wrong = _forged_second(tmp_path / "wrong", 1001)
 
@@ -113,7 +106,7 @@ def test_a_segment_that_was_recorded_before_the_last_is_named(tmp_path: Path) ->
         lambda log: list(log.pages()),
     ]
     for ask in asks:
-        with pytest.raises(CorruptLogError, match=r"1001 is not after the last of log_000000"):
+        with pytest.raises(CorruptLogError, match=r"last of log_000000"):
             ask(LogReader(wrong))
 
 
@@ -130,53 +123,19 @@ def _read_all(log: Path) -> int:
     return sum(len(batch) for batch in opened.batches()) + len(list(opened.commits()))
 
 
-@pytest.mark.parametrize("closed", [True, False], ids=["closed", "live"])
-def test_what_is_not_forged_reads(closed: bool, tmp_path: Path) -> None:
-    """
-    The measure of what follows: two events, two commits.
-    """
-    log = _forged(tmp_path / "log", lambda stamp: stamp, closed=closed)
-
-    assert 4 == _read_all(log)
-
-
-@pytest.mark.parametrize("forgery", list(FORGERIES)[:3])
-def test_a_forged_commit_of_a_closed_segment_is_named(forgery: str, tmp_path: Path) -> None:
-    """
-    Reading events and commits compares numbers and hashes, though every checksum is right.
-    """
-    log = _forged(tmp_path / "log", FORGERIES[forgery], closed=True)
-
-    with pytest.raises(CorruptLogError, match=r"log_000000.mcap: damaged"):
-        _read_all(log)
-
-
 @pytest.mark.parametrize("forgery", FORGERIES)
-def test_a_forged_commit_of_a_live_segment_does_not_count(forgery: str, tmp_path: Path) -> None:
-    """
-    The last commit: it is left out as torn, or named.
-    """
-    log = _forged(tmp_path / "log", FORGERIES[forgery], closed=False)
-
-    try:
-        seen = _read_all(log)
-    except CorruptLogError:
-        seen = 2
-
-    assert 2 == seen
-
-
-def test_a_keyframe_that_is_not_what_was_hashed_is_not_used() -> None:
-    """
-    A bit of a state's arrays, its chunk's checksum right: replay goes further back instead.
-    """
-    data = bytearray(keyframes.encode(DoorMapState()))
-    assert keyframes.decode(bytes(data)) is not None
-    for at in (20, len(data) - 1):
-        changed = bytearray(data)
-        changed[at] ^= 1
-
-        assert keyframes.decode(bytes(changed)) is None
+def test_a_forged_commit_is_named_or_does_not_count(forgery: str, tmp_path: Path) -> None:
+    """Numbers and hashes are compared, though every checksum is right."""
+    for closed in (True, False):
+        honest = _forged(tmp_path / f"honest {closed}", lambda stamp: stamp, closed=closed)
+        assert 4 == _read_all(honest)
+    live = _forged(tmp_path / "live", FORGERIES[forgery], closed=False)
+    with suppress(CorruptLogError):
+        assert 2 == _read_all(live)
+    if forgery != "a time that goes back":
+        closed_log = _forged(tmp_path / "closed", FORGERIES[forgery], closed=True)
+        with pytest.raises(CorruptLogError, match=r"log_000000.mcap: damaged"):
+            _read_all(closed_log)
 
 
 def _chunk() -> bytearray:
@@ -187,9 +146,7 @@ def _chunk() -> bytearray:
 
 
 def test_a_chunk_says_its_own_sizes() -> None:
-    """
-    Of its records, of what is stored, and none beyond all measure: before anything is allocated.
-    """
+    """Before anything is allocated."""
     for field, value, problem in (
         (SIZE_AT, 3, "expected 3 bytes of records"),
         (SIZE_AT, FREE_CHUNK_BYTES + 1, "more than any chunk has"),
@@ -203,19 +160,14 @@ def test_a_chunk_says_its_own_sizes() -> None:
 
 
 def test_a_chunk_holds_so_many_times_its_packed_bytes_beyond_what_is_free() -> None:
-    """
-    Any up to 128 MiB, more only where it is packed in enough bytes, and never above 1 GiB.
-    """
+    """Any up to 128 MiB, more only where it is packed in enough bytes, and never above 1 GiB."""
     assert most_unpacked(0) == most_unpacked(FREE_CHUNK_BYTES // MOST_RATIO) == FREE_CHUNK_BYTES
     assert 2_000_000 * MOST_RATIO == most_unpacked(2_000_000)
     assert MAX_CHUNK_BYTES == most_unpacked(2**40)
 
 
 def test_the_longest_that_writers_make_is_no_damage() -> None:
-    """
-    A floor map of as many cells as any importer takes, with the longest note; compaction puts
-    up to a MiB of shorter chunks before it.
-    """
+    """A floor map of as many cells as any importer takes, with the longest note."""
     before = 2 * CHUNK_BYTES
     closing = 4096
 
@@ -224,9 +176,7 @@ def test_the_longest_that_writers_make_is_no_damage() -> None:
 
 
 def test_a_summary_tells_of_no_chunk_that_is_larger() -> None:
-    """
-    What is refused where the chunk lies is refused where it is listed.
-    """
+    """What is refused where the chunk lies is refused where it is listed."""
     built = build_chunk(mcap.message(4, 0, 1000, 1000, bytes(2**17)), np.zeros(1, np.int64))
     fits, too_large = (
         memoryview(mcap.record(replace(built.facts, size=FREE_CHUNK_BYTES + more).index_at(0)))
@@ -239,9 +189,7 @@ def test_a_summary_tells_of_no_chunk_that_is_larger() -> None:
 
 
 def test_an_lz4_chunk_is_unpacked_no_further_than_it_says() -> None:
-    """
-    64 MiB of zeros in a chunk that says one MiB: one byte more is seen, and it is damage.
-    """
+    """64 MiB of zeros in a chunk that says one MiB: one byte more is seen, and it is damage."""
     lz4 = pytest.importorskip("lz4.frame")
     packed = lz4.compress(bytes(2**26))
     chunk = StoredChunk(0, len(packed), 1, 1, 2**20, 0, "lz4", 0, len(packed))
@@ -256,9 +204,7 @@ def test_an_lz4_chunk_is_unpacked_no_further_than_it_says() -> None:
 
 
 def test_records_must_be_messages_that_tile_their_chunk() -> None:
-    """
-    Another opcode, or a length that is too short for a message or too long for the chunk.
-    """
+    """Another opcode, or a length that is too short for a message or too long for the chunk."""
     record = mcap.message(4, 0, 1000, 1000, bytes(8))
     assert [0, len(record)] == walk(record * 2).tolist()
     for wrong in (
@@ -272,9 +218,7 @@ def test_records_must_be_messages_that_tile_their_chunk() -> None:
 
 
 def test_an_index_cannot_point_before_its_chunk() -> None:
-    """
-    To a message that ends where the chunk's records begin: it is not taken for one of them.
-    """
+    """To a message that ends where the chunk's records begin: it is not taken for one of them."""
     record = mcap.message(4, 0, 1000, 1000, bytes(8))
     size = len(record)
     index = struct.pack("<BQHI4q", 7, 38, 4, 32, 1000, -size, 1000, 0)
@@ -286,9 +230,7 @@ def test_an_index_cannot_point_before_its_chunk() -> None:
 
 
 def test_sightings_of_another_size_are_no_sightings(tmp_path: Path) -> None:
-    """
-    A record of the right channel whose payload is too long, in a chunk with a right checksum.
-    """
+    """A record of the right channel whose payload is too long, in a chunk with a right checksum."""
     folder = tmp_path / "log"
     folder.mkdir()
     writer = SegmentWriter(LogFolder(folder), "log_000000.mcap", HEADER)
@@ -304,9 +246,7 @@ def test_sightings_of_another_size_are_no_sightings(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("entry", ["first_event", "segment", "hash_so_far", "log_id", "sha256"])
 def test_a_head_that_was_changed_is_named(entry: str) -> None:
-    """
-    Any entry of a segment's head, and the digest itself; so is one without a digest.
-    """
+    """Any entry of a segment's head, and the digest itself; so is one without a digest."""
     metadata = HEADER.to_metadata()
     assert HEADER == SegmentHeader.from_metadata(metadata)
     changed = metadata.metadata[entry].replace("0", "1") + "2"
@@ -314,15 +254,12 @@ def test_a_head_that_was_changed_is_named(entry: str) -> None:
                     {k: v for k, v in metadata.metadata.items() if k != "sha256"}):  # fmt: skip
         forged = replace(metadata, metadata=entries)
 
-        with pytest.raises(ValueError, match="do not fit its sha256"):
+        with pytest.raises(ValueError, match="fit its sha256"):
             SegmentHeader.from_metadata(forged)
 
 
 def test_a_commit_is_hashed_with_all_its_records(tmp_path: Path) -> None:
-    """
-    Counted by hand: the Commit's own record, then each channel's number and digest, ascending;
-    for a commit of several kinds with a note, and for many of one kind.
-    """
+    """By hand: the Commit's own record, then each channel's number and digest, ascending."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door(name="front", actor="survey")
         log.append([DoorObserved(door_id=DoorId(1), state=sl.DoorState.OPEN) for _ in range(9)])
@@ -348,9 +285,7 @@ def test_a_commit_is_hashed_with_all_its_records(tmp_path: Path) -> None:
 
 
 def test_a_chunk_tells_the_times_of_its_messages(tmp_path: Path) -> None:
-    """
-    Its head and the summary agree on others: no search by time may skip it for that.
-    """
+    """Its head and the summary agree on others: no search by time may skip it for that."""
     folder = tmp_path / "log"
     folder.mkdir()
     writer = SegmentWriter(LogFolder(folder), "log_000000.mcap", HEADER)
@@ -366,9 +301,7 @@ def test_a_chunk_tells_the_times_of_its_messages(tmp_path: Path) -> None:
 
 
 def test_a_commit_must_count_its_events_in_a_live_segment(tmp_path: Path) -> None:
-    """
-    One that says two where there is one is torn, or damage: it does not count.
-    """
+    """One that says two where there is one is torn, or damage: it does not count."""
     folder = tmp_path / "log"
     folder.mkdir()
     writer = SegmentWriter(LogFolder(folder), "log_000000.mcap", HEADER)
@@ -391,9 +324,7 @@ def test_a_commit_must_count_its_events_in_a_live_segment(tmp_path: Path) -> Non
 
 
 def test_the_head_of_a_compressed_chunk_must_be_what_the_summary_says(tmp_path: Path) -> None:
-    """
-    A flipped bit of the times in it changes no answer, and is named all the same.
-    """
+    """A flipped bit of the times in it changes no answer, and is named all the same."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         for _ in range(40):
             log.add_door()
@@ -412,9 +343,7 @@ def test_the_head_of_a_compressed_chunk_must_be_what_the_summary_says(tmp_path: 
 def test_a_segment_begins_with_the_event_after_the_last(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The number in its head counts by itself, also where the hash in it is right.
-    """
+    """The number in its head counts by itself, also where the hash in it is right."""
     monkeypatch.setattr("semmap_log.store.writing.segment_chain.ROLL_COMMITS", 2)
     with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
         for _ in range(4):
@@ -423,14 +352,12 @@ def test_a_segment_begins_with_the_event_after_the_last(
     check_follows(second, last_commit(first), first)
     forged = replace(second, header=replace(second.header, first_event=99))
 
-    with pytest.raises(CorruptLogError, match="begins with event 99, but log_000000"):
+    with pytest.raises(CorruptLogError, match="event 99, but log_000000"):
         check_follows(forged, last_commit(first), first)
 
 
 def test_no_sync_is_tried_again() -> None:
-    """
-    The kernel forgets what it could not write: a second sync would say that all is well.
-    """
+    """The kernel forgets what it could not write: a second sync would say that all is well."""
     syncs, tried = SharedSync(), []
 
     def fails() -> int:
@@ -458,9 +385,7 @@ def test_no_sync_is_tried_again() -> None:
 def test_chunk_indexes_that_contradict_each_other(
     offset: int, index_bytes: int, problem: str
 ) -> None:
-    """
-    Message indexes lie between their chunk and the next one, and all within the data.
-    """
+    """Message indexes lie between their chunk and the next one, and all within the data."""
     length = 9 + 40 + 20
     indexes = b"".join(
         mcap.record(

@@ -23,9 +23,7 @@ HEADER = SegmentHeader(INFO, 0, 0, NO_HASH)
 
 @pytest.mark.parametrize("holds", [0, 1, 12, 10**9 - 1])
 def test_how_long_a_sighting_holds_is_read_as_it_was_written(holds: int) -> None:
-    """
-    And is no entry of a later version.
-    """
+    """And is no entry of a later version."""
     header = replace(HEADER, info=replace(INFO, holds=holds))
 
     found = SegmentHeader.from_metadata(header.to_metadata())
@@ -35,27 +33,21 @@ def test_how_long_a_sighting_holds_is_read_as_it_was_written(holds: int) -> None
 
 
 def test_the_usual_setting_is_not_written() -> None:
-    """
-    So the head of a log is, byte for byte, what older versions wrote and read.
-    """
+    """So the head of a log is, byte for byte, what older versions wrote and read."""
     assert "holds" not in HEADER.to_metadata().metadata
     assert "holds" in replace(HEADER, info=replace(INFO, holds=2)).to_metadata().metadata
 
 
 @pytest.mark.parametrize("said", ["", "-1", "3.5", "9" * 10, "x", "٣"])
 def test_a_setting_that_is_none_is_damage(said: str) -> None:
-    """
-    It is not what we write.
-    """
+    """It is not what we write."""
     with pytest.raises(ValueError, match="holds is "):
         LogInfo.taken_from(INFO.entries() | {"holds": said})
 
 
 @pytest.mark.parametrize("holds", [-1, 10**9])
 def test_a_log_with_another_setting_is_not_made(holds: int, tmp_path: Path) -> None:
-    """
-    It is said what was expected.
-    """
+    """It is said what was expected."""
     with pytest.raises(InvalidEventError, match="expected 0 to 999999999 gaps"):
         sl.create(tmp_path / "log", holds=holds)
 
@@ -63,9 +55,7 @@ def test_a_log_with_another_setting_is_not_made(holds: int, tmp_path: Path) -> N
 
 
 def test_a_store_keeps_the_setting(tmp_path: Path) -> None:
-    """
-    Its manifest says it, like the heads of the segments that it names.
-    """
+    """Its manifest says it, like the heads of the segments that it names."""
     with sl.create(tmp_path / "log", holds=7) as log:
         log.add_door()
     manifest = manifest_of(tmp_path / "log")
@@ -77,9 +67,7 @@ def test_a_store_keeps_the_setting(tmp_path: Path) -> None:
 
 
 def test_what_an_older_program_shipped_is_the_same(tmp_path: Path) -> None:
-    """
-    It did not know the setting, and kept it among the entries of later versions.
-    """
+    """It did not know the setting, and kept it among the entries of later versions."""
     with sl.create(tmp_path / "log", holds=7) as log:
         log.add_door()
     manifest = manifest_of(tmp_path / "log")

@@ -73,9 +73,7 @@ def test_a_huge_file_is_an_error(
 
 
 def test_a_huge_metadata_yaml_hides_nothing(log: Path) -> None:
-    """
-    It is a cache, of which the beginning counts.
-    """
+    """It is a cache, of which the beginning counts."""
     text = (log / "metadata.yaml").read_text(encoding="utf-8")
     _huge(log / "metadata.yaml", text)
 

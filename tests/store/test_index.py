@@ -27,10 +27,7 @@ from tests.conftest import SteadyClock
 def test_the_index_spans_the_happened_times_of_each_chunk(
     tmp_path: Path, clock: SteadyClock
 ) -> None:
-    """
-    As written and compacted: least and greatest of its events, recorded time where that is
-    earlier, and -1 for the keyframe, which has none.
-    """
+    """Least and greatest happened time of its events; -1 for the keyframe, which has none."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", clock=clock, compact=False) as log:
         door = log.add_door()
@@ -72,9 +69,7 @@ def _with_entries(path: Path, change: Callable[[dict[str, str]], None]) -> None:
 def test_an_index_is_unpacked_no_further_than_its_segment_has_chunks(
     tmp_path: Path, column: str
 ) -> None:
-    """
-    A stranger's log, sound by its checksums: asked and verified in little memory, and refused.
-    """
+    """A stranger's log, sound by its checksums, is refused in little memory."""
     path = tmp_path / "log"
     _with_entries(path, lambda entries: entries.update({column: BOMB}))
     good = tmp_path / "good"
@@ -95,9 +90,7 @@ def test_an_index_is_unpacked_no_further_than_its_segment_has_chunks(
 
 @pytest.mark.parametrize("cut", [-1, -4, 1])
 def test_an_index_ends_where_what_is_packed_ends(tmp_path: Path, cut: int) -> None:
-    """
-    Neither is its end missing, nor does anything lie behind.
-    """
+    """Neither is its end missing, nor does anything lie behind."""
 
     def changed(entries: dict[str, str]) -> None:
         packed = base64.b64decode(entries["events"])
@@ -112,9 +105,7 @@ def test_an_index_ends_where_what_is_packed_ends(tmp_path: Path, cut: int) -> No
 
 
 def test_a_column_of_one_value_stands_for_no_other(tmp_path: Path) -> None:
-    """
-    Each column of an index has one value for each chunk.
-    """
+    """Each column of an index has one value for each chunk."""
     one = base64.b64encode(zlib.compress(bytes(8))).decode()
     path = tmp_path / "log"
     _with_entries(path, lambda entries: entries.update({"least_happened_ns": one}))

@@ -26,20 +26,16 @@ BOMB = zlib.compress(bytes(64 * MIB))
 
 
 def test_as_much_as_may_be_is_unpacked_and_no_more() -> None:
-    """
-    All of it, whatever its size; one byte less is an error.
-    """
+    """All of it, whatever its size; one byte less is an error."""
     assert bytes(1000) == inflated(zlib.compress(bytes(1000)), 1000)
     assert b"" == inflated(zlib.compress(b""), 0)
-    with pytest.raises(ValueError, match="expected at most 999 bytes unpacked, got more"):
+    with pytest.raises(ValueError, match="999 bytes unpacked, got more"):
         inflated(zlib.compress(bytes(1000)), 999)
 
 
 @pytest.mark.parametrize("data", [b"", b"nonsense", BOMB[:-1], zlib.compress(b"x") + b"y"])
 def test_what_is_damaged_is_an_error(data: bytes) -> None:
-    """
-    Cut, of another packing, or followed by something.
-    """
+    """Cut, of another packing, or followed by something."""
     with pytest.raises(ValueError, match=r"expected zlib data|does not end where"):
         inflated(data, 64 * MIB)
 
@@ -55,17 +51,13 @@ def little(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def test_the_state_in_a_pin_is_limited(little: Any) -> None:
-    """
-    Whoever may write a line into a log may write one.
-    """
+    """Whoever may write a line into a log may write one."""
     assert unpacked(base64.b64encode(BOMB).decode()) is None
     assert little() < 4 * MIB
 
 
 def test_what_is_kept_of_a_removed_segment_is_limited(tmp_path: Path, little: Any) -> None:
-    """
-    Its digest stands beside it, in a folder that may come from a stranger.
-    """
+    """Its digest stands beside it, in a folder that may come from a stranger."""
     shipped: Any = SimpleNamespace(size=1000, sha256="00" * 32)
     removed = RemovedSegment("log.mcap", shipped, hashlib.sha256(BOMB).hexdigest())
     (tmp_path / removed.kept_name).write_bytes(BOMB)

@@ -27,9 +27,7 @@ WRITTEN = [
 
 @pytest.mark.parametrize("record", WRITTEN, ids=repr)
 def test_a_record_is_read_as_the_library_reads_it(record: Any) -> None:
-    """
-    All fields, by the same names.
-    """
+    """All fields, by the same names."""
     body = mcap.record(record)[mcap.FRAME.size :]
 
     read = mcap.read_record(getattr(ours, type(record).__name__), body)
@@ -39,9 +37,7 @@ def test_a_record_is_read_as_the_library_reads_it(record: Any) -> None:
 
 @pytest.mark.parametrize("record", WRITTEN, ids=repr)
 def test_of_a_record_that_is_cut_the_same_is_said(record: Any) -> None:
-    """
-    Wherever it ends.
-    """
+    """Wherever it ends."""
     body = mcap.record(record)[mcap.FRAME.size :]
     name = type(record).__name__
 

@@ -121,26 +121,9 @@ def ours(path: Path) -> list[tuple[str, int, int]]:
     return found
 
 
-def test_it_has_several_segments(log: Path, request: pytest.FixtureRequest) -> None:
-    """
-    The fixture is what it says: three segments or what they became, both maps, all kinds.
-    """
-    reader = sl.read(log)._reader
-
-    merged = request.node.callspec.params["log"] == "merged"
-    keyframes = 2 if merged else 4  # one in the middle of the long commit
-    expected = [(0, 2)] if merged else [(0, 0), (1, 1), (2, 2)]
-    assert expected == [(s.header.number, s.header.last_number) for s in reader.segments]
-    assert keyframes == sum(topic == "/semmap/keyframe" for topic, *_ in ours(log))
-    assert all(segment.closed for segment in reader.segments)
-    assert {"/map", "/map/1", "/semmap/keyframe"} < {topic for topic, *_ in ours(log)}
-
-
 @pytest.mark.slow
 def test_mcap_seeking_reader(log: Path) -> None:
-    """
-    By the index, CRCs checked: the same messages in the same order, and true statistics.
-    """
+    """By the index, CRCs checked: the same messages in the same order, and true statistics."""
     theirs = []
     for path in sorted(log.glob("*.mcap")):
         with path.open("rb") as file:
@@ -157,9 +140,7 @@ def test_mcap_seeking_reader(log: Path) -> None:
 
 
 def test_mcap_stream_reader_checks_the_data_crc(log: Path) -> None:
-    """
-    Record by record to the footer, with the CRC of the whole data section.
-    """
+    """Record by record to the footer, with the CRC of the whole data section."""
     for path in sorted(log.glob("*.mcap")):
         with path.open("rb") as file:
             kinds = [type(r).__name__ for r in StreamReader(file, validate_crcs=True).records]
@@ -171,9 +152,7 @@ def test_mcap_stream_reader_checks_the_data_crc(log: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("whole", [True, False], ids=["folder", "files"])
 def test_rosbags(log: Path, whole: bool) -> None:
-    """
-    The folder by its metadata.yaml, and the loose files; payloads by the embedded schemas.
-    """
+    """The folder by its metadata.yaml, and the loose files; payloads by the embedded schemas."""
     paths = [log] if whole else sorted(log.glob("*.mcap"))
     with AnyReader(paths) as reader:
         theirs = [(c.topic, t) for c, t, _ in reader.messages()]
@@ -202,9 +181,7 @@ def observed(log: Path) -> list[tuple[int, int, float, float]]:
 
 @pytest.mark.slow
 def test_mcap_ros2_support_decodes_every_type(log: Path) -> None:
-    """
-    The usual Python decoder reads each message by the schema in the file.
-    """
+    """The usual Python decoder reads each message by the schema in the file."""
     from mcap_ros2.decoder import DecoderFactory
 
     theirs: list[Any] = []
@@ -222,9 +199,7 @@ def test_mcap_ros2_support_decodes_every_type(log: Path) -> None:
 
 @pytest.mark.viewer
 def test_rerun_finds_nothing_wrong(log: Path) -> None:
-    """
-    `rerun mcap check` of each segment exits with 0.
-    """
+    """`rerun mcap check` of each segment exits with 0."""
     rerun_cli = pytest.importorskip("rerun_cli")
     binary = Path(rerun_cli.__path__[0]) / "rerun"
     for path in sorted(log.glob("*.mcap")):
@@ -237,9 +212,7 @@ def test_rerun_finds_nothing_wrong(log: Path) -> None:
 
 @pytest.mark.node
 def test_node_reads_the_same(log: Path, node_packages: Path) -> None:
-    """
-    @mcap/core by its index, @foxglove/rosmsg2-serialization by the embedded schemas.
-    """
+    """@mcap/core by its index, @foxglove/rosmsg2-serialization by the embedded schemas."""
     script = Path(__file__).with_name("read_mcap.mjs")
     done = subprocess.run(
         ["node", script, *sorted(log.glob("*.mcap"))],
@@ -257,9 +230,7 @@ def test_node_reads_the_same(log: Path, node_packages: Path) -> None:
 
 
 def test_the_folder_is_a_rosbag2_without_its_live_segment(tmp_path: Path) -> None:
-    """
-    While the first segment is live there is no metadata.yaml; afterwards it lists what is closed.
-    """
+    """While the first segment is live there is no metadata.yaml."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log:
         log.add_door()
@@ -277,10 +248,7 @@ def test_the_folder_is_a_rosbag2_without_its_live_segment(tmp_path: Path) -> Non
 
 
 def test_qos_is_in_the_words_of_rosbag2(log: Path) -> None:
-    """
-    Its version 9 takes a number for an unknown policy, and plays nothing; rosbags, which writes
-    the same words, understands them: floor maps and keyframes stay for who comes late.
-    """
+    """Its version 9 takes a number for an unknown policy, and plays nothing."""
     said = yaml.safe_load((log / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     with AnyReader([log]) as reader:
         read = {c.topic: c.ext.offered_qos_profiles for c in reader.connections}

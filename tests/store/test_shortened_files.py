@@ -19,7 +19,7 @@ from semmap_log.store.compaction import compact
 from semmap_log.store.reading.segment_scan import open_segment
 from tests.store.logs import segment_files, write_log
 
-CUTS = (0, 5000, 8192, 20_000, -5000, -1)
+CUTS = (0, 8192, -5000)
 """To what the file is cut; negative: by so much."""
 
 Damage = Callable[[Path], None]
@@ -86,9 +86,7 @@ def _cut(file: Path, to: int) -> None:
 @pytest.mark.parametrize("to", CUTS)
 @pytest.mark.parametrize("which", [0, -1])
 def test_a_file_cut_under_an_open_reader(whole: Path, which: int, to: int, tmp_path: Path) -> None:
-    """
-    By its name, as `cp` does over a mirror: what was read before is of no use any more.
-    """
+    """By its name, as `cp` does over a mirror: what was read before is of no use any more."""
     name = segment_files(whole)[which].name
 
     told = asked(_copied(whole, tmp_path), whole, lambda log: _cut(log / name, to))
@@ -103,9 +101,7 @@ def test_a_file_cut_under_an_open_reader(whole: Path, which: int, to: int, tmp_p
 def test_a_file_cut_that_has_lost_its_name(
     whole: Path, to: int, more: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """
-    Replaced, so that only the mapping holds it, and then cut by another of its names.
-    """
+    """Replaced, so that only the mapping holds it, and then cut by another of its names."""
 
     def replace_and_cut(log: Path) -> None:
         os.link(log / name, tmp_path / "other")
@@ -126,9 +122,7 @@ def test_a_file_cut_that_has_lost_its_name(
 def test_a_log_that_is_moved_away_is_read_on(
     whole: Path, more: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """
-    Whichever way its bytes are copied: all answers are as they were.
-    """
+    """Whichever way its bytes are copied: all answers are as they were."""
     log = _copied(whole, tmp_path)
 
     told = asked(log, whole, shutil.rmtree, *more)
@@ -139,9 +133,7 @@ def test_a_log_that_is_moved_away_is_read_on(
 
 @pytest.mark.slow
 def test_a_file_cut_and_restored_over_and_over(whole: Path, tmp_path: Path) -> None:
-    """
-    A mirror that is written anew again and again, beside two that read it.
-    """
+    """A mirror that is written anew again and again, beside two that read it."""
     log = _copied(whole, tmp_path)
     right = right_answers(whole)
     command = [sys.executable, "-m", "tests.store.asking", str(log), str(whole), "--rounds", "20"]
@@ -183,9 +175,7 @@ def _while_writing(
 
 
 def test_the_error_says_what_happened(tmp_path: Path) -> None:
-    """
-    File, place, and the two lengths.
-    """
+    """File, place, and the two lengths."""
     log = write_log(tmp_path / "log", 50)
     (file,) = segment_files(log)
     opened, size = sl.read(log), file.stat().st_size

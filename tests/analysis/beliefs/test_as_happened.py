@@ -105,9 +105,7 @@ def told_at_once(path: Path, events: list[Event]) -> sl.DoorLog:
 def test_beliefs_are_those_of_a_log_that_was_told_at_once(
     events: list[Event], order: list[int], taken_back: int, hour: int, how: tuple[str, int]
 ) -> None:
-    """
-    Bit for bit, with names and doors of that time; what is retracted today was never there.
-    """
+    """Bit for bit, with names and doors of that time; what is retracted today was never there."""
     rng = np.random.default_rng(taken_back)
     retracted = {
         place
@@ -161,23 +159,19 @@ def late(tmp_path_factory: pytest.TempPathFactory) -> sl.DoorLog:
 
 
 def test_all_that_asks_for_beliefs_takes_the_word(late: sl.DoorLog) -> None:
-    """
-    Without it nothing is known of that time; with it, what the sightings of before tell.
-    """
+    """Without it nothing is known of that time; with it, what the sightings of before tell."""
     then = "2026-03-10T12:00"
 
     assert [] == probabilities(late, known_at=then)
     assert 0.9 < probabilities(late, known_at=then, as_happened=True)[0].p_open
     assert typical_weeks(late, known_at=then, as_happened=True)[0].is_known
     assert best_time(late, "front", known_at=then, as_happened=True).is_known
-    with pytest.raises(UnknownDoorError, match=r"--as-happened \(in Python: as_happened=True\)"):
+    with pytest.raises(UnknownDoorError, match=r"--as-happened"):
         best_time(late, "front", known_at=then)
 
 
 def test_the_earlier_of_two_moments_bounds_what_is_known(late: sl.DoorLog) -> None:
-    """
-    The moment asked from is `at`, however early that is as of which it is asked.
-    """
+    """The moment asked from is `at`, however early that is as of which it is asked."""
     at, known_at = "2026-03-10T23:00", "2026-03-10T12:00"
 
     (found,) = probabilities(late, at=at, known_at=known_at, as_happened=True)
@@ -187,9 +181,7 @@ def test_the_earlier_of_two_moments_bounds_what_is_known(late: sl.DoorLog) -> No
 
 
 def test_numbers_as_happened_are_applied(late: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    The map has from that moment on what would have been believed then.
-    """
+    """The map has from that moment on what would have been believed then."""
     shutil.copytree(late.path, tmp_path / "log")
     with sl.append(tmp_path / "log") as log:
         done = apply_probabilities(log, known_at="2026-03-10T12:00", as_happened=True)

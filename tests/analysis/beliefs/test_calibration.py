@@ -39,56 +39,39 @@ def log_of(path: Path, *seen: tuple[float, str], source: str = "") -> sl.DoorLog
     return sl.read(path / "log")
 
 
-def test_hits_and_misses_are_counted_by_the_true_state(tmp_path: Path) -> None:
-    """
-    Open: two of three right; closed: one of one; outside of the known time nothing counts.
-    """
-    log = log_of(
-        tmp_path,
-        (-1, "closed"), (1, "open"), (2, "closed"), (3, "open"), (11, "closed"), (20, "open"),
-    )  # fmt: skip
+TRIALS = {
+    "open: two of three right; closed: one of one; outside of the known time nothing": (
+        [(-1, "closed"), (1, "open"), (2, "closed"), (3, "open"), (11, "closed"), (20, "open")],
+        [(0, 10, True), (10, 20, False)],
+        SensorHits(2, 3, 3),
+        SensorHits(1, 1, 1),
+    ),
+    "a burst of a hundred, three quarters of them right, is three quarters of a hit": (
+        [*((1 + n / 36000, "closed" if n % 4 == 0 else "open") for n in range(100)), (5, "open")],
+        [(0, 10, True)],
+        SensorHits(1.75, 2, 101),
+        SensorHits(),
+    ),
+    "a pass in which the door closes is a visit to each state": (
+        [(1 + n / 360, "open" if n < 5 else "closed") for n in range(10)],
+        [(0, 1 + 5 / 360, True), (1 + 5 / 360, 9, False)],
+        SensorHits(1, 1, 5),
+        SensorHits(1, 1, 5),
+    ),
+}
 
-    found = calibrate(log, truth((0, 10, True), (10, 20, False)))
 
-    assert SensorHits(2, 3, 3) == found.together.when_open
-    assert SensorHits(1, 1, 1) == found.together.when_closed
-    assert pytest.approx(2 / 3) == found.together.when_open.accuracy
+@pytest.mark.parametrize("case", TRIALS)
+def test_visits_are_counted_by_the_true_state(tmp_path: Path, case: str) -> None:
+    seen, known, when_open, when_closed = TRIALS[case]
+    found = calibrate(log_of(tmp_path, *seen), truth(*known))
+
+    assert (when_open, when_closed) == (found.together.when_open, found.together.when_closed)
     assert found.doors[DOOR] == found.together
 
 
-def test_a_burst_is_one_trial(tmp_path: Path) -> None:
-    """
-    A hundred sightings in a pass, three quarters of them right, are three quarters of a hit.
-    """
-    seen = [(1 + n / 36000, "closed" if n % 4 == 0 else "open") for n in range(100)]
-    log = log_of(tmp_path, *seen, (5, "open"))
-
-    found = calibrate(log, truth((0, 10, True)))
-
-    assert SensorHits(1.75, 2, 101) == found.together.when_open
-    assert 0 == found.together.when_closed.visits
-    assert found.together.when_closed.accuracy is None
-
-
-def test_a_pass_is_cut_where_the_door_moves(tmp_path: Path) -> None:
-    """
-    The robot stands by while the door closes: one visit to each state.
-    """
-    seen = [(1 + n / 360, "open" if n < 5 else "closed") for n in range(10)]
-
-    found = calibrate(
-        log_of(tmp_path, *seen), truth((0, 1 + 5 / 360, True), (1 + 5 / 360, 9, False))
-    )
-
-    assert (SensorHits(1, 1, 5), SensorHits(1, 1, 5)) == (
-        found.together.when_open, found.together.when_closed,
-    )  # fmt: skip
-
-
 def test_only_one_source_counts_if_asked(tmp_path: Path) -> None:
-    """
-    Each sensor has accuracies of its own.
-    """
+    """Each sensor has accuracies of its own."""
     log_of(tmp_path, (1, "open"), (2, "open"), source="lidar")
     with sl.append(tmp_path / "log") as log:
         log.observe(DOOR, "closed", at=at(3), source="camera")
@@ -98,14 +81,12 @@ def test_only_one_source_counts_if_asked(tmp_path: Path) -> None:
 
     assert SensorHits(2, 2, 2) == lidar.together.when_open
     assert SensorHits(2, 3, 3) == both.together.when_open
-    with pytest.raises(EstimatorError, match="expected sightings of source 'sonar'"):
+    with pytest.raises(EstimatorError, match="sightings of source 'sonar'"):
         calibrate(log, truth((0, 9, True)), source="sonar")
 
 
 def test_made_accuracies_are_found_again(tmp_path: Path) -> None:
-    """
-    2,000 visits by a sensor right 93 % when open, 71 % when closed: both in their intervals.
-    """
+    """2,000 visits by a sensor right 93 % when open, 71 % when closed: both in their intervals."""
     rng = np.random.default_rng(8)
     hours = np.arange(2000) * 1.0
     is_open = hours // 5 % 2 == 0
@@ -133,18 +114,14 @@ def test_made_accuracies_are_found_again(tmp_path: Path) -> None:
 
 
 def test_what_is_declared_is_never_certain_nor_below_a_half() -> None:
-    """
-    Ten of ten right is no proof of a sensor without faults; none right is no sensor.
-    """
+    """Ten of ten right is no proof of a sensor without faults; none right is no sensor."""
     assert pytest.approx(10.5 / 11) == SensorHits(10, 10, 10).declared
     assert 0.5 == SensorHits(0, 10, 10).declared
     assert SensorHits().declared is None
 
 
 def test_rows_hold_until_the_next_one() -> None:
-    """
-    The last row ends what is known; UNKNOWN is no truth.
-    """
+    """The last row ends what is known; UNKNOWN is no truth."""
     states = [DoorState.OPEN, DoorState.UNKNOWN, DoorState.CLOSED, DoorState.OPEN]
 
     found = truths_of_rows(
@@ -157,9 +134,7 @@ def test_rows_hold_until_the_next_one() -> None:
 
 
 def test_nothing_seen_in_the_known_time_is_an_error(tmp_path: Path) -> None:
-    """
-    It says where to look: most often the zone is wrong.
-    """
+    """It says where to look: most often the zone is wrong."""
     log = log_of(tmp_path, (50, "open"))
 
     with pytest.raises(

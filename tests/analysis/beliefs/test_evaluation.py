@@ -76,9 +76,7 @@ def office_hours(days: int) -> list[tuple[float, str]]:
 
 
 def test_a_frozen_evaluation_is_the_protocols(tmp_path: Path) -> None:
-    """
-    Ten days: seven teach, three are forecast, each minute, from what was known at the split.
-    """
+    """Ten days: seven teach, three are forecast, each minute, from what was known at the split."""
     log, asked = log_of(tmp_path, {1: office_hours(10)}), Asked()
 
     found = evaluate(log, [asked, CONSTANT, HOUR_OF_DAY])
@@ -95,9 +93,7 @@ def test_a_frozen_evaluation_is_the_protocols(tmp_path: Path) -> None:
 
 
 def test_prequential_knows_the_days_that_are_over(tmp_path: Path) -> None:
-    """
-    Up to the local midnight: in Vienna that is an hour before the one of UTC.
-    """
+    """Up to the local midnight: in Vienna that is an hour before the one of UTC."""
     log, asked = log_of(tmp_path, {1: office_hours(10)}), Asked()
 
     evaluate(log, [asked], Protocol(prequential=True))
@@ -107,9 +103,7 @@ def test_prequential_knows_the_days_that_are_over(tmp_path: Path) -> None:
 
 
 def test_a_horizon_knows_all_up_to_then(tmp_path: Path) -> None:
-    """
-    The state an hour ago; with prequential the midnight before that.
-    """
+    """The state an hour ago; with prequential the midnight before that."""
     log, asked = log_of(tmp_path, {1: office_hours(10)}), Asked()
 
     evaluate(log, [asked], Protocol(horizon_ns=HOUR_NS))
@@ -122,9 +116,7 @@ def test_a_horizon_knows_all_up_to_then(tmp_path: Path) -> None:
 
 
 def test_a_horizon_asks_where_the_state_was_known_then(tmp_path: Path) -> None:
-    """
-    Six hours after the end of a gap no state was known six hours ago: there is no forecast.
-    """
+    """Six hours after the end of a gap no state was known six hours ago: there is no forecast."""
     told = [*office_hours(8)[:-1], (24.0 * 8, "UNKNOWN"), (24.0 * 8 + 20, "OPEN")]
     log = log_of(tmp_path, {1: [*told, (24.0 * 10, "UNKNOWN")]})
     asked = Asked()
@@ -138,9 +130,7 @@ def test_a_horizon_asks_where_the_state_was_known_then(tmp_path: Path) -> None:
 
 
 def test_a_patrol_knows_what_it_read_up_to_the_forecast(tmp_path: Path) -> None:
-    """
-    A visit each half an hour reads right nine times in ten; the truth stays unknown.
-    """
+    """A visit each half an hour reads right nine times in ten; the truth stays unknown."""
     log, asked = log_of(tmp_path, {1: office_hours(100)}), Asked()
 
     evaluate(log, [asked], Protocol(patrol=Patrol(seed=3)))
@@ -156,9 +146,7 @@ def test_a_patrol_knows_what_it_read_up_to_the_forecast(tmp_path: Path) -> None:
 
 
 def test_a_patrols_errors_are_its_seeds(tmp_path: Path) -> None:
-    """
-    The same again for the same seed, whichever other doors there are; others for another.
-    """
+    """The same again for the same seed, whichever other doors there are; others for another."""
     log = log_of(tmp_path, {1: office_hours(20), 2: office_hours(20)})
 
     def read(seed: int, *doors: int) -> list[bool]:
@@ -171,9 +159,7 @@ def test_a_patrols_errors_are_its_seeds(tmp_path: Path) -> None:
 
 
 def test_gaps_are_neither_asked_nor_taught(tmp_path: Path) -> None:
-    """
-    While a state is UNKNOWN, MOVING or OFFLINE there is no sample; the split is of what is known.
-    """
+    """While a state is UNKNOWN, MOVING or OFFLINE there is no sample."""
     told = [(0.0, "CLOSED"), (10, "UNKNOWN"), (100, "OPEN"), (110, "MOVING"), (111, "OFFLINE")]
     log, asked = log_of(tmp_path, {1: told}), Asked()
 
@@ -184,21 +170,8 @@ def test_gaps_are_neither_asked_nor_taught(tmp_path: Path) -> None:
     assert pytest.approx([100, 110 - 1 / 60]) == hours
 
 
-def test_a_door_that_never_changes_is_known_all_the_time(tmp_path: Path) -> None:
-    """
-    Within its known time, for as long as that is: a truth needs no repetition.
-    """
-    log = log_of(tmp_path, {1: [(0.0, "CLOSED"), (24.0 * 80, "UNKNOWN")]})
-
-    found = evaluate(log, [CONSTANT])
-
-    assert 80 * 1440 == found.doors[0].training + found.doors[0].tests
-
-
 def test_the_mean_is_over_doors_and_short_ones_are_left_out(tmp_path: Path) -> None:
-    """
-    With less than 200 minutes to learn from, or 100 to forecast, a door does not count.
-    """
+    """With less than 200 minutes to learn from, or 100 to forecast, a door does not count."""
     log = log_of(
         tmp_path,
         {
@@ -218,9 +191,7 @@ def test_the_mean_is_over_doors_and_short_ones_are_left_out(tmp_path: Path) -> N
 
 
 def test_a_range_bounds_what_is_forecast(tmp_path: Path) -> None:
-    """
-    The split is of the known time within it.
-    """
+    """The split is of the known time within it."""
     log, asked = log_of(tmp_path, {1: office_hours(30)}), Asked()
 
     evaluate(log, [asked], since=START_NS + 10 * DAY_NS, until=START_NS + 20 * DAY_NS)
@@ -230,9 +201,7 @@ def test_a_range_bounds_what_is_forecast(tmp_path: Path) -> None:
 
 
 def test_of_a_log_of_sightings_the_next_one_is_forecast(tmp_path: Path) -> None:
-    """
-    Each visit, from what was known before it; P of the reading, not of the door's state.
-    """
+    """Each visit, from what was known before it; P of the reading, not of the door's state."""
     rng = np.random.default_rng(1)
     told = [(h / 2, "OPEN" if rng.random() < 0.5 else "CLOSED") for h in range(100)]
     log = log_of(tmp_path, {1: told}, accuracy_open=0.9, accuracy_closed=0.7)
@@ -249,9 +218,7 @@ def test_of_a_log_of_sightings_the_next_one_is_forecast(tmp_path: Path) -> None:
 
 
 def test_a_visit_is_forecast_once(tmp_path: Path) -> None:
-    """
-    A burst of sightings in a pass is one visit.
-    """
+    """A burst of sightings in a pass is one visit."""
     told = [(h + second / 3600, "OPEN") for h in range(50) for second in range(10)]
     log = log_of(tmp_path, {1: told}, accuracy_open=0.9, accuracy_closed=0.9)
 
@@ -261,19 +228,15 @@ def test_a_visit_is_forecast_once(tmp_path: Path) -> None:
 
 
 def test_nothing_to_evaluate_is_said(tmp_path: Path) -> None:
-    """
-    A log with too little says how much is wanted, an empty one too.
-    """
+    """A log with too little says how much is wanted, an empty one too."""
     log = log_of(tmp_path, {1: [(0.0, "OPEN"), (1, "UNKNOWN")]})
 
-    with pytest.raises(EstimatorError, match=r"at least 200 samples .* doors with fewer: 1"):
+    with pytest.raises(EstimatorError, match=r"200 samples .* doors with fewer: 1"):
         evaluate(log, [CONSTANT])
 
 
 def test_a_patrol_needs_a_truth(tmp_path: Path) -> None:
-    """
-    Of a log of sightings nobody knows what a robot would have read.
-    """
+    """Of a log of sightings nobody knows what a robot would have read."""
     told = [(float(h), "OPEN") for h in range(100)]
     log = log_of(tmp_path, {1: told}, accuracy_open=0.9, accuracy_closed=0.9)
 
@@ -296,17 +259,13 @@ def test_a_patrol_needs_a_truth(tmp_path: Path) -> None:
     ],
 )
 def test_a_protocol_that_cannot_be_is_refused(values: dict[str, object], said: str) -> None:
-    """
-    With what was expected, and what was got.
-    """
+    """With what was expected, and what was got."""
     with pytest.raises(EstimatorError, match=said):
         Protocol(**values)
 
 
 def test_progress_reaches_its_end(tmp_path: Path) -> None:
-    """
-    A word for each door, estimator and protocol.
-    """
+    """A word for each door, estimator and protocol."""
     log = log_of(tmp_path, {1: office_hours(5), 2: office_hours(5)})
     told: list[tuple[int, int]] = []
 
@@ -332,9 +291,7 @@ NOTE = {
 
 @pytest.mark.parametrize("name", list(NOTE))
 def test_published_figures_come_out_again(name: str, shared_data: Path, tmp_path: Path) -> None:
-    """
-    Constant, hour-of-day, hour-of-week and FreMEn 5, frozen at the split, on real doors.
-    """
+    """Constant, hour-of-day, hour-of-week and FreMEn 5, frozen at the split, on real doors."""
     tz, step_s, expected = NOTE[name]
     folder = shared_data / "doors" / name
     with sl.create(tmp_path / "log", tz=tz) as log:

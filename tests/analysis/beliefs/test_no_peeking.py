@@ -55,9 +55,7 @@ SOURCES = {
 @pytest.mark.parametrize("source", list(SOURCES))
 @pytest.mark.parametrize("name", [*ESTIMATORS, "fremen2"])
 def test_what_is_later_than_known_never_matters(name: str, source: str) -> None:
-    """
-    From a log's whole evidence, and from what it was at a moment, come the same forecasts.
-    """
+    """From a log's whole evidence, and from what it was at a moment, come the same forecasts."""
     evidence = SOURCES[source]
     whole = by_name(name).learn(evidence.up_to(), VIENNA)
     cut_ns = int(hours_ns(15 * 24 + 7.3))
@@ -100,14 +98,12 @@ def told(draw: st.DrawFn) -> list[EventBatch]:
 
 
 @pytest.mark.parametrize("name", [*ESTIMATORS, "fremen2", "fremen84"])
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(batches=told(), share=st.floats(0, 1), seed=st.integers(0, 2**32 - 1))
 def test_no_last_digit_depends_on_the_future(
     name: str, batches: list[EventBatch], share: float, seed: int
 ) -> None:
-    """
-    What is known at T by events up to T is bit for bit what all events say was known at T.
-    """
+    """What is known at T by events up to T is bit for bit what all events say was known at T."""
     times = np.concatenate([batch.folds_ns for batch in batches])
     first_ns, last_ns = int(times.min()), int(times.max())
     cut_ns = min(first_ns + int(share * (last_ns - first_ns)), last_ns)  # which floats round
@@ -129,9 +125,7 @@ def test_no_last_digit_depends_on_the_future(
 
 @pytest.mark.parametrize("name", list(ESTIMATORS))
 def test_before_a_door_was_seen_it_matters_to_nobody_when_it_will_be(name: str) -> None:
-    """
-    Days are counted from the first sighting: where there is none yet, only the prior speaks.
-    """
+    """Days are counted from the first sighting: where there is none yet, only the prior speaks."""
     first_ns, cut_ns, seen_ns = (int(hours_ns(hours)) for hours in (9.5, 60.2, 80.7))
     evidence = Evidence()
     evidence.apply(EventBatch.of(DoorAdded, happened_ns=np.array([first_ns]), door_id=DOORS[0]))
@@ -154,7 +148,5 @@ def assert_same(found: Forecast, expected: Forecast) -> None:
 
 @pytest.mark.parametrize("name", list(ESTIMATORS))
 def test_a_method_bears_its_name(name: str) -> None:
-    """
-    What the command line calls it is what its figures are labelled with.
-    """
+    """What the command line calls it is what its figures are labelled with."""
     assert name == by_name(name).name

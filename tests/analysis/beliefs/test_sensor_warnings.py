@@ -74,9 +74,7 @@ QUESTIONS: dict[str, Callable[[sl.DoorLog], object]] = {
 def test_who_asks_is_warned_with_the_numbers_and_what_to_do(
     wrong: sl.DoorLog, question: str
 ) -> None:
-    """
-    Declared, seen with its interval, and how far P(open) may be off; and which command learns it.
-    """
+    """Declared, seen with its interval, and how far P(open) may be off."""
     with pytest.warns(SensorWarning) as told:
         found = QUESTIONS[question](wrong)
 
@@ -92,9 +90,7 @@ def test_who_asks_is_warned_with_the_numbers_and_what_to_do(
 
 @pytest.mark.parametrize("question", list(QUESTIONS))
 def test_who_declared_it_rightly_hears_nothing(good: sl.DoorLog, question: str) -> None:
-    """
-    Neither a warning nor a doubt.
-    """
+    """Neither a warning nor a doubt."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found = QUESTIONS[question](good)
@@ -103,9 +99,7 @@ def test_who_declared_it_rightly_hears_nothing(good: sl.DoorLog, question: str) 
 
 
 def test_one_door_alone_tells_nothing_of_its_sensor(wrong: sl.DoorLog) -> None:
-    """
-    It may flicker: `best-time` of it says so only where no door could.
-    """
+    """It may flicker: `best-time` of it says so only where no door could."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", SensorWarning)
 
@@ -113,9 +107,7 @@ def test_one_door_alone_tells_nothing_of_its_sensor(wrong: sl.DoorLog) -> None:
 
 
 def test_the_numbers_stay_those_of_what_is_declared(wrong: sl.DoorLog) -> None:
-    """
-    A sensor's accuracy is what somebody declares: nothing is put in its place.
-    """
+    """A sensor's accuracy is what somebody declares: nothing is put in its place."""
     with pytest.warns(SensorWarning):
         together = probabilities(wrong, at=NOW)
 
@@ -128,9 +120,7 @@ def test_the_numbers_stay_those_of_what_is_declared(wrong: sl.DoorLog) -> None:
 def test_people_get_a_line_and_machines_a_field(
     wrong: sl.DoorLog, capsys: pytest.CaptureFixture[str], verb: str
 ) -> None:
-    """
-    On stderr, and in the document of --json.
-    """
+    """On stderr, and in the document of --json."""
     with pytest.raises(SystemExit) as left:
         main([str(wrong.path) if word == "LOG" else word for word in shlex.split(f"{verb} --json")])
 

@@ -31,9 +31,7 @@ def states(known: StateIntervals) -> dict[int, bool]:
 
 @given(stretches(), st.integers(1, 40))
 def test_samples_are_the_multiples_within(known: StateIntervals, step: int) -> None:
-    """
-    Each multiple of the step at which the state is known, with that state; half-open.
-    """
+    """Each multiple of the step at which the state is known, with that state; half-open."""
     times, is_open = known.sampled(step)
 
     expected = {time: state for time, state in states(known).items() if time % step == 0}
@@ -43,9 +41,7 @@ def test_samples_are_the_multiples_within(known: StateIntervals, step: int) -> N
 
 @given(stretches())
 def test_a_time_is_known_inside_of_a_stretch(known: StateIntervals) -> None:
-    """
-    From its start on, and no longer at its end.
-    """
+    """From its start on, and no longer at its end."""
     times = np.arange(-1, 302)
 
     found = known.known_at(times)
@@ -55,9 +51,7 @@ def test_a_time_is_known_inside_of_a_stretch(known: StateIntervals) -> None:
 
 @given(stretches(), st.integers(0, 300), st.integers(0, 300))
 def test_a_range_cuts_stretches(known: StateIntervals, since: int, until: int) -> None:
-    """
-    What is left is what was known in it.
-    """
+    """What is left is what was known in it."""
     found = known.between(since, until)
 
     assert {

@@ -20,10 +20,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> sl.DoorLog:
 
 
 def test_the_week_is_told_by_local_hours(log: sl.DoorLog) -> None:
-    """
-    Monday first: open hours are likely open, others are not; the clocks went forward on the last
-    of the days.
-    """
+    """Monday first: open hours are likely open, others are not."""
     (front,) = typical_weeks(log, doors=[FRONT])
 
     likely = front.hours.p_open > 0.5
@@ -34,9 +31,7 @@ def test_the_week_is_told_by_local_hours(log: sl.DoorLog) -> None:
 
 
 def test_a_patrol_by_day_knows_no_night(log: sl.DoorLog) -> None:
-    """
-    Cells are known where somebody looked, and nowhere else.
-    """
+    """Cells are known where somebody looked, and nowhere else."""
     (front,) = typical_weeks(log, doors=[FRONT])
 
     expected = np.zeros((7, 24), bool)
@@ -48,9 +43,7 @@ def test_a_patrol_by_day_knows_no_night(log: sl.DoorLog) -> None:
 
 
 def test_a_door_never_seen_is_known_at_no_hour(log: sl.DoorLog) -> None:
-    """
-    Its numbers are a guess, and say so.
-    """
+    """Its numbers are a guess, and say so."""
     (attic,) = typical_weeks(log, doors=[ATTIC])
 
     assert not attic.is_known
@@ -59,9 +52,7 @@ def test_a_door_never_seen_is_known_at_no_hour(log: sl.DoorLog) -> None:
 
 
 def test_means_are_of_what_is_known() -> None:
-    """
-    A column of which only one cell is known has its value; one without any, that of all.
-    """
+    """A column of which only one cell is known has its value; one without any, that of all."""
     p_open = np.array([[0.2, 0.9, 0.4], [0.8, 0.1, 0.6]])
     known = np.array([[True, False, False], [True, True, False]])
 
@@ -90,14 +81,12 @@ def _name(log: sl.DoorLogWriter, clock: SteadyClock) -> None:
 
 
 @pytest.mark.parametrize("later", [_note, _other_door, _name])
-@pytest.mark.parametrize("days", [0.4, 5, 40, 400])
+@pytest.mark.parametrize("days", [0.4, 40])
 @pytest.mark.parametrize("held", [False, True], ids=["seen", "held"])
 def test_a_week_rests_on_what_is_said_of_the_door_alone(
     tmp_path: Path, later: Callable[[sl.DoorLogWriter, SteadyClock], None], days: float, held: bool
 ) -> None:
-    """
-    Whatever else is written later, and however late: no digit changes.
-    """
+    """Whatever else is written later, and however late: no digit changes."""
     path = patrolled(tmp_path / "log").path
     clock = SteadyClock(sl.read(path).end_ns())
     if held:
@@ -117,9 +106,7 @@ def test_a_week_rests_on_what_is_said_of_the_door_alone(
 
 @pytest.mark.parametrize("first", ["2026-03-02", "2026-10-05"])
 def test_the_week_that_comes_may_change_the_clocks(tmp_path: Path, first: str) -> None:
-    """
-    Asked on the Saturday before summer, or winter, time begins: nine is nine on all days.
-    """
+    """Asked on the Saturday before summer, or winter, time begins: nine is nine on all days."""
     log = patrolled(tmp_path / "log", first=first)
     at = {"2026-03-02": "2026-03-28T21:00", "2026-10-05": "2026-10-24T21:00"}[first]
 

@@ -61,18 +61,14 @@ def is_within(point: Point, corners: list[Point]) -> bool:
 
 @given(st.lists(points, min_size=3, max_size=9))
 def test_a_polygon_has_the_cells_that_a_loop_finds(corners: list[Point]) -> None:
-    """
-    Concave ones, ones that cross themselves, and ones that lie in part or as a whole off the map.
-    """
+    """Concave ones, ones that cross themselves, ones partly or wholly off the map."""
     flat = area_cells(GRID, corners)
 
     assert flat.tolist() == sorted(y * GRID.width + x for x, y in cells_by_hand(corners))
 
 
 def test_a_ring_has_a_hole() -> None:
-    """
-    The even-odd rule: what lies between two sides is not within.
-    """
+    """The even-odd rule: what lies between two sides is not within."""
     outer = [(0.1, 2.6), (4.1, 2.6), (4.1, 5.6), (0.1, 5.6)]
     inner = [(1.1, 3.6), (1.1, 4.6), (3.1, 4.6), (3.1, 3.6)]
     ring = [*outer, outer[0], *inner, inner[0]]
@@ -100,10 +96,7 @@ SHAPES = st.one_of(
 
 @given(st.lists(st.dictionaries(st.integers(1, 9), SHAPES, max_size=9), max_size=6))
 def test_areas_come_and_go_as_lines_do(steps: list[dict[int, DoorLine | None]]) -> None:
-    """
-    The layer after any changes is that of what is there, drawn at once: areas on top, and of
-    several the greatest id.
-    """
+    """The layer after any changes is that of what is there: areas on top, the greatest id first."""
     layer, there = DoorLayer(GRID), dict[int, DoorLine]()
     for changes in steps:
         layer.update(changes)

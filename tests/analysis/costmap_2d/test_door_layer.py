@@ -7,9 +7,7 @@ from semmap_log.analysis.costmap_2d.grid import GridGeometry
 
 
 def test_a_door_is_on_the_map_with_a_single_cell() -> None:
-    """
-    One that reaches over the edge is; one that starts on the edge itself, or is nowhere, is not.
-    """
+    """One that reaches over the edge is."""
     geometry = GridGeometry(10, 10, 0.1)
     lines = [
         DoorLine(x, 0.5, 0.0, width, LETHAL)

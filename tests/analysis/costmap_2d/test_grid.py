@@ -29,24 +29,18 @@ GRID = GridGeometry(20, 10, 0.5, -1.0, 2.0)
     ],
 )
 def test_the_cell_of_a_point(point: tuple[float, float], cell: tuple[int, int] | None) -> None:
-    """
-    Lower edges belong to the map, upper ones do not.
-    """
+    """Lower edges belong to the map, upper ones do not."""
     assert cell == GRID.world_to_map(*point)
 
 
 def test_the_centre_of_a_cell() -> None:
-    """
-    Its own cell again.
-    """
+    """Its own cell again."""
     assert (-0.75, 2.25) == GRID.map_to_world(0, 0)
     assert (19, 9) == GRID.world_to_map(*GRID.map_to_world(19, 9))
 
 
 def test_bounds_are_taken_onto_the_map() -> None:
-    """
-    As LayeredCostmap::updateMap does: the last cell is in the window, and so is one on the edge.
-    """
+    """As LayeredCostmap::updateMap does: the last cell, and one on the edge, are in the window."""
     assert CellWindow(0, 0, 20, 10) == GRID.window_of(-1e30, -1e30, 1e30, 1e30)
     assert CellWindow(2, 0, 4, 2) == GRID.window_of(0.0, 2.0, 0.9, 2.5)
     assert 0 == GRID.window_of(1e30, 1e30, -1e30, -1e30).area
@@ -55,9 +49,7 @@ def test_bounds_are_taken_onto_the_map() -> None:
 
 
 def test_a_map_gives_its_resolution_in_single_precision() -> None:
-    """
-    As nav_msgs/MapMetaData does.
-    """
+    """As nav_msgs/MapMetaData does."""
     geometry = GridGeometry.of_map((3, 4), 0.05, (1.0, 2.0))
 
     assert 0.05000000074505806 == geometry.resolution
@@ -77,9 +69,7 @@ def test_a_map_gives_its_resolution_in_single_precision() -> None:
     ],
 )
 def test_what_is_no_grid(values: tuple[int, int, float], said: str) -> None:
-    """
-    It says what was expected.
-    """
+    """It says what was expected."""
     with pytest.raises(CostmapError, match=said):
         GridGeometry(*values)
 
@@ -91,9 +81,7 @@ RECTANGLE = st.tuples(*[st.integers(0, 12)] * 4).map(
 
 @given(st.lists(RECTANGLE, max_size=8))
 def test_merged_windows_hold_the_same_and_do_not_overlap(windows: list[CellWindow]) -> None:
-    """
-    Every cell of the ones given is in exactly one of them.
-    """
+    """Every cell of the ones given is in exactly one of them."""
 
     def holds(window: CellWindow, x: int, y: int) -> bool:
         return window.x0 <= x < window.xn and window.y0 <= y < window.yn

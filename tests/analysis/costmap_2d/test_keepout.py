@@ -24,9 +24,7 @@ def filtered(master, mask):
 
 
 def test_closed_doors_are_kept_out_of_and_nothing_else():
-    """
-    Open and unknown doors, and floor without doors, leave the costmap as it is.
-    """
+    """Open and unknown doors, and floor without doors, leave the costmap as it is."""
     layer = np.array([[LETHAL, FREE_SPACE, NO_INFORMATION, LETHAL]], np.uint8)
     master = np.array([[0, 255, 255, 255]], np.uint8)
 
@@ -38,9 +36,7 @@ def test_closed_doors_are_kept_out_of_and_nothing_else():
 
 
 def test_a_mask_of_zeros_would_free_unknown_space():
-    """
-    Why the rest is -1; who wants it can have it.
-    """
+    """Why the rest is -1; who wants it can have it."""
     layer = np.array([[LETHAL, NO_INFORMATION]], np.uint8)
 
     mask = keepout_mask(layer, elsewhere=0)
@@ -50,7 +46,5 @@ def test_a_mask_of_zeros_would_free_unknown_space():
 
 
 def test_a_door_that_is_probably_closed_costs_in_between():
-    """
-    As the costmap would publish it.
-    """
+    """As the costmap would publish it."""
     assert [[1, 50, 98, 99]] == keepout_mask(np.array([[1, 128, 252, 253]], np.uint8)).tolist()

@@ -98,10 +98,7 @@ class World:
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(PARTS))
 def test_updated_is_drawn_anew(part: int) -> None:
-    """
-    2,000 sequences: doors over walls and each other, on the map and off, with and without a wider
-    inflation of doors, in either order of layers; and nothing changed outside of what was said.
-    """
+    """2,000 sequences of doors over walls; nothing changes outside of the windows."""
     dice = random.Random(part)
     for _ in range(SEQUENCES // PARTS):
         world = World(dice)
@@ -143,18 +140,14 @@ def _two_doors(states: Mapping[int, int]) -> np.ndarray[tuple[int, int], np.dtyp
 
 
 def test_the_greater_id_has_the_cell() -> None:
-    """
-    Also where it knows nothing: then nothing is left of the lower one.
-    """
+    """Also where it knows nothing: then nothing is left of the lower one."""
     assert FREE_SPACE == _two_doors({1: LETHAL, 2: FREE_SPACE})[4, 4]
     assert LETHAL == _two_doors({1: FREE_SPACE, 2: LETHAL})[4, 4]
     assert NO_INFORMATION == _two_doors({1: LETHAL, 2: NO_INFORMATION})[4, 4]
 
 
 def test_a_door_that_ends_on_another_continent_is_not_drawn() -> None:
-    """
-    Within 10^8 cells it is, as far as the map goes.
-    """
+    """Within 10^8 cells it is, as far as the map goes."""
     drawn = {}
     for width in (0.9e8, 1.1e8, 1e300, math.inf, math.nan):
         layer = DoorLayer(GridGeometry(9, 9, 1.0))
@@ -165,9 +158,7 @@ def test_a_door_that_ends_on_another_continent_is_not_drawn() -> None:
 
 
 def test_a_removed_door_leaves_no_ghost() -> None:
-    """
-    Nor does one that moved; what it covered shows again, in the layer and in the master.
-    """
+    """Nor does one that moved; what it covered shows again, in the layer and in the master."""
     geometry = GridGeometry(9, 9, 1.0)
     doors = DoorLayer(geometry)
     costmap = LayeredCostmap(geometry, [doors, InflationLayer(geometry, 2.0)])
@@ -187,9 +178,7 @@ def test_a_removed_door_leaves_no_ghost() -> None:
 
 
 def test_an_open_door_cuts_through_a_wall_and_an_unknown_one_does_not() -> None:
-    """
-    Only cells with information reach the master.
-    """
+    """Only cells with information reach the master."""
     geometry = GridGeometry(9, 9, 1.0)
     wall = np.full(geometry.shape, FREE_SPACE, np.uint8)
     wall[4] = LETHAL
@@ -206,9 +195,7 @@ def test_an_open_door_cuts_through_a_wall_and_an_unknown_one_does_not() -> None:
 
 
 def test_grids_that_are_handed_out_cannot_be_written() -> None:
-    """
-    Who wants to draw in one takes a copy.
-    """
+    """Who wants to draw in one takes a copy."""
     geometry = GridGeometry(3, 3, 1.0)
     doors = DoorLayer(geometry)
 
@@ -218,9 +205,7 @@ def test_grids_that_are_handed_out_cannot_be_written() -> None:
 
 
 def test_a_map_of_another_size_is_an_error() -> None:
-    """
-    It is not drawn somewhere.
-    """
+    """It is not drawn somewhere."""
     with pytest.raises(CostmapError, match=r"expected \(3, 4\) cells, got \(4, 3\)"):
         StaticLayer(GridGeometry(4, 3, 1.0), np.zeros((4, 3), np.uint8))
 
@@ -239,9 +224,7 @@ def test_a_map_of_another_size_is_an_error() -> None:
     ],
 )
 def test_all_pairs_of_costs_are_combined_as_ros_does(combine, expected) -> None:
-    """
-    All 65,536 of them, against the condition that stands in costmap_layer.cpp.
-    """
+    """All 65,536 of them, against the condition that stands in costmap_layer.cpp."""
     master, layer = (np.ascontiguousarray(a, np.uint8) for a in np.indices((256, 256)))
 
     combine(master, layer)

@@ -106,9 +106,7 @@ thresholds = st.lists(
 @settings(deadline=None)
 @given(thresh=thresholds, negate=st.booleans())
 def test_every_byte_of_grey_means_what_the_server_says(rules, mode, thresh, negate):
-    """
-    All 256, in every mode, negated and not, with any thresholds.
-    """
+    """All 256, in every mode, negated and not, with any thresholds."""
     how = MapRules(rules, mode, negate, occupied_thresh=thresh[1], free_thresh=thresh[0])
 
     found = how.cells(GREYS)
@@ -131,9 +129,7 @@ def test_every_byte_of_grey_means_what_the_server_says(rules, mode, thresh, nega
 )  # fmt: skip
 @pytest.mark.parametrize("alpha", [True, False])
 def test_every_colour_means_what_the_server_says(rules, mode, alpha, **drawn):
-    """
-    With and without transparency.
-    """
+    """With and without transparency."""
     thresh, negate, pixels = drawn["thresh"], drawn["negate"], drawn["pixels"]
     how = MapRules(rules, mode, negate, occupied_thresh=thresh[1], free_thresh=thresh[0])
     picture = [pixel if alpha else pixel[:3] for pixel in pixels]
@@ -146,64 +142,17 @@ def test_every_colour_means_what_the_server_says(rules, mode, alpha, **drawn):
 
 @pytest.mark.parametrize(
     ("rules", "cells"),
-    [
-        ("noetic", [[0, 100, -56, -1]]),
-        ("nav2", [[0, 100, -1, -1]]),
-        ("nav2_humble", [[0, 100, -1, -1]]),
-    ],
-)
-def test_raw_bytes_above_100(rules, cells):
-    """
-    noetic takes the byte for a signed one; Nav2 does not know what it means.
-    """
-    assert cells == MapRules(rules, "raw").cells(np.array([[0, 100, 200, 255]], np.uint8)).tolist()
-
-
-@pytest.mark.parametrize(
-    ("rules", "cells"),
-    [
-        ("noetic", [[0, 1, 50, 99, 100]]),
-        ("nav2", [[0, 0, 50, 100, 100]]),
-        ("nav2_humble", [[0, 0, 50, 100, 100]]),
-    ],
-)
-def test_scale_by_hand(rules, cells):
-    """
-    From white to black; the second and fourth pixel lie on the thresholds, the third between.
-    """
-    how = MapRules(rules, "scale", occupied_thresh=0.8, free_thresh=0.2)
-
-    assert cells == how.cells(np.array([[255, 204, 127, 51, 0]], np.uint8)).tolist()
-
-
-@pytest.mark.parametrize(
-    ("rules", "cells"),
     [("noetic", [[-1, -1]]), ("nav2", [[0, 100]]), ("nav2_humble", [[0, -1]])],
 )
 def test_a_pixel_on_a_threshold(rules, cells):
-    """
-    204 is an occupancy of 0.2, 51 of 0.8: today's Nav2 counts them, the others do not, but that
-    1 - 0.8 is a little less than 0.2.
-    """
+    """204 is an occupancy of 0.2, 51 of 0.8: whether a threshold counts differs by server."""
     how = MapRules(rules, occupied_thresh=0.8, free_thresh=0.2)
 
     assert cells == how.cells(np.array([[204, 51]], np.uint8)).tolist()
 
 
-@pytest.mark.parametrize(("rules", "grey"), [("noetic", 99), ("nav2", 99), ("nav2_humble", 100)])
-def test_sixteen_bits_of_grey(rules, grey):
-    """
-    0x63ff is a little less than 100 x 257: two servers cut, one rounds.
-    """
-    found = MapRules(rules, "raw").cells(np.array([[0x63FF, 0, 65535]], np.uint16))
-
-    assert [[grey, 0, -1]] == found.tolist()
-
-
 def test_every_value_of_sixteen_bits():
-    """
-    noetic takes the high byte, Nav2 all of 257 steps; each then reads it as eight bits of grey.
-    """
+    """noetic takes the high byte, Nav2 all of 257 steps."""
     deep = np.arange(65536, dtype=np.uint16).reshape(256, 256)
 
     def of(rules, pixels):
@@ -217,9 +166,7 @@ def test_every_value_of_sixteen_bits():
 
 
 def test_noetic_s_two_channels_without_a_mask():
-    """
-    Grey with a transparent colour comes from SDL as two bytes, both counted as shades.
-    """
+    """Grey with a transparent colour comes from SDL as two bytes, both counted as shades."""
     pixels = np.array([[[0, 255], [0, 0]]], np.uint8)
 
     assert [[-1, 100]] == MapRules("noetic").cells(pixels).tolist()
@@ -238,8 +185,6 @@ def test_noetic_s_two_channels_without_a_mask():
     ],
 )
 def test_rules_that_cannot_be(given, message):
-    """
-    One wrong value each.
-    """
+    """One wrong value each."""
     with pytest.raises(CostmapError, match=message):
         MapRules(**{"rules": "nav2", **given})

@@ -34,34 +34,13 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "log"
 
 
-def _row(costs: np.ndarray[tuple[int, int], np.dtype[np.uint8]], y: int) -> list[int]:
-    return costs[y, 10:21].tolist()
-
-
 def _floor(value: int = 0, **more: float) -> FloorMap:
     cells = np.full((60, 50), value, np.int8)
     return FloorMap(resolution=0.1, origin_x=0.0, origin_y=0.0, cells=cells, **more)
 
 
-def test_any_moment(path: Path) -> None:
-    """
-    Closed, then open, then elsewhere; what it left shows the floor again.
-    """
-    log = sl.read(path)
-
-    found = {
-        at: costmap_at(log, at=f"@{at}", floor=_floor()).master.costs for at in (50, 100, 250, 300)
-    }
-
-    assert [FREE_SPACE] * 11 == _row(found[50], 10)
-    assert [LETHAL] * 11 == _row(found[100], 10)
-    assert [FREE_SPACE] * 11 == _row(found[250], 10) == _row(found[300], 10)
-
-
 def test_over_time(path: Path) -> None:
-    """
-    A frame for each moment at which a door is drawn otherwise, and what changed with it.
-    """
+    """A frame for each moment at which a door is drawn otherwise, and what changed with it."""
     log = sl.read(path)
 
     frames = [
@@ -106,12 +85,9 @@ def _happens(log: sl.DoorLogWriter, dice: random.Random) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_frames_are_the_costmaps_of_their_moments(seed: int, tmp_path: Path) -> None:
-    """
-    Of random logs, late events and retractions among them: each frame is the costmap that a replay
-    of that moment gives, and between two frames nothing changed.
-    """
+    """Each frame of a random log is the costmap of its moment."""
     log = _random_log(tmp_path / "log", random.Random(seed))
     floor = FloorMap(resolution=0.1, origin_x=-10.0, origin_y=-8.0,
                      cells=np.zeros(GRID.shape, np.int8))  # fmt: skip
@@ -130,13 +106,11 @@ def test_frames_are_the_costmaps_of_their_moments(seed: int, tmp_path: Path) -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("by", ["state", "belief"])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_layer_after_any_events_is_that_of_the_door_map(
     seed: int, by: str, tmp_path: Path
 ) -> None:
-    """
-    Folded in batches of any size, however late their events are, or drawn at once.
-    """
+    """Folded in batches of any size, however late their events are, or drawn at once."""
     dice = random.Random(seed)
     log = _random_log(tmp_path / "log", dice)
     projection = DoorLayerProjection(GRID, by=by)
@@ -164,12 +138,9 @@ def test_the_layer_after_any_events_is_that_of_the_door_map(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_live_it_is_the_costmap_of_each_commit(seed: int, tmp_path: Path) -> None:
-    """
-    Late events, moves and retractions: after each commit what a replay up to it gives, with the
-    changes where it says they are.
-    """
+    """After each commit it is what a replay up to it gives, changed where it says so."""
     dice, floor = random.Random(seed), FloorMap(
         resolution=0.1, origin_x=-10.0, origin_y=-8.0, cells=np.zeros(GRID.shape, np.int8)
     )  # fmt: skip
@@ -197,25 +168,8 @@ def test_live_it_is_the_costmap_of_each_commit(seed: int, tmp_path: Path) -> Non
     )
 
 
-def test_live_what_is_taken_back_is_gone(path: Path) -> None:
-    """
-    With the commit of the retraction, not at the next change.
-    """
-    live = costmap_live(sl.read(path), floor=_floor(), poll_s=0, stop=lambda: True)
-    next(live)
-    with sl.append(path) as log:
-        seen = log.observe(1, "closed")
-        log.retract(seen.first_event)
-
-    costs = [frame.costmap.layer.costs[30, 12].item() for frame in live]
-
-    assert [LETHAL, FREE_SPACE] == costs
-
-
 def test_live_beside_a_writer(path: Path) -> None:
-    """
-    Each commit's cells, as they come; a retraction draws the layer anew.
-    """
+    """Each commit's cells, as they come; a retraction draws the layer anew."""
     opened, geometry = sl.read(path), GridGeometry(50, 60, 0.1)
     live = opened.fold_live(DoorLayerProjection(geometry), poll_s=0)
     first = next(live)
@@ -239,9 +193,7 @@ def test_live_beside_a_writer(path: Path) -> None:
      (math.nan, 0.5, 126), (math.nan, math.nan, LETHAL)],
 )  # fmt: skip
 def test_what_a_belief_costs(p_open: float, p_closed: float, cost: int, path: Path) -> None:
-    """
-    Probably closed costs much, but does not block; nothing believed: the state counts.
-    """
+    """Probably closed costs much, but does not block; nothing believed: the state counts."""
     with sl.append(path) as log:
         log.observe(1, "closed", at="@400")
         log.update_door(1, prob_open=p_open, prob_closed=p_closed, at="@400")
@@ -252,9 +204,7 @@ def test_what_a_belief_costs(p_open: float, p_closed: float, cost: int, path: Pa
 
 
 def test_without_a_floor_the_grid_lies_around_the_doors(path: Path) -> None:
-    """
-    A metre around them, on whole cells; beside them nothing is known.
-    """
+    """A metre around them, on whole cells; beside them nothing is known."""
     found = costmap_at(sl.read(path))
     over_time = next(costmap_frames(sl.read(path))).costmap.geometry
 
@@ -266,9 +216,7 @@ def test_without_a_floor_the_grid_lies_around_the_doors(path: Path) -> None:
 
 
 def test_doors_of_other_levels_and_without_a_place_are_not_drawn(tmp_path: Path) -> None:
-    """
-    A level is taken by number or name; of several one must be named.
-    """
+    """A level is taken by number or name; of several one must be named."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.append([LevelAdded(level=1, name="ground"), LevelAdded(level=2, name="upper")])
         log.add_door(x=1.0, y=1.0, theta=0.0, width=1.0, state="closed", level=1)
@@ -279,15 +227,13 @@ def test_doors_of_other_levels_and_without_a_place_are_not_drawn(tmp_path: Path)
     assert [upper] == list(costmap_at(log, CostmapOptions(level="upper")).lines)
     with pytest.raises(UnknownLevelError, match=r"1 \(ground\), 2 \(upper\); say which"):
         costmap_at(log)
-    with pytest.raises(CostmapError, match="level 0 has no floor map, and no door with a place"):
+    with pytest.raises(CostmapError, match="level 0"):
         costmap_at(log, CostmapOptions(level=0))
 
 
 def test_a_turned_floor_is_an_error(path: Path) -> None:
-    """
-    noetic ignores the yaw, and draws every door in a wrong place.
-    """
-    with pytest.raises(CostmapError, match=r"expected an origin with yaw 0, got 0.5"):
+    """noetic ignores the yaw, and draws every door in a wrong place."""
+    with pytest.raises(CostmapError, match=r"origin with yaw 0, got 0.5"):
         costmap_at(sl.read(path), floor=_floor(origin_theta=0.5))
 
 
@@ -302,17 +248,13 @@ def test_a_turned_floor_is_an_error(path: Path) -> None:
     ],
 )
 def test_what_no_costmap_can_be(options: CostmapOptions, said: str, path: Path) -> None:
-    """
-    It is said, not drawn.
-    """
+    """It is said, not drawn."""
     with pytest.raises(CostmapError, match=said):
         costmap_at(sl.read(path), options)
 
 
 def test_an_update_that_says_nothing_new_is_no_frame(path: Path) -> None:
-    """
-    A hundred sightings of an open door leave the costmap alone.
-    """
+    """A hundred sightings of an open door leave the costmap alone."""
     with sl.append(path) as log:
         for i in range(100):
             log.observe(1, "open", at=f"@{400 + i}")

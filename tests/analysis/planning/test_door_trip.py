@@ -32,9 +32,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> sl.DoorLog:
 
 
 def test_through_open_doors_it_takes_as_long_as_the_walk(log: sl.DoorLog) -> None:
-    """
-    A little longer on average; by the lab's only door, and by one of the ward's two.
-    """
+    """A little longer on average; by the lab's only door, and by one of the ward's two."""
     trip = door_trip(log, IN_THE_WARD, IN_THE_LAB, depart=NOON)
 
     assert trip.stops[-1].door.name == "lab"
@@ -45,9 +43,7 @@ def test_through_open_doors_it_takes_as_long_as_the_walk(log: sl.DoorLog) -> Non
 
 
 def test_a_door_that_never_opens(log: sl.DoorLog) -> None:
-    """
-    There is no other way into the store: it waits, for long.
-    """
+    """There is no other way into the store: it waits, for long."""
     trip = door_trip(log, HALL, IN_THE_STORE, depart=NOON)
 
     (stop,) = trip.stops
@@ -60,9 +56,7 @@ def test_a_door_that_never_opens(log: sl.DoorLog) -> None:
 
 
 def test_in_one_room_no_door_counts(log: sl.DoorLog) -> None:
-    """
-    It walks.
-    """
+    """It walks."""
     trip = door_trip(log, "1,1,1", "9,1,1", depart=NOON)
 
     assert trip.stops == ()
@@ -70,9 +64,7 @@ def test_in_one_room_no_door_counts(log: sl.DoorLog) -> None:
 
 
 def test_where_it_asks(log: sl.DoorLog) -> None:
-    """
-    The store's door never opened for who asked; whether the front's would nobody knows: said.
-    """
+    """The store's door never opened for who asked; whether the front's would nobody knows: said."""
     store = door_trip(log, HALL, IN_THE_STORE, depart=NOON, asks=True).stops[0]
     front = door_trip(log, HALL, IN_THE_WARD, depart=NOON, asks=True)
 
@@ -82,9 +74,7 @@ def test_where_it_asks(log: sl.DoorLog) -> None:
 
 
 def test_doors_without_evidence(log: sl.DoorLog) -> None:
-    """
-    UNKNOWN: nobody knows how long to wait, so there is no expected time, and JSON has null.
-    """
+    """UNKNOWN: nobody knows how long to wait, so there is no expected time, and JSON has null."""
     trip = door_trip(log, HALL, IN_THE_STORE, depart="2026-03-02T06:00")
 
     assert math.isinf(trip.expected_s)
@@ -94,9 +84,7 @@ def test_doors_without_evidence(log: sl.DoorLog) -> None:
 
 
 def test_to_a_door_means_before_it(log: sl.DoorLog) -> None:
-    """
-    On the side where one comes to it: from the hall no door is on the way, from the store its own.
-    """
+    """From the hall no door is on the way, from the store its own."""
     from_hall = door_trip(log, HALL, "3", depart=NOON)
     from_store = door_trip(log, IN_THE_STORE, "3", depart=NOON)
 
@@ -105,20 +93,16 @@ def test_to_a_door_means_before_it(log: sl.DoorLog) -> None:
 
 
 def test_where_nothing_is_known_of_any_door_what_stands_in_is_said(log: sl.DoorLog) -> None:
-    """
-    Not "as the others do on average": there are none. The only door is not one of another way.
-    """
+    """Not "as the others do on average": there are none."""
     trip = door_trip(log, HALL, IN_THE_STORE, depart="2026-03-02T06:00")
 
-    assert any("P counts as 0.5, since nothing is known of any door" in n for n in trip.notes)
+    assert any("P counts as 0.5, since" in n for n in trip.notes)
     lines = [str(line) for line in trip_table(trip).renderables]  # type: ignore[attr-defined]
     assert "doors on the ways: store" in lines
 
 
 def test_without_a_floor_plan_it_says_that_it_goes_straight(log: sl.DoorLog) -> None:
-    """
-    As `patrol-plan` does; doors cannot count there. With no map at all it is refused.
-    """
+    """As `patrol-plan` does; doors cannot count there. With no map at all it is refused."""
     trip = door_trip(log, "0,0,2", "7,0,2", depart=NOON)
 
     assert trip.expected_s == pytest.approx(10)
@@ -130,9 +114,7 @@ def test_without_a_floor_plan_it_says_that_it_goes_straight(log: sl.DoorLog) -> 
 
 
 def test_patience_is_told(log: sl.DoorLog) -> None:
-    """
-    What a wait takes longer does not count, so the expected time is not that of all trips.
-    """
+    """What a wait takes longer does not count, so the expected time is not that of all trips."""
     trip = door_trip(log, HALL, IN_THE_STORE, depart=NOON, patience_s=60.0)
 
     assert trip.expected_s < 3600
@@ -152,17 +134,13 @@ def test_patience_is_told(log: sl.DoorLog) -> None:
     ],
 )
 def test_what_is_no_trip_is_refused(log: sl.DoorLog, start: str, goal: str, said: str) -> None:
-    """
-    Rooms that nothing joins, walls, places off the map, rooms that there are not.
-    """
+    """Rooms that nothing joins, walls, places off the map, rooms that there are not."""
     with pytest.raises(PlanError, match=said):
         door_trip(log, start, goal, depart=NOON)
 
 
 def test_the_best_way_after_the_log_s_end(log: sl.DoorLog) -> None:
-    """
-    Days ahead `schedule` is asked, which knows of no waits: a single door has no expected time.
-    """
+    """Days ahead `schedule` is asked, which knows of no waits."""
     trip = door_trip(log, HALL, IN_THE_STORE, depart="2026-04-20T12:10")
 
     assert trip.estimator == "schedule"
@@ -172,9 +150,7 @@ def test_the_best_way_after_the_log_s_end(log: sl.DoorLog) -> None:
 def test_the_wait_at_a_shut_door_is_that_of_what_is_known_at_the_departure(
     tmp_path: Path,
 ) -> None:
-    """
-    Doors that report themselves are known until the log ends; P lies on a grid of 5 min.
-    """
+    """Doors that report themselves are known until the log ends; P lies on a grid of 5 min."""
     clock = SteadyClock(0)
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         log.append([drawn(PLAN, level=1, cell_m=0.1, scale=5)])

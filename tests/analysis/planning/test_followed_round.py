@@ -115,9 +115,7 @@ Begun = Callable[..., Patrol]
 
 
 def test_passed_is_visited(patrol: Begun) -> None:
-    """
-    The next stop follows, with why; coming out again is nothing new, but when the robot goes on.
-    """
+    """The next stop follows, with why."""
     round_ = patrol()
     assert round_.rest == ["lab", "front"]
 
@@ -136,9 +134,7 @@ def test_passed_is_visited(patrol: Begun) -> None:
 
 
 def test_the_other_door_where_the_robot_gave_up(patrol: Begun) -> None:
-    """
-    A room has two; and the round is over when nothing is left.
-    """
+    """A room has two; and the round is over when nothing is left."""
     round_ = patrol(rooms=["2"])
 
     gave_up = round_.tell(passed(FRONT, through=False), at_s=10)
@@ -153,9 +149,7 @@ def test_the_other_door_where_the_robot_gave_up(patrol: Begun) -> None:
 
 
 def test_seen_shut_where_the_robot_is_sent_and_stands(patrol: Begun) -> None:
-    """
-    Not before it is there: whoever tells of a door from afar makes it less likely, no more.
-    """
+    """Not before it is there: whoever tells of a door from afar makes it less likely, no more."""
     round_ = patrol(rooms=["2"])
 
     round_.tell(stands(8.5), at_s=1)
@@ -169,9 +163,7 @@ def test_seen_shut_where_the_robot_is_sent_and_stands(patrol: Begun) -> None:
 
 
 def test_a_door_beside_the_way_is_not_struck_off(patrol: Begun) -> None:
-    """
-    The robot passes it while it is sent to another: only its P falls.
-    """
+    """The robot passes it while it is sent to another: only its P falls."""
     round_ = patrol(rooms=["lab", "store"], options=ALL)
     assert round_.rest == ["lab", "store"]
 
@@ -181,10 +173,7 @@ def test_a_door_beside_the_way_is_not_struck_off(patrol: Begun) -> None:
 
 
 def test_what_others_tell_of_a_door_ahead(patrol: Begun) -> None:
-    """
-    A smart door reports itself shut: its P is learnt anew, and the robot goes elsewhere first. As
-    long as a door is expected to be as before, the order stays.
-    """
+    """A smart door reports itself shut: the robot goes elsewhere first."""
     round_ = patrol()
     before = round_.round._order.replans
 
@@ -201,9 +190,7 @@ def test_what_others_tell_of_a_door_ahead(patrol: Begun) -> None:
 
 
 def test_a_door_that_was_left_out_joins_when_it_is_told_open(patrol: Begun) -> None:
-    """
-    The store seems shut for ever, and reports itself open.
-    """
+    """The store seems shut for ever, and reports itself open."""
     round_ = patrol()
     assert "store" not in round_.rest
 
@@ -212,60 +199,41 @@ def test_a_door_that_was_left_out_joins_when_it_is_told_open(patrol: Begun) -> N
     assert "store" in round_.rest
 
 
-def test_a_robot_in_a_room_has_visited_it(patrol: Begun) -> None:
-    """
-    Though nobody told of a door.
-    """
-    round_ = patrol()
+@pytest.mark.parametrize(
+    ("event", "at_s", "because", "left"),
+    [
+        (stands(8.5, DOOR_Y + 1.5), 12, "the robot is in lab", ["front"]),
+        (DoorRemoved(door_id=LAB), 4, "lab was removed", ["front"]),
+        (PatrolFinished(patrol=9), 5, "the round was finished", []),
+        (stands(5.0), 61, "budget", []),
+    ],
+)
+def test_what_takes_stops_away(
+    patrol: Begun, event: Event, at_s: float, because: str, left: list[str]
+) -> None:
+    """A robot in a room has visited it; what comes after the end changes nothing."""
+    round_ = patrol(options=PatrolOptions(budget_s=60.0))
+    (step,) = round_.tell(event, at_s=at_s)
 
-    (step,) = round_.tell(stands(8.5, DOOR_Y + 1.5), at_s=12)
-
-    assert step.because == "the robot is in lab"
-    assert [target.name for target in round_.round.visited] == ["lab"]
-
-
-def test_a_door_that_is_removed(patrol: Begun) -> None:
-    """
-    It is not gone to.
-    """
-    round_ = patrol()
-
-    (step,) = round_.tell(DoorRemoved(door_id=LAB), at_s=4)
-
-    assert step.because == "lab was removed"
-    assert round_.rest == ["front"]
+    assert step.because == because
+    assert round_.rest == left
+    assert (step.stop is None) == round_.round.is_over == (not left)
+    assert left or round_.tell(passed(LAB), at_s=at_s + 1) == []
 
 
 @pytest.mark.parametrize(
     "event", [passed(DoorId(6)), seen(DoorId(5), DoorState.OPEN), PatrolStarted(patrol=9)], ids=str
 )
 def test_what_does_not_concern_the_round(patrol: Begun, event: Event) -> None:
-    """
-    A door that is not in it; the start of a round is that of this one.
-    """
+    """A door that is not in it; the start of a round is that of this one."""
     round_ = patrol()
 
     assert round_.tell(event, at_s=5) == []
     assert round_.rest == ["lab", "front"]
 
 
-def test_a_finished_round_is_over(patrol: Begun) -> None:
-    """
-    Also when stops are left; what comes then changes nothing.
-    """
-    round_ = patrol()
-
-    (over,) = round_.tell(PatrolFinished(patrol=9), at_s=5)
-
-    assert (over.because, over.stop, over.left) == ("the round was finished", None, 0)
-    assert round_.tell(passed(LAB), at_s=9) == []
-    assert round_.round.is_over
-
-
 def test_a_robot_that_is_late(patrol: Begun) -> None:
-    """
-    What is ahead is not in the past: the plan is put off.
-    """
+    """What is ahead is not in the past: the plan is put off."""
     round_ = patrol()
     legs_ns = [stop.arrives_ns for stop in round_.round.stops()]
 
@@ -276,21 +244,8 @@ def test_a_robot_that_is_late(patrol: Begun) -> None:
     assert late_ns[1] - late_ns[0] == pytest.approx(legs_ns[1] - legs_ns[0], abs=SECOND_NS)
 
 
-def test_the_budget_ends_it(patrol: Begun) -> None:
-    """
-    By the time of what the log tells.
-    """
-    round_ = patrol(options=PatrolOptions(budget_s=60.0))
-
-    (over,) = round_.tell(stands(5.0), at_s=61)
-
-    assert (over.because, over.stop) == ("budget", None)
-
-
 def test_what_happened_before_the_start_changes_no_plan(patrol: Begun) -> None:
-    """
-    A late event: told in the round, and older than it.
-    """
+    """A late event: told in the round, and older than it."""
     round_ = patrol()
 
     assert round_.tell(passed(LAB), at_s=-5) == []
@@ -299,9 +254,7 @@ def test_what_happened_before_the_start_changes_no_plan(patrol: Begun) -> None:
 
 
 def test_what_is_taken_back_did_not_happen(patrol: Begun) -> None:
-    """
-    The lab is a stop again, and one line says so; what was learnt from it is forgotten, too.
-    """
+    """The lab is a stop again, and one line says so; what was learnt from it is forgotten, too."""
     round_ = patrol()
     before = [(stop.door.name, stop.p_passes) for stop in round_.round.stops()]
     number = round_.log.last_event() + 1
@@ -319,30 +272,8 @@ def test_what_is_taken_back_did_not_happen(patrol: Begun) -> None:
     assert round_.round.visited == []
 
 
-def test_what_was_taken_back_teaches_nothing(patrol: Begun) -> None:
-    """
-    The next sighting of the door is learnt as if the one that was taken back had never been told.
-    """
-    doubtful = seen(LAB, DoorState.OPEN, 0.6)
-    round_, never_told = patrol(), patrol()
-    round_.tell(seen(LAB, DoorState.CLOSED), at_s=2)
-    round_.writer.retract(round_.log.last_event())
-    round_.take()
-
-    round_.tell(doubtful, at_s=10)
-    never_told.tell(doubtful, at_s=10)
-
-    assert _chances(round_) == _chances(never_told)
-
-
-def _chances(round_: Patrol) -> dict[str | None, float]:
-    return {stop.door.name: stop.p_passes for stop in round_.round.stops()}
-
-
 def test_the_order_in_which_events_come_does_not_matter(patrol: Begun) -> None:
-    """
-    Late ones, several in a commit, in any order: the round is what they make of it together.
-    """
+    """Late ones, several in a commit, in any order: the round is what they make of it together."""
     told = [
         (stands(8.5), 8.0), (seen(STORE, DoorState.OPEN, 0.9), 9.0), (passed(LAB), 12.0),
         (seen(FRONT, DoorState.CLOSED, 0.9), 20.0), (stands(1.5), 40.0),
@@ -364,9 +295,7 @@ def test_the_order_in_which_events_come_does_not_matter(patrol: Begun) -> None:
 
 
 def test_a_robot_that_asks_is_told_nothing_by_a_shut_door(patrol: Begun) -> None:
-    """
-    It may open for who asks: P is that of passing, where enough tries are known.
-    """
+    """It may open for who asks: P is that of passing, where enough tries are known."""
     tries = [
         DoorPassed(door_id=LAB, passed=True, happened_ns=MORNING_NS - hours * HOUR_NS)
         for hours in range(1, 21 * 24)

@@ -21,7 +21,7 @@ from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorObserved, DoorUpdated
 from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.core.model.meaning import Changed
-from semmap_log.core.model.moments import DAY_NS, HOUR_NS, parse_instant
+from semmap_log.core.model.moments import HOUR_NS, parse_instant
 
 TZ = "Europe/Vienna"
 MONDAY_NS = parse_instant("2026-03-02", tz=TZ)
@@ -47,31 +47,27 @@ def at(evidence: Evidence, hour: float) -> LooksThen:
     return looks_then(evidence.door(DOOR), LocalClock(TZ), time_ns=time_ns, known_ns=time_ns)
 
 
-def test_looks_count_at_about_that_time_of_day() -> None:
-    """
-    Up to three hours before or after it, also over midnight; on working days, not on Saturday.
-    """
-    evidence = seen(10, 34, 39, 24 + 23, 5 * 24 + 10)
-
-    assert at(evidence, 3 * 24 + 11) == (2, 0)
-    assert at(evidence, 3 * 24 + 1) == (1, 0)
-    assert at(evidence, 6 * 24 + 11) == (1, 0)
-
-
-def test_later_looks_do_not_count() -> None:
-    """
-    Only what was known then.
-    """
-    evidence = seen(10, 34)
-
-    assert at(evidence, 30.0) == (0, 0)  # at six in the morning: four hours after no look
-    assert at(evidence, 12.0) == (1, 0)
+@pytest.mark.parametrize(
+    ("looks_h", "hour", "counted"),
+    [
+        ((10, 34, 39, 24 + 23, 5 * 24 + 10), 3 * 24 + 11, 2),
+        ((10, 34, 39, 24 + 23, 5 * 24 + 10), 3 * 24 + 1, 1),
+        ((10, 34, 39, 24 + 23, 5 * 24 + 10), 6 * 24 + 11, 1),
+        ((10, 34), 30, 0),
+        ((10, 34), 12, 1),
+        ((10,), 28 * 24 + 10, 0),
+    ],
+    ids=["within three hours", "over midnight", "another kind of day", "at six", "later", "old"],
+)
+def test_looks_count_at_about_that_time_of_day(
+    looks_h: tuple[float, ...], hour: float, counted: int
+) -> None:
+    """Only what was known then, of the last four weeks."""
+    assert at(seen(*looks_h), hour) == (counted, 0)
 
 
 def test_a_pass_is_one_look() -> None:
-    """
-    What the last of its sightings said counts.
-    """
+    """What the last of its sightings said counts."""
     evidence = seen(10, 10.004, 10.008)
     evidence.apply(
         EventBatch.of(
@@ -84,9 +80,7 @@ def test_a_pass_is_one_look() -> None:
 
 
 def test_a_state_that_is_known_counts_by_the_hour() -> None:
-    """
-    Shut from eight to noon: four looks.
-    """
+    """Shut from eight to noon: four looks."""
     evidence = seen()
     for hour, state in ((8, DoorState.CLOSED), (12, DoorState.UNKNOWN)):
         evidence.apply(
@@ -100,9 +94,7 @@ def test_a_state_that_is_known_counts_by_the_hour() -> None:
 
 
 def test_the_upper_end_of_jeffreys_interval() -> None:
-    """
-    Of five looks that found it shut .306, the 95 % point of Beta(.5, 5.5); without a look 1.
-    """
+    """Of five looks that found it shut .306, the 95 % point of Beta(.5, 5.5); without a look 1."""
     assert LooksThen(0, 0).high == 1.0
     assert LooksThen(5, 0).high == pytest.approx(0.30575, abs=1e-4)
     assert LooksThen(10, 10).high > 0.99
@@ -119,9 +111,7 @@ def chances(looks: list[tuple[int, int]], unseen_s: list[float]) -> DoorChances:
 
 
 def test_a_door_is_left_out_on_the_upper_end_alone() -> None:
-    """
-    However low P is: few looks do not do, nor none; and one that was open once does.
-    """
+    """However low P is: few looks do not do, nor none; and one that was open once does."""
     known = chances([(0, 0), (2, 0), (9, 0), (9, 3)], [60.0] * 4)
 
     assert SkipRule().is_skipped(known).tolist() == [False, False, True, False]
@@ -129,9 +119,7 @@ def test_a_door_is_left_out_on_the_upper_end_alone() -> None:
 
 
 def test_a_door_that_may_be_open_this_time_is_not_left_out() -> None:
-    """
-    At such hours it was always shut; but it was just seen open, or opens in the round's course.
-    """
+    """At such hours it was always shut."""
     alike = chances([(9, 0)] * 3, [60.0] * 3)
     known = replace(alike, p_passes=np.array([[0.6, 0.2], [0.01, 0.5], [0.1, 0.1]]))
 
@@ -140,18 +128,14 @@ def test_a_door_that_may_be_open_this_time_is_not_left_out() -> None:
 
 
 def test_a_low_p_alone_leaves_no_door_out() -> None:
-    """
-    What is left out on the mean is never learnt.
-    """
+    """What is left out on the mean is never learnt."""
     known = replace(chances([(2, 0), (9, 4)], [60.0] * 2), p_passes=np.zeros((2, 3)))
 
     assert not SkipRule().seem_shut(known).any()
 
 
 def test_what_is_left_out_is_looked_at_again_after_a_day() -> None:
-    """
-    Else it would never be learnt that it opens now.
-    """
+    """Else it would never be learnt that it opens now."""
     known = chances([(9, 0)] * 3, [DAY_S - 1, DAY_S, math.inf])
 
     assert SkipRule().is_skipped(known).tolist() == [True, False, False]
@@ -159,9 +143,7 @@ def test_what_is_left_out_is_looked_at_again_after_a_day() -> None:
 
 
 def test_an_unknown_door_counts_as_the_others_and_by_its_looks() -> None:
-    """
-    The mean of those that are known, as two looks; .5 where there are none; never in silence.
-    """
+    """The mean of those that are known, as two looks; .5 where there are none; never in silence."""
     p = np.array([[0.9], [0.7], [0.5], [0.5]])
     known = replace(
         chances([(0, 0), (0, 0), (0, 0), (6, 0)], [60.0] * 4),
@@ -175,15 +157,3 @@ def test_an_unknown_door_counts_as_the_others_and_by_its_looks() -> None:
     assert (found.low[2, 0], found.high[2, 0]) == (0.0, 1.0)
     assert found.is_known.tolist() == [True, True, False, False]
     assert nothing.p_passes[2, 0] == 0.5
-
-
-def test_old_looks_are_forgotten() -> None:
-    """
-    After four weeks.
-    """
-    evidence = seen(10)
-
-    late_ns = MONDAY_NS + 10 * HOUR_NS + 28 * DAY_NS
-    found = looks_then(evidence.door(DOOR), LocalClock(TZ), time_ns=late_ns, known_ns=late_ns)
-
-    assert found == (0, 0)

@@ -35,9 +35,7 @@ def a_week_of(*, passed: bool) -> EventBatch:
 
 
 def test_tries_become_sightings() -> None:
-    """
-    In their order, with when doors came and went, and nothing else.
-    """
+    """In their order, with when doors came and went, and nothing else."""
     batch = EventBatch.from_events([
         PatrolStarted(happened_ns=1, patrol=1),
         DoorAdded(happened_ns=2, door_id=DOOR),
@@ -56,18 +54,8 @@ def test_tries_become_sightings() -> None:
     ]  # fmt: skip
 
 
-def test_a_batch_without_tries_says_nothing() -> None:
-    """
-    No events at all, too.
-    """
-    assert len(passings_in(EventBatch.from_events([]))) == 0
-    assert len(passings_in(EventBatch.from_events([PatrolStarted(happened_ns=1, patrol=1)]))) == 0
-
-
 def test_a_shut_door_that_opens_for_who_asks_passes() -> None:
-    """
-    It was never seen open, and is likely to let the robot in; one that does not is not.
-    """
+    """It was never seen open, and is likely to let the robot in; one that does not is not."""
     fold = PassingProjection("schedule", "UTC")
     at_ns = np.array([START_NS + 7 * DAY_NS + 10 * HOUR_NS])
 

@@ -36,20 +36,8 @@ def two_ways(near: TripDoor, far: TripDoor) -> TripTask:
     return TripTask(walk, np.array([2.0, 2.0]), (near, far))
 
 
-def test_open_doors_are_the_shortest_way() -> None:
-    """
-    10 s, through, 10 s.
-    """
-    policy = TripPolicy(two_ways(TripDoor(1.0, 1e9), TripDoor(1.0, 1e9)))
-
-    assert policy.expected_s == pytest.approx(22.0)
-    assert policy.next_place(START, NOTHING)[0] == 2
-
-
 def test_the_expected_time_by_hand() -> None:
-    """
-    The near door is open with .5, else the far one, surely open, is 55 s away.
-    """
+    """The near door is open with .5, else the far one, surely open, is 55 s away."""
     policy = TripPolicy(two_ways(TripDoor(0.5, 1e9), TripDoor(1.0, 1e9)))
 
     # 10 + .5 (2 + 10) + .5 (55 + 2 + 60)
@@ -59,9 +47,7 @@ def test_the_expected_time_by_hand() -> None:
 
 @pytest.mark.parametrize(("wait_s", "best"), [(30.0, AtShutDoor.WAIT), (200.0, AtShutDoor.ROUND)])
 def test_waits_where_that_takes_less(wait_s: float, best: AtShutDoor) -> None:
-    """
-    Round takes 117 s from the near door; to wait takes the wait and 12 s.
-    """
+    """Round takes 117 s from the near door; to wait takes the wait and 12 s."""
     policy = TripPolicy(two_ways(TripDoor(0.5, wait_s), TripDoor(1.0, 1e9)))
 
     choice = policy.when_shut(2, NOTHING)
@@ -72,9 +58,7 @@ def test_waits_where_that_takes_less(wait_s: float, best: AtShutDoor) -> None:
 
 
 def test_asks_where_the_door_answers() -> None:
-    """
-    .8 of the time it opens within 8 s; else 30 s are lost, and it goes round.
-    """
+    """.8 of the time it opens within 8 s; else 30 s are lost, and it goes round."""
     near = TripDoor(0.0, math.inf, p_answers=0.8)
     policy = TripPolicy(two_ways(near, TripDoor(1.0, 1e9)))
 
@@ -85,9 +69,7 @@ def test_asks_where_the_door_answers() -> None:
 
 
 def test_a_door_that_is_hardly_ever_open_is_not_tried_first() -> None:
-    """
-    Nor where the detour by it is dear; the far one is surely open.
-    """
+    """Nor where the detour by it is dear; the far one is surely open."""
     policy = TripPolicy(two_ways(TripDoor(0.01, 1e9), TripDoor(1.0, 1e9)))
 
     # by the near one: 10 + .01 * 12 + .99 * 117 = 125.95; by the far one 60 + 2 + 60
@@ -95,9 +77,7 @@ def test_a_door_that_is_hardly_ever_open_is_not_tried_first() -> None:
 
 
 def test_it_comes_back_when_both_are_shut() -> None:
-    """
-    What was found shut is not tried again: then it waits where it stands.
-    """
+    """What was found shut is not tried again: then it waits where it stands."""
     task = two_ways(TripDoor(0.5, 300.0), TripDoor(0.5, 100.0))
     policy = TripPolicy(task)
 
@@ -109,9 +89,7 @@ def test_it_comes_back_when_both_are_shut() -> None:
 
 
 def test_a_way_back_through_a_door_that_was_open() -> None:
-    """
-    A room with two doors on the way: the second is shut, and it leaves by the first.
-    """
+    """A room with two doors on the way: the second is shut, and it leaves by the first."""
     walk = np.full((8, 8), math.inf)
     ways = {
         (START, 2): 1.0, (3, 4): 5.0, (5, GOAL): 1.0,  # by the room: doors 0 and 1
@@ -131,9 +109,7 @@ def test_a_way_back_through_a_door_that_was_open() -> None:
 
 
 def test_no_way_that_anybody_knows_of() -> None:
-    """
-    One door, shut, whose wait nobody knows: the expected time is none.
-    """
+    """One door, shut, whose wait nobody knows: the expected time is none."""
     walk = np.full((4, 4), math.inf)
     walk[START, 2] = walk[2, START] = walk[3, GOAL] = walk[GOAL, 3] = 5.0
     policy = TripPolicy(TripTask(walk, np.ones(1), (TripDoor(0.5, math.inf),)))
@@ -143,17 +119,13 @@ def test_no_way_that_anybody_knows_of() -> None:
 
 
 def test_rooms_that_no_door_joins_are_refused() -> None:
-    """
-    Whatever doors are open.
-    """
+    """Whatever doors are open."""
     with pytest.raises(PlanError, match="no way leads"):
         TripPolicy(TripTask(np.full((2, 2), math.inf), np.zeros(0), ()))
 
 
 def test_what_is_no_trip_is_refused() -> None:
-    """
-    Too many doors, shapes that do not fit, a P beyond 1.
-    """
+    """Too many doors, shapes that do not fit, a P beyond 1."""
     task = two_ways(TripDoor(0.5, 1.0), TripDoor(0.5, 1.0))
 
     with pytest.raises(PlanError, match="at most 8 doors"):
@@ -166,9 +138,7 @@ def test_what_is_no_trip_is_refused() -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_expected_time_is_that_of_trips_that_follow_it(seed: int) -> None:
-    """
-    Doors drawn at random, each wait as long as it is on average: within three standard errors.
-    """
+    """Doors drawn at random: within three standard errors."""
     random = np.random.default_rng(seed)
     near, far = (TripDoor(*random.uniform((0.1, 20), (0.9, 300))) for _ in range(2))
     policy = TripPolicy(two_ways(near, far))

@@ -19,18 +19,7 @@ from semmap_log.analysis.probabilities.beta import beta_interval
     ],
 )
 def test_the_ends_are_the_quantiles(alpha: float, beta: float, low: float, high: float) -> None:
-    """
-    A twentieth lies below the lower end, a twentieth above the upper one.
-    """
+    """A twentieth lies below the lower end, a twentieth above the upper one."""
     found = beta_interval(alpha, beta)
 
     assert pytest.approx((low, high), abs=1e-6) == found
-
-
-def test_right_and_wrong_are_mirrored() -> None:
-    """
-    Exchanging hits and misses exchanges the ends.
-    """
-    low, high = beta_interval(7.5, 2.5)
-
-    assert pytest.approx((1 - high, 1 - low)) == beta_interval(2.5, 7.5)

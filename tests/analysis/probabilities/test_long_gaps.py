@@ -47,9 +47,7 @@ def learnt(name: str, told: DoorEvidence) -> LearntModel:
 def test_forecasts_are_those_that_go_through_every_day(
     gaps_d: tuple[int, ...], name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    In what is known, in the gaps, and after them.
-    """
+    """In what is known, in the gaps, and after them."""
     told = apart(gaps_d)
     rng = np.random.default_rng(1)
     known_ns = np.sort(rng.integers(told.first_ns, told.until_ns, 300))
@@ -71,9 +69,7 @@ def test_forecasts_are_those_that_go_through_every_day(
 
 @pytest.mark.parametrize("years", [56, 290])
 def test_what_is_made_of_evidence_goes_by_the_evidence(years: int) -> None:
-    """
-    Two weeks make as many rows, steps and looks, whether a week or an age lies between them.
-    """
+    """Two weeks make as many rows, steps and looks, whether a week or an age lies between them."""
     near, far = apart((0, 7)), apart((0, 365 * years))
 
     def sizes(told: DoorEvidence) -> tuple[int, int]:
@@ -85,9 +81,7 @@ def test_what_is_made_of_evidence_goes_by_the_evidence(years: int) -> None:
 
 
 def test_a_gap_leaves_out_whole_weeks() -> None:
-    """
-    So the weekday of each row follows on that of the row before.
-    """
+    """So the weekday of each row follows on that of the row before."""
     rows = DayRows.of(np.array([3, 1000, 5001]), np.array([10, 1004, 5001]), weekly=True)
 
     assert ((np.diff(rows.midnights) - 1) % 7 == 0).all()
@@ -98,9 +92,7 @@ def test_a_gap_leaves_out_whole_weeks() -> None:
 
 
 def test_a_gap_that_is_not_long_has_all_rows() -> None:
-    """
-    `LONGEST_GAP_D` days between two; with one more, one row stands for what is left.
-    """
+    """`LONGEST_GAP_D` days between two; with one more, one row stands for what is left."""
     last = 1 + day_tables_module.LONGEST_GAP_D
     whole, cut = (DayRows.of(ends, ends) for ends in np.array([[0, last], [0, last + 1]]))
 
@@ -110,9 +102,7 @@ def test_a_gap_that_is_not_long_has_all_rows() -> None:
 
 
 def test_visits_alone_have_no_time_that_is_held() -> None:
-    """
-    Looks are then where sightings are, be it that years lie between them.
-    """
+    """Looks are then where sightings are, be it that years lie between them."""
     told = apart((0, 365 * 56))
     none = slice(0)
     seen = replace(told, start_ns=told.start_ns[none], end_ns=told.end_ns[none],

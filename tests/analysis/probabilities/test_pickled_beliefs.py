@@ -12,9 +12,7 @@ from tests.analysis.probabilities.telling import DOOR, added, ns_of, seen, told_
 
 
 def test_beliefs_that_have_learnt_can_be_sent() -> None:
-    """
-    After a question was answered they are pickled as before it, and answer the same.
-    """
+    """After a question was answered they are pickled as before it, and answer the same."""
     told = told_of(added(), seen("open", 60), seen("closed", 3600))
     beliefs = Beliefs(by_name("filter"), LocalClock("UTC"), told)
     at_ns = np.array([ns_of(7200)])

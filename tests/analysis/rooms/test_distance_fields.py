@@ -5,14 +5,13 @@ from __future__ import annotations
 from random import Random
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from semmap_log.analysis.rooms.regions import DistanceFields, regions_of
-from tests.analysis.rooms.grid_graph import by_scipy, textbook
+from tests.analysis.rooms.grid_graph import textbook
 
 GRIDS = st.tuples(st.integers(1, 14), st.integers(1, 14)).flatmap(
     lambda shape: arrays(np.bool_, shape, elements=st.booleans(), fill=st.just(True))
@@ -21,9 +20,7 @@ GRIDS = st.tuples(st.integers(1, 14), st.integers(1, 14)).flatmap(
 
 @given(GRIDS, st.randoms(use_true_random=False))
 def test_costs_are_those_of_the_textbook(free: NDArray[np.bool_], dice: Random) -> None:
-    """
-    From two cells at once, to every cell of their region.
-    """
+    """From two cells at once, to every cell of their region."""
     regions = regions_of(free)
     for label in range(1, regions.count + 1):
         fields = DistanceFields(regions, label)
@@ -36,28 +33,8 @@ def test_costs_are_those_of_the_textbook(free: NDArray[np.bool_], dice: Random) 
             assert [costs[cell] for cell in cells] == found[:, column].tolist()
 
 
-@pytest.mark.parametrize("share", [0.68, 0.8, 0.97])
-def test_costs_are_those_of_scipy(share: float) -> None:
-    """
-    From many starts on larger grids, where ways wind up and down.
-    """
-    dice = np.random.default_rng(5)
-    free = dice.random((80, 110)) < share
-    regions = regions_of(free)
-    label = int(regions.cell_counts().argmax())
-    cells = np.flatnonzero(regions.label_at(*np.indices(free.shape)).ravel() == label)
-    starts = dice.choice(cells, 12)
-    fields = DistanceFields(regions, label)
-
-    found = fields.from_cells(fields.index_of(starts))[fields.index_of(cells)]
-
-    assert np.array_equal(by_scipy(free, starts)[:, cells].T, found)
-
-
 def test_a_cell_is_found_again() -> None:
-    """
-    By its number in the field, and in the grid.
-    """
+    """By its number in the field, and in the grid."""
     free = np.random.default_rng(6).random((9, 9)) < 0.8
     fields = DistanceFields(regions_of(free), 1)
     flats = [fields.flat_of(index) for index in range(fields.size)]

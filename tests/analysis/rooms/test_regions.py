@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -26,34 +24,16 @@ def _labels(found: Regions) -> NDArray[np.int64]:
 
 @given(GRIDS)
 def test_each_cell_has_the_region_of_a_flood_fill(free: NDArray[np.bool_]) -> None:
-    """
-    Numbers, too: by the first cell.
-    """
+    """Numbers, too: by the first cell."""
     found = regions_of(free)
 
     assert np.array_equal(flooded(free), _labels(found))
     assert np.array_equal(flooded(free), found.label_grid())
 
 
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.55, 0.6, 0.8, 1.0])
-def test_each_cell_has_the_label_of_scipy(share: float) -> None:
-    """
-    On grids where regions wind, and are many.
-    """
-    ndimage: Any = pytest.importorskip("scipy.ndimage", reason="scipy is the oracle here")
-    free = np.random.default_rng(4).random((211, 180)) < share
-
-    expected, count = ndimage.label(free)
-    found = regions_of(free)
-
-    assert (count, True) == (found.count, np.array_equal(expected, _labels(found)))
-
-
 @given(GRIDS)
 def test_cells_that_share_a_corner_belong_together_if_asked(free: NDArray[np.bool_]) -> None:
-    """
-    Never around the end of a row.
-    """
+    """Never around the end of a row."""
     assert np.array_equal(
         flooded(free, by_corners=True), regions_of(free, by_corners=True).label_grid()
     )
@@ -61,9 +41,7 @@ def test_cells_that_share_a_corner_belong_together_if_asked(free: NDArray[np.boo
 
 @given(GRIDS)
 def test_what_is_told_of_a_region_is_counted_in_its_cells(free: NDArray[np.bool_]) -> None:
-    """
-    How many, whether one is at the border, and which they are.
-    """
+    """How many, whether one is at the border, and which they are."""
     labels, found = flooded(free), regions_of(free)
     border = {*labels[0], *labels[-1], *labels[:, 0], *labels[:, -1]} - {0}
     odd = np.arange(found.count + 1) % 2 == 1
@@ -78,9 +56,7 @@ def test_what_is_told_of_a_region_is_counted_in_its_cells(free: NDArray[np.bool_
 def test_runs_are_the_same_however_many_rows_are_looked_at_together(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """
-    A large plan is looked at in blocks; a region may lie in several.
-    """
+    """A large plan is looked at in blocks; a region may lie in several."""
     free = np.random.default_rng(2).random((50, 40)) < 0.6
     whole = _labels(regions_of(free))
 
@@ -90,9 +66,7 @@ def test_runs_are_the_same_however_many_rows_are_looked_at_together(
 
 
 def test_no_cell_off_the_grid_has_a_region() -> None:
-    """
-    Neither left of it, where the row before ends, nor anywhere else.
-    """
+    """Neither left of it, where the row before ends, nor anywhere else."""
     found = regions_of(np.ones((2, 3), np.bool_))
 
     assert [0, 0, 0, 0, 1] == found.label_at([1, 0, -1, 2, 1], [-1, 3, 0, 0, 2]).tolist()

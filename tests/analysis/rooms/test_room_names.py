@@ -37,75 +37,64 @@ def _names(*doors: sl.Door) -> list[str | None]:
     return [room.name for room in plan_of(door_map, {0: THREE_ROOMS}).graph.rooms.values()]
 
 
-def test_what_is_told_at_a_door_is_the_name_of_that_side() -> None:
-    """
-    More than any name of a door.
-    """
-    assert ["lab", "hall", "store"] == _names(
-        door_at(1, *WEST, name="a", rooms="lab,hall"),
-        door_at(2, *EAST, name="b", rooms=" , store"),
-    )
+CASES = {
+    "the words of a door name its sides, before any name of a door": (
+        [door_at(1, *WEST, name="a", rooms="lab,hall"),
+         door_at(2, *EAST, name="b", rooms=" , store")],
+        ["lab", "hall", "store"],
+    ),
+    "a person took left for right at both doors": (
+        [door_at(1, *WEST, rooms="hall,lab"), door_at(2, *EAST, rooms="store,hall")],
+        ["lab", "hall", "store"],
+    ),
+    "a person took left for right at one door": (
+        [door_at(1, *WEST, rooms="hall,lab"), door_at(2, *EAST, rooms="hall,store")],
+        ["lab", "hall", "store"],
+    ),
+    "most doors decide": (
+        [door_at(1, *WEST, rooms=",hall"), door_at(2, *EAST, rooms="foyer,"),
+         door_at(3, *SOUTH, rooms="foyer,")],
+        ["hall", "foyer", None],
+    ),
+    "of as many doors the first": (
+        [door_at(1, *WEST, rooms=",hall"), door_at(2, *EAST, rooms="foyer,")],
+        [None, "hall", "foyer"],
+    ),
+    "a room with the doors of one lift is its cabin": (
+        [door_at(1, *WEST), door_at(2, *EAST, name="lift_1_door", lift="lift_1")],
+        [None, None, "lift_1"],
+    ),
+    "doors that differ in a last word": (
+        [door_at(1, *WEST, name="office_outer"), door_at(2, *EAST, name="office_inner")],
+        ["office", "office", "office"],
+    ),
+    "doors that differ in more": (
+        [door_at(1, *WEST, name="office_outer"), door_at(2, *EAST, name="office_inner"),
+         door_at(3, *SOUTH, name="yard")],
+        ["office", None, "office"],
+    ),
+    "a door between two rooms without others": ([door_at(1, *WEST, name="lab")], [None, None]),
+    "a door to the outside": ([door_at(1, *SOUTH, name="lab")], [None]),
+    "a lift beside a room's only door": (
+        [door_at(1, *WEST, name="hall"), door_at(2, *SOUTH, name="office"),
+         door_at(3, *EAST, name="lift_1_door", lift="lift_1")],
+        ["hall", None, "lift_1"],
+    ),
+}  # fmt: skip
 
 
-def test_a_person_may_take_left_for_right() -> None:
-    """
-    The doors of the room between, which have its name in common, outvote it.
-    """
-    names = ["lab", "hall", "store"]
-
-    assert names == _names(
-        door_at(1, *WEST, rooms="hall,lab"), door_at(2, *EAST, rooms="store,hall")
-    )
-    assert names == _names(
-        door_at(1, *WEST, rooms="hall,lab"), door_at(2, *EAST, rooms="hall,store")
-    )
+@pytest.mark.parametrize("case", CASES)
+def test_rooms_are_named_by_their_doors(case: str) -> None:
+    doors, names = CASES[case]
+    assert names == _names(*doors)
 
 
 @pytest.mark.parametrize("told", ["", "lab", ",", "lab,lab", "a,b,c"])
 def test_what_names_no_two_sides_tells_nothing(told: str) -> None:
-    """
-    The doors' own names remain.
-    """
+    """The doors' own names remain."""
     assert ["office", None, "store"] == _names(
         door_at(1, *WEST, name="office", rooms=told), door_at(2, *EAST, name="store")
     )
-
-
-def test_of_several_names_most_doors_decide_and_of_as_many_the_first() -> None:
-    """
-    The doors of a room may have been told otherwise, one by one.
-    """
-    doors = [
-        door_at(1, *WEST, rooms=",hall"),
-        door_at(2, *EAST, rooms="foyer,"),
-        door_at(3, *SOUTH, rooms="foyer,"),
-    ]
-
-    assert "foyer" == _names(*doors)[1]
-    assert "hall" == _names(*doors[:2])[1]
-
-
-def test_a_room_whose_doors_are_all_of_one_lift_is_its_cabin() -> None:
-    """
-    Not one that it only stops at.
-    """
-    assert [None, None, "lift_1"] == _names(
-        door_at(1, *WEST), door_at(2, *EAST, name="lift_1_door", lift="lift_1")
-    )
-
-
-def test_doors_that_differ_in_a_last_word_name_their_room() -> None:
-    """
-    Of all its doors; one that is called otherwise ends it.
-    """
-    doors = [
-        door_at(1, *WEST, name="office_outer"),
-        door_at(2, *EAST, name="office_inner"),
-        door_at(3, *SOUTH, name="yard"),
-    ]
-
-    assert "office" == _names(*doors[:2])[1]
-    assert None is _names(*doors)[1]
 
 
 @pytest.mark.parametrize(
@@ -114,37 +103,12 @@ def test_doors_that_differ_in_a_last_word_name_their_room() -> None:
      ("Door 12", None), ("indoor", "indoor")],
 )  # fmt: skip
 def test_a_rooms_only_door_names_it(name: str, room: str | None) -> None:
-    """
-    A number is no name.
-    """
+    """A number is no name."""
     assert room == _names(door_at(1, *WEST, name=name), door_at(2, *EAST, name="other_door"))[0]
 
 
-def test_a_door_between_two_rooms_that_have_no_other_names_none() -> None:
-    """
-    It could mean either; so could one that leads outside.
-    """
-    assert [None, None] == _names(door_at(1, *WEST, name="lab"))
-    assert [None] == _names(door_at(1, *SOUTH, name="lab"))
-
-
-def test_a_lift_beside_a_door_does_not_count_for_its_name() -> None:
-    """
-    The room has one door still.
-    """
-    doors = [
-        door_at(1, *WEST, name="hall"),
-        door_at(2, *SOUTH, name="office"),
-        door_at(3, *EAST, name="lift_1_door", lift="lift_1"),
-    ]
-
-    assert ["hall", None, "lift_1"] == _names(*doors)
-
-
 def test_the_stem_of_a_name() -> None:
-    """
-    One last word goes, and only one that says which door it is.
-    """
+    """One last word goes, and only one that says which door it is."""
     assert ["L1_rm_13", "L1_rm_13", "m", "rm_outer", "wc_1"] == [
         stem(name) for name in ("L1_rm_13_inner", "L1_rm_13_OUTER", "m", "rm_outer_door", "wc_1")
     ]
@@ -154,9 +118,7 @@ def test_the_stem_of_a_name() -> None:
 def test_the_rooms_of_the_clinic_with_two_doors_have_names(
     shared_data: Path, tmp_path: Path
 ) -> None:
-    """
-    All 53 of them: 51 by their doors' names, two by a point in them.
-    """
+    """All 53 of them: 51 by their doors' names, two by a point in them."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         import_file(log, shared_data / "maps" / "rmf_clinic" / "clinic.building.yaml")
     graph = rooms_of(sl.read(tmp_path / "log"))

@@ -37,10 +37,7 @@ def _is_inside(ring: list[Point], x: float, y: float) -> bool:
 
 @given(GRIDS)
 def test_a_cell_lies_inside_the_first_ring_and_in_no_other(free: NDArray[np.bool_]) -> None:
-    """
-    Rings are closed and come to no corner twice, as GIS programs want them; the first goes
-    counterclockwise, the holes the other way round.
-    """
+    """Rings are closed and come to no corner twice, as GIS programs want them."""
     regions = regions_of(free)
     geometry = GridGeometry(free.shape[1], free.shape[0], CELL_M, -1.0, 3.0)
     rooms = LevelRooms(0, geometry, regions, np.arange(regions.count + 1))
@@ -58,9 +55,7 @@ def test_a_cell_lies_inside_the_first_ring_and_in_no_other(free: NDArray[np.bool
 
 
 def test_a_hole_may_touch_the_ring_around_it() -> None:
-    """
-    In a corner, where the room closes around it but for that: two rings, not one that crosses it.
-    """
+    """Two rings in a corner, not one that crosses itself."""
     free = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 0]], np.bool_)
     rooms = LevelRooms(0, GridGeometry(3, 3, 1.0), regions_of(free), np.array([0, 1]))
 
@@ -70,9 +65,7 @@ def test_a_hole_may_touch_the_ring_around_it() -> None:
 
 
 def test_a_straight_wall_is_one_line() -> None:
-    """
-    A rectangle has four corners, told from the lower left one on.
-    """
+    """A rectangle has four corners, told from the lower left one on."""
     rooms = LevelRooms(
         0, GridGeometry(4, 3, CELL_M), regions_of(np.ones((3, 4), np.bool_)), np.array([0, 1])
     )

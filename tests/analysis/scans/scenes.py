@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import cos, inf, nan, pi, sin
+from math import cos, nan, pi, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from semmap_log.analysis.scans.door_watcher import DoorWatcher
 from semmap_log.analysis.scans.visit import DoorPlaces, PlacedScan, Visit
 from semmap_log.core.model.doors import DoorId
+from tests.analysis.scans.beams import ranges_at
 
 Segment = tuple[float, float, float, float]
 Floats = NDArray[np.float64]
@@ -60,18 +61,7 @@ def joined(parts: Sequence[DoorPlaces]) -> DoorPlaces:
 
 def cast(pose: Sequence[float], segments: Iterable[Segment], angles: Floats = ANGLES) -> Floats:
     """Return how far each beam goes from x, y, theta; inf: into the open."""
-    nearest = np.full(len(angles), inf)
-    for x1, y1, x2, y2 in segments:
-        for i, bearing in enumerate((pose[2] + angles).tolist()):
-            ux, uy = cos(bearing), sin(bearing)
-            cross = ux * (y2 - y1) - uy * (x2 - x1)
-            if abs(cross) < 1e-12:
-                continue
-            far = ((x1 - pose[0]) * (y2 - y1) - (y1 - pose[1]) * (x2 - x1)) / cross
-            along = ((x1 - pose[0]) * uy - (y1 - pose[1]) * ux) / cross
-            if far > 0 and 0 <= along <= 1:
-                nearest[i] = min(nearest[i], far)
-    return nearest
+    return ranges_at(pose[:2], pose[2] + angles, segments)
 
 
 @dataclass(frozen=True)

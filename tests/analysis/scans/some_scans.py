@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from semmap_log.analysis.scans.visit import PlacedScan, Visit
 from semmap_log.core.model.doors import DoorState
+from tests.analysis.scans.beams import ranges_at
 from tests.analysis.scans.some_visits import some_visit
 
 LINE = (2.0, 1.0, 0.0, 1.0)
@@ -30,25 +30,9 @@ def some_scan(
     walls = [*WALLS, *([leaf] if leaf is not None else [])]
     told: dict[str, Any] = {
         "laser": "laser", "robot": "", "max_range": 10.0, "sd_xy": 0.05, "sd_theta": 0.02,
-        "origins": np.tile([x, y], (beams, 1)), "ranges": cast(x, y, bearings, np.array(walls)),
+        "origins": np.tile([x, y], (beams, 1)), "ranges": ranges_at((x, y), bearings, walls),
     }  # fmt: skip
     return PlacedScan(stamp_ns=at_ns, level=0, bearings=bearings, **{**told, **other})
-
-
-def cast(
-    x: float, y: float, bearings: NDArray[np.float64], walls: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """How far it is from (x, y) to the nearest wall."""
-    ux, uy = np.cos(bearings)[:, None], np.sin(bearings)[:, None]
-    ax, ay, bx, by = walls.T
-    dx, dy = bx - ax, by - ay
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cross = ux * dy - uy * dx
-        far = ((ax - x) * dy - (ay - y) * dx) / cross
-        share = ((ax - x) * uy - (ay - y) * ux) / cross
-    far[(far <= 0) | (share < 0) | (share > 1) | ~np.isfinite(far)] = np.inf
-    nearest: NDArray[np.float64] = far.min(axis=1)
-    return nearest
 
 
 def seen_visit(

@@ -46,9 +46,7 @@ def test_ranges_that_are_none_say_nothing(value: float) -> None:
 
 @pytest.mark.parametrize("value", [nan, inf, 0.0, -1.0, 81.91])
 def test_ranges_that_are_none_among_others_change_no_word(value: float) -> None:
-    """
-    Every third beam of a laser in a room smaller than its range is lost.
-    """
+    """Every third beam of a laser in a room smaller than its range is lost."""
     third = np.arange(BEAMS) % 3 == 0
     some = [replaced(s, ranges=np.where(third, value, s.ranges)) for s in SHUT]
 
@@ -56,9 +54,7 @@ def test_ranges_that_are_none_among_others_change_no_word(value: float) -> None:
 
 
 def test_beams_that_are_lost_in_a_doorway_alone_do_not_open_it() -> None:
-    """
-    A leaf that is black, or a mirror; the laser sees no farther than four metres.
-    """
+    """A leaf that is black, or a mirror; the laser sees no farther than four metres."""
     gone = [replaced(s, ranges=np.where(s.ranges < 30, inf, s.ranges), max_range=4.0) for s in SHUT]
 
     assert nothing_said(gone)
@@ -130,9 +126,7 @@ def test_a_largest_range_that_nobody_believes(max_range: float) -> None:
 
 @pytest.mark.parametrize("sd", [0.0, -1.0, 5.0, 1e9, inf, nan])
 def test_standard_deviations_that_nobody_believes(sd: float) -> None:
-    """
-    A robot that does not know where it is says nothing; no told one is believed to be exact.
-    """
+    """A robot that does not know where it is says nothing; no told one is believed to be exact."""
     visits = seen([replaced(s, sd_xy=sd, sd_theta=sd) for s in SHUT], places())
 
     assert [] == [visit for visit in visits if visit.state.name == "OPEN"]
@@ -171,13 +165,6 @@ def test_a_laser_on_the_line_and_one_in_the_leaf_say_nothing() -> None:
     on_line = [replaced(s, origins=s.origins + np.array([0, 1.0])) for s in SHUT]
 
     assert [] == seen(on_line, places())
-
-
-def test_beams_that_begin_all_over_the_world_raise_no_error() -> None:
-    rng = np.random.default_rng(1)
-    wild = [replaced(s, origins=rng.normal(0, 1e6, (BEAMS, 2))) for s in SCANS]
-
-    assert nothing_said(wild)
 
 
 def test_random_scans_among_random_doors_raise_no_error() -> None:

@@ -9,7 +9,6 @@ import pytest
 
 from semmap_log.analysis.scans.door_beams import Sights, sights_of
 from semmap_log.analysis.scans.visit import PlacedScan, ScanModel, ScanStack
-from tests.analysis.scans.scenes import replaced
 
 MODEL = ScanModel(beams=1000, beside_beams=1000)
 """All beams of a door are kept."""
@@ -98,9 +97,7 @@ def test_walls_beside_a_door_are_looked_at_outside_its_line(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_beams_beside_a_door_that_come_over_its_leaf(seed: int) -> None:
-    """
-    They cross the line outside of it, and are above its middle part well before that.
-    """
+    """They cross the line outside of it, and are above its middle part well before that."""
     scan, doors = some_scan(seed), some_doors(seed)
     found = sights(scan, doors)
     over = found.over
@@ -143,15 +140,6 @@ def test_a_few_beams_are_worth_few_looks() -> None:
     assert 3 == len(found.beams.range) == found.looks[0] * 3
 
 
-def test_whoever_stands_in_the_line_or_beside_it_sees_nothing_of_it() -> None:
-    scan = some_scan(3)
-    ox, oy = scan.origins[250].tolist()
-
-    in_line = np.array([[ox - 3.0, oy + 0.1, 0.0, 1.0], [ox + 2.0, oy + 0.2, 0.0, 1.0]])
-
-    assert 0 == len(sights(scan, in_line).scan)
-
-
 def test_what_ended_well_before_the_door_says_nothing_unless_a_leaf_may_be_there() -> None:
     bearings = np.linspace(1.2, 1.9, 200)
     scan = PlacedScan(0, 0, "", np.zeros((200, 2)), bearings, np.full(200, 1.0), max_range=30)
@@ -162,12 +150,3 @@ def test_what_ended_well_before_the_door_says_nothing_unless_a_leaf_may_be_there
     swept = sights(scan, near).beams
     assert len(swept.range)
     assert not swept.reaches.any()
-
-
-def test_a_beam_that_was_not_measured_says_nothing() -> None:
-    scan, doors = some_scan(5), some_doors(5)
-
-    none = replaced(scan, ranges=np.full(500, np.nan))
-
-    assert 0 == len(sights(none, doors).beams.range)
-    assert 0 == sights(none, doors).hidden.sum()

@@ -44,9 +44,7 @@ def test_it_hangs_where_leaves_were_seen(at_end: bool, said: str) -> None:
     ],
 )
 def test_otherwise_nobody_knows(visits: list[Visit]) -> None:
-    """
-    One visit alone, two that disagree, a leaf that is nearly shut, a glance, two leaves.
-    """
+    """One visit alone, two that disagree, a leaf that is nearly shut, a glance, two leaves."""
     assert hinge_of(LINE, visits) == ""
 
 
@@ -55,9 +53,7 @@ def test_in_a_wide_opening_it_could_be_one_of_two() -> None:
 
 
 def test_a_proposed_line_is_turned_to_start_at_its_hinge() -> None:
-    """
-    As a door's line does.
-    """
+    """As a door's line does."""
     assert _from_hinge(LINE, "end") == pytest.approx([1.9, 2.0, pi, 0.9])
     assert _from_hinge(LINE, "start") is LINE
     assert _from_hinge(LINE, "") is LINE

@@ -29,17 +29,12 @@ def _ends(wall_m: float, blur_m: float, face: float, count: int = 4000) -> tuple
 def test_a_jamb_is_where_the_wall_begins_however_blurred(
     wall_m: float, blur_m: float, face: float
 ) -> None:
-    """
-    With and without a face towards the opening that many beams end on. (A thin wall that is
-    blurred by 10 cm is not told from a thick one that is blurred less.)
-    """
+    """With and without a face towards the opening that many beams end on."""
     assert jamb(*_ends(wall_m, blur_m, face)) == pytest.approx(wall_m, abs=0.025)
 
 
 def test_too_few_ends_say_nothing() -> None:
-    """
-    The gap's end stays where it is.
-    """
+    """The gap's end stays where it is."""
     places = np.full(LEAST_ENDS - 1, 0.1)
 
     assert jamb(places, np.ones_like(places)) == 0.0
@@ -47,9 +42,7 @@ def test_too_few_ends_say_nothing() -> None:
 
 
 def test_what_ends_far_away_is_not_of_this_jamb() -> None:
-    """
-    Furniture before the wall half a metre on, the other jamb.
-    """
+    """Furniture before the wall half a metre on, the other jamb."""
     places, ends = _ends(0.05, 0.05, 0.2)
     far = np.concatenate([places, [0.46, 0.6, -0.3]]), np.concatenate([ends, [1e6, 1e6, 1e6]])
 

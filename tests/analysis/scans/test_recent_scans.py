@@ -10,9 +10,7 @@ from tests.analysis.scans.some_visits import START_NS, S, some_visit
 
 
 def test_a_visit_finds_its_scans() -> None:
-    """
-    Those of its own laser and robot, from its first to its last.
-    """
+    """Those of its own laser and robot, from its first to its last."""
     recent = RecentScans()
     for second in range(8):
         for robot in ("a", "b"):
@@ -27,9 +25,7 @@ def test_a_visit_finds_its_scans() -> None:
 
 
 def test_old_scans_are_let_go() -> None:
-    """
-    A robot scans for weeks.
-    """
+    """A robot scans for weeks."""
     recent = RecentScans(kept_ns=3 * S)
     for second in range(10):
         recent.take(some_scan(START_NS + second * S, 0.0, 0.0, beams=3))
@@ -40,9 +36,7 @@ def test_old_scans_are_let_go() -> None:
 
 
 def test_scans_of_before_a_clock_was_set_back_are_let_go() -> None:
-    """
-    Else they would be held until the clock is there again.
-    """
+    """Else they would be held until the clock is there again."""
     recent = RecentScans(kept_ns=3 * S)
     for second in (1000, 1001, 1002, 10, 11):
         recent.take(some_scan(START_NS + second * S, 0.0, 0.0, beams=3))

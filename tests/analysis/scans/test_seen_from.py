@@ -37,9 +37,7 @@ def _visits(scans: list[PlacedScan], across: float = 0.0) -> list[Visit]:
 
 @pytest.mark.parametrize(("y", "side"), [(DOWN, -1), (UP, 1)])
 def test_a_door_is_seen_from_where_the_laser_was(y: float, side: int) -> None:
-    """
-    The left of its line, or the right.
-    """
+    """The left of its line, or the right."""
     (visit,) = _visits(_drive(y))
 
     assert (visit.side, visit.state) == (side, DoorState.CLOSED)
@@ -49,9 +47,7 @@ def test_a_door_is_seen_from_where_the_laser_was(y: float, side: int) -> None:
 
 @pytest.mark.parametrize("across", [0.14, -0.14])
 def test_a_line_that_is_drawn_beside_the_leaf_is_told_with_its_side(across: float) -> None:
-    """
-    Seen from both, it is behind once and before once: what holds is left or right.
-    """
+    """Seen from both, it is behind once and before once: what holds is left or right."""
     visits = _visits([*_drive(DOWN), *_drive(UP, 60.0), *_drive(DOWN, 120.0)], across)
 
     (warning,) = door_warnings(door_figures(visits))
@@ -60,14 +56,3 @@ def test_a_line_that_is_drawn_beside_the_leaf_is_told_with_its_side(across: floa
     assert warning.concern is Concern.offset
     side = "right" if across > 0 else "left"
     assert f"beams end 0.14 m to the {side} of its line on average" in warning.text
-
-
-def test_seen_from_one_side_it_is_behind_or_before() -> None:
-    """
-    As the robot sees it.
-    """
-    (warning,) = door_warnings(
-        door_figures(_visits([scan for n in range(3) for scan in _drive(DOWN, 60.0 * n)], -0.25))
-    )
-
-    assert "beams end 0.25 m behind its line" in warning.text

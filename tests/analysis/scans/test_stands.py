@@ -71,9 +71,7 @@ def test_from_one_stand_the_same_is_told_once_in_half_an_hour(tremble: float) ->
 
 
 def test_another_state_is_told_at_once() -> None:
-    """
-    And going back to the first one, too.
-    """
+    """And going back to the first one, too."""
     scans = [*standing(10), *standing(5, OPEN, from_min=10), *standing(10, from_min=15)]
 
     (first, came), (other, changed), (last, back) = news(seen(scans, places()))
@@ -92,25 +90,33 @@ def test_how_scans_come_makes_no_difference_to_what_is_news() -> None:
     assert any(v.told_ns for v in whole)
 
 
-def test_who_comes_back_to_where_it_stood_tells_anew() -> None:
-    """
-    The errors of its pose are others now.
-    """
-    away = [replaced(scan, stamp_ns=scan.stamp_ns + 360 * 10**9)
-            for scan in past(start=6.5, stop=9.0).scans()]  # fmt: skip
-    scans = [*standing(5), *away, *standing(5, from_min=8)]
-
-    assert [0, 8] == [minute for _, minute in news(seen(scans, places()))]
+def away() -> list[PlacedScan]:
+    """Return a drive elsewhere, from the sixth minute on."""
+    return [
+        replaced(scan, stamp_ns=scan.stamp_ns + 360 * 10**9)
+        for scan in past(start=6.5, stop=9.0).scans()
+    ]
 
 
-def test_who_moves_tells_at_each_visit() -> None:
-    """
-    Half a metre is another place to look from.
-    """
-    there = (1.1, -0.3, 1.57)
-    scans = [*standing(3), *standing(3, from_min=3, pose=there)]
+SOMEBODY = (*SHUT, (0.0, 0.5, 0.9, 0.5))
 
-    assert [0, 3] == [minute for _, minute in news(seen(scans, places()))]
+
+@pytest.mark.parametrize(
+    ("scans", "minutes"),
+    [
+        ([*standing(5), *away(), *standing(5, from_min=8)], [0, 8]),
+        ([*standing(3), *standing(3, from_min=3, pose=(1.1, -0.3, 1.57))], [0, 3]),
+        ([*standing(3, from_min=60), *standing(3)], [0, 60]),
+        ([*standing(3), *standing(2, SOMEBODY, from_min=3), *standing(3, from_min=5)], [0]),
+    ],
+    ids=["it comes back", "it moves", "its clock is set back", "somebody stands in the doorway"],
+)
+def test_when_the_same_is_news(scans: list[PlacedScan], minutes: list[int]) -> None:
+    """What is seen from another stand is; an undecided visit is no news and ends none."""
+    found = news(seen(scans, places()))
+
+    assert minutes == [minute for _, minute in found]
+    assert {"CLOSED"} == {state for state, _ in found}
 
 
 def test_a_door_that_is_otherwise_now_is_told_anew() -> None:
@@ -122,30 +128,11 @@ def test_a_door_that_is_otherwise_now_is_told_anew() -> None:
     assert [0, 3] == [minute for _, minute in news(visits + watcher.close())]
 
 
-def test_a_clock_that_is_set_back_begins_anew() -> None:
-    scans = [*standing(3, from_min=60), *standing(3)]
-
-    assert [0, 60] == [minute for _, minute in news(seen(scans, places()))]
-
-
-def test_undecided_visits_are_no_news_and_no_end_of_them() -> None:
-    """
-    Somebody stands in the doorway for a while.
-    """
-    somebody = (*SHUT, (0.0, 0.5, 0.9, 0.5))
-    scans = [*standing(3), *standing(2, somebody, from_min=3), *standing(3, from_min=5)]
-
-    assert [("CLOSED", 0)] == news(seen(scans, places()))
-
-
 @pytest.mark.parametrize("leaves", [SHUT, OPEN])
 @pytest.mark.parametrize("late_ns", [0, 40_000_000])
 @pytest.mark.parametrize("step", [1, 3])
 def test_a_filtered_copy_adds_nothing(leaves: tuple[Segment, ...], late_ns: int, step: int) -> None:
-    """
-    In another frame, some of its beams left out: the visit is as sure as without it, but for a
-    look where the copy begins.
-    """
+    """With some of its beams left out, in another frame, the visit is as sure as without it."""
     scans = past(*leaves).scans()
     copies = [
         replaced(scan, laser="front_filtered", stamp_ns=scan.stamp_ns + late_ns,
@@ -163,9 +150,7 @@ def test_a_filtered_copy_adds_nothing(leaves: tuple[Segment, ...], late_ns: int,
 
 
 def test_two_lasers_that_look_one_after_the_other_make_one_visit() -> None:
-    """
-    The front one until the robot is at the door, the rear one from there: as one that looks round.
-    """
+    """The front one until the robot is at the door, the rear one from there."""
     scans = past(*SHUT).scans()
     turns = [scan if i < 8 else replaced(scan, laser="rear") for i, scan in enumerate(scans)]
 

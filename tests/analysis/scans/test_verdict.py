@@ -41,9 +41,7 @@ def verdict(visit: VisitSums, *, is_glass: bool = False) -> Verdict:
 
 @pytest.mark.parametrize("ratio", [-3.0, -1.0, 0.0, 2.0, 4.0])
 def test_the_accuracy_is_the_likelihood_ratio_free_of_the_prior(ratio: float) -> None:
-    """
-    But for the share of visits that mean nothing at all.
-    """
+    """But for the share of visits that mean nothing at all."""
     expected = MODEL.lapse / 2 + (1 - MODEL.lapse) / (1 + np.exp(-ratio))
 
     assert verdict(sums(open_by=ratio)).p_open == pytest.approx(expected)
@@ -96,9 +94,7 @@ def test_the_opening_is_what_is_expected_of_it() -> None:
 
 
 def test_a_long_visit_is_worth_no_more_than_its_most() -> None:
-    """
-    Twice as much of the same changes little once much was seen.
-    """
+    """Twice as much of the same changes little once much was seen."""
     some, more = sums(open_by=-1, looks=12), sums(open_by=-100, looks=1200)
 
     assert 1 - verdict(some).p_open < 1 - verdict(more).p_open
@@ -107,9 +103,7 @@ def test_a_long_visit_is_worth_no_more_than_its_most() -> None:
 
 
 def test_shifts_of_the_pose_are_one_for_the_whole_visit() -> None:
-    """
-    What is shut with one shift and open with another, half of the visit each, is neither.
-    """
+    """What is shut with one shift and open with another, half of the visit each, is neither."""
     visit = sums()
     visit.table[:] = -40
     visit.table[0, HINGED.clear == 0] = 0

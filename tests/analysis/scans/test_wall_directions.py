@@ -31,9 +31,7 @@ def _gap(angle_deg: float, along: float = 0.3) -> Gaps:
 @pytest.mark.parametrize("wall_deg", [0.0, 30.0, 90.0])
 @pytest.mark.parametrize("off_deg", [-12.0, -7.0, 7.0, 12.0])
 def test_a_gap_is_turned_into_its_wall(wall_deg: float, off_deg: float) -> None:
-    """
-    About its middle, and with all of its wall in line.
-    """
+    """About its middle, and with all of its wall in line."""
     found = along_their_walls(_gap(wall_deg + off_deg), _wall(wall_deg))
 
     assert np.degrees(found.lines[0, 2]) == pytest.approx(wall_deg, abs=2.5)
@@ -44,9 +42,7 @@ def test_a_gap_is_turned_into_its_wall(wall_deg: float, off_deg: float) -> None:
 
 @pytest.mark.parametrize("off_deg", [0.0, 1.0])
 def test_a_gap_in_line_with_its_wall_stays(off_deg: float) -> None:
-    """
-    To the bit: directions that many walls share are better known.
-    """
+    """To the bit: directions that many walls share are better known."""
     gap = _gap(30 + off_deg, along=0.97)
 
     found = along_their_walls(gap, _wall(30))
@@ -56,9 +52,7 @@ def test_a_gap_in_line_with_its_wall_stays(off_deg: float) -> None:
 
 
 def test_a_wall_far_beside_is_not_its_own() -> None:
-    """
-    Four metres on, and a wall that is square to it.
-    """
+    """Four metres on, and a wall that is square to it."""
     gap = _gap(8)
     beyond = _wall(0, 9.0)
     beyond = beyond[np.abs(beyond[:, 0] - 2) > 4]

@@ -72,9 +72,7 @@ WRITING = [
 
 @pytest.mark.parametrize("attack", READING)
 def test_no_file_is_read(log: sl.DoorLog, tmp_path: Path, attack: str) -> None:
-    """
-    However it is asked for.
-    """
+    """However it is asked for."""
     secret_of_the_caller = log.to_arrow(columns=["event"])
     file = tmp_path / SECRET
     file.write_text("word\nxyzzy\n")
@@ -91,9 +89,7 @@ def test_no_file_is_read(log: sl.DoorLog, tmp_path: Path, attack: str) -> None:
 def test_nothing_is_written_or_set(
     log: sl.DoorLog, tmp_path: Path, attack: str, allow_files: bool
 ) -> None:
-    """
-    Not even by who may read files: a query is one SELECT.
-    """
+    """Not even by who may read files: a query is one SELECT."""
     with pytest.raises(SqlError, match=r"only reads|syntax error|no files"):
         table_of_query(attack.format(folder=tmp_path), log, {}, allow_files=allow_files)
 
@@ -101,17 +97,13 @@ def test_nothing_is_written_or_set(
 
 
 def test_an_attack_behind_a_question(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    Several statements are none.
-    """
+    """Several statements are none."""
     with pytest.raises(SqlError, match="2 statements"):
         log.sql(f"select 1; copy (select 1) to '{tmp_path}/out.csv'")
 
 
 def test_what_does_not_fit_into_memory_goes_into_no_file(log: sl.DoorLog) -> None:
-    """
-    DuckDB has no folder to put it in; and nobody can give it one.
-    """
+    """DuckDB has no folder to put it in; and nobody can give it one."""
     found = log.sql("select value from duckdb_settings() where name = 'temp_directory'").fetchall()
 
     assert found in ([("",)], [(None,)])
@@ -122,9 +114,7 @@ def test_what_does_not_fit_into_memory_goes_into_no_file(log: sl.DoorLog) -> Non
 def test_who_may_reads_a_file_of_his_own(
     log: sl.DoorLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A CSV to join with, by a path from where the caller is; no extension is loaded for another.
-    """
+    """A CSV to join with, by a path from where the caller is."""
     (tmp_path / "rooms.csv").write_text("door_id,room\n1,kitchen\n")
     monkeypatch.chdir(tmp_path)
     query = "select distinct room from events join 'rooms.csv' using (door_id)"

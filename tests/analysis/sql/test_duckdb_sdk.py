@@ -25,9 +25,7 @@ def without_duckdb(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("without_duckdb")
 def test_a_query_says_what_to_install(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    With the line that gets all that a query needs.
-    """
+    """With the line that gets all that a query needs."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door(name="front")
     opened = sl.read(tmp_path / "log")

@@ -66,9 +66,7 @@ def ask(
 
 
 def test_times_numbers_and_kinds(path: Path, chunks: list[int]) -> None:
-    """
-    A hundredth of the events costs a few chunks, by whichever time or number it is told.
-    """
+    """A hundredth of the events costs a few chunks, by whichever time or number it is told."""
     log = sl.read(path)
     last_ns = log.end_ns()
     since = f"make_timestamptz({last_ns // 1000 - 3 * 10**6})"
@@ -109,9 +107,7 @@ ANY_FEW = _Few()
 def test_doors_by_the_read_model(
     path: Path, chunks: list[int], condition: str, added: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    One door's events come from the tables' rows about it; no chunk of a closed segment is read.
-    """
+    """One door's events come from the tables' rows about it."""
     asked: list[Any] = []
     about = SegmentTables.about
 
@@ -133,18 +129,14 @@ def test_doors_by_the_read_model(
 
 
 def test_two_filters_at_once(path: Path, chunks: list[int]) -> None:
-    """
-    Each leaves out what it can.
-    """
+    """Each leaves out what it can."""
     log = sl.read(path)
 
     assert (1, ANY_FEW) == ask(log, chunks, "event > 405 and kind = 'DoorObserved' and door_id = 2")
 
 
 def test_a_limit_ends_the_reading(path: Path, chunks: list[int]) -> None:
-    """
-    Who wants ten rows does not wait for all.
-    """
+    """Who wants ten rows does not wait for all."""
     log, pages = sl.read(path), np.inf
     chunks.clear()
 
@@ -155,9 +147,7 @@ def test_a_limit_ends_the_reading(path: Path, chunks: list[int]) -> None:
 def test_a_rare_kind_is_worth_no_table(
     path: Path, chunks: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The few chunks that have it are read sooner than all the rows of a table.
-    """
+    """The few chunks that have it are read sooner than all the rows of a table."""
     index(path)
     monkeypatch.setattr(SegmentTables, "all_rows", None)  # who calls it fails
 

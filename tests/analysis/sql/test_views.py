@@ -64,9 +64,7 @@ def instant(us: int) -> str:
 
 
 def test_events(asked: Asked) -> None:
-    """
-    Every event is there once, the live end too, with who and why, and marked where taken back.
-    """
+    """Each event once, the live end too, with who and why, and marked where taken back."""
     log, events = asked
     texts = ("actor", "source", "reason", "correlation")
     expected = [
@@ -95,9 +93,7 @@ NAMES = [c.name for c in COLUMNS if c.kinds and c.name not in {"at", "door_id"}
 
 
 def test_fields(asked: Asked) -> None:
-    """
-    Every field of every kind, side by side; and one alone, which may come from fewer bytes.
-    """
+    """Every field of every kind, side by side; and one alone, which may come from fewer bytes."""
     log, events = asked
     expected = {name: [_told(event.get(name)) for event in events] for name in NAMES}
     chosen = ", ".join(NAMES)
@@ -115,9 +111,7 @@ def _told(value: Any) -> Any:
 
 
 def test_names_of_then(asked: Asked) -> None:
-    """
-    Events bear the name that their door had when they happened.
-    """
+    """Events bear the name that their door had when they happened."""
     log, events = asked
 
     found = dict(rows(log, "select event, door_name from events"))
@@ -126,9 +120,7 @@ def test_names_of_then(asked: Asked) -> None:
 
 
 def test_filters(asked: Asked) -> None:
-    """
-    Whatever is filtered by, the answer is what Python's own filter leaves.
-    """
+    """Whatever is filtered by, the answer is what Python's own filter leaves."""
     log, events = asked
     middle = events[len(events) // 2]
     late = us(middle["happened_ns"])
@@ -174,9 +166,7 @@ def test_filters(asked: Asked) -> None:
 
 
 def test_doors(asked: Asked) -> None:
-    """
-    The doors now, at a moment, and as they were known at one.
-    """
+    """The doors now, at a moment, and as they were known at one."""
     log, events = asked
     now = max(e["happened_ns"] for e in events)
     half = events[len(events) // 2]
@@ -206,9 +196,7 @@ def test_doors(asked: Asked) -> None:
 
 
 def test_intervals(asked: Asked) -> None:
-    """
-    Each state's span, of removed doors, too; retracted events do not count.
-    """
+    """Each state's span, of removed doors, too; retracted events do not count."""
     log, events = asked
     end_ns = max(e["happened_ns"] for e in events)
     counting = [e for e in events if not e["retracted"]]
@@ -222,9 +210,7 @@ def test_intervals(asked: Asked) -> None:
 
 
 def test_changes(asked: Asked) -> None:
-    """
-    What each event changed as the log knew its doors when it was recorded.
-    """
+    """What each event changed as the log knew its doors when it was recorded."""
     log, events = asked
     text = {None: None}
     expected = {
@@ -242,9 +228,7 @@ def test_changes(asked: Asked) -> None:
 
 
 def test_commits(asked: Asked) -> None:
-    """
-    Each commit once, with its note.
-    """
+    """Each commit once, with its note."""
     log, events = asked
     expected = {
         (*e.get("commit", [e["event"]] * 2), e.get("actor"), e.get("reason"), e["command_id"])
@@ -259,9 +243,7 @@ def test_commits(asked: Asked) -> None:
 
 
 def test_patrols(asked: Asked) -> None:
-    """
-    Rounds with their first start and end.
-    """
+    """Rounds with their first start and end."""
     log, events = asked
     ends: dict[tuple[int, str], int] = {}
     for event in events:
@@ -280,9 +262,7 @@ def test_patrols(asked: Asked) -> None:
 
 
 def test_poses(asked: Asked) -> None:
-    """
-    Where the robot was, without what was taken back.
-    """
+    """Where the robot was, without what was taken back."""
     log, events = asked
     expected = [
         (e["event"], us(e["happened_ns"]), e["level"], e["x"], e["y"], e.get("sd_xy"))
@@ -298,9 +278,7 @@ def test_poses(asked: Asked) -> None:
 
 
 def test_beliefs(asked: Asked) -> None:
-    """
-    What `probabilities` says, now and at a moment, and some time ahead.
-    """
+    """What `probabilities` says, now and at a moment, and some time ahead."""
     log, events = asked
     half = events[len(events) // 2]["happened_ns"]
     cases: dict[str, dict[str, Any]] = {
@@ -317,9 +295,7 @@ def test_beliefs(asked: Asked) -> None:
 
 
 def test_the_same_after_the_tables_are_gone(asked: Asked) -> None:
-    """
-    Removing the read model loses nothing, also while the log is open.
-    """
+    """Removing the read model loses nothing, also while the log is open."""
     log, events = asked
     before = rows(log, "select event, state, door_name from events order by event")
     shutil.rmtree(log.path / "index", ignore_errors=True)

@@ -53,10 +53,7 @@ def columns_of(commits: Sequence[Commit]) -> CommitColumns:
 def test_each_event_has_what_its_own_commit_says(
     batch_cuts: list[int], commit_cuts: list[int], kept: set[int], skips: bool
 ) -> None:
-    """
-    Commits longer than a batch, batches of many commits, commits of which no event is asked for;
-    and pages that lack the Commit of some events in their midst.
-    """
+    """Commits longer than a batch, batches of many commits, pages that lack some Commits."""
     commits = [commit(*ends) for ends in pairwise(commit_cuts)]
     mine = {n: c for c in commits for n in range(c.first_event, c.last_event + 1)}
     whole = batch_of([DoorRemoved(door_id=DoorId(1), happened_ns=0)] * EVENTS)

@@ -31,9 +31,7 @@ def cut(rows: int, size: int) -> Iterator[pa.Table]:
 def test_equal_rows_give_equal_bytes_however_they_are_cut(
     size: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A log that was compacted since is exported as the same file.
-    """
+    """A log that was compacted since is exported as the same file."""
     monkeypatch.setattr(parquet, "GROUP_ROWS", 64)
     schema = SCHEMA.with_metadata({"a": "b"})
 
@@ -49,9 +47,7 @@ def test_equal_rows_give_equal_bytes_however_they_are_cut(
 
 
 def test_pages_of_long_texts_do_not_show_how_they_were_cut(tmp_path: Path) -> None:
-    """
-    A page ends where it is full, not where a table ended.
-    """
+    """A page ends where it is full, not where a table ended."""
     dice = random.Random(3)
     texts = pa.array([dice.randbytes(2000).hex() for _ in range(1000)])
     schema = pa.schema({**dict.fromkeys(SCHEMA.names, pa.int64()), "text": pa.string()})
@@ -67,9 +63,7 @@ def test_pages_of_long_texts_do_not_show_how_they_were_cut(tmp_path: Path) -> No
 
 
 def test_a_file_of_no_rows_has_its_columns(tmp_path: Path) -> None:
-    """
-    The export of an empty log is a file that can be read.
-    """
+    """The export of an empty log is a file that can be read."""
     assert 0 == write_parquet(tmp_path / "x", iter([]), SCHEMA.with_metadata({}), {})
 
     assert SCHEMA.names == pq.read_table(tmp_path / "x").column_names
@@ -78,9 +72,7 @@ def test_a_file_of_no_rows_has_its_columns(tmp_path: Path) -> None:
 def test_groups_are_written_as_the_tables_come(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Memory does not grow with the log: what was taken lies in the file before the next is asked for.
-    """
+    """Memory does not grow with the log."""
     monkeypatch.setattr(parquet, "GROUP_ROWS", 1000)
     sizes = []
 
@@ -98,9 +90,7 @@ def test_groups_are_written_as_the_tables_come(
 def test_a_group_ends_early_where_its_rows_are_big(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Floor maps: few rows, many bytes.
-    """
+    """Floor maps: few rows, many bytes."""
     monkeypatch.setattr(parquet, "GROUP_BYTES", 100)
 
     write_parquet(tmp_path / "x", cut(20, 2), SCHEMA.with_metadata({}), {})

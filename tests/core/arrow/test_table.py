@@ -27,12 +27,10 @@ from tests.strategies import events
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.lists(events, max_size=30))
 def test_every_event_is_the_row_that_it_should_be(drawn: list[Event]) -> None:
-    """
-    All kinds, all fields, at the ends of their ranges; what was not given is null.
-    """
+    """All kinds, all fields, at the ends of their ranges; what was not given is null."""
     batch = batch_of(drawn, first_number=7)
 
     assert list(map(row_of, batch)) == rows_of(batch.to_arrow())
@@ -42,9 +40,7 @@ def test_every_event_is_the_row_that_it_should_be(drawn: list[Event]) -> None:
 @settings(deadline=None)
 @given(st.lists(events, max_size=8), st.lists(events, max_size=8))
 def test_tables_can_be_joined(one: list[Event], other: list[Event]) -> None:
-    """
-    Whatever kinds are in a batch, its table has the same schema and the same dictionaries.
-    """
+    """Whatever kinds are in a batch, its table has the same schema and the same dictionaries."""
     tables = [batch_of(one).to_arrow(), batch_of(other).to_arrow()]
 
     joined = pa.concat_tables(tables).combine_chunks()
@@ -56,9 +52,7 @@ def test_tables_can_be_joined(one: list[Event], other: list[Event]) -> None:
 
 
 def test_numbers_and_times_are_the_batch_s_own_memory() -> None:
-    """
-    Nothing is copied that has the right form already.
-    """
+    """Nothing is copied that has the right form already."""
     batch = batch_of([DoorAdded(door_id=DoorId(n), happened_ns=n) for n in range(1, 50)])
 
     table = batch.to_arrow()
@@ -73,9 +67,7 @@ def test_numbers_and_times_are_the_batch_s_own_memory() -> None:
 
 
 def test_what_an_update_does_not_set_is_null() -> None:
-    """
-    So that `df.dropna(subset="state")` are the events that say a state.
-    """
+    """So that `df.dropna(subset="state")` are the events that say a state."""
     update = DoorUpdated(
         door_id=DoorId(1), changed=Changed.WIDTH | Changed.STATE, width=0.8, state=DoorState.OPEN,
         prob_open=0.5, happened_ns=0,
@@ -89,9 +81,7 @@ def test_what_an_update_does_not_set_is_null() -> None:
 
 
 def test_a_state_of_a_later_version_is_unknown() -> None:
-    """
-    As everywhere: 5 to 255 are reserved.
-    """
+    """As everywhere: 5 to 255 are reserved."""
     rows = np.zeros(3, layout("DoorObserved").dtype)
     rows["state"] = [4, 5, 255]
     stamps = np.arange(3)
@@ -104,9 +94,7 @@ def test_a_state_of_a_later_version_is_unknown() -> None:
 
 
 def test_the_frame_has_types_that_can_be_worked_with() -> None:
-    """
-    Categories, times with their zone, whole numbers that stay whole where some are missing.
-    """
+    """Categories, times with their zone, whole numbers that stay whole where some are missing."""
     batch = batch_of(
         [
             DoorObserved(door_id=DoorId(2**32 - 1), state=DoorState.OPEN, happened_ns=1),
@@ -131,9 +119,7 @@ def test_the_frame_has_types_that_can_be_worked_with() -> None:
 
 
 def test_a_batch_of_nothing_is_an_empty_table() -> None:
-    """
-    With all its columns.
-    """
+    """With all its columns."""
     table = batch_of([]).to_arrow()
 
     assert 0 == table.num_rows
@@ -141,9 +127,7 @@ def test_a_batch_of_nothing_is_an_empty_table() -> None:
 
 
 def test_the_cells_of_a_floor_map_come_back() -> None:
-    """
-    Row by row: `np.reshape(cells, (height, width))`.
-    """
+    """Row by row: `np.reshape(cells, (height, width))`."""
     cells = np.arange(6, dtype=np.int8).reshape(2, 3)
     floor = FloorMap(happened_ns=0, resolution=0.5, origin_x=1, origin_y=2, cells=cells)
 

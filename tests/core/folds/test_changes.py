@@ -30,9 +30,7 @@ from tests.test_replay import random_log
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32))
 def test_changes_lead_from_the_map_before_to_the_map_after(seed: int) -> None:
-    """
-    For any part of a random log: late events, retractions, several writes to a door in a chunk.
-    """
+    """Late events, retractions, several writes to a door in a chunk."""
     dice = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder, tiny_steps(), pytest.MonkeyPatch.context() as to:
         to.setattr(change_finder, "FAR", dice.choice([0, 3, 1000]))
@@ -93,9 +91,7 @@ def _plain(change: Any) -> tuple[Any, Any]:
 
 
 def test_history_says_what_was_before(tmp_path: Path) -> None:
-    """
-    A sighting that repeats what is known changes nothing; one that came late, neither.
-    """
+    """A sighting that repeats what is known changes nothing; one that came late, neither."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         place = {"x": 0, "y": 0, "theta": 0, "width": 1}
         door = log.add_door(state="closed", at="2026-03-01T08:00", name="front", **place)

@@ -92,9 +92,7 @@ def _moments(log: sl.DoorLog, dice: random.Random) -> Iterator[tuple[Any, Any]]:
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32))
 def test_applied_to_the_first_state_it_gives_the_second(seed: int) -> None:
-    """
-    In every field of every door and level, in the moment that the map is of, and in JSON.
-    """
+    """In every field of every door and level, in the moment that the map is of, and in JSON."""
     dice = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:
         log = _random_log(Path(folder) / "log", dice, commits=25)
@@ -140,27 +138,6 @@ def _patched(before: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-@pytest.mark.slow
-def test_random_logs_hold_what_the_property_is_about(tmp_path: Path) -> None:
-    """
-    Each part of a diff occurs in them, and each field: else the test above would show little.
-    """
-    dice, seen = random.Random(1), set()
-    for i in range(12):
-        log = _random_log(tmp_path / str(i), dice, commits=25)
-        for first, second in _moments(log, dice):
-            found = log.diff(first, second)
-            seen |= {change.field for change in (*found.changed, *found.heard)}
-            seen |= {"added"} if found.added else set()
-            seen |= {"removed"} if found.removed else set()
-            seen |= {(c.before is None, c.after is None) for c in found.levels}
-
-    assert {
-        *("level", "x", "y", "theta", "width", "state", "prob_open", "prob_closed", "annotations"),
-        *("last_seen_ns", "last_event", "added", "removed", (True, False), (False, False)),
-    } <= seen
-
-
 @pytest.fixture
 def log(tmp_path: Path) -> Iterator[sl.DoorLogWriter]:
     """Three doors at 08:00; at 09:00 one is seen as before, one opened, one removed; a level."""
@@ -175,9 +152,7 @@ def log(tmp_path: Path) -> Iterator[sl.DoorLogWriter]:
 
 
 def test_what_was_only_heard_of_is_no_change(log: sl.DoorLogWriter) -> None:
-    """
-    A door seen as it was stays out of `changed` and of the table; so does a level.
-    """
+    """A door seen as it was stays out of `changed` and of the table; so does a level."""
     found = log.diff("2026-03-01T08:30", "2026-03-01T09:30")
 
     assert [(2, "state")] == [(c.door.door_id, c.field) for c in found.changed]
@@ -188,9 +163,7 @@ def test_what_was_only_heard_of_is_no_change(log: sl.DoorLogWriter) -> None:
 
 
 def test_a_diff_of_nothing_but_sightings_is_empty(log: sl.DoorLogWriter) -> None:
-    """
-    It is false, and still leads from one state to the other.
-    """
+    """It is false, and still leads from one state to the other."""
     log.observe(1, "closed", at="2026-03-01T10:00")
     found = log.diff("2026-03-01T09:30", "2026-03-01T10:30")
 
@@ -207,9 +180,7 @@ def test_a_diff_of_nothing_but_sightings_is_empty(log: sl.DoorLogWriter) -> None
     ],
 )
 def test_another_map_is_refused(log: sl.DoorLogWriter, moment: str, why: str) -> None:
-    """
-    A diff is of two moments: it is not poured over a third.
-    """
+    """A diff is of two moments: it is not poured over a third."""
     found = log.diff("2026-03-01T08:30", "2026-03-01T09:30")
 
     with pytest.raises(CommandError, match=why):
@@ -217,9 +188,7 @@ def test_another_map_is_refused(log: sl.DoorLogWriter, moment: str, why: str) ->
 
 
 def test_another_value_is_refused(log: sl.DoorLogWriter) -> None:
-    """
-    A field, a stamp, a level or a door that is there already: each is named.
-    """
+    """A field, a stamp, a level or a door that is there already: each is named."""
     found = log.diff("2026-03-01T08:30", "2026-03-01T09:30")
     back = diff(found.after, found.before)
     doors, levels = dict(found.before.doors), dict(found.after.levels)
@@ -236,6 +205,6 @@ def test_another_value_is_refused(log: sl.DoorLogWriter) -> None:
     ):
         with pytest.raises(CommandError, match=why):
             found.applied_to(other)
-    with pytest.raises(CommandError, match="door 3: expected none before the change, got Door"):
+    with pytest.raises(CommandError, match="door 3: expected none before"):
         back.applied_to(replace(found.after, doors=doors))
     assert _said(found.before) == _said(back.applied_to(found.after))

@@ -28,16 +28,12 @@ def _doors(log: sl.DoorLogWriter) -> DoorsPresent:
 
 
 def test_the_same_doors_do_not_differ(log: sl.DoorLogWriter) -> None:
-    """
-    Though NaN equals nothing, not even itself.
-    """
+    """Though NaN equals nothing, not even itself."""
     assert ([], []) == _doors(log).others_than(_doors(log))
 
 
 def test_what_changed_came_or_went_is_told(log: sl.DoorLogWriter) -> None:
-    """
-    By value, by name, by coming, by going; ids ascend.
-    """
+    """By value, by name, by coming, by going; ids ascend."""
     before = _doors(log)
 
     log.annotate(3, "name", "probe")
@@ -50,9 +46,7 @@ def test_what_changed_came_or_went_is_told(log: sl.DoorLogWriter) -> None:
 
 
 def test_a_name_that_was_taken_back_differs(log: sl.DoorLogWriter) -> None:
-    """
-    A retraction may leave every other value as it was.
-    """
+    """A retraction may leave every other value as it was."""
     number = log.annotate(1, "name", "back").first_event
     log.request(1, "open")
     before = _doors(log)
@@ -64,9 +58,7 @@ def test_a_name_that_was_taken_back_differs(log: sl.DoorLogWriter) -> None:
 
 
 def test_levels_with_doors_that_have_a_place(log: sl.DoorLogWriter) -> None:
-    """
-    A sensor without a place draws nothing on its level.
-    """
+    """A sensor without a place draws nothing on its level."""
     log.append([LevelAdded(level=5, name="5")])
     log.add_door(name="on five", level=5)
 

@@ -13,9 +13,7 @@ from tests.batches import batch_of
 
 
 def test_ids_ascend_whichever_door_was_asked_for_first(tmp_path: Path) -> None:
-    """
-    Once each was asked for by itself, the last first.
-    """
+    """Once each was asked for by itself, the last first."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.append([DoorAdded(door_id=DoorId(n)) for n in (1, 2, 3)])
         doors = log.replay().doors
@@ -28,10 +26,7 @@ def test_ids_ascend_whichever_door_was_asked_for_first(tmp_path: Path) -> None:
 
 
 def test_doors_by_state_and_by_name() -> None:
-    """
-    A state that only a later version knows is UNKNOWN; the name of a door that was removed is not
-    told.
-    """
+    """A state that only a later version knows is UNKNOWN."""
     state = DoorMapState()
     added = [DoorAdded(door_id=DoorId(i), state=DoorState.OPEN) for i in (3, 1, 2, 4)]
     named = [DoorAnnotated(door_id=DoorId(i), key="name", value=f"d{i}") for i in (2, 4)]

@@ -101,10 +101,7 @@ def by_the_minute(said: list[Report], holds: int) -> list[tuple[DoorState, bool]
 
 @given(reports, st.integers(0, 3))
 def test_each_minute_counts_as_seen_or_not_seen(said: list[Report], holds: int) -> None:
-    """
-    Sightings hold for some median gaps, what was set until the next report; in totals, in slots,
-    and interval by interval.
-    """
+    """Sightings hold for some median gaps, what was set until the next report."""
     found, expected = told(said, holds), by_the_minute(said, holds)
 
     edges = np.arange(END + 1) * MINUTE_NS
@@ -124,9 +121,7 @@ def test_each_minute_counts_as_seen_or_not_seen(said: list[Report], holds: int) 
 
 @given(reports, st.integers(0, END), st.integers(0, END))
 def test_a_part_is_cut_out_of_the_whole(said: list[Report], one: int, other: int) -> None:
-    """
-    How long a sighting holds does not depend on the part that is asked for.
-    """
+    """How long a sighting holds does not depend on the part that is asked for."""
     since, until = min(one, other), max(one, other)
     whole, expected = told(said, 2), by_the_minute(said, 2)
 
@@ -140,9 +135,7 @@ def test_a_part_is_cut_out_of_the_whole(said: list[Report], one: int, other: int
 
 @given(reports)
 def test_lapses_are_no_changes(said: list[Report]) -> None:
-    """
-    States, beginnings, events and counts are those of a log in which all holds.
-    """
+    """States, beginnings, events and counts are those of a log in which all holds."""
     plain, found = told(said, 0), told(said, 1)
 
     for name in ("start_ns", "end_ns", "state", "event", "sightings"):
@@ -162,9 +155,7 @@ def test_lapses_are_no_changes(said: list[Report]) -> None:
     ],
 )
 def test_a_look_is_a_pass(seconds: list[int], gap_ns: int, looks: int) -> None:
-    """
-    Sightings less than a minute apart are one look, for five minutes at most.
-    """
+    """Sightings less than a minute apart are one look, for five minutes at most."""
     found = hold_of(np.array(seconds, np.int64) * 10**9, 3)
 
     assert Hold(3, gap_ns, looks) == found
@@ -172,9 +163,7 @@ def test_a_look_is_a_pass(seconds: list[int], gap_ns: int, looks: int) -> None:
 
 
 def test_what_was_thinned_out_still_counts_as_looks() -> None:
-    """
-    Of a door that was seen each ten minutes the first and the last sighting of an hour stay.
-    """
+    """Of a door that was seen each ten minutes the first and the last sighting of an hour stay."""
     seen_ns = [(60 * hour + ten) * MINUTE_NS for hour in range(4) for ten in range(0, 60, 10)]
     added = DoorAdded(door_id=DOOR, state=CLOSED, happened_ns=0)
     sightings = [DoorObserved(door_id=DOOR, state=CLOSED, happened_ns=ns) for ns in seen_ns]
@@ -198,9 +187,7 @@ def test_what_was_thinned_out_still_counts_as_looks() -> None:
 
 
 def test_friday_evening_does_not_make_sunday_known(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    A door that is open in one look of ten, the last one of them on Friday: not over the weekend.
-    """
+    """Open in one look of ten, the last one on Friday: not over the weekend."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         door = log.add_door(at="2026-02-23T08:00")
         for day in range(23, 28):
@@ -223,9 +210,7 @@ def test_friday_evening_does_not_make_sunday_known(tmp_path: Path, clock: Steady
 
 @pytest.mark.slow
 def test_a_robots_week_is_seen_as_far_as_it_looked() -> None:
-    """
-    Of each door of the clinic: a lapse begins when its last sighting is three median gaps ago.
-    """
+    """A lapse begins three median gaps after the last sighting."""
     log = sl.read(RECORDINGS / "clinic_week")
     seen_ns: dict[int, list[int]] = {}
     for entry in log.history(kinds=[DoorObserved, DoorPassed]):

@@ -34,9 +34,7 @@ def held(writes: Sequence[tuple[tuple[int, int, int], int]], asked: tuple[int, i
 def test_a_key_holds_what_was_written_last(
     most: int, written: dict[tuple[int, int, int], int], asked: list[tuple[int, int, int]]
 ) -> None:
-    """
-    By stamp, not by the order of writing; keys that are looked up in a table, and greater ones.
-    """
+    """By stamp, not by the order of writing."""
     rows = [(*stamp, value) for stamp, value in written.items()]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(door_changes, "MAX_TABLE", most)

@@ -43,9 +43,7 @@ MOVING = DoorObserved(happened_ns=5, door_id=DOOR, state=DoorState.MOVING)
 def test_of_writes_at_one_time_that_of_the_last_number_stays(
     told: tuple[Event, ...], expected: DoorState, parts: int
 ) -> None:
-    """
-    Whatever kinds of events they are, and whether they come together or one by one.
-    """
+    """Whatever kinds of events they are, and whether they come together or one by one."""
     batch = EventBatch.from_events([ADDED, *told])
     state = DoorMapState()
 
@@ -56,9 +54,7 @@ def test_of_writes_at_one_time_that_of_the_last_number_stays(
 
 
 def test_an_earlier_part_that_comes_later_changes_nothing_newer() -> None:
-    """
-    The fold commutes: the parts of a batch in reverse give the same state.
-    """
+    """The fold commutes: the parts of a batch in reverse give the same state."""
     latest = DoorPassed(happened_ns=9, door_id=DOOR, passed=True)
     batch = EventBatch.from_events([ADDED, latest, MOVING, CLOSED])
     forward, backward = DoorMapState(), DoorMapState()
@@ -72,9 +68,7 @@ def test_an_earlier_part_that_comes_later_changes_nothing_newer() -> None:
 
 
 def test_what_is_about_no_door_leaves_every_door_alone() -> None:
-    """
-    Its row is nobody's, also when doors have filled all others.
-    """
+    """Its row is nobody's, also when doors have filled all others."""
     state = DoorMapState()
     for i in range(1, 60):
         added = DoorAdded(happened_ns=i, door_id=DoorId(i))
@@ -104,9 +98,7 @@ some = st.builds(_near, events, st.integers(0, 3), st.integers(0, 5))
 @settings(max_examples=200, deadline=None)
 @given(st.lists(some, max_size=30), st.randoms(use_true_random=False))
 def test_events_one_by_one_in_any_order_make_the_state_of_their_batch(told, dice) -> None:
-    """
-    `apply_one` and `apply` say the same of every kind.
-    """
+    """`apply_one` and `apply` say the same of every kind."""
     together, single = DoorMapState(), DoorMapState()
     together.apply(EventBatch.from_events(told))
 

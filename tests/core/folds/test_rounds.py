@@ -16,10 +16,7 @@ NOON_NS = 1_772_280_000 * 10**9
 
 
 def test_a_round_has_its_times_its_name_and_its_robot(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    Each number is a round; one that goes on has no end, one that is only heard of at its end no
-    start; who drove stands at the start.
-    """
+    """One that goes on has no end; one that is only known by its end has no start."""
     times = [NOON_NS + minute * 60 * 10**9 for minute in range(4)]
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         log.append(
@@ -42,9 +39,7 @@ def test_a_round_has_its_times_its_name_and_its_robot(tmp_path: Path, clock: Ste
 
 
 def test_what_was_taken_back_began_no_round(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    Nor does the second start of a number, and a time from the future counts as recorded.
-    """
+    """Nor does the second start of a number, and a time from the future counts as recorded."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         wrong = log.append([PatrolStarted(patrol=3, happened_ns=NOON_NS)]).first_event
         log.retract(wrong)

@@ -10,9 +10,7 @@ from tests.batches import batch_of
 
 
 def test_a_sighting_has_its_accuracies_among_other_writes() -> None:
-    """
-    Those of other sightings and of what was set are not taken for its own.
-    """
+    """Those of other sightings and of what was set are not taken for its own."""
     batch = batch_of(
         [
             DoorAdded(door_id=1, state=DoorState.CLOSED),

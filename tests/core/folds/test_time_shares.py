@@ -28,9 +28,7 @@ def timeline_of(start: int, parts: list[tuple[int, DoorState]]) -> Timeline:
 def test_each_slot_counts_each_nanosecond_once(
     start: int, parts: list[tuple[int, DoorState]], cuts: list[int]
 ) -> None:
-    """
-    Slots of any length, before, across and behind what is known of the door.
-    """
+    """Slots of any length, before, across and behind what is known of the door."""
     edges = np.array(sorted(cuts))
     told = [state for length, state in parts for _ in range(length)]
 

@@ -16,9 +16,7 @@ from semmap_log.store.lock import WriterLock
 
 
 def test_what_the_kernel_takes_in_parts_is_written_whole() -> None:
-    """
-    A signal in the middle of a write to a slow pipe: the kernel says how much it took.
-    """
+    """A signal in the middle of a write to a slow pipe: the kernel says how much it took."""
     data = os.urandom(2**22)
     reading, writing = os.pipe()
     got = bytearray()
@@ -44,9 +42,7 @@ def test_what_the_kernel_takes_in_parts_is_written_whole() -> None:
 
 
 def test_a_file_that_cannot_be_replaced_stays(tmp_path: Path) -> None:
-    """
-    And nothing temporary is left beside it.
-    """
+    """And nothing temporary is left beside it."""
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "something").touch()
 
@@ -57,9 +53,7 @@ def test_a_file_that_cannot_be_replaced_stays(tmp_path: Path) -> None:
 
 
 def test_what_a_killed_writer_left_is_no_log(tmp_path: Path) -> None:
-    """
-    Its temporary files are removed by who has the lock; somebody else's are not.
-    """
+    """Its temporary files are removed by who has the lock; somebody else's are not."""
     (tmp_path / ".log_000000.mcap.123.tmp").touch()
     WriterLock(LogFolder(tmp_path)).release()
     assert LogFolder(tmp_path).is_empty()
@@ -72,9 +66,7 @@ def test_what_a_killed_writer_left_is_no_log(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_a_file(tmp_path: Path) -> None:
-    """
-    No lock can be taken in it, and it is said.
-    """
+    """No lock can be taken in it, and it is said."""
     (tmp_path / "file").touch()
 
     with pytest.raises(LogAccessError, match="cannot be opened for writing"):

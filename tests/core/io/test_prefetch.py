@@ -30,9 +30,7 @@ def cores(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> in
 
 @pytest.mark.usefixtures("cores")
 def test_results_come_in_the_order_of_the_tasks() -> None:
-    """
-    On one core and on several.
-    """
+    """On one core and on several."""
     found = list(ahead(squares(50)))
 
     assert [n * n for n in range(50)] == found
@@ -40,9 +38,7 @@ def test_results_come_in_the_order_of_the_tasks() -> None:
 
 @pytest.mark.usefixtures("cores")
 def test_an_error_comes_in_its_place() -> None:
-    """
-    What was done before it is used; the tasks behind it are given up.
-    """
+    """What was done before it is used; the tasks behind it are given up."""
 
     def fails() -> int:
         raise ValueError("no such chunk")
@@ -55,9 +51,7 @@ def test_an_error_comes_in_its_place() -> None:
 
 
 def test_who_waits_works_at_what_nobody_has_begun(monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    On two cores there is one other thread: two tasks that meet are both worked at.
-    """
+    """On two cores there is one other thread: two tasks that meet are both worked at."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
     meeting = threading.Barrier(2, timeout=60)
 
@@ -95,9 +89,7 @@ def run(script: str) -> list[str]:
 
 
 def test_a_log_can_be_read_while_the_interpreter_ends() -> None:
-    """
-    In a thread that outlives the main one, and in what is left to the very end.
-    """
+    """In a thread that outlives the main one, and in what is left to the very end."""
     script = """
         def outlives():
             threading.main_thread().join()
@@ -113,9 +105,7 @@ def test_a_log_can_be_read_while_the_interpreter_ends() -> None:
 
 
 def test_a_forked_child_reads_on() -> None:
-    """
-    Its parent's threads are not there to do what was begun; both come to the end.
-    """
+    """Its parent's threads are not there to do what was begun; both come to the end."""
     script = """
         results = squares()
         first = next(results)

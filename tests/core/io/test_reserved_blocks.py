@@ -38,9 +38,7 @@ def _taken(fd: int) -> int:
 
 
 def test_they_are_had_and_given_back(fd: int) -> None:
-    """
-    From the eighth sync on, a step at a time; the size stays.
-    """
+    """From the eighth sync on, a step at a time; the size stays."""
     blocks = ReservedBlocks(fd)
     for _ in range(SYNCS - 1):
         blocks.synced(100)
@@ -60,9 +58,7 @@ def test_they_are_had_and_given_back(fd: int) -> None:
 def test_a_disk_that_is_nearly_full_keeps_its_blocks(
     fd: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    What is free then is for others, and for what is written.
-    """
+    """What is free then is for others, and for what is written."""
     room = namedtuple("room", ["f_bavail", "f_frsize"])  # noqa: PYI024 - as os.fstatvfs tells it
     monkeypatch.setattr(os, "fstatvfs", lambda _: room(10_000, 4096))
     blocks = ReservedBlocks(fd)
@@ -75,9 +71,7 @@ def test_a_disk_that_is_nearly_full_keeps_its_blocks(
 
 
 def test_where_there_are_none_nothing_is_said() -> None:
-    """
-    A pipe has no blocks; a disk may know no reserving.
-    """
+    """A pipe has no blocks; a disk may know no reserving."""
     reading, writing = os.pipe()
     blocks = ReservedBlocks(writing)
     with pytest.raises(OSError, match=os.strerror(errno.ENOTTY)):
@@ -95,10 +89,7 @@ def test_where_there_are_none_nothing_is_said() -> None:
 
 @pytest.mark.usefixtures("fd")  # or skip
 def test_a_log_has_them_while_it_is_written(tmp_path: Path) -> None:
-    """
-    Readers and copies see the commits and nothing behind; closing gives the blocks back, and so
-    does the next writer behind one that was killed.
-    """
+    """Readers and copies see the commits and nothing behind."""
     path = tmp_path / "log"
     log = sl.create(path, tz="UTC")
     door = log.add_door()

@@ -24,9 +24,7 @@ def loops(turn: Callable[[bool], None]) -> CompiledLoops:
 
 
 def test_places_are_sorted_by_kind(turn: Callable[[bool], None]) -> None:
-    """
-    The kinds that are there, ascending, each with its places.
-    """
+    """The kinds that are there, ascending, each with its places."""
     drawn = [np.random.default_rng(seed).integers(0, 2 + seed, 50 + seed) for seed in SEEDS]
     kinds = [one.astype(np.uint8) for one in (*drawn, np.empty(0))]
     turn(False)
@@ -41,9 +39,7 @@ def _listed(places: dict[int, np.ndarray]) -> list[tuple[int, list[int]]]:
 
 
 def test_structs_are_gathered(turn: Callable[[bool], None]) -> None:
-    """
-    Whatever their size, from wherever they lie; none from outside of the bytes.
-    """
+    """Whatever their size, from wherever they lie; none from outside of the bytes."""
     draw = np.random.default_rng(1)
     records, dtype = draw.bytes(500), np.dtype([("id", "<u4"), ("x", "<f8")])
     offsets, places = draw.integers(0, 480, 20), draw.integers(0, 20, 40)
@@ -62,9 +58,7 @@ def test_structs_are_gathered(turn: Callable[[bool], None]) -> None:
 def test_nothing_is_copied_from_outside(
     loops: CompiledLoops, offsets: list[int], places: list[int]
 ) -> None:
-    """
-    A struct that lies partly outside, and a record that is not there.
-    """
+    """A struct that lies partly outside, and a record that is not there."""
     into = np.zeros(12, np.uint8)
 
     assert not loops.gather(bytes(500), np.array(offsets), 0, np.array(places), 12, into)
@@ -83,27 +77,21 @@ def test_nothing_is_copied_from_outside(
 def test_numbers_are_those_of_spans(
     loops: CompiledLoops, numbers: list[int], expected: bool
 ) -> None:
-    """
-    Each of them, in order, and no more.
-    """
+    """Each of them, in order, and no more."""
     firsts, ends = np.array([3, 7, 9]), np.array([6, 7, 11])
 
     assert expected is loops.are_numbered(np.array(numbers, np.int64), firsts, ends)
 
 
 def test_spans_of_any_numbers_end(loops: CompiledLoops) -> None:
-    """
-    The end of one before its beginning, or as far from it as can be.
-    """
+    """The end of one before its beginning, or as far from it as can be."""
     firsts, ends = np.array([2**63 - 1, -(2**63)]), np.array([-(2**63), 2**63 - 1])
 
     assert not loops.are_numbered(np.arange(3), firsts, ends)
 
 
 def test_each_row_keeps_its_greatest(loops: CompiledLoops) -> None:
-    """
-    As `np.maximum.at`; -1 is the last row.
-    """
+    """As `np.maximum.at`; -1 is the last row."""
     for seed in SEEDS:
         draw = np.random.default_rng(seed)
         kept, rows = draw.integers(-1, 9, 7), draw.integers(-1, 7, 30)
@@ -117,9 +105,7 @@ def test_each_row_keeps_its_greatest(loops: CompiledLoops) -> None:
 
 @pytest.mark.parametrize("row", [7, -8, 2**63 - 1, -(2**63)])
 def test_rows_that_are_not_there_are_refused(loops: CompiledLoops, row: int) -> None:
-    """
-    And what a loop works with is as it was.
-    """
+    """And what a loop works with is as it was."""
     scratch, one = np.full(7, -1), np.array([1])
 
     with pytest.raises(IndexError):
@@ -133,9 +119,7 @@ def test_rows_that_are_not_there_are_refused(loops: CompiledLoops, row: int) -> 
 
 
 def test_columns_of_different_lengths_are_refused(loops: CompiledLoops) -> None:
-    """
-    Of those that must be as long as each other.
-    """
+    """Of those that must be as long as each other."""
     one, two = np.zeros(1, np.int64), np.zeros(2, np.int64)
 
     with pytest.raises(ValueError, match="different lengths"):

@@ -45,9 +45,7 @@ some = st.builds(
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(st.lists(some, max_size=30), st.integers(1, 7))
 def test_a_fold_is_the_same(turn: Callable[[bool], None], told: list[Event], parts: int) -> None:
-    """
-    Of batches of any size, in any order of their times.
-    """
+    """Of batches of any size, in any order of their times."""
     batch = EventBatch.from_events(told)
 
     def fold(*, backward: bool) -> str:
@@ -70,9 +68,7 @@ def _told(state: DoorMapState) -> str:
 
 @pytest.mark.parametrize("name", ["office", "clinic_week"])
 def test_a_log_is_read_the_same(turn: Callable[[bool], None], name: str) -> None:
-    """
-    All events, each column and each payload, of every batch.
-    """
+    """All events, each column and each payload, of every batch."""
     turn(False)
     expected = _all_of(RECORDINGS / name)
     turn(True)
@@ -96,9 +92,7 @@ def _all_of(path: Path) -> list[str]:
 def test_a_damaged_log_says_the_same(
     turn: Callable[[bool], None], tmp_path: Path, seed: int
 ) -> None:
-    """
-    Where a byte of the records was changed, their CRCs too: what is read, and the message.
-    """
+    """Where a byte of the records was changed, their CRCs too: what is read, and the message."""
     path = shutil.copytree(RECORDINGS / "office", tmp_path / "office")
     (path / "metadata.yaml").unlink(missing_ok=True)
     segment = path / "office_000000.mcap"

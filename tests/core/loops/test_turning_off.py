@@ -16,9 +16,7 @@ from semmap_log.core import loops
 def test_the_environment_turns_them_off(
     turn: Callable[[bool], None], monkeypatch: pytest.MonkeyPatch, value: str
 ) -> None:
-    """
-    By any value but the empty one and 0.
-    """
+    """By any value but the empty one and 0."""
     turn(True)
     monkeypatch.setenv(loops.WITHOUT, value)
     loops.compiled.cache_clear()
@@ -29,9 +27,7 @@ def test_the_environment_turns_them_off(
 def test_those_of_another_interface_are_not_used(
     turn: Callable[[bool], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Such as those that an older version left behind, beside a source that is newer.
-    """
+    """Such as those that an older version left behind, beside a source that is newer."""
     turn(True)
     monkeypatch.setattr(loops, "INTERFACE", loops.INTERFACE + 1)
     loops.compiled.cache_clear()
@@ -42,9 +38,7 @@ def test_those_of_another_interface_are_not_used(
 def test_where_none_were_built_there_are_none(
     turn: Callable[[bool], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Numpy does it all.
-    """
+    """Numpy does it all."""
     turn(True)
     monkeypatch.setitem(sys.modules, "semmap_log.core.loops.native", None)
     loops.compiled.cache_clear()
@@ -54,9 +48,7 @@ def test_where_none_were_built_there_are_none(
 
 @pytest.mark.parametrize(("value", "expected"), [("0", "with"), ("1", "without")])
 def test_the_version_says_which(turn: Callable[[bool], None], value: str, expected: str) -> None:
-    """
-    A report of how long something takes needs it.
-    """
+    """A report of how long something takes needs it."""
     turn(True)
 
     done = subprocess.run(

@@ -87,9 +87,7 @@ def _as_bytes(value: Any) -> Any:
 
 @given(messages())
 def test_it_writes_what_rosbags_writes(drawn: tuple[str, dict[str, Any]]) -> None:
-    """
-    Every byte, padding too, whatever the lengths of the fields before make of the alignment.
-    """
+    """Every byte, padding too, whatever the lengths of the fields before make of the alignment."""
     ros_type, values = drawn
 
     assert _written(ros_type, values) == write_message(ros_type, values)
@@ -97,9 +95,7 @@ def test_it_writes_what_rosbags_writes(drawn: tuple[str, dict[str, Any]]) -> Non
 
 @given(messages())
 def test_it_reads_what_rosbags_reads(drawn: tuple[str, dict[str, Any]]) -> None:
-    """
-    Every field of every type that a log holds.
-    """
+    """Every field of every type that a log holds."""
     ros_type, values = drawn
     data = _written(ros_type, values)
     theirs = deserialize(ros_type, data)
@@ -116,9 +112,7 @@ def test_it_reads_what_rosbags_reads(drawn: tuple[str, dict[str, Any]]) -> None:
 def test_a_message_with_a_byte_changed_is_read_as_rosbags_reads_it_or_refused(
     drawn: tuple[str, dict[str, Any]], data: st.DataObject
 ) -> None:
-    """
-    Where ours reads it, rosbags does, and finds the same: nothing is made up.
-    """
+    """Where ours reads it, rosbags does, and finds the same: nothing is made up."""
     ros_type, values = drawn
     message = bytearray(_written(ros_type, values))
     message[data.draw(st.integers(4, len(message) - 1))] ^= data.draw(st.integers(1, 255))
@@ -138,16 +132,12 @@ def _is_texts(value: Any) -> bool:
 
 @pytest.mark.parametrize("ros_type", ALL_TYPES)
 def test_every_type_has_the_hash_that_rosbags_gives_it(ros_type: str) -> None:
-    """
-    Of its definition, with the types that it holds.
-    """
+    """Of its definition, with the types that it holds."""
     assert typestore().hash_rihs01(ros_type) == type_hash(ros_type)
 
 
 def test_the_text_of_ros_own_message_is_ros_own() -> None:
-    """
-    As it stands in the schema of every log.
-    """
+    """As it stands in the schema of every log."""
     assert typestore().generate_msgdef(OCCUPANCY_GRID, ros_version=2)[0] == schema_text(
         OCCUPANCY_GRID
     )
@@ -155,9 +145,7 @@ def test_the_text_of_ros_own_message_is_ros_own() -> None:
 
 @pytest.mark.parametrize("ros_type", [KEYFRAME, type_name("DoorAnnotated"), OCCUPANCY_GRID])
 def test_a_message_that_is_cut_is_an_error_at_every_byte(ros_type: str) -> None:
-    """
-    Never other values, nor an error of another kind.
-    """
+    """Never other values, nor an error of another kind."""
     data = _one_of(ros_type)
     for end in range(len(data)):
         with pytest.raises(ValueError, match=r"not a|text"):
@@ -165,9 +153,7 @@ def test_a_message_that_is_cut_is_an_error_at_every_byte(ros_type: str) -> None:
 
 
 def test_bytes_behind_the_end_are_refused_but_for_padding() -> None:
-    """
-    Other writers fill up to a multiple of four.
-    """
+    """Other writers fill up to a multiple of four."""
     ros_type = type_name("DoorAnnotated")
     data = _one_of(ros_type)
 
@@ -185,9 +171,7 @@ def test_bytes_behind_the_end_are_refused_but_for_padding() -> None:
     ],
 )
 def test_a_value_that_does_not_fit_is_named(values: dict[str, Any], named: str) -> None:
-    """
-    Nothing is wrapped, cut, or filled up.
-    """
+    """Nothing is wrapped, cut, or filled up."""
     fitting = {"salt": bytes(16), "door_id": 1, "key": "name", "value": "front"}
 
     with pytest.raises(ValueError, match=named):

@@ -28,9 +28,7 @@ from tests.strategies import events, fixed_size, same
 
 @given(events)
 def test_an_event_survives_the_way_to_bytes_and_back(event: Event) -> None:
-    """
-    decode(encode(event)) is the event, for every kind.
-    """
+    """decode(encode(event)) is the event, for every kind."""
     assert event.happened_ns is not None
     data = encode(event, event.happened_ns)
 
@@ -41,9 +39,7 @@ def test_an_event_survives_the_way_to_bytes_and_back(event: Event) -> None:
 
 @given(fixed_size)
 def test_rosbags_reads_what_our_layouts_wrote(event: Event) -> None:
-    """
-    The typestore, which reads the same .msg text its own way, finds the same values.
-    """
+    """The typestore, which reads the same .msg text its own way, finds the same values."""
     message = deserialize(ros_type(event.kind), encode(event, 0))
 
     theirs = {name: getattr(message, name) for name in field_names(type(event))}
@@ -54,9 +50,7 @@ def test_rosbags_reads_what_our_layouts_wrote(event: Event) -> None:
 
 @given(fixed_size)
 def test_our_layouts_read_what_rosbags_wrote(event: Event) -> None:
-    """
-    The bytes are the same in the other direction, padding included.
-    """
+    """The bytes are the same in the other direction, padding included."""
     values = ours_as_plain({name: getattr(event, name) for name in field_names(type(event))})
 
     theirs = serialize(ros_type(event.kind), **values)
@@ -74,9 +68,7 @@ def ours_as_plain(values: dict[str, Any]) -> dict[str, Any]:
 
 @given(st.lists(events, max_size=20))
 def test_a_batch_holds_the_events_as_columns(drawn: list[Event]) -> None:
-    """
-    Going through a batch gives the events back, in order, with their numbers.
-    """
+    """Going through a batch gives the events back, in order, with their numbers."""
     batch = EventBatch.from_events(drawn)
 
     again = list(batch)
@@ -90,9 +82,7 @@ def test_a_batch_holds_the_events_as_columns(drawn: list[Event]) -> None:
 def test_selecting_from_a_batch_is_selecting_from_its_events(
     drawn: list[Event], data: st.DataObject
 ) -> None:
-    """
-    `select` keeps columns, objects and stamps side by side.
-    """
+    """`select` keeps columns, objects and stamps side by side."""
     keep = data.draw(st.lists(st.booleans(), min_size=len(drawn), max_size=len(drawn)))
 
     chosen = EventBatch.from_events(drawn).select(np.array(keep, np.bool_))
@@ -103,9 +93,7 @@ def test_selecting_from_a_batch_is_selecting_from_its_events(
 
 @pytest.mark.parametrize("kind", [k for k in KINDS if k.kind not in OBJECT_KINDS])
 def test_hot_kinds_have_one_size_for_ever(kind: type[Event]) -> None:
-    """
-    struct and numpy agree on the size, and every field of the event is in the layout.
-    """
+    """struct and numpy agree on the size, and every field of the event is in the layout."""
     fixed = fixed_layout(kind.kind)
 
     assert fixed.packer.size == fixed.dtype.itemsize
@@ -113,9 +101,7 @@ def test_hot_kinds_have_one_size_for_ever(kind: type[Event]) -> None:
 
 
 def test_the_commit_has_the_layout_that_its_hash_relies_on() -> None:
-    """
-    `hash` is the last field, so that a record without its last 32 bytes is what is hashed.
-    """
+    """`hash` is the last field, so that a record without its last 32 bytes is what is hashed."""
     commit = layout("Commit")
     assert commit.dtype.fields is not None
 
@@ -124,9 +110,7 @@ def test_the_commit_has_the_layout_that_its_hash_relies_on() -> None:
 
 
 def test_type_hashes_are_what_was_written_before() -> None:
-    """
-    A changed message would be another type under the same name: it needs a new name instead.
-    """
+    """A changed message would be another type under the same name: it needs a new name instead."""
     from tests.core.messages.frozen_types import TYPE_HASHES
 
     now = {kind.__name__: type_hash(ros_type(kind.kind)) for kind in KINDS if kind is not FloorMap}
@@ -138,9 +122,7 @@ def test_type_hashes_are_what_was_written_before() -> None:
 
 @given(st.sampled_from(sorted(k.kind for k in KINDS)), st.binary(max_size=200))
 def test_bytes_that_are_no_message_are_refused_in_words(kind: int, data: bytes) -> None:
-    """
-    Whatever the bytes: an event, or a ValueError; never another exception.
-    """
+    """Whatever the bytes: an event, or a ValueError; never another exception."""
     try:
         event = decode(kind, data, 0)
     except ValueError as error:
@@ -151,9 +133,7 @@ def test_bytes_that_are_no_message_are_refused_in_words(kind: int, data: bytes) 
 
 @given(st.floats(-math.pi, math.pi))
 def test_the_angle_of_a_floor_map_does_not_creep(theta: float) -> None:
-    """
-    A map that goes from log to log keeps its bytes, though a quaternion is between.
-    """
+    """A map that goes from log to log keeps its bytes, though a quaternion is between."""
     cells = np.zeros((1, 1), np.int8)
     first = FloorMap(resolution=0.05, origin_x=0, origin_y=0, origin_theta=theta, cells=cells)
 
@@ -165,9 +145,7 @@ def test_the_angle_of_a_floor_map_does_not_creep(theta: float) -> None:
 
 @given(st.floats(-math.pi, math.pi), st.floats(0.9, 1.1))
 def test_an_angle_of_no_exact_quaternion(theta: float, length: float) -> None:
-    """
-    Another program's, rounded as it likes: the nearest angle is taken.
-    """
+    """Another program's, rounded as it likes: the nearest angle is taken."""
     cells = np.zeros((1, 1), np.int8)
     ours = FloorMap(resolution=0.05, origin_x=0, origin_y=0, origin_theta=theta, cells=cells)
     data = encode(ours, 0)

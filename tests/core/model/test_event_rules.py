@@ -222,9 +222,7 @@ def _said(kind: type[Any], row: Any) -> str | None:
 
 @pytest.mark.parametrize("kind", FIXED)
 def test_columns_and_events_agree_on_every_edge(kind: type[Any]) -> None:
-    """
-    Each field at a time, whatever else the event holds.
-    """
+    """Each field at a time, whatever else the event holds."""
     dtype = fixed_layout(kind.kind).dtype
     for base in _bases(kind):
         for name in dtype.names or ():
@@ -253,9 +251,7 @@ def _passes(kind: type[Any], rows: Any) -> bool:
 @given(data=st.data())
 @pytest.mark.parametrize("kind", FIXED)
 def test_columns_name_the_first_row_that_is_no_event(kind: type[Any], data: st.DataObject) -> None:
-    """
-    Of any rows whatever: as if they were made into events one by one.
-    """
+    """Of any rows whatever: as if they were made into events one by one."""
     dtype = fixed_layout(kind.kind).dtype
     rows = np.array(data.draw(st.lists(st.sampled_from(_bases(kind)), min_size=1, max_size=5)))
     for name in dtype.names or ():
@@ -275,9 +271,7 @@ def test_columns_name_the_first_row_that_is_no_event(kind: type[Any], data: st.D
 
 
 def test_a_wrong_row_far_down_is_named_by_its_place() -> None:
-    """
-    Columns are looked at block by block; the place is that among all rows.
-    """
+    """Columns are looked at block by block; the place is that among all rows."""
     rows = np.zeros(100_000, fixed_layout(DoorObserved.kind).dtype)
     rows["accuracy_open"] = rows["accuracy_closed"] = 1.0
     rows["accuracy_open"][[70_000, 99_999]] = 0.25
@@ -307,9 +301,7 @@ def test_values_fit_each_other(kind: type[Any], values: dict[str, Any], said: st
 
 @pytest.mark.parametrize("width", [-1.0, math.inf, math.nan])
 def test_what_an_update_does_not_set_may_be_anything(width: float) -> None:
-    """
-    A width alone: a log may hold such updates.
-    """
+    """A width alone: a log may hold such updates."""
     event = _event(DoorUpdated, changed=Changed.STATE, width=width)
 
     assert event.sets() == Changed.STATE
@@ -320,9 +312,7 @@ def test_what_an_update_does_not_set_may_be_anything(width: float) -> None:
 
 @pytest.mark.parametrize("value", [np.float32(math.nan), np.float32(0.5), np.float16(1)])
 def test_short_floats_are_compared_as_they_are(value: Any) -> None:
-    """
-    The greatest number is none of theirs: numpy warns of it where they are asked.
-    """
+    """The greatest number is none of theirs: numpy warns of it where they are asked."""
     assert _event(DoorPassed, waited_s=value).waited_s is value
     assert _event(DoorUpdated, changed=Changed.STATE, width=value).width is value
 
@@ -333,9 +323,7 @@ def test_a_whole_number_that_no_float_holds_is_refused() -> None:
 
 
 def test_the_fields_of_doors_are_those_of_both_kinds() -> None:
-    """
-    Told once; construction, order and pickles are as if each class had told them.
-    """
+    """Told once; construction, order and pickles are as if each class had told them."""
     names = ["level", "x", "y", "theta", "width", "state", "prob_open", "prob_closed"]
 
     assert ["door_id", *names] == list(field_names(DoorAdded))
@@ -349,18 +337,14 @@ def test_the_fields_of_doors_are_those_of_both_kinds() -> None:
 
 
 def test_every_kind_is_at_the_front_door() -> None:
-    """
-    Type checkers read the list as it stands; none is forgotten in it.
-    """
+    """Type checkers read the list as it stands; none is forgotten in it."""
     kinds = {kind.__name__ for kind in KINDS}
 
     assert kinds <= set(semmap_log.events.__all__)
 
 
 def test_the_kinds_keep_their_numbers() -> None:
-    """
-    They are on disk: the list only grows at its end.
-    """
+    """They are on disk: the list only grows at its end."""
     assert [
         "DoorAdded", "DoorUpdated", "DoorRemoved", "DoorObserved", "DoorRequested", "DoorPassed",
         "PatrolStarted", "PatrolFinished", "RobotPose", "Retracted", "DoorAnnotated", "LevelAdded",
@@ -374,9 +358,7 @@ def test_the_kinds_keep_their_numbers() -> None:
     ("kind", "name"), [(kind, name) for kind in FIXED for name in field_names(kind)]
 )
 def test_columns_have_room_for_all_that_a_rule_allows(kind: type[Any], name: str) -> None:
-    """
-    Those in the messages, and those that are made from the rule alone.
-    """
+    """Those in the messages, and those that are made from the rule alone."""
     rule = kind.rules.fields[name]
     stored, made = fixed_layout(kind.kind).dtype[name], np.dtype(rule.dtype)
 

@@ -48,9 +48,7 @@ def shown(ns: int, tz: str) -> datetime:
 @settings(deadline=None)
 @given(zones, st.lists(instants, min_size=1, max_size=5))
 def test_the_clocks_show_what_zoneinfo_says(tz: str, times: list[int]) -> None:
-    """
-    Seconds since a Monday's midnight, and hours, whatever times were asked for before.
-    """
+    """Seconds since a Monday's midnight, and hours, whatever times were asked for before."""
     clock = LocalClock(tz)
 
     for ns in times:
@@ -65,9 +63,7 @@ def test_the_clocks_show_what_zoneinfo_says(tz: str, times: list[int]) -> None:
 def test_a_time_that_is_shown_comes_back_as_the_first_instant_that_shows_it(
     tz: str, ns: int
 ) -> None:
-    """
-    From the clocks to the instant: the very one, or an hour (a day) earlier that looks the same.
-    """
+    """The very instant, or one an hour (a day) earlier that looks the same."""
     clock = LocalClock(tz)
     ns -= ns % SECOND_NS
 
@@ -79,9 +75,7 @@ def test_a_time_that_is_shown_comes_back_as_the_first_instant_that_shows_it(
 
 
 def test_a_time_that_is_skipped_is_the_moment_of_the_skip() -> None:
-    """
-    02:30 of the night in spring, and a midnight that did not exist.
-    """
+    """02:30 of the night in spring, and a midnight that did not exist."""
     vienna, sao_paulo = LocalClock("Europe/Vienna"), LocalClock("America/Sao_Paulo")
     half_past_two = np.array([day_of("2026-03-29") * DAY_S + 2.5 * HOUR_S])
 
@@ -93,9 +87,7 @@ def test_a_time_that_is_skipped_is_the_moment_of_the_skip() -> None:
 
 
 def test_the_hour_that_comes_twice_is_first_the_first() -> None:
-    """
-    02:30 in autumn is meant in summer time, as everywhere here.
-    """
+    """02:30 in autumn is meant in summer time, as everywhere here."""
     clock = LocalClock("Europe/Vienna")
 
     found = clock.instants_ns(np.array([day_of("2026-10-25") * DAY_S + 2.5 * HOUR_S]))
@@ -119,9 +111,7 @@ def test_the_hour_that_comes_twice_is_first_the_first() -> None:
     ],
 )
 def test_days_last_from_midnight_to_midnight(tz: str, day: str, hours: float) -> None:
-    """
-    23 and 25 hours, a half, a quarter, none at all.
-    """
+    """23 and 25 hours, a half, a quarter, none at all."""
     clock = LocalClock(tz)
     days = np.array([day_of(day), day_of(day) + 1])
 
@@ -137,9 +127,7 @@ def test_days_last_from_midnight_to_midnight(tz: str, day: str, hours: float) ->
 def test_hours_are_pieces_that_show_one_hour_and_leave_nothing_out(
     tz: str, first: int, count: int
 ) -> None:
-    """
-    Each piece shows its hour from its start up to its last second, and not after; they are all.
-    """
+    """Each piece shows its hour from its start up to its last second, and not after."""
     clock = LocalClock(tz)
 
     pieces = clock.hours(first, first + count)
@@ -157,9 +145,7 @@ def test_hours_are_pieces_that_show_one_hour_and_leave_nothing_out(
 
 
 def test_a_date_that_comes_twice_is_in_pieces_before_and_after() -> None:
-    """
-    St John's put the clocks back at 00:01 to 23:01: a minute of the new day came first.
-    """
+    """St John's put the clocks back at 00:01 to 23:01: a minute of the new day came first."""
     clock = LocalClock("America/St_Johns")
     day = day_of("2009-11-01")
 
@@ -172,9 +158,7 @@ def test_a_date_that_comes_twice_is_in_pieces_before_and_after() -> None:
 
 @pytest.mark.parametrize("tz", ZONES)
 def test_no_change_of_the_offset_is_missed(tz: str) -> None:
-    """
-    Looked at every half hour for ten years, as zoneinfo has it.
-    """
+    """Looked at every half hour for ten years, as zoneinfo has it."""
     clock = LocalClock(tz)
     seconds = np.arange(40 * 365 * DAY_S, 50 * 365 * DAY_S, 1800)
 
@@ -186,9 +170,7 @@ def test_no_change_of_the_offset_is_missed(tz: str) -> None:
 
 
 def test_nothing_asked_is_nothing_answered() -> None:
-    """
-    Empty columns go through, before and after others.
-    """
+    """Empty columns go through, before and after others."""
     clock = LocalClock("Europe/Vienna")
 
     for _ in range(2):
@@ -198,8 +180,6 @@ def test_nothing_asked_is_nothing_answered() -> None:
 
 
 def test_an_unknown_zone_is_refused() -> None:
-    """
-    With the error of all zones.
-    """
-    with pytest.raises(MomentError, match="No time zone 'Mars/Olympus'"):
+    """With the error of all zones."""
+    with pytest.raises(MomentError, match="time zone 'Mars/Olympus'"):
         LocalClock("Mars/Olympus")

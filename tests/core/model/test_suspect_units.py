@@ -30,16 +30,12 @@ MILLIMETRES = "width 900 m is more than a gate's: millimetres, or centimetres?"
 def test_what_no_door_is_like_is_asked_about(
     theta: float, width: float, expected: list[str]
 ) -> None:
-    """
-    A turn, and the gate of a hall, are well.
-    """
+    """A turn, and the gate of a hall, are well."""
     assert expected == list(suspect_units(theta=theta, width=width))
 
 
 def test_cells_in_millimetres_are_asked_about() -> None:
-    """
-    And an origin that is turned by degrees.
-    """
+    """And an origin that is turned by degrees."""
     assert 2 == len(list(suspect_cells(resolution=50.0, theta=90.0)))
     assert [] == list(suspect_cells(resolution=0.05, theta=-1.6))
 
@@ -53,9 +49,7 @@ def test_cells_in_millimetres_are_asked_about() -> None:
     ],
 )  # fmt: skip
 def test_an_import_and_info_ask_about_it(tmp_path: Path, name: str, text: str) -> None:
-    """
-    The values are as they are.
-    """
+    """The values are as they are."""
     (tmp_path / name).write_text(text)
     with sl.create(tmp_path / "log", tz="UTC") as log:
         told = import_file(log, tmp_path / name).plan.warnings
@@ -66,9 +60,7 @@ def test_an_import_and_info_ask_about_it(tmp_path: Path, name: str, text: str) -
 
 
 def test_add_asks_about_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    At once, on stderr.
-    """
+    """At once, on stderr."""
     sl.create(tmp_path / "log", tz="UTC").close()
     with pytest.raises(SystemExit) as left:
         main(["add", str(tmp_path / "log"), "--x=0", "--y=0", "--theta=90", "--width=900"])
@@ -78,9 +70,7 @@ def test_add_asks_about_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 
 
 def test_a_server_is_asked_about_it() -> None:
-    """
-    Of its map of doors.
-    """
+    """Of its map of doors."""
     listener = Listener({"/doors": ReadDoorMap()})
     listener.hear("/doors", Robot().door_map([{"door_id": 1, "pos_theta": 90.0}]))
 

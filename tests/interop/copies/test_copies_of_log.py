@@ -96,9 +96,7 @@ def fill(tree: Path, bucket: str) -> Path:
 def test_what_is_redacted_is_in_no_file_that_is_not_named(
     tmp_path: Path, bucket: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    All files below a folder in which everything lies: before, each copy holds it.
-    """
+    """All files below a folder in which everything lies: before, each copy holds it."""
     log = fill(tmp_path, bucket)
     shutil.rmtree(tmp_path / "second")
     before = holders(tmp_path, GOES)
@@ -150,9 +148,7 @@ def log(tmp_path: Path) -> Path:
 
 
 def test_nothing_is_written_by_a_plan(log: Path, tmp_path: Path) -> None:
-    """
-    Not even a cache that is not there yet.
-    """
+    """Not even a cache that is not there yet."""
     keep_scans(log, 0)
     shutil.rmtree(tmp_path / "cache")
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
@@ -163,9 +159,7 @@ def test_nothing_is_written_by_a_plan(log: Path, tmp_path: Path) -> None:
 
 
 def test_only_what_was_there_by_then_goes_of_the_scans(log: Path) -> None:
-    """
-    A file with earlier and later visits is written again; each scan that stays keeps its bytes.
-    """
+    """A file with earlier and later visits is written again."""
     first = next(
         commit for commit in sl.read(log).commits() if commit.recorded_ns > START_NS + 20 * S
     )
@@ -200,10 +194,7 @@ def messages_of(path: Path) -> list[tuple[str, int, bytes]]:
 def test_scans_of_a_retention(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Those from before the horizon go; those that an import has told of since then stay, as what it
-    told does.
-    """
+    """Those from before the horizon go."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 10)
     log = a_log(tmp_path / "office")
     with sl.append(log) as opened:
@@ -231,9 +222,7 @@ def test_scans_of_a_retention(
 def test_which_scans_hold_what_goes(
     log: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], action: str
 ) -> None:
-    """
-    They show where which robot was, and nothing that anybody said.
-    """
+    """They show where which robot was, and nothing that anybody said."""
     path = keep_scans(log, 0, robot="tug")
 
     code, out, _ = semmap(capsys, words[0], log, *words[1:], "--json")
@@ -245,9 +234,7 @@ def test_which_scans_hold_what_goes(
 
 
 def test_scans_that_cannot_be_read(log: Path) -> None:
-    """
-    With all tracks they go, unless they are of another log that had the name; else they are named.
-    """
+    """With all tracks they go, unless they are of another log that had the name."""
     damaged, torn, other = keep_scans(log, 0, 30), keep_scans(log, 1), keep_scans(log, 2)
     data = bytearray(damaged.read_bytes())
     data[chunks_at(damaged)[1] + 200] ^= 1
@@ -270,9 +257,7 @@ def test_scans_that_cannot_be_read(log: Path) -> None:
 
 
 def test_while_somebody_writes_scans_are_left(log: Path) -> None:
-    """
-    Whoever records adds to them; caches go.
-    """
+    """Whoever records adds to them; caches go."""
     path = keep_scans(log, 0)
     sl.read(log).fold(Texts(), checkpoint=log.parent / "texts")
     going = redaction(log, Tracks())
@@ -289,9 +274,7 @@ def test_while_somebody_writes_scans_are_left(log: Path) -> None:
 
 
 def test_what_cannot_be_removed_is_named(log: Path) -> None:
-    """
-    An index that somebody is making, of segments as they were; and what the disk does not let go.
-    """
+    """An index that somebody is making, of segments as they were."""
     index(log)
     answer = answer_of(log)
     answer.mkdir(parents=True)
@@ -314,9 +297,7 @@ def answer_of(log: Path) -> Path:
 def test_the_log_that_a_log_was_recovered_from(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    It may have another identity; the new one knows it.
-    """
+    """It may have another identity; the new one knows it."""
     segment = next(log.glob("*_000000.mcap"))
     data = bytearray(segment.read_bytes())
     data[len(data) // 2] ^= 1
@@ -332,9 +313,7 @@ def test_the_log_that_a_log_was_recovered_from(
 
 
 def test_a_user_without_a_home(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    As a service may be: nothing is kept for it.
-    """
+    """As a service may be: nothing is kept for it."""
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.delenv("HOME", raising=False)
     monkeypatch.setattr("pwd.getpwuid", {}.__getitem__)
@@ -345,9 +324,7 @@ def test_a_user_without_a_home(log: Path, monkeypatch: pytest.MonkeyPatch) -> No
 def test_other_logs_and_files_are_no_copies(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Neither named nor touched, whatever they are.
-    """
+    """Neither named nor touched, whatever they are."""
     a_log(tmp_path / "other")
     answer = answer_of(tmp_path / "other")
     answer.parent.mkdir(parents=True)

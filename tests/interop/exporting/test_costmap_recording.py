@@ -10,7 +10,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.analysis.costmap_2d.costs import to_occupancy
-from semmap_log.analysis.costmaps import CostmapOptions, costmap_at, costmap_frames
+from semmap_log.analysis.costmaps import CostmapOptions, costmap_at
 from semmap_log.errors import CostmapError, FormatError, OutputError
 from semmap_log.interop.exporting.costmap_files import Which, record_costmap
 from tests.conftest import SteadyClock
@@ -26,10 +26,7 @@ FLOOR = room(1)
 def test_at_any_moment_rviz_shows_what_a_replay_gives(
     name: str, which: Which, tmp_path: Path
 ) -> None:
-    """
-    Late events, moves between levels and removals included: the last grid with the updates after
-    it is the costmap of that moment, cell for cell.
-    """
+    """The last grid with its updates is the costmap of that moment, cell for cell."""
     log = restless_log(tmp_path / "log", seed=1)
     rng = random.Random(1)
 
@@ -46,30 +43,8 @@ def test_at_any_moment_rviz_shows_what_a_replay_gives(
         np.testing.assert_array_equal(to_occupancy(costs), shown[at_ns])
 
 
-def test_each_frame_is_there(tmp_path: Path) -> None:
-    """
-    With `every_s` 0 the whole grids are the frames, each at its time.
-    """
-    log = restless_log(tmp_path / "log", seed=2)
-    expected = {
-        frame.at_ns: to_occupancy(frame.costmap.master.costs)
-        for frame in costmap_frames(log, OPTIONS, floor=FLOOR)
-    }
-
-    record_costmap(log, tmp_path / "x.mcap", OPTIONS, every_s=0, updates=False, floor=FLOOR)
-
-    shown = {each.at_ns: each.cells for each in played(tmp_path / "x.mcap")}
-    assert shown.keys() <= expected.keys()
-    last = np.empty(0)
-    for at_ns, cells in expected.items():
-        last = shown.get(at_ns, last)
-        np.testing.assert_array_equal(cells, last)
-
-
 def test_a_part_begins_with_the_costmap_as_it_was(tmp_path: Path) -> None:
-    """
-    The first grid stands at `since`; nothing is later than `until`.
-    """
+    """The first grid stands at `since`; nothing is later than `until`."""
     log = small_log(tmp_path / "log")
     since, until = START + 900 * SECOND, START + 2000 * SECOND
 
@@ -83,9 +58,7 @@ def test_a_part_begins_with_the_costmap_as_it_was(tmp_path: Path) -> None:
 
 
 def test_a_wrong_question_leaves_no_file(tmp_path: Path) -> None:
-    """
-    Nothing to draw, a name that tells no bag, the log's own folder: said, and nothing is written.
-    """
+    """Nothing to draw, a name that tells no bag, the log's own folder."""
     sl.create(tmp_path / "empty", tz="UTC", clock=SteadyClock(START)).close()
     log = small_log(tmp_path / "log")
     before = {path.name for path in (tmp_path / "log").iterdir()}
@@ -102,9 +75,7 @@ def test_a_wrong_question_leaves_no_file(tmp_path: Path) -> None:
 
 
 def test_progress_goes_up_to_the_end(tmp_path: Path) -> None:
-    """
-    It is told how much of the time has been gone through.
-    """
+    """It is told how much of the time has been gone through."""
     log = restless_log(tmp_path / "log", seed=2)
     told: list[tuple[int, int]] = []
 

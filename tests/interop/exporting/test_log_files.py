@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -11,16 +10,12 @@ import pytest
 import yaml
 
 import semmap_log as sl
-from semmap_log.errors import CommandError, OutputError
+from semmap_log.errors import OutputError
 from semmap_log.interop.exporting.log_files import export
-from semmap_log.interop.importing.importing import import_file
-from semmap_log.log.replay.replay import Scope
 
 
 def test_the_yaml_is_the_thesis_schema(tmp_path: Path) -> None:
-    """
-    Fig. 4.1: keys are ids, ascending; all values but the status are real numbers.
-    """
+    """Fig. 4.1: keys are ids, ascending; all values but the status are real numbers."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door(door_id=sl.DoorId(7), x=1.5, y=-2.0, theta=0.1, width=0.9, state="moving")
         log.add_door(
@@ -45,29 +40,12 @@ def test_the_yaml_is_the_thesis_schema(tmp_path: Path) -> None:
     assert any("contact without a place" in text for text in done.left_out)
 
 
-def test_a_door_without_probabilities_needs_a_word(tmp_path: Path) -> None:
-    """
-    The error names the door and the option; the old file stays.
-    """
-    with sl.create(tmp_path / "log", tz="UTC") as log:
-        log.add_door(x=0, y=0, theta=0, width=1, name="front")
-        (tmp_path / "doors.yaml").write_text("old")
-
-        with pytest.raises(CommandError, match=r"front.*--default-prob"):
-            export(log, tmp_path / "doors.yaml")
-
-    assert "old" == (tmp_path / "doors.yaml").read_text()
-    assert ["doors.yaml", "log"] == sorted(p.name for p in tmp_path.iterdir())
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["doors.yaml", "states.csv", "events.jsonl", "a.geojson", "a.pddl"]
 )
 def test_a_full_disk_leaves_the_old_file_whole(name: str, tmp_path: Path) -> None:
-    """
-    No half file, no litter, one clear error.
-    """
+    """No half file, no litter, one clear error."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         for n in range(50):
             log.add_door(x=n, y=0, theta=0, width=1, state="open", prob_open=0.5, prob_closed=0.5)
@@ -97,48 +75,6 @@ except OutputError as error:
 
 
 def test_a_place_that_cannot_be_written_is_said(tmp_path: Path) -> None:
-    """
-    As one error of ours, with the path.
-    """
+    """As one error of ours, with the path."""
     with sl.create(tmp_path / "log", tz="UTC") as log, pytest.raises(OutputError, match="nowhere"):
         export(log, tmp_path / "nowhere" / "events.jsonl")
-
-
-def test_events_as_json_lines_come_back_as_they_were(tmp_path: Path) -> None:
-    """
-    Through a file into a new log: the same doors and the same history, retracted ones left out.
-    """
-    with sl.create(tmp_path / "a", tz="Europe/Vienna") as log:
-        door = log.add_door(x=1, y=2, theta=0, width=1, name="Tür")
-        log.observe(door, "open", accuracy_open=0.9, accuracy_closed=0.8, opening=0.5)
-        log.passed(door, waited_s=2.5)
-        log.start_patrol(reason="round")
-        export(log, tmp_path / "events.jsonl")
-        before = log.replay()
-    with sl.create(tmp_path / "b", tz="UTC") as log:
-        import_file(log, tmp_path / "events.jsonl")
-        after = log.replay()
-        kinds = [entry.kind for entry in log.history()]
-
-    assert repr(before.doors) == repr(after.doors)
-    assert ["DoorAdded", "DoorAnnotated", "DoorObserved", "DoorPassed", "PatrolStarted"] == kinds
-
-
-def test_doors_as_geojson_are_those_of_the_moment(tmp_path: Path) -> None:
-    """
-    And what is said names those without a place.
-    """
-    with sl.create(tmp_path / "log", tz="UTC") as log:
-        log.add_door(x=1, y=2, theta=0, width=1, state="open", at="2026-03-01")
-        log.update_door(1, state="closed", at="2026-03-03")
-        log.add_door(name="contact", at="2026-03-02")
-        at_ns = log.instant("2026-03-02T12:00")
-
-        done = export(log, tmp_path / "doors.geojson", Scope(at_ns=at_ns))
-
-    found = json.loads((tmp_path / "doors.geojson").read_text(encoding="utf-8"))
-    states = [feature["properties"]["state"] for feature in found["features"]]
-    assert ["OPEN", "UNKNOWN"] == states
-    assert log.info.log_id == found["semmap_log"]["log_id"]
-    assert "2 doors, in metres of the map frame" == done.what
-    assert ("contact: without a place, so its geometry is null",) == done.notes

@@ -20,7 +20,6 @@ from semmap_log.core.model.events import Event, Retracted
 from semmap_log.interop.exporting.log_files import export
 from semmap_log.log.replay.replay import Scope
 from semmap_log.store.compaction import compact
-from tests.conftest import SteadyClock
 from tests.core.arrow.rows import history_rows, rows_of, write_any
 from tests.store.eventful import eventful_log
 from tests.strategies import events, texts
@@ -38,9 +37,7 @@ def exported(log: sl.DoorLog, path: Path, scope: Scope = Scope()) -> pa.Table:
 @settings(max_examples=60, deadline=None)
 @given(commits)
 def test_the_file_is_the_log(drawn: list[tuple[list[Event], sl.Note]]) -> None:
-    """
-    Every event of every kind, every field, who and why, and whether it was taken back.
-    """
+    """Every event of every kind, every field, who and why, and whether it was taken back."""
     with tempfile.TemporaryDirectory() as folder:
         log = sl.read(write_any(Path(folder) / "log", drawn))
         rows = rows_of(exported(log, Path(folder) / "x.parquet"))
@@ -56,9 +53,7 @@ def log(tmp_path: Path) -> sl.DoorLog:
 
 
 def test_at_known_at_and_event_bound_the_rows(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    What had happened by then; what was known by then, so that nothing is retracted yet.
-    """
+    """What had happened by then; what was known by then, so that nothing is retracted yet."""
     everything = exported(log, tmp_path / "x.parquet")
     retraction = next(e for e in log.history() if isinstance(e.event, Retracted))
     fifth = log.entry(5)
@@ -77,9 +72,7 @@ def test_at_known_at_and_event_bound_the_rows(log: sl.DoorLog, tmp_path: Path) -
 
 
 def test_the_file_tells_which_log_it_is_of(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    Its id, zone, building, robot, and the version of the schema; each column says what it means.
-    """
+    """Its id, zone, building, robot, and the version of the schema."""
     schema = exported(log, tmp_path / "x.parquet").schema
 
     assert {
@@ -94,9 +87,7 @@ def test_the_file_tells_which_log_it_is_of(log: sl.DoorLog, tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_the_same_log_gives_the_same_bytes(tmp_path: Path) -> None:
-    """
-    Once more, from another process, and after it was compacted.
-    """
+    """Once more, from another process, and after it was compacted."""
     log = eventful_log(tmp_path / "log")
     export(sl.read(log), tmp_path / "a.parquet")
     command = ["-m", "semmap_log", "export", log, tmp_path / "b.parquet"]
@@ -111,9 +102,7 @@ def test_the_same_log_gives_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_pandas_reads_it_with_useful_types(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    By `read_parquet` without a word: the same frame as `to_pandas()`, and who and why.
-    """
+    """By `read_parquet` without a word: the same frame as `to_pandas()`, and who and why."""
     export(log, tmp_path / "x.parquet")
 
     frame = pd.read_parquet(tmp_path / "x.parquet")
@@ -131,9 +120,7 @@ def test_pandas_reads_it_with_useful_types(log: sl.DoorLog, tmp_path: Path) -> N
 
 
 def test_duckdb_reads_it(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    The state of each door, by SQL, is what a replay says.
-    """
+    """The state of each door, by SQL, is what a replay says."""
     duckdb: Any = pytest.importorskip("duckdb", reason="duckdb (extra `test`) is not installed")
     export(log, tmp_path / "x.parquet")
 
@@ -145,38 +132,3 @@ def test_duckdb_reads_it(log: sl.DoorLog, tmp_path: Path) -> None:
     """).fetchall()
 
     assert [(door.door_id, door.state.name) for door in log.replay().doors.values()] == rows
-
-
-@pytest.mark.slow
-def test_a_full_disk_leaves_the_old_file_whole(tmp_path: Path) -> None:
-    """
-    No half file, no litter, one clear error.
-    """
-    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock()) as log:
-        for n in range(50):
-            log.add_door(x=n, y=0, theta=0, width=1)
-    (tmp_path / "x.parquet").write_text("old")
-    code = """
-import resource, sys, semmap_log as sl
-from pathlib import Path
-from semmap_log.errors import OutputError
-from semmap_log.interop.exporting.log_files import export
-import semmap_log.core.arrow.arrow_sdk
-log = sl.read(sys.argv[1])
-resource.setrlimit(resource.RLIMIT_FSIZE, (500, 500))
-try:
-    export(log, Path(sys.argv[2]))
-except OutputError as error:
-    print(error)
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", code, tmp_path / "log", tmp_path / "x.parquet"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-
-    assert "x.parquet: could not be written: " in done.stdout
-    assert "None" not in done.stdout
-    assert "old" == (tmp_path / "x.parquet").read_text()
-    assert ["log", "x.parquet"] == sorted(p.name for p in tmp_path.iterdir())

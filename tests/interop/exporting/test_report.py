@@ -22,9 +22,7 @@ def log(tmp_path: Path) -> sl.DoorLog:
 
 
 def test_the_file_is_the_page(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    What is said of it is so; what was there before is gone.
-    """
+    """What is said of it is so; what was there before is gone."""
     out = tmp_path / "page.html"
     out.write_text("old")
 
@@ -36,9 +34,7 @@ def test_the_file_is_the_page(log: sl.DoorLog, tmp_path: Path) -> None:
 
 
 def test_export_writes_the_same_page(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    The name tells the format.
-    """
+    """The name tells the format."""
     write_report(log, tmp_path / "a.html")
 
     export(log, tmp_path / "b.html")
@@ -47,9 +43,7 @@ def test_export_writes_the_same_page(log: sl.DoorLog, tmp_path: Path) -> None:
 
 
 def test_export_at_a_moment_ends_the_page_there(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    The moment itself is on it.
-    """
+    """The moment itself is on it."""
     at_ns = START + 1300 * SECOND
 
     export(log, tmp_path / "x.html", Scope(at_ns=at_ns))
@@ -61,48 +55,22 @@ def test_export_at_a_moment_ends_the_page_there(log: sl.DoorLog, tmp_path: Path)
 
 @pytest.mark.parametrize("scope", [Scope(known_at_ns=START), Scope(event=3)])
 def test_a_page_shows_what_is_known_today(log: sl.DoorLog, tmp_path: Path, scope: Scope) -> None:
-    """
-    What was believed then it does not show, and says so.
-    """
-    with pytest.raises(CommandError, match="leave --known-at and --event out"):
+    """What was believed then it does not show, and says so."""
+    with pytest.raises(CommandError, match="--known-at and --event"):
         export(log, tmp_path / "x.html", scope)
 
     assert not (tmp_path / "x.html").exists()
 
 
 def test_a_name_that_is_no_page_is_refused(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    Nobody would find out how to open it.
-    """
+    """Nobody would find out how to open it."""
     with pytest.raises(FormatError, match=r"ends in \.html"):
         write_report(log, tmp_path / "page.pdf")
 
 
 def test_a_folder_that_is_not_there_is_an_error(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    It is not made.
-    """
+    """It is not made."""
     with pytest.raises(OutputError, match="could not be written: No such file or directory"):
         write_report(log, tmp_path / "no" / "page.html")
 
     assert ["log"] == [path.name for path in tmp_path.iterdir()]
-
-
-def test_the_logs_own_folder_is_refused(log: sl.DoorLog) -> None:
-    """
-    Nothing but the log lies there.
-    """
-    with pytest.raises(OutputError, match="log's own folder"):
-        write_report(log, log.path / "page.html")
-
-
-def test_a_folder_of_that_name_stays(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    It cannot be replaced by a file; nothing is left beside it.
-    """
-    (tmp_path / "page.html").mkdir()
-
-    with pytest.raises(OutputError, match="could not be written"):
-        write_report(log, tmp_path / "page.html")
-
-    assert ["log", "page.html"] == sorted(path.name for path in tmp_path.iterdir())

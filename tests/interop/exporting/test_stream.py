@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
-from semmap_log.core.model.doors import DoorId, DoorMap, reduced
+from semmap_log.core.model.doors import DoorMap, reduced
 from semmap_log.core.model.events import DoorAdded, RobotPose
 from semmap_log.errors import FormatError, MomentError, OutputError
 from semmap_log.interop.exporting import stream as stream_module
@@ -40,14 +40,11 @@ def topic(messages: list[Played], name: str, until_ns: int | None = None) -> lis
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", BAGS)
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("name", "seed"), [("x.mcap", 1), ("x.bag", 2), ("x", 3)])
 def test_whoever_played_from_the_start_sees_what_a_replay_gives(
     name: str, seed: int, tmp_path: Path
 ) -> None:
-    """
-    Late and retracted events, names, moves between levels, removals and heights included.
-    """
+    """Late and retracted events, names, moves between levels, removals and heights included."""
     log = lively_log(tmp_path / "log", seed=seed)
     moments = some_moments(log, seed)
 
@@ -62,11 +59,9 @@ def test_whoever_played_from_the_start_sees_what_a_replay_gives(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3, 9))
+@pytest.mark.parametrize("seed", range(3, 6))
 def test_whoever_jumps_to_a_moment_sees_the_same(seed: int, tmp_path: Path) -> None:
-    """
-    The last message of each topic alone shows all doors: players load no more of them.
-    """
+    """The last message of each topic alone shows all doors: players load no more of them."""
     log = lively_log(tmp_path / "log", seed=seed)
 
     record_bag(log, tmp_path / "x.mcap", MARKED)
@@ -84,15 +79,13 @@ def test_whoever_jumps_to_a_moment_sees_the_same(seed: int, tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", BAGS)
-@pytest.mark.parametrize("options", [MARKED, StreamOptions()], ids=["markers", "plain"])
+@pytest.mark.parametrize(
+    ("name", "options"), [("x.mcap", StreamOptions()), ("x.bag", MARKED), ("x", MARKED)]
+)
 def test_the_thesis_message_is_the_door_database(
     name: str, options: StreamOptions, tmp_path: Path
 ) -> None:
-    """
-    At any moment the last one lists the doors with a place, ids ascending, states as the thesis
-    knows them; NaN stands for what was not given.
-    """
+    """The last message of a moment lists the placed doors, ids ascending; NaN is "not given"."""
     log = lively_log(tmp_path / "log", seed=1)
 
     record_bag(log, tmp_path / name, options)
@@ -123,9 +116,7 @@ def entries(message: Any) -> list[tuple[Any, ...]]:
 
 @pytest.mark.slow
 def test_without_markers_the_other_topics_are_the_same(tmp_path: Path) -> None:
-    """
-    Message by message, at each change, however many there are: markers only come in between.
-    """
+    """Message by message, at each change, however many there are: markers only come in between."""
     log = lively_log(tmp_path / "log", seed=3)
 
     record_bag(log, tmp_path / "plain.mcap")
@@ -141,9 +132,7 @@ def test_without_markers_the_other_topics_are_the_same(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_both_ros_take_the_names_of_the_topics(version: RosVersion, tmp_path: Path) -> None:
-    """
-    Of several levels, too: in ROS 2 no part of a name begins with a digit.
-    """
+    """Of several levels, too: in ROS 2 no part of a name begins with a digit."""
     log = lively_log(tmp_path / "log", seed=1)
 
     stream = log_stream(log, MARKED, ros_version=version)
@@ -154,9 +143,7 @@ def test_both_ros_take_the_names_of_the_topics(version: RosVersion, tmp_path: Pa
 
 
 def test_a_default_stands_for_probabilities_that_were_not_given(tmp_path: Path) -> None:
-    """
-    And for those alone.
-    """
+    """And for those alone."""
     log = small_log(tmp_path / "log")
 
     record_bag(log, tmp_path / "x.mcap", StreamOptions(markers=True, default_prob=0.125))
@@ -167,9 +154,7 @@ def test_a_default_stands_for_probabilities_that_were_not_given(tmp_path: Path) 
 
 @pytest.mark.slow
 def test_each_change_is_sent_once(tmp_path: Path) -> None:
-    """
-    No message is the same as the one before it, and each has the time of an event.
-    """
+    """No message is the same as the one before it, and each has the time of an event."""
     log = lively_log(tmp_path / "log", seed=4)
     times = {min(e.happened_ns, e.recorded_ns) for e in log.history()}
 
@@ -185,9 +170,7 @@ def test_each_change_is_sent_once(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_with_an_interval_the_last_message_is_at_most_so_old(tmp_path: Path) -> None:
-    """
-    Each shows what was true at its own time, they keep their distance, and the end is shown.
-    """
+    """Each shows what was true at its own time, they keep their distance, and the end is shown."""
     log = lively_log(tmp_path / "log", seed=5)
     every = 3600 * SECOND
 
@@ -210,9 +193,7 @@ def test_with_an_interval_the_last_message_is_at_most_so_old(tmp_path: Path) -> 
 def test_a_log_with_very_many_changes_gets_an_interval(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The shortest with which there are not too many doors in all messages together.
-    """
+    """The shortest with which there are not too many doors in all messages together."""
     log = lively_log(tmp_path / "log", seed=5)
 
     plenty = record_bag(log, tmp_path / "x.mcap", MARKED).every_s
@@ -224,9 +205,7 @@ def test_a_log_with_very_many_changes_gets_an_interval(
 
 @pytest.mark.slow
 def test_a_part_begins_with_what_was_there(tmp_path: Path) -> None:
-    """
-    Doors, database and floor plan stand at its first moment; nothing is later than its last.
-    """
+    """Doors, database and floor plan stand at its first moment; nothing is later than its last."""
     log = lively_log(tmp_path / "log", seed=6)
     since, until = START + 9000 * SECOND, START + 15_000 * SECOND
     before = log.replay(at=since)
@@ -248,9 +227,7 @@ def test_a_part_begins_with_what_was_there(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", BAGS)
 def test_the_floor_plans_are_the_logs_own(name: str, tmp_path: Path) -> None:
-    """
-    At any moment the last plan of each level, in its place, turned, and at its level's height.
-    """
+    """The last plan of each level in its place, turned, and at its level's height."""
     log = lively_log(tmp_path / "log", seed=7)
 
     record_bag(log, tmp_path / name, MARKED)
@@ -284,9 +261,7 @@ def test_the_floor_plans_are_the_logs_own(name: str, tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", BAGS)
 def test_the_robot_is_where_it_said_it_was(name: str, tmp_path: Path) -> None:
-    """
-    Each RobotPose is a PoseStamped, its stamp and its message's time are when it happened.
-    """
+    """Each RobotPose is a PoseStamped, its stamp and its message's time are when it happened."""
     log = lively_log(tmp_path / "log", seed=1)
     expected = sorted((e.happened_ns, e.event) for e in log.history(kinds=[RobotPose]))
 
@@ -306,9 +281,7 @@ def test_the_robot_is_where_it_said_it_was(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "info"), [("x.mcap", 20), ("x.bag", 2), ("x", 20)])
 def test_the_events_say_who_did_what_and_why(name: str, info: int, tmp_path: Path) -> None:
-    """
-    A line an event but for poses: the door's name, the words, the kind and the number.
-    """
+    """A line an event but for poses: the door's name, the words, the kind and the number."""
     log = small_log(tmp_path / "log")
 
     record_bag(log, tmp_path / name, MARKED)
@@ -325,9 +298,7 @@ def test_the_events_say_who_did_what_and_why(name: str, info: int, tmp_path: Pat
 
 @pytest.mark.slow
 def test_what_was_retracted_is_not_told(tmp_path: Path) -> None:
-    """
-    The retractions are.
-    """
+    """The retractions are."""
     log = lively_log(tmp_path / "log", seed=2)
     expected = {e.number for e in log.history() if not e.retracted and e.kind != "RobotPose"}
 
@@ -339,9 +310,7 @@ def test_what_was_retracted_is_not_told(tmp_path: Path) -> None:
 
 
 def test_one_level_has_plain_names_and_lies_on_the_ground(tmp_path: Path) -> None:
-    """
-    `/map` and `/semmap/doors`, as RViz's and everybody's layouts have it.
-    """
+    """`/map` and `/semmap/doors`, as RViz's and everybody's layouts have it."""
     log = small_log(tmp_path / "log")
 
     done = record_bag(log, tmp_path / "x.mcap", StreamOptions(markers=True, palette=COLOUR_BLIND))
@@ -355,9 +324,7 @@ def test_one_level_has_plain_names_and_lies_on_the_ground(tmp_path: Path) -> Non
 
 
 def test_doors_without_a_place_are_named(tmp_path: Path) -> None:
-    """
-    They are on no topic; an empty log makes a bag without messages.
-    """
+    """They are on no topic; an empty log makes a bag without messages."""
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=sl.DoorId(9))])
     sl.create(tmp_path / "empty", tz="UTC", clock=SteadyClock(START)).close()
@@ -377,9 +344,7 @@ def test_doors_without_a_place_are_named(tmp_path: Path) -> None:
 def test_the_same_log_gives_the_same_bytes(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Read in slices of any size, too.
-    """
+    """Read in slices of any size, too."""
     log = lively_log(tmp_path / "log", seed=8)
 
     for folder, events in (("one", stream_module.SLICE_EVENTS), ("two", 7)):
@@ -397,10 +362,7 @@ def digests(folder: Path) -> dict[str, str]:
 
 
 def test_a_wrong_question_leaves_no_file(tmp_path: Path) -> None:
-    """
-    A name that tells no bag, the log's own folder, times that run backwards, and those for which
-    ROS has no stamp.
-    """
+    """A name that tells no bag, the log's own folder, times backwards or beyond ROS's stamps."""
     log = small_log(tmp_path / "log")
     with sl.create(tmp_path / "late", tz="UTC", clock=SteadyClock(2**31 * SECOND)) as late:
         late.add_door(x=1.0, y=1.0, theta=0.0, width=1.0)
@@ -419,9 +381,7 @@ def test_a_wrong_question_leaves_no_file(tmp_path: Path) -> None:
 
 
 def test_progress_goes_up_to_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    It is told how many of the events are done.
-    """
+    """It is told how many of the events are done."""
     log = lively_log(tmp_path / "log", seed=2)
     monkeypatch.setattr(stream_module, "SLICE_EVENTS", 50)
     told: list[tuple[int, int]] = []
@@ -433,26 +393,8 @@ def test_progress_goes_up_to_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert told[-1][0] == told[-1][1] == sum(not e.retracted for e in log.history())
 
 
-def test_doors_come_in_the_order_of_their_ids(tmp_path: Path) -> None:
-    """
-    Whichever was in the map first, in the markers and in the thesis's message.
-    """
-    with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
-        for door in (3, 1, 2):
-            log.append([DoorAdded(door_id=DoorId(door), x=door, y=0.0, theta=0.0, width=1.0)])
-
-    record_bag(sl.read(tmp_path / "log"), tmp_path / "x.mcap", MARKED)
-
-    messages = played(tmp_path / "x.mcap")
-    markers = topic(messages, DOORS)[-1].message.markers
-    assert [1, 2, 3] == [marker.id for marker in markers if marker.ns == "doors"]
-    assert [1, 2, 3] == [entry.door_id for entry in topic(messages, THESIS)[-1].message.door_db]
-
-
 def test_what_waits_is_sent_once_its_time_has_come(tmp_path: Path) -> None:
-    """
-    With nothing else to send then: not only when something happens again, an hour later.
-    """
+    """With nothing else to send then: not only when something happens again, an hour later."""
     clock = SteadyClock(START)
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         door = log.add_door(x=0.0, y=0.0, theta=0.0, width=1.0, state="closed")

@@ -48,12 +48,10 @@ def folder(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", READERS)
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.binary(max_size=300) | word_salad)
 def test_any_bytes_are_read_or_refused(folder, monkeypatch, name, data):
-    """
-    Noise, and words of the formats thrown together.
-    """
+    """Noise, and words of the formats thrown together."""
     monkeypatch.chdir(folder)
     DOORS.write_text("timestamp,door,state\n2026-03-01,front,OPEN\n")
     path = folder / f"some.{name}"
@@ -81,12 +79,10 @@ json_values = st.recursive(
 
 
 @pytest.mark.slow
-@settings(max_examples=500, suppress_health_check=list(HealthCheck))
+@settings(max_examples=200, suppress_health_check=list(HealthCheck))
 @given(st.sampled_from(sorted(KIND_BY_NAME)), st.dictionaries(st.sampled_from(KEYS), json_values))
 def test_any_keys_and_values_are_an_event_or_refused(kind, values):
-    """
-    The right keys with any values.
-    """
+    """The right keys with any values."""
     text = json.dumps({"kind": kind} | values)
 
     try:

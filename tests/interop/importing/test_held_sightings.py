@@ -43,9 +43,7 @@ def _count(log: sl.DoorLog) -> int:
 
 
 def test_rows_of_two_exports_are_one_sighting_each(log: sl.DoorLogWriter, tmp_path: Path) -> None:
-    """
-    Time, door, state and accuracy are the same; another of these is another sighting.
-    """
+    """Time, door, state and accuracy are the same; another of these is another sighting."""
     _take(log, _csv(tmp_path / "week1.csv", "08:00,gate,OPEN,0.9", "09:00,gate,CLOSED,"))
     week2 = _csv(
         tmp_path / "week2.csv", "08:00,gate,OPEN,0.9", "08:00,gate,OPEN,0.8", "09:00,gate,CLOSED,",
@@ -61,9 +59,7 @@ def test_rows_of_two_exports_are_one_sighting_each(log: sl.DoorLogWriter, tmp_pa
 
 
 def test_an_explicit_source_keeps_two_sensors_apart(log: sl.DoorLogWriter, tmp_path: Path) -> None:
-    """
-    Each with exports that overlap, and files that are alike to the byte.
-    """
+    """Each with exports that overlap, and files that are alike to the byte."""
     rows = ("08:00,gate,OPEN,0.9", "09:00,gate,CLOSED,0.9")
     for source in ("left", "right", "left"):
         _take(log, _csv(tmp_path / "a.csv", *rows), source=source)
@@ -75,9 +71,7 @@ def test_an_explicit_source_keeps_two_sensors_apart(log: sl.DoorLogWriter, tmp_p
 
 
 def test_what_was_taken_back_is_not_held(log: sl.DoorLogWriter, tmp_path: Path) -> None:
-    """
-    It counts no more, so the row counts anew.
-    """
+    """It counts no more, so the row counts anew."""
     first = _take(log, _csv(tmp_path / "a.csv", "08:00,gate,OPEN,0.9")).first_event
     assert first is not None
     log.retract(first + 2)
@@ -90,9 +84,7 @@ def test_what_was_taken_back_is_not_held(log: sl.DoorLogWriter, tmp_path: Path) 
 def test_many_rows_in_many_parts(
     log: sl.DoorLogWriter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Every third row is new, and new doors come among them.
-    """
+    """Every third row is new, and new doors come among them."""
     monkeypatch.setattr(csv_blocks, "BLOCK_BYTES", 256)
     every = [f"{n // 60:02}:{n % 60:02},door {n // 200},OPEN,0.9" for n in range(600)]
     _take(log, _csv(tmp_path / "a.csv", *(row for n, row in enumerate(every) if n % 3)))
@@ -107,9 +99,7 @@ def test_many_rows_in_many_parts(
 def test_lines_are_compared_too(
     log: sl.DoorLogWriter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Those that no log wrote; each with the source that it tells.
-    """
+    """Those that no log wrote; each with the source that it tells."""
     monkeypatch.setattr(held_sightings, "AT_ONCE", 2)
     log.add_door(name="gate", at="2026-03-01")
     lines = [
@@ -130,9 +120,7 @@ def test_lines_are_compared_too(
 
 
 def test_bags_and_csvs_are_compared_with_each_other(log: sl.DoorLogWriter, tmp_path: Path) -> None:
-    """
-    A bag that was cut into two that overlap; and what a program made of it.
-    """
+    """A bag that was cut into two that overlap; and what a program made of it."""
     said = [Said("/s", *ROBOT.door_state("gate", 2 * (n % 2)), START + n * 70 * S)
             for n in range(6)]  # fmt: skip
     write_mcap(tmp_path / "a.mcap", said[:4])

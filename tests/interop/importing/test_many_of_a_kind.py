@@ -60,9 +60,7 @@ def _doors(*doors: tuple[int, int, str]) -> Present:
 def test_a_door_is_found_by_its_name_or_by_level_and_name(
     tmp_path: Path, text: str, expected: int | str
 ) -> None:
-    """
-    Names and levels may have slashes in them.
-    """
+    """Names and levels may have slashes in them."""
     present = _doors((1, 1, "front"), (2, 2, "back"), (3, 3, "back"), (4, 1, "x/y"))
     path = _written(
         tmp_path / "in.jsonl", [{"kind": "DoorObserved", "door": text, "state": "OPEN"}]
@@ -79,9 +77,7 @@ def test_a_door_is_found_by_its_name_or_by_level_and_name(
 
 
 def test_a_door_that_gets_another_name_is_found_by_that(tmp_path: Path) -> None:
-    """
-    And no longer by the old one, nor by none once it is taken back; levels alike.
-    """
+    """And no longer by the old one, nor by none once it is taken back; levels alike."""
     name = {"kind": "DoorAnnotated", "door_id": 1, "key": "name"}
     seen = {"kind": "DoorObserved", "state": "OPEN"}
     pose = {"kind": "RobotPose", "x": 1, "y": 1, "theta": 0}
@@ -102,9 +98,7 @@ def test_a_door_that_gets_another_name_is_found_by_that(tmp_path: Path) -> None:
 def test_a_name_is_not_compared_with_those_of_all_doors(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Nor a level's with those of all levels.
-    """
+    """Nor a level's with those of all levels."""
     asked: list[int] = []
     usual = DoorMap.level_name
     monkeypatch.setattr(DoorMap, "level_name", lambda *of: (asked.append(1), usual(*of))[1])
@@ -117,9 +111,7 @@ def test_a_name_is_not_compared_with_those_of_all_doors(
 
 
 def test_levels_are_counted_on_while_doors_come_and_go(monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    As if all were counted each time, which is done when a level comes or goes.
-    """
+    """As if all were counted each time, which is done when a level comes or goes."""
     counted: list[int] = []
     usual = door_index.level_numbers
     monkeypatch.setattr(door_index, "level_numbers", lambda *of: (counted.append(1), usual(*of))[1])
@@ -152,9 +144,7 @@ class _NotAll(dict[int, int]):
 
 
 def test_a_few_rows_are_compared_with_their_own_doors_alone() -> None:
-    """
-    However many doors there are.
-    """
+    """However many doors there are."""
     counter = EarlyCounter(None)
     rows = EventBatch.of(DoorObserved, door_id=[5, 7, 9_999_999], happened_ns=[10, 10, 10], state=1)
 
@@ -173,9 +163,7 @@ class _Counting(NothingStored):
 
 
 def test_what_was_retracted_is_looked_up_once(tmp_path: Path) -> None:
-    """
-    Not again for each retraction that follows.
-    """
+    """Not again for each retraction that follows."""
     lines: list[dict[str, object]] = []
     for number in range(0, 200, 2):
         added = {"kind": "DoorAdded", "door_id": number + 1}
@@ -196,9 +184,7 @@ def test_what_was_retracted_is_looked_up_once(tmp_path: Path) -> None:
 def test_a_writer_does_not_read_its_log_again_for_each_retraction(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Only what was written since the last one.
-    """
+    """Only what was written since the last one."""
     scans: list[int] = []
     usual = live_scan.scan_live
     monkeypatch.setattr(live_scan, "scan_live", lambda *of: (scans.append(1), usual(*of))[1])
@@ -214,9 +200,7 @@ def test_a_writer_does_not_read_its_log_again_for_each_retraction(
 def test_floor_plans_are_not_all_kept_in_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Of twenty with a million cells each, a few kilobytes a line.
-    """
+    """Of twenty with a million cells each, a few kilobytes a line."""
     cells = base64.b64encode(zlib.compress(bytes(10**6))).decode()
     line = {"kind": "FloorMap", "resolution": 0.05, "origin_x": 0, "origin_y": 0, "width": 1000,
             "height": 1000, "cells_zlib_base64": cells}  # fmt: skip

@@ -42,9 +42,7 @@ def _table(*places: TablePlace, floor_maps: int = 1) -> DoorTable:
 
 
 def test_a_doors_sides_are_called_as_the_points_in_their_rooms() -> None:
-    """
-    Left and right of its line; doors of other levels are as they were.
-    """
+    """Left and right of its line; doors of other levels are as they were."""
     named = with_room_names(_table(LAB, DESK))
 
     assert {"name": "d", "rooms": "lab,desk"} == named.doors[0].annotations
@@ -64,9 +62,7 @@ def test_a_doors_sides_are_called_as_the_points_in_their_rooms() -> None:
     ids=["two names", "outside", "in a wall", "off the plan", "a level without a plan", "a comma"],
 )
 def test_points_that_name_no_room_are_said(places: list[TablePlace], left_out: int) -> None:
-    """
-    How many of them; the doors are told nothing.
-    """
+    """How many of them; the doors are told nothing."""
     named = with_room_names(_table(*places))
 
     assert [BETWEEN, OTHER_LEVEL] == list(named.doors)
@@ -75,26 +71,20 @@ def test_points_that_name_no_room_are_said(places: list[TablePlace], left_out: i
 
 
 def test_points_of_one_name_in_a_room_are_one() -> None:
-    """
-    A waiting area may have several.
-    """
+    """A waiting area may have several."""
     named = with_room_names(_table(LAB, replace(LAB, x=4.0)))
 
     assert "lab," == named.doors[0].annotations["rooms"]
 
 
 def test_without_a_plan_nothing_is_named() -> None:
-    """
-    Nor is anything wrong.
-    """
+    """Nor is anything wrong."""
     assert [BETWEEN, OTHER_LEVEL] == list(with_room_names(_table(LAB, floor_maps=0)).doors)
 
 
 @pytest.mark.slow
 def test_the_rooms_of_a_real_building_have_their_names(shared_data: Path, tmp_path: Path) -> None:
-    """
-    From points, from lifts, from doors.
-    """
+    """From points, from lifts, from doors."""
     path = shared_data / "maps" / "rmf_hotel" / "hotel.building.yaml"
     with sl.create(tmp_path / "log", tz="UTC") as log:
         import_file(log, path)

@@ -35,9 +35,7 @@ def _says_how_long_states_hold(found: Imported) -> bool:
 
 
 def test_an_import_says_that_their_states_hold(tmp_path: Path) -> None:
-    """
-    Of a file that gives no accuracy at all: it may be of sensors that report each change.
-    """
+    """Of a file that gives no accuracy at all: it may be of sensors that report each change."""
     assert _says_how_long_states_hold(_take(tmp_path))
 
 
@@ -52,16 +50,12 @@ def test_an_import_says_that_their_states_hold(tmp_path: Path) -> None:
     ids=["nothing lapses", "all are sightings", "updates of a log's own export", "a contact"],
 )
 def test_it_does_not_where_that_is_clear(tmp_path: Path, text: str, options: dict) -> None:
-    """
-    Nor where it makes no difference.
-    """
+    """Nor where it makes no difference."""
     assert not _says_how_long_states_hold(_take(tmp_path, text, **options))
 
 
 def test_with_the_accuracy_of_all_they_lapse(tmp_path: Path) -> None:
-    """
-    A week without a row is not known, where it was before.
-    """
+    """A week without a row is not known, where it was before."""
     (tmp_path / "set").mkdir()
     _take(tmp_path / "set")
 
@@ -74,9 +68,7 @@ def test_with_the_accuracy_of_all_they_lapse(tmp_path: Path) -> None:
 
 
 def test_another_accuracy_is_another_import(tmp_path: Path) -> None:
-    """
-    The same one is the same.
-    """
+    """The same one is the same."""
     _take(tmp_path, accuracy=0.9)
 
     with sl.append(tmp_path / "log") as log:

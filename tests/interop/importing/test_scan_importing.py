@@ -6,13 +6,13 @@ import json
 import math
 import re
 import shlex
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
 import pytest
 
 import semmap_log as sl
@@ -86,9 +86,7 @@ def _folder(storage: Any) -> Callable[[Path], Path]:
 def test_a_door_that_is_open_and_then_shut_is_seen_so(
     write: Callable[[Path], Path], office: Path, tmp_path: Path
 ) -> None:
-    """
-    Each visit is a commit: where the robot was at its first and its last look, and what it saw.
-    """
+    """Each visit is a commit: where the robot was at its first and last look, and what it saw."""
     imported = _import(office, write(tmp_path))
 
     commits = list(sl.read(office).commits())[1:]
@@ -114,9 +112,7 @@ def test_a_door_that_is_open_and_then_shut_is_seen_so(
 
 
 def test_the_same_bag_again_changes_nothing(office: Path, tmp_path: Path) -> None:
-    """
-    By whatever options it finds the same laser.
-    """
+    """By whatever options it finds the same laser."""
     path = _mcap(tmp_path)
     mapping = tmp_path / "robot.yaml"
     mapping.write_text("topics: {/scan: scan}\n")
@@ -136,9 +132,7 @@ def test_the_same_bag_again_changes_nothing(office: Path, tmp_path: Path) -> Non
 def test_an_import_that_was_interrupted_goes_on(
     office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    What is stored stays, what is missing comes: the log holds each visit once.
-    """
+    """What is stored stays, what is missing comes: the log holds each visit once."""
     path = _mcap(tmp_path)
     real = sl.DoorLogWriter.append
     calls = []
@@ -164,9 +158,7 @@ def test_an_import_that_was_interrupted_goes_on(
 def test_visits_that_the_robot_recorded_while_it_drove_count_once(
     office: Path, tmp_path: Path
 ) -> None:
-    """
-    Its bag is of the same looks: what the log has of that laser at that time is left out.
-    """
+    """Its bag is of the same looks: what the log has of that laser at that time is left out."""
     path = _mcap(tmp_path)
     with sl.append(office) as log:
         log.append(
@@ -184,9 +176,7 @@ def test_visits_that_the_robot_recorded_while_it_drove_count_once(
 def test_the_same_drive_in_another_name_counts_once(
     names: tuple[str, str], office: Path, tmp_path: Path
 ) -> None:
-    """
-    Another bag of it, as a converter or a second recorder writes it: no two robots were there.
-    """
+    """As a converter or a second recorder writes it: no two robots were there."""
     first, second = tmp_path / "first.mcap", tmp_path / "second.mcap"
     write_mcap(first, drives_by())
     write_mcap(second, drives_by()[5:])
@@ -199,9 +189,7 @@ def test_the_same_drive_in_another_name_counts_once(
 
 
 def test_another_robot_that_saw_the_door_meanwhile_counts_too(office: Path, tmp_path: Path) -> None:
-    """
-    Its laser is called the same; it was elsewhere.
-    """
+    """Its laser is called the same; it was elsewhere."""
     other = LaserRoom(drive=lambda t: moved(10.0 - 0.6 * t, -0.6))
     write_mcap(tmp_path / "one.mcap", LaserRoom().said())
     write_mcap(tmp_path / "other.mcap", other.said())
@@ -213,9 +201,7 @@ def test_another_robot_that_saw_the_door_meanwhile_counts_too(office: Path, tmp_
 
 
 def test_a_visit_that_does_not_decide_writes_nothing(office: Path, tmp_path: Path) -> None:
-    """
-    A leaf that stands at 40 degrees: the door keeps the state that it had.
-    """
+    """A leaf that stands at 40 degrees: the door keeps the state that it had."""
     across = 0.9 * math.cos(math.radians(40)), 0.9 * math.sin(math.radians(40))
     leaf = [(4.0, 1.2, 4.0 + across[0], 1.2 + across[1])]
     write_mcap(tmp_path / "x.mcap", LaserRoom(state=lambda _: leaf).said())
@@ -228,9 +214,7 @@ def test_a_visit_that_does_not_decide_writes_nothing(office: Path, tmp_path: Pat
 
 
 def test_other_topics_of_the_bag_are_read_too(office: Path, tmp_path: Path) -> None:
-    """
-    As one commit, the same as without the scans: who imports them later has nothing twice.
-    """
+    """As one commit, the same as without the scans: who imports them later has nothing twice."""
     contact = Said("/door_states", *Robot().door_state("front", 2), START + S)
     write_mcap(tmp_path / "x.mcap", [*drives_by(), contact])
 
@@ -244,9 +228,7 @@ def test_other_topics_of_the_bag_are_read_too(office: Path, tmp_path: Path) -> N
 
 
 def test_doors_that_the_bag_itself_adds_are_seen(tmp_path: Path) -> None:
-    """
-    A server's DoorMap comes with it.
-    """
+    """A server's DoorMap comes with it."""
     sl.create(tmp_path / "office", tz="UTC").close()
     x, y, theta, width = DOOR
     door = {"door_id": 7, "pos_x": x, "pos_y": y, "pos_theta": theta, "width": width}
@@ -260,9 +242,7 @@ def test_doors_that_the_bag_itself_adds_are_seen(tmp_path: Path) -> None:
 
 
 def test_the_doors_are_those_of_the_moment(office: Path, tmp_path: Path) -> None:
-    """
-    One that was removed between two visits is seen once; one that came then, from then on.
-    """
+    """One that was removed between two visits is seen once; one that came then, from then on."""
     x, y, theta, width = DOOR
     with sl.append(office) as log:
         log.remove_door(1, at=START + 30 * S)
@@ -275,9 +255,7 @@ def test_the_doors_are_those_of_the_moment(office: Path, tmp_path: Path) -> None
 
 
 def test_a_door_that_was_moved_is_where_it_was_then(office: Path, tmp_path: Path) -> None:
-    """
-    Its first visit is told, though today it is drawn elsewhere.
-    """
+    """Its first visit is told, though today it is drawn elsewhere."""
     with sl.append(office) as log:
         log.update_door(1, x=40.0, y=1.0, theta=0.0, at=START + 30 * S)
 
@@ -287,17 +265,13 @@ def test_a_door_that_was_moved_is_where_it_was_then(office: Path, tmp_path: Path
 
 
 def test_doors_that_were_added_today_were_there_if_one_says_so(tmp_path: Path) -> None:
-    """
-    Last week's bag and a door that was added just now: refused, with the line that helps.
-    """
+    """Last week's bag and a door that was added just now: refused, with the line that helps."""
     x, y, theta, width = DOOR
     with sl.create(tmp_path / "office", tz="UTC") as log:
         log.add_door(x=x, y=y, theta=theta, width=width)
     path = _mcap(tmp_path)
 
-    with pytest.raises(
-        CommandError, match=r"doors \(1\) were all added later.*--scan --since '2026-"
-    ):
+    with pytest.raises(CommandError, match=r"added later.*--scan --since"):
         _import(tmp_path / "office", path)
     assert 1 == len(list(sl.read(tmp_path / "office").commits()))
     _import(tmp_path / "office", path, replace(SCANS, since_ns=START - S))
@@ -311,9 +285,7 @@ def test_doors_that_were_added_today_were_there_if_one_says_so(tmp_path: Path) -
 
 
 def test_driving_through_a_door_is_told_as_that(office: Path, tmp_path: Path) -> None:
-    """
-    From the corridor into the room, along a line across the door's.
-    """
+    """From the corridor into the room, along a line across the door's."""
     room = LaserRoom(
         seconds=8.0, drive=lambda t: moved(4.45, -0.9 + 0.5 * t) @ turned("z", math.pi / 2)
     )
@@ -328,9 +300,7 @@ def test_driving_through_a_door_is_told_as_that(office: Path, tmp_path: Path) ->
 
 
 def test_a_bag_without_localisation_is_refused_whole(office: Path, tmp_path: Path) -> None:
-    """
-    With the frames that there are, and what to do; what its other topics say is not written either.
-    """
+    """With the frames that there are, and what to do."""
     room = LaserRoom()
     said = [*room.statics(), *room.tf(localised=False), *room.scans()]
     contact = Said("/door_states", *Robot().door_state("front", 2), START)
@@ -340,8 +310,8 @@ def test_a_bag_without_localisation_is_refused_whole(office: Path, tmp_path: Pat
         _import(office, tmp_path / "x.mcap")
 
     text = str(refused.value)
-    assert "none of its 96 scans has a place in the frame map" in text
-    assert "laser on base_link on odom, which has no parent" in text
+    assert "96 scans" in text
+    assert "laser on base_link" in text
     assert "--pose-topic /amcl_pose" in text
     assert "a mapping file" not in text
     assert 1 == len(list(sl.read(office).commits()))
@@ -350,9 +320,7 @@ def test_a_bag_without_localisation_is_refused_whole(office: Path, tmp_path: Pat
 def test_a_map_of_another_name_and_poses_that_are_there_are_pointed_at(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    And what is told to be written into a mapping file does help.
-    """
+    """And what is told to be written into a mapping file does help."""
     room = LaserRoom(seconds=2.0)
     said = sorted([*room.said(), *room.poses()], key=lambda each: each.at_ns)
     write_mcap(tmp_path / "x.mcap", said)
@@ -362,14 +330,12 @@ def test_a_map_of_another_name_and_poses_that_are_there_are_pointed_at(
     assert 1 == _run("import", office, tmp_path / "x.mcap", "--scan", "--mapping", mapping)
 
     text = capsys.readouterr().err
-    assert "try --pose-topic /amcl_pose." in text
-    assert "say so in a mapping file: well_known: true, frames: {map: map}." in text
+    assert "--pose-topic /amcl_pose." in text
+    assert "well_known: true, frames" in text
 
 
 def test_a_laser_that_tf_does_not_hold_is_told_as_that(office: Path, tmp_path: Path) -> None:
-    """
-    Poses of the robot would not help: nothing tells where the laser is on it.
-    """
+    """Poses of the robot would not help: nothing tells where the laser is on it."""
     room = LaserRoom(seconds=2.0)
     said = sorted([*room.tf(), *room.scans(), *room.poses()], key=lambda each: each.at_ns)
     write_mcap(tmp_path / "x.mcap", said)
@@ -377,7 +343,7 @@ def test_a_laser_that_tf_does_not_hold_is_told_as_that(office: Path, tmp_path: P
     with pytest.raises(FormatError, match="laser is in no transform") as refused:
         _import(office, tmp_path / "x.mcap")
 
-    assert "record /tf and /tf_static" in str(refused.value)
+    assert "/tf and /tf_static" in str(refused.value)
     assert "pose" not in str(refused.value)
     assert "mapping file" not in str(refused.value)
 
@@ -385,42 +351,20 @@ def test_a_laser_that_tf_does_not_hold_is_told_as_that(office: Path, tmp_path: P
 def test_an_import_without_scan_says_what_a_laser_would_bring(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Below the topics that are left out.
-    """
+    """Below the topics that are left out."""
     said = [Said("/door_states", *Robot().door_state("front", 2), START), *drives_by()]
     write_mcap(tmp_path / "x.mcap", said)
 
     assert 0 == _run("import", office, tmp_path / "x.mcap")
 
-    assert "with --scan a laser's scans tell how the doors stood" in capsys.readouterr().err
-
-
-def test_ctrl_c_is_answered(
-    office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    """
-    With what became of it: the same command goes on.
-    """
-
-    def stopped(*_args: object, **_others: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("semmap_log.interop.importing.importing.import_file", stopped)
-
-    assert 130 == _run("import", office, "x.bag", "--scan")
-
-    assert "x.bag: interrupted; the same command goes on" in capsys.readouterr().err
+    assert "--scan" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("topic", ["/tf", "/scan"])
 def test_a_topic_of_poses_that_has_none_is_refused_with_those_there_are(
     topic: str, office: Path, tmp_path: Path
 ) -> None:
-    """
-    Before anything is read of it.
-    """
+    """Before anything is read of it."""
     options = ImportOptions(scan=ScanOptions((), topic))
 
     with pytest.raises(FormatError, match=rf"expected a topic {topic} of geometry_msgs/Pose"):
@@ -428,9 +372,7 @@ def test_a_topic_of_poses_that_has_none_is_refused_with_those_there_are(
 
 
 def test_a_topic_of_poses_helps_a_bag_without_localisation(office: Path, tmp_path: Path) -> None:
-    """
-    As the refusal says.
-    """
+    """As the refusal says."""
     room = LaserRoom()
     said = [*room.statics(), *room.tf(localised=False), *room.poses(), *room.scans()]
     write_mcap(tmp_path / "x.mcap", sorted(said, key=lambda each: each.at_ns))
@@ -443,9 +385,7 @@ def test_a_topic_of_poses_helps_a_bag_without_localisation(office: Path, tmp_pat
 
 
 def test_a_bag_that_is_damaged_leaves_the_log_as_it_is(office: Path, tmp_path: Path) -> None:
-    """
-    Also where its first visits could be read.
-    """
+    """Also where its first visits could be read."""
     path = _mcap(tmp_path)
     data = bytearray(path.read_bytes())
     data[len(data) * 3 // 4] ^= 0xFF
@@ -468,9 +408,7 @@ def test_a_bag_that_is_damaged_leaves_the_log_as_it_is(office: Path, tmp_path: P
 def test_which_laser_is_meant_has_to_be_clear(
     topics: list[str], asked: tuple[str, ...], said: str, office: Path, tmp_path: Path
 ) -> None:
-    """
-    The same beams under two names would count twice.
-    """
+    """The same beams under two names would count twice."""
     room = LaserRoom(seconds=1.0)
     sent = [room.sent(room.scan(0.5), 0.6, topic.strip("/")) for topic in topics]
     write_mcap(tmp_path / "x.mcap", [*room.tf(), *sent])
@@ -480,9 +418,7 @@ def test_which_laser_is_meant_has_to_be_clear(
 
 
 def test_of_several_lasers_the_one_called_scan_is_read(office: Path, tmp_path: Path) -> None:
-    """
-    Others beside it are its copies more often than not: filtered, merged.
-    """
+    """Others beside it are its copies more often than not: filtered, merged."""
     copies = [
         replace(each, topic="/scan_filtered") for each in drives_by() if each.topic == "/scan"
     ]
@@ -496,9 +432,7 @@ def test_of_several_lasers_the_one_called_scan_is_read(office: Path, tmp_path: P
 
 
 def test_two_lasers_of_a_robot_see_a_door_once(office: Path, tmp_path: Path) -> None:
-    """
-    The sighting names the one that saw most of it.
-    """
+    """The sighting names the one that saw most of it."""
     front = LaserRoom(state=lambda _: SHUT)
     rear = LaserRoom(
         state=lambda _: SHUT, laser_frame="rear", mount=moved(-0.2, 0) @ turned("z", math.pi)
@@ -518,36 +452,6 @@ def test_two_lasers_of_a_robot_see_a_door_once(office: Path, tmp_path: Path) -> 
     assert [("scan:laser leaf-likelihood", DoorState.CLOSED)] == seen
 
 
-def test_doors_that_are_never_near_are_a_wrong_frame_maybe(tmp_path: Path) -> None:
-    """
-    With how near the nearest was.
-    """
-    with sl.create(tmp_path / "office", tz="UTC") as log:
-        log.add_door(x=40.0, y=1.2, theta=0.0, width=0.9, at=LONG_AGO)
-
-    imported = _import(tmp_path / "office", _mcap(tmp_path))
-
-    (said,) = [each for each in imported.plan.warnings if "ever within" in each]
-    assert "no door was ever within 6 m (nearest: door 1, 32." in said
-    assert "is the map frame right?" in said
-
-
-def test_doors_of_another_level_are_not_seen(tmp_path: Path) -> None:
-    """
-    And it is said which they are of.
-    """
-    with sl.create(tmp_path / "office", tz="UTC") as log:
-        log.append([LevelAdded(level=n, name=f"L{n}", happened_ns=LONG_AGO) for n in (1, 2)])
-        log.add_door(x=4.0, y=1.2, theta=0.0, width=0.9, level=2, at=LONG_AGO)
-    mapping = tmp_path / "robot.yaml"
-    mapping.write_text("topics: {/scan: {read: scan, level: L1}}\n")
-
-    imported = _import(tmp_path / "office", _mcap(tmp_path), ImportOptions(mapping=mapping))
-
-    assert [] == _events(tmp_path / "office", DoorObserved)
-    assert any("scans are of level 1, the doors on level 2" in e for e in imported.plan.warnings)
-
-
 @pytest.fixture
 def two_levels(tmp_path: Path) -> Path:
     """A log of two levels, the door of the room on the upper one."""
@@ -561,15 +465,11 @@ def two_levels(tmp_path: Path) -> Path:
 def test_a_log_of_several_levels_is_told_where_the_robot_drove(
     two_levels: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    What the message says to do can be done: --level.
-    """
+    """What the message says to do can be done: --level."""
     bag = _mcap(tmp_path)
 
     assert 1 == _run("import", two_levels, bag, "--scan")
-    assert "the log has several levels: 1 (L1), 2 (L2); say which one: --level L" in (
-        capsys.readouterr().err
-    )
+    assert "1 (L1), 2 (L2); say which one: --level L" in (capsys.readouterr().err)
     assert 0 == _run("import", two_levels, bag, "--scan", "--level", "L2", "--dry-run")
     assert '"level": 2' in capsys.readouterr().out
     assert 0 == _run("import", two_levels, bag, "--scan", "--level", "L2")
@@ -578,43 +478,28 @@ def test_a_log_of_several_levels_is_told_where_the_robot_drove(
     assert {2} == {pose.level for pose in _events(two_levels, RobotPose)}
 
 
-def test_a_level_that_a_topic_tells_goes_before_that_of_all(
-    two_levels: Path, tmp_path: Path
-) -> None:
-    """
-    In a mapping file there is one for all, too.
-    """
-    mapping = tmp_path / "robot.yaml"
-    mapping.write_text("level: L1\ntopics: {/scan: {read: scan, level: L2}}\n")
-
-    _import(two_levels, _mcap(tmp_path), ImportOptions(mapping=mapping))
-
-    assert [DoorState.OPEN, DoorState.CLOSED] == _states(two_levels)
-
-
-def test_the_level_of_all_is_that_of_topics_that_tell_none(
-    two_levels: Path, tmp_path: Path
-) -> None:
-    """
-    The command line goes before the mapping file.
-    """
-    mapping = tmp_path / "robot.yaml"
-    mapping.write_text("level: L1\ntopics: {/scan: scan}\n")
+def test_a_level_is_that_of_the_topic_or_of_all(two_levels: Path, tmp_path: Path) -> None:
+    """A topic's own level goes first, then that of the command line, then that of the file."""
+    mapping, bag = tmp_path / "robot.yaml", _mcap(tmp_path)
     options = ImportOptions(mapping=mapping)
+    mapping.write_text("level: L1\ntopics: {/scan: scan}\n")
+    below = _import(two_levels, bag, options)
+    assert any("1, the doors on level 2" in each for each in below.plan.warnings)
+    assert [] == _states(two_levels)
 
-    below = _import(two_levels, _mcap(tmp_path), options)
-    _import(two_levels, tmp_path / "patrol.mcap", replace(options, level="L2"))
-
-    assert any("scans are of level 1, the doors on level 2" in e for e in below.plan.warnings)
+    copy = Path(shutil.copytree(two_levels, tmp_path / "copy"))
+    _import(two_levels, bag, replace(options, level="L2"))
     assert [DoorState.OPEN, DoorState.CLOSED] == _states(two_levels)
+
+    mapping.write_text("level: L1\ntopics: {/scan: {read: scan, level: L2}}\n")
+    _import(copy, bag, options)
+    assert [DoorState.OPEN, DoorState.CLOSED] == _states(copy)
 
 
 def test_a_report_and_proposals_are_of_the_level_that_is_told(
     two_levels: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    As the import of the same bag.
-    """
+    """As the import of the same bag."""
     bag = _mcap(tmp_path)
 
     assert 0 == _run("scan-report", two_levels, bag, "--level", "L2", "--json")
@@ -628,79 +513,16 @@ def test_a_report_and_proposals_are_of_the_level_that_is_told(
 def test_heights_that_are_none_are_a_usage_error(
     heights: str, office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    With what is expected.
-    """
+    """With what is expected."""
     assert 2 == _run("import", office, "x.bag", "--scan", "/points", "--heights", heights)
 
     assert f"as 0.3,1.5; got '{heights}'" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("y", "said"),
-    [
-        (1.2, ""),
-        (1.15, ""),
-        (1.06, "door 1 (lab): beams end 0.14 m behind its line"),
-        (1.34, "door 1 (lab): beams end 0.14 m before its line"),
-    ],
-)
-def test_a_door_that_is_drawn_off_its_wall_is_told_with_how_far(
-    y: float, said: str, tmp_path: Path
-) -> None:
-    """
-    Beams end on the leaf, not on the line, at each visit to it while it is shut.
-    """
-    with sl.create(tmp_path / "office", tz="UTC") as log:
-        log.add_door(x=4.0, y=y, theta=0.0, width=0.9, name="lab", at=LONG_AGO)
-    shut = [LaserRoom(state=lambda _: SHUT, begins_s=at) for at in (0.0, 60.0, 120.0)]
-    write_mcap(tmp_path / "x.mcap", [each for room in shut for each in room.said()])
-
-    imported = _import(tmp_path / "office", tmp_path / "x.mcap")
-
-    assert [said] * bool(said) == [
-        each.partition(" on average")[0] for each in imported.plan.warnings if "its line" in each
-    ]
-
-
-def test_a_door_that_is_always_open_may_be_glass(office: Path, tmp_path: Path) -> None:
-    """
-    Unless it is known to be: then its annotation says so.
-    """
-    said = [each for i in range(5) for each in LaserRoom(begins_s=60.0 * i).said()]
-    write_mcap(tmp_path / "x.mcap", said)
-
-    imported = _import(office, tmp_path / "x.mcap")
-
-    assert [DoorState.OPEN] * 5 == _states(office)
-    (text,) = [each for each in imported.plan.warnings if "glass" in each]
-    assert text.startswith("door 1 (lab): always open (5 visits), never driven through")
-
-
-def test_a_pose_that_jumps_is_told_with_when_and_how_far(office: Path, tmp_path: Path) -> None:
-    """
-    The largest of them.
-    """
-    room = LaserRoom(seconds=4.0)
-    jumps = []
-    for i in range(9):
-        pose = moved(0.0, 0.4 if i >= 4 else 0.0) @ room.map_to_odom
-        jumps.append(room.transforms("tf", i / 2, [room.link("map", "odom", pose, i / 2)]))
-    said = [*room.statics(), *room.tf(localised=False), *jumps, *room.scans()]
-    write_mcap(tmp_path / "x.mcap", sorted(said, key=lambda each: each.at_ns))
-
-    imported = _import(office, tmp_path / "x.mcap")
-
-    (text,) = [each for each in imported.plan.warnings if "the pose jumps" in each]
-    assert "by 0.40 m, 0 degrees at 2026-02-02 02:40:02" in text
-
-
 def test_a_dry_run_shows_what_would_be_written_and_counts(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Events with their sources on stdout, counts on stderr; the log stays as it is.
-    """
+    """Events with their sources on stdout, counts on stderr; the log stays as it is."""
     path = _mcap(tmp_path)
     before = {each: each.read_bytes() for each in office.iterdir()}
 
@@ -711,17 +533,15 @@ def test_a_dry_run_shows_what_would_be_written_and_counts(
     assert ["RobotPose", "RobotPose", "DoorObserved"] * 2 == [line["kind"] for line in lines]
     assert {"scan:laser leaf-likelihood"} == {line["source"] for line in lines}
     assert "6 events; nothing was written" in err
-    assert "scans of /scan: 192, 192 on the map" in err
-    assert "visits: 2 to 1 door: 1 OPEN, 1 CLOSED, 0 driven through, 0 undecided" in err
+    assert "scans of /scan: 192, 192" in err
+    assert "2 to 1 door: 1 OPEN, 1 CLOSED, 0" in err
     assert before == {each: each.read_bytes() for each in office.iterdir()}
 
 
 def test_scan_stands_alone_or_before_a_topic_or_a_file(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    What follows it is a topic if it can be one and is no file.
-    """
+    """What follows it is a topic if it can be one and is no file."""
     path = _mcap(tmp_path)
 
     for words in (
@@ -743,9 +563,7 @@ def test_scan_stands_alone_or_before_a_topic_or_a_file(
 def test_since_when_doors_were_there_can_be_tried_first(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A dry run takes the line that the refusal tells, and shows the doors' earlier adding, too.
-    """
+    """A dry run takes the line that the refusal tells, and shows the doors' earlier adding, too."""
     x, y, theta, width = DOOR
     office, path = tmp_path / "office", _mcap(tmp_path)
     with sl.create(office, tz="Europe/Vienna") as log:
@@ -763,25 +581,8 @@ def test_since_when_doors_were_there_can_be_tried_first(
     assert 2 == _run("import", office, path, "--scan", "--since-ever")
 
 
-def test_json_has_the_counts(
-    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """
-    One document, also of a second import.
-    """
-    path = _mcap(tmp_path)
-
-    assert 0 == _run("import", office, path, "--scan", "--json")
-
-    (said,) = json.loads(capsys.readouterr().out)
-    assert (2, 6) == (said["event"], said["count"])
-    assert any(text.startswith("visits: 2") for text in said["summary"])
-
-
 def test_static_transforms_count_from_the_beginning(office: Path, tmp_path: Path) -> None:
-    """
-    A bag has them where they were sent, which may be behind the first scans.
-    """
+    """A bag has them where they were sent, which may be behind the first scans."""
     said = [each for each in drives_by() if each.topic != "/tf_static"]
     (fixed, *_) = LaserRoom().statics()
     late = replace(fixed, at_ns=START + 70 * S)
@@ -793,30 +594,8 @@ def test_static_transforms_count_from_the_beginning(office: Path, tmp_path: Path
     assert TRANSFORMS == late.ros_type
 
 
-def test_scans_of_nothing_decide_nothing(office: Path, tmp_path: Path) -> None:
-    """
-    A laser that measures nothing, or is covered: no event says that a door was open or shut.
-    """
-    room = LaserRoom()
-    blind = [
-        room.sent(room.scan(t, ranges=np.full(360, value, np.float32)), t + 0.1)
-        for t, value in zip(np.arange(0.0, 11.0, 0.125), [np.nan, np.inf, 0.0, 0.02] * 22,
-                            strict=True)
-    ]  # fmt: skip
-    said = [*room.statics(), *room.tf(), *blind]
-    write_mcap(tmp_path / "x.mcap", sorted(said, key=lambda each: each.at_ns))
-
-    imported = _import(office, tmp_path / "x.mcap")
-
-    assert [] == _states(office)
-    assert 1 == len(list(sl.read(office).commits()))
-    assert imported.first_event is None
-
-
 def test_a_robot_that_drove_through_did_so_once(office: Path, tmp_path: Path) -> None:
-    """
-    Whichever of its two lasers told it, in whatever order they are imported.
-    """
+    """Whichever of its two lasers told it, in whatever order they are imported."""
 
     def drive(t: float) -> Any:
         made = turned("z", math.pi / 2)
@@ -841,26 +620,10 @@ def test_a_robot_that_drove_through_did_so_once(office: Path, tmp_path: Path) ->
     ]
 
 
-def test_doors_that_were_removed_before_the_bag_ended_were_there(
-    office: Path, tmp_path: Path
-) -> None:
-    """
-    What was seen of them until then counts, though the log has no door any more.
-    """
-    with sl.append(office) as log:
-        log.remove_door(1, at=START + 30 * S)
-
-    _import(office, _mcap(tmp_path))
-
-    assert [DoorState.OPEN] == _states(office)
-
-
 def test_looks_that_somebody_imported_in_his_name_count_once(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Of a bag that begins before another one ends, both by the same person; a dry run says so.
-    """
+    """Of a bag that begins before another one ends, both by the same person; a dry run says so."""
     said, bob = drives_by(), Note(actor="bob")
     one, other = tmp_path / "one.mcap", tmp_path / "other.mcap"
     write_mcap(one, said[: len(said) // 2 + 20])

@@ -98,9 +98,7 @@ def told(path: Path) -> Iterator[bytes]:
 def test_no_file_holds_a_name_or_a_word(
     log: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Whatever the format, by the command line; with the robot's tracks, too.
-    """
+    """Whatever the format, by the command line; with the robot's tracks, too."""
     markers = ["--markers"] if name in ("a.mcap", "a.bag") else []
     for tracks in ([], ["--with-tracks"]):
         words = ["export", str(log), str(tmp_path / name), "--pseudonymous", *tracks, *markers]
@@ -115,9 +113,7 @@ def test_no_file_holds_a_name_or_a_word(
 
 
 def test_states_places_and_times_are_those_of_the_log(log: Path) -> None:
-    """
-    At every moment, by what is known today and by what was known then.
-    """
+    """At every moment, by what is known today and by what was known then."""
     original = sl.read(log)
     moments = [{}, *({"at": DAY.format(hour)} for hour in range(5))]
     moments += [{"known_at": f"@{c.closed_ns}"} for c in original.commits()]
@@ -134,9 +130,7 @@ def test_states_places_and_times_are_those_of_the_log(log: Path) -> None:
 
 
 def test_the_same_person_has_the_same_pseudonym(log: Path) -> None:
-    """
-    Numbered in the order in which they come; what is not known stays so.
-    """
+    """Numbered in the order in which they come; what is not known stays so."""
     with pseudonymous(sl.read(log)) as (copy, names):
         actors = [commit.note.actor for commit in copy.commits()]
         door = copy.replay().doors[1]
@@ -150,9 +144,7 @@ def test_the_same_person_has_the_same_pseudonym(log: Path) -> None:
 
 
 def test_the_lines_make_a_log_anew(log: Path, tmp_path: Path) -> None:
-    """
-    With the log's own times, as any log's lines do.
-    """
+    """With the log's own times, as any log's lines do."""
     out = tmp_path / "events.jsonl"
     with pseudonymous(sl.read(log)) as (copy, _):
         export(copy, out)
@@ -164,9 +156,7 @@ def test_the_lines_make_a_log_anew(log: Path, tmp_path: Path) -> None:
 
 
 def test_a_copy_ends_where_the_question_does(log: Path, tmp_path: Path) -> None:
-    """
-    `--event` means the log's own numbers, though the copy has others.
-    """
+    """`--event` means the log's own numbers, though the copy has others."""
     out = tmp_path / "doors.geojson"
     pose = next(h.number for h in sl.read(log).history() if isinstance(h.event, DoorObserved))
 
@@ -178,9 +168,7 @@ def test_a_copy_ends_where_the_question_does(log: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("event", ONE_OF_EACH, ids=lambda event: type(event).__name__)
 def test_every_kind_is_told_without_its_words(event: Event) -> None:
-    """
-    A text of any kind goes, or gets another in its place.
-    """
+    """A text of any kind goes, or gets another in its place."""
     texts = [f.name for f in dataclasses.fields(event) if isinstance(getattr(event, f.name), str)]
     written = dataclasses.replace(event, **dict.fromkeys(texts, "Zoe") | of_classes(event))
 
@@ -197,16 +185,12 @@ def of_classes(event: Event) -> dict[str, str]:
 
 
 def test_every_kind_is_looked_at() -> None:
-    """
-    One of each is among those above.
-    """
+    """One of each is among those above."""
     assert set(KINDS) == {type(event) for event in ONE_OF_EACH}
 
 
 def test_what_is_said_of_doors_under_other_keys_goes() -> None:
-    """
-    Whatever somebody called it.
-    """
+    """Whatever somebody called it."""
     said = DoorAnnotated(door_id=DoorId(1), key="Zoe", value="Zoe")
 
     assert Pseudonyms().event(said) is None
@@ -218,9 +202,7 @@ def test_what_is_said_of_doors_under_other_keys_goes() -> None:
 def test_a_log_with_a_horizon_has_copies_with_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
 ) -> None:
-    """
-    From there on they answer as the log does, and believe the same; before, that it is gone.
-    """
+    """From there on they answer as the log does, and believe the same; before, that it is gone."""
     log = random_log(tmp_path, seed, monkeypatch, commits=200, roll=30)
     until_ns = [commit.recorded_ns for commit in LogReader(log).commits()][150]
     if seed % 2:
@@ -248,9 +230,7 @@ def test_a_log_with_a_horizon_has_copies_with_the_same(
 
 
 def test_no_copy_ends_before_the_horizon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Lines of events say that they tell only the last words of before.
-    """
+    """Lines of events say that they tell only the last words of before."""
     log = random_log(tmp_path, 1, monkeypatch, commits=150, roll=30)
     trim_log(log, Retention(LogReader(log), LogReader(log).last_log_time_ns()))
     opened = sl.read(log)

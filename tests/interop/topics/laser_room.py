@@ -20,6 +20,7 @@ from semmap_log.interop.formats.ros.ros_types import (
     TRANSFORMS,
     RosVersion,
 )
+from tests.analysis.scans.beams import ranges_of
 from tests.interop.formats.bags.bags_of_others import Said
 from tests.interop.topics.robots import START, Robot, S
 
@@ -65,19 +66,6 @@ def quaternion(pose: Matrix) -> tuple[float, float, float, float]:
     skew = turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]
     sign = -1.0 if np.dot(skew, axis) < 0 else 1.0
     return sign * x, sign * y, sign * z, w
-
-
-def ranges_of(origins: Any, directions: Any, walls: list[Any]) -> Any:
-    """Where each beam, from its own origin, meets the first wall."""
-    segments = np.array(walls, float)
-    a, e = segments[:, :2], segments[:, 2:] - segments[:, :2]
-    o, u = origins[:, None], directions[:, None]
-    cross = u[..., 0] * e[:, 1] - u[..., 1] * e[:, 0]
-    with np.errstate(all="ignore"):
-        d = a - o
-        t = (d[..., 0] * e[:, 1] - d[..., 1] * e[:, 0]) / cross
-        s = (d[..., 0] * u[..., 1] - d[..., 1] * u[..., 0]) / cross
-    return np.where((t > 0) & (s >= 0) & (s <= 1), t, np.inf).min(1)
 
 
 @dataclass

@@ -44,16 +44,14 @@ def _listener(rule: ReadClicks = ReadClicks(), version: RosVersion = 2) -> Liste
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_two_clicks_are_a_door(version: RosVersion) -> None:
-    """
-    From the first to the second; a line tells who clicks what was done.
-    """
+    """From the first to the second; a line tells who clicks what was done."""
     listener = _listener(version=version)
 
     first = listener.made(CLICKED, _click(2, 1, version=version))
     second = listener.made(CLICKED, _click(2, 1.9, version=version), 3)
 
     assert first.events == []
-    assert "2.00, 1.00; now click its other end" in first.said
+    assert "2.00, 1.00; now click" in first.said
     added, named = second.events
     assert isinstance(added, DoorAdded)
     assert isinstance(named, DoorAnnotated)
@@ -64,16 +62,27 @@ def test_two_clicks_are_a_door(version: RosVersion) -> None:
     assert listener.told == []
 
 
-def test_the_third_click_begins_the_next_door() -> None:
-    """
-    Four clicks are two doors.
-    """
-    listener = _listener()
+@pytest.mark.parametrize(
+    ("clicks", "events", "starts", "told"),
+    [
+        ([(0, 0), (1, 1), (3, 3), (4, 4)], [0, 2, 0, 2], [0, 3], ""),
+        ([(0, 0), (9, 0), (9.5, 0), (10.4, 0)], [0, 0, 0, 2], [9.5], "0.4 to 6 m"),
+        ([(0, 0), (1, 11), (2, 12)], [0, 0, 2], [1], "more than 10 s after"),
+        ([(0, 0), (0.9, 0), (1.0, 0), (0.1, 0)], [0, 2, 0, 0], [0], "passed over: door 1"),
+    ],
+    ids=["four clicks are two doors", "a bad width forgets both", "too late", "there already"],
+)
+def test_each_two_clicks_are_a_door(
+    clicks: list[tuple[float, float]], events: list[int], starts: list[float], told: str
+) -> None:
+    """The clicks are x and time; doors start at the first of two."""
+    listener = _listener(ReadClicks(within_s=10))
+    made = [len(listener.hear(CLICKED, _click(x, 0), at_s)) for x, at_s in clicks]
 
-    made = [listener.hear(CLICKED, _click(x, 0), x) for x in (0, 1, 3, 4)]
-
-    assert [0, 2, 0, 2] == [len(each) for each in made]
-    assert {1, 2} == set(listener.known.doors)
+    assert made == events
+    assert [door.x for door in listener.known.doors.values()] == starts
+    assert bool(told) == len(listener.told)
+    assert told in "".join(listener.told)
 
 
 @pytest.mark.parametrize(
@@ -86,9 +95,7 @@ def test_the_third_click_begins_the_next_door() -> None:
     ],
 )
 def test_nonsense_is_refused(clicks: list[tuple[float, float, float]], said: str) -> None:
-    """
-    With words; the next two clicks are a door.
-    """
+    """With words; the next two clicks are a door."""
     listener = _listener()
 
     assert [listener.hear(CLICKED, _click(*each)) for each in clicks] == [[], []]
@@ -97,59 +104,18 @@ def test_nonsense_is_refused(clicks: list[tuple[float, float, float]], said: str
     assert said in listener.told[0]
 
 
-def test_a_bad_width_forgets_both_clicks() -> None:
-    """
-    Who clicked amiss clicks both ends anew.
-    """
-    listener = _listener()
-
-    made = [len(listener.hear(CLICKED, _click(x, 0))) for x in (0, 9, 9.5, 10.4)]
-
-    assert made == [0, 0, 0, 2]
-    assert listener.known.doors[1].x == 9.5
-
-
 def test_clicks_in_another_frame_are_passed_over() -> None:
-    """
-    RViz's Fixed Frame was odom.
-    """
+    """RViz's Fixed Frame was odom."""
     listener = _listener()
 
     made = [listener.hear(CLICKED, _click(x, 0, frame="odom")) for x in (0, 1)]
 
     assert made == [[], []]
-    assert "another frame than map; passed over: set RViz's Fixed Frame: 'odom'" in listener.told[0]
-
-
-def test_a_click_that_comes_too_late_begins_another_door() -> None:
-    """
-    It is told, and is no second one.
-    """
-    listener = _listener(ReadClicks(within_s=10))
-
-    made = [len(listener.hear(CLICKED, _click(x, 0), at)) for x, at in ((0, 0), (1, 11), (2, 12))]
-
-    assert made == [0, 0, 2]
-    assert "more than 10 s after the first" in listener.told[0]
-    assert listener.known.doors[1].x == 1
-
-
-def test_a_door_that_is_there_is_not_added_again() -> None:
-    """
-    Whichever end is clicked first.
-    """
-    listener = _listener()
-
-    made = [len(listener.hear(CLICKED, _click(x, 0))) for x in (0, 0.9, 1.0, 0.1)]
-
-    assert made == [0, 2, 0, 0]
-    assert "a door that the log has; passed over: door 1" in listener.told[0]
+    assert "Fixed Frame: 'odom'" in listener.told[0]
 
 
 def test_doors_come_onto_the_level_that_is_told() -> None:
-    """
-    The same place on another level is another door.
-    """
+    """The same place on another level is another door."""
     known = Known()
     for level in (1, 2):
         known.apply(LevelAdded(level=level, name=f"L{level}", elevation=0.0))
@@ -164,9 +130,7 @@ def test_doors_come_onto_the_level_that_is_told() -> None:
 
 
 def test_a_mapping_file_says_it_and_a_bag_brings_the_same(tmp_path: Path) -> None:
-    """
-    By the same code.
-    """
+    """By the same code."""
     mapping = tmp_path / "m.yaml"
     mapping.write_text("topics:\n  /clicked_point: {read: clicked_points, within: 20}\n")
     said = [Said(CLICKED, *_click(x, 0, at_s=x), START + round(x * S)) for x in (0.0, 0.9)]
@@ -182,9 +146,7 @@ def test_a_mapping_file_says_it_and_a_bag_brings_the_same(tmp_path: Path) -> Non
 
 
 def test_a_mapping_file_that_cannot_be_is_refused(tmp_path: Path) -> None:
-    """
-    With the key.
-    """
+    """With the key."""
     mapping = tmp_path / "m.yaml"
     mapping.write_text("topics:\n  /clicked_point: {read: clicked_points, heights: [3, 1]}\n")
 
@@ -193,9 +155,7 @@ def test_a_mapping_file_that_cannot_be_is_refused(tmp_path: Path) -> None:
 
 
 def test_clicks_are_read_only_where_asked_for() -> None:
-    """
-    By the option, unless the mapping names their topic.
-    """
+    """By the option, unless the mapping names their topic."""
     mine = RosMapping(topics={"/door_points": TopicRule(ReadClicks())})
 
     assert WELL_KNOWN.rule(CLICKED, POINT_STAMPED) is None

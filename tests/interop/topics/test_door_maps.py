@@ -40,9 +40,7 @@ def _door(door_id: int, **values: Any) -> dict[str, Any]:
 
 
 def test_new_doors_are_added_with_the_servers_ids() -> None:
-    """
-    With all that the message says, NaN probabilities as not given, and the server's number noted.
-    """
+    """With all that the message says; NaN probabilities are not given."""
     listener = _listener()
 
     events = listener.hear(TOPIC, ROBOT.door_map([_door(7, prob_open=0.25)]), 3)
@@ -69,9 +67,7 @@ def test_new_doors_are_added_with_the_servers_ids() -> None:
     ],
 )
 def test_what_differs_is_updated_and_nothing_else(values: dict[str, Any], changed: Changed) -> None:
-    """
-    Only the fields that changed are set; said again, they are no event.
-    """
+    """Only the fields that changed are set; said again, they are no event."""
     listener = _listener()
     listener.hear(TOPIC, ROBOT.door_map([_door(1)]))
 
@@ -85,9 +81,7 @@ def test_what_differs_is_updated_and_nothing_else(values: dict[str, Any], change
 
 
 def test_an_id_that_is_used_again_is_another_door() -> None:
-    """
-    It gets a new id here, the annotation remembers the server's, and later messages mean it.
-    """
+    """It gets a new id here, the annotation remembers the server's, and later messages mean it."""
     listener = _listener()
     listener.hear(TOPIC, ROBOT.door_map([_door(1), _door(2)]))
 
@@ -102,9 +96,7 @@ def test_an_id_that_is_used_again_is_another_door() -> None:
 
 
 def test_a_new_id_is_none_that_the_same_message_wants() -> None:
-    """
-    Of two new doors the one whose number is free keeps it, whichever comes first.
-    """
+    """Of two new doors the one whose number is free keeps it, whichever comes first."""
     listener = _listener()
     listener.hear(TOPIC, ROBOT.door_map([_door(1)]))
     listener.hear(TOPIC, ROBOT.door_map([]), 1)
@@ -116,9 +108,7 @@ def test_a_new_id_is_none_that_the_same_message_wants() -> None:
 
 
 def test_a_server_may_count_from_zero() -> None:
-    """
-    0 is an id as others: the thesis's map has ints for keys.
-    """
+    """0 is an id as others: the thesis's map has ints for keys."""
     listener = _listener()
 
     came = listener.hear(TOPIC, ROBOT.door_map([_door(0), _door(1)]))
@@ -132,9 +122,7 @@ def test_a_server_may_count_from_zero() -> None:
 
 
 def test_a_number_that_is_anothers_id_here_is_a_new_door() -> None:
-    """
-    Our door 3 is the server's 2: its own 3, when it comes, is not ours.
-    """
+    """Our door 3 is the server's 2: its own 3, when it comes, is not ours."""
     listener = _listener()
     for at_s, numbers in enumerate(([1, 2], [1], [1, 2])):
         listener.hear(TOPIC, ROBOT.door_map([_door(n) for n in numbers]), at_s)
@@ -145,9 +133,7 @@ def test_a_number_that_is_anothers_id_here_is_a_new_door() -> None:
 
 
 def test_doors_of_other_levels_are_not_the_servers_to_remove() -> None:
-    """
-    Of `removes: all`: a server knows one level.
-    """
+    """Of `removes: all`: a server knows one level."""
     known = Known()
     for level in (0, 1):
         known.apply(LevelAdded(level=level, name=f"L{level}"))
@@ -162,9 +148,7 @@ def test_doors_of_other_levels_are_not_the_servers_to_remove() -> None:
 
 
 def test_a_door_cannot_be_gone_before_it_came() -> None:
-    """
-    By a clock that went back: it stays, which is told, until a map of later lacks it.
-    """
+    """By a clock that went back: it stays, which is told, until a map of later lacks it."""
     listener = _listener()
     listener.hear(TOPIC, ROBOT.door_map([_door(1)]), 10)
 
@@ -176,9 +160,7 @@ def test_a_door_cannot_be_gone_before_it_came() -> None:
 
 
 def test_a_sensor_without_a_place_is_not_the_servers_door() -> None:
-    """
-    An unplaced door that bears the number by chance stays as it is.
-    """
+    """An unplaced door that bears the number by chance stays as it is."""
     known = Known()
     known.apply(DoorAdded(door_id=sl.DoorId(1), happened_ns=START))
     listener = _listener(known)
@@ -190,9 +172,7 @@ def test_a_sensor_without_a_place_is_not_the_servers_door() -> None:
 
 @pytest.mark.parametrize("removes", ["own", "all"])
 def test_a_dock_is_not_the_servers_door(removes: str) -> None:
-    """
-    One that bears the number by chance stays where and as it is, whenever its class was told.
-    """
+    """One that bears the number by chance stays where and as it is, whenever its class was told."""
     known = Known()
     known.apply(DoorAdded(door_id=sl.DoorId(1), x=9.0, y=9.0, theta=0.0, width=0.0,
                           happened_ns=START))  # fmt: skip
@@ -210,9 +190,7 @@ def test_a_dock_is_not_the_servers_door(removes: str) -> None:
 
 @pytest.mark.parametrize(("removes", "removed"), [("own", [2]), ("all", [1, 2]), ("none", [])])
 def test_the_mapping_says_which_doors_are_removed(removes: str, removed: list[int]) -> None:
-    """
-    Those that came with the topic, also before a restart; all that have a place; or none.
-    """
+    """Those that came with the topic, also before a restart; all that have a place; or none."""
     known = Known()
     for number in (1, 2, 3):
         place = {} if number == 3 else {"x": 1.0, "y": 1.0, "theta": 0.0, "width": 1.0}
@@ -236,9 +214,7 @@ def test_the_mapping_says_which_doors_are_removed(removes: str, removed: list[in
     ],
 )
 def test_what_cannot_be_is_told_once_and_counted(doors: list[dict[str, Any]], says: str) -> None:
-    """
-    It never becomes an event; the other doors of the message do.
-    """
+    """It never becomes an event; the other doors of the message do."""
     listener = _listener()
     message = ROBOT.door_map([*doors, _door(9)])
 
@@ -253,9 +229,7 @@ def test_what_cannot_be_is_told_once_and_counted(doors: list[dict[str, Any]], sa
 
 
 def test_a_door_with_an_impossible_value_is_not_gone() -> None:
-    """
-    What the log knows of it stays, until a message says something that can be.
-    """
+    """What the log knows of it stays, until a message says something that can be."""
     listener = _listener()
     listener.hear(TOPIC, ROBOT.door_map([_door(1)]))
 
@@ -266,9 +240,7 @@ def test_a_door_with_an_impossible_value_is_not_gone() -> None:
 
 
 def test_another_state_text_is_unknown_and_told() -> None:
-    """
-    As the thesis has it (4.2.2).
-    """
+    """As the thesis has it (4.2.2)."""
     listener = _listener()
 
     events = listener.hear(TOPIC, ROBOT.door_map([_door(1, door_state="ajar")]))
@@ -278,9 +250,7 @@ def test_another_state_text_is_unknown_and_told() -> None:
 
 
 def test_a_moving_door_is_unknown_to_the_server() -> None:
-    """
-    MOVING and OFFLINE, which the message cannot say, differ from its UNKNOWN in nothing.
-    """
+    """MOVING and OFFLINE, which the message cannot say, differ from its UNKNOWN in nothing."""
     known = Known()
     known.apply(
         DoorAdded(door_id=sl.DoorId(1), x=1.0, y=2.0, theta=0.5, width=0.9,
@@ -293,9 +263,7 @@ def test_a_moving_door_is_unknown_to_the_server() -> None:
 
 
 def test_an_unplaced_door_gets_its_place_later() -> None:
-    """
-    All NaN is no place; pose and width come together, and are not taken away again.
-    """
+    """All NaN is no place; pose and width come together, and are not taken away again."""
     nowhere = {"pos_x": math.nan, "pos_y": math.nan, "pos_theta": math.nan, "width": math.nan}
     listener = _listener()
 
@@ -310,9 +278,7 @@ def test_an_unplaced_door_gets_its_place_later() -> None:
 
 
 def test_what_a_server_only_repeats_does_not_undo_what_a_sensor_saw() -> None:
-    """
-    A door that it still calls CLOSED, as before, stays OPEN; one that it calls CLOSED anew is.
-    """
+    """A door that it still calls CLOSED, as before, stays OPEN."""
     readings = {TOPIC: ReadDoorMap(), "/contact": ReadSensor("1")}
     listener = Listener(readings)
     closed = _door(1, door_state="CLOSED")
@@ -346,11 +312,7 @@ _MAPS = st.lists(st.dictionaries(st.integers(1, 5), _VALUES, max_size=4), min_si
 def test_the_log_has_the_servers_doors_after_every_message(
     maps: list[dict[int, dict[str, Any]]], restart: int
 ) -> None:
-    """
-    Whatever it adds, changes, removes and numbers anew, and across a restart: a replay at the time
-    of each message shows just its doors, and the first message after a restart, said again, is no
-    event.
-    """
+    """A replay at each message shows just its doors; said again after a restart, it is no event."""
     with (
         TemporaryDirectory() as folder,
         sl.create(Path(folder) / "log", tz="UTC", durability="none", compact=False) as log,

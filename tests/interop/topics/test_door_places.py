@@ -45,9 +45,7 @@ def _note(key: str, value: str, number: int = 1) -> DoorAnnotated:
 
 
 def test_doors_with_a_place_have_it_with_their_kinds() -> None:
-    """
-    Those without are no laser's business; rows belong together.
-    """
+    """Those without are no laser's business; rows belong together."""
     known = _known(
         _door(1), DoorAdded(door_id=DoorId(2), level=0, happened_ns=1), _door(3, x=4.0, level=2),
         _note("kind", "sliding", 3), _note("glass", "yes", 3),
@@ -65,18 +63,14 @@ def test_doors_with_a_place_have_it_with_their_kinds() -> None:
     [("yes", True), ("Glass", True), ("1", True), ("no", False), ("False", False), (" 0 ", False)],
 )
 def test_glass_is_what_is_not_denied(value: str, is_glass: bool) -> None:
-    """
-    People write it in many ways.
-    """
+    """People write it in many ways."""
     places = places_of(_known(_door(1), _note("glass", value)).doors.values())
 
     assert [is_glass] == places.glass.tolist()
 
 
 def test_no_doors_are_rows_of_none() -> None:
-    """
-    With the shapes of any.
-    """
+    """With the shapes of any."""
     assert (0, 4) == places_of([]).lines.shape
 
 
@@ -95,9 +89,7 @@ def test_no_doors_are_rows_of_none() -> None:
     ],
 )
 def test_only_what_moves_a_door_makes_places_anew(event: Event, changes: bool) -> None:
-    """
-    A sighting does not: there are many, and visits go on over them.
-    """
+    """A sighting does not: there are many, and visits go on over them."""
     known = _known(_door(1))
     doors = DoorsNow(known)
     before = doors.at(0)
@@ -139,18 +131,14 @@ def _warnings(*visits: Visit) -> list[str]:
 def test_a_door_drawn_elsewhere_is_one_on_which_visits_agree(
     offsets: list[float], said: str
 ) -> None:
-    """
-    Three at least: a leaf that stands a little open, each time otherwise, is no wrong drawing.
-    """
+    """Three visits at least; a leaf that stands otherwise each time is no wrong drawing."""
     found = _warnings(*(_visit(behind_m=each) for each in offsets))
 
     assert [True] * bool(said) == [said in each for each in found]
 
 
 def test_what_was_open_or_ajar_says_nothing_of_the_drawing() -> None:
-    """
-    Its beams ended on what is behind, or on the leaf.
-    """
+    """Its beams ended on what is behind, or on the leaf."""
     opened = [_visit(behind_m=0.3, state=DoorState.OPEN)] * 3
     ajar = [_visit(behind_m=0.3, state=DoorState.UNKNOWN, ajar=0.9)] * 3
 
@@ -165,9 +153,7 @@ def test_what_was_open_or_ajar_says_nothing_of_the_drawing() -> None:
 def test_a_door_that_was_never_shut_nor_driven_through_may_be_glass(
     others: list[Visit], is_told: bool
 ) -> None:
-    """
-    After five visits that decided.
-    """
+    """After five visits that decided."""
     opened = [_visit(state=DoorState.OPEN)] * 5
 
     assert is_told == any("glass" in each for each in _warnings(*opened, *others))
@@ -175,9 +161,7 @@ def test_a_door_that_was_never_shut_nor_driven_through_may_be_glass(
 
 
 def test_how_near_doors_were_is_of_the_robots_level() -> None:
-    """
-    A door over its head is not near.
-    """
+    """A door over its head is not near."""
     tally = VisitTally()
     doors = places_of(_known(_door(1, level=2), _door(2, x=30.0)).doors.values())
 
@@ -187,6 +171,6 @@ def test_how_near_doors_were_is_of_the_robots_level() -> None:
     metres, door = tally.nearest
     assert 2 == door
     assert pytest.approx(10.4, abs=0.05) == metres
-    assert "no door was ever within 6 m (nearest: door 2, 10.4 m)" in tally.nothing_met(0)
-    assert "scans are of level 5, the doors on level 0, 2" in tally.nothing_met(5)
+    assert "ever within 6 m (nearest: door 2, 10.4 m)" in tally.nothing_met(0)
+    assert "5, the doors on level 0, 2" in tally.nothing_met(5)
     assert isinstance(doors, DoorPlaces)

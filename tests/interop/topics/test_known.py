@@ -22,9 +22,7 @@ START = 1_700_000_000 * 10**9
 
 
 def test_only_doors_that_were_added_use_up_numbers() -> None:
-    """
-    What is said of a door that nobody added gives no number away: a log says the same.
-    """
+    """What is said of a door that nobody added gives no number away: a log says the same."""
     known = Known()
     known.apply(DoorAdded(door_id=DoorId(3), happened_ns=START))
     known.apply(DoorObserved(door_id=DoorId(900), state=DoorState.OPEN, happened_ns=START))
@@ -34,9 +32,7 @@ def test_only_doors_that_were_added_use_up_numbers() -> None:
 
 
 def test_of_several_doors_of_a_name_the_level_says_which() -> None:
-    """
-    By its number or name; a name that is there once needs none, and none hides it.
-    """
+    """By its number or name; a name that is there once needs none, and none hides it."""
     known = Known()
     known.apply(LevelAdded(level=1, name="ground", happened_ns=START))
     known.apply(LevelAdded(level=2, name="upper", happened_ns=START))
@@ -53,9 +49,7 @@ def test_of_several_doors_of_a_name_the_level_says_which() -> None:
 
 
 def test_numbers_go_on_as_in_the_log(tmp_path: Path) -> None:
-    """
-    Removed doors keep theirs; behind the last number the lowest free one follows.
-    """
+    """Removed doors keep theirs; behind the last number the lowest free one follows."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         first = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9)
         log.remove_door(first)

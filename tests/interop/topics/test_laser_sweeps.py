@@ -25,9 +25,7 @@ def _ranges(*values: float) -> Any:
 
 
 def test_a_scan_has_the_angles_and_times_of_its_beams() -> None:
-    """
-    The first at angle_min and the stamp, each further one an increment on.
-    """
+    """The first at angle_min and the stamp, each further one an increment on."""
     found = _scan()
 
     assert isinstance(found, Sweep)
@@ -37,9 +35,7 @@ def test_a_scan_has_the_angles_and_times_of_its_beams() -> None:
 
 
 def test_drivers_words_for_no_return_are_one() -> None:
-    """
-    Infinity, 0 and beyond the laser's range: lost. NaN, -inf, negative, too near: they say nothing.
-    """
+    """Infinity, 0 and beyond the laser's range: lost."""
     lost, nothing = (math.inf, 0.0, 12.01, 81.91), (math.nan, -math.inf, -1.0, 0.04)
 
     found = _scan(ranges=_ranges(*lost, *nothing, 0.06, 12.0))
@@ -51,9 +47,7 @@ def test_drivers_words_for_no_return_are_one() -> None:
 
 @pytest.mark.parametrize("clockwise", [False, True])
 def test_a_laser_may_turn_either_way(clockwise: bool) -> None:
-    """
-    With angle_increment below 0 its angles fall.
-    """
+    """With angle_increment below 0 its angles fall."""
     step = math.tau / ROOM.beams
     if clockwise:
         found = _scan(angle_min=3.0, angle_increment=-step, angle_max=3.0 - step * (ROOM.beams - 1))
@@ -91,9 +85,7 @@ _STEP = math.tau / ROOM.beams
 def test_a_scan_that_cannot_be_is_refused_by_what_is_wrong(
     values: dict[str, Any], kind: str
 ) -> None:
-    """
-    Never by an exception, nor by beams that point anywhere.
-    """
+    """Never by an exception, nor by beams that point anywhere."""
     found = _scan(**values)
 
     assert isinstance(found, Unusable)
@@ -101,16 +93,12 @@ def test_a_scan_that_cannot_be_is_refused_by_what_is_wrong(
 
 
 def test_an_end_that_is_counted_otherwise_is_no_disagreement() -> None:
-    """
-    Some drivers call angle_max the end of the turn, not the last beam.
-    """
+    """Some drivers call angle_max the end of the turn, not the last beam."""
     assert isinstance(_scan(angle_max=math.pi), Sweep)
 
 
 def test_of_a_million_beams_some_thousand_are_taken() -> None:
-    """
-    Evenly: each at its own angle.
-    """
+    """Evenly: each at its own angle."""
     step = math.tau / 1_000_000
     ranges = np.arange(1_000_000, dtype=np.float32) / 1e5
 
@@ -129,9 +117,7 @@ def test_of_a_million_beams_some_thousand_are_taken() -> None:
 
 
 def test_a_laser_without_an_end_has_one_here() -> None:
-    """
-    A simulator's range_max is infinity: a beam that does not come back has to have gone somewhere.
-    """
+    """A simulator's range_max is infinity."""
     found = _scan(range_max=math.inf, ranges=_ranges(math.inf, 50.0))
 
     assert isinstance(found, Sweep)

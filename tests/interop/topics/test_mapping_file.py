@@ -51,9 +51,7 @@ def _problems(tmp_path: Path, text: str) -> str:
 
 
 def test_the_shipped_example_says_what_its_comments_say() -> None:
-    """
-    Words, tables of names, values of a sensor, types, numbers.
-    """
+    """Words, tables of names, values of a sensor, types, numbers."""
     mapping = read_mapping(FOLDER / "example.yaml")
 
     assert TopicRule(ReadDoorMap()) == mapping.topics["/lta_semantic_map_door_db"]
@@ -78,9 +76,7 @@ def test_the_shipped_example_says_what_its_comments_say() -> None:
 
 
 def test_the_readme_shows_mappings_that_can_be_read(tmp_path: Path) -> None:
-    """
-    Every YAML block of it, as it stands.
-    """
+    """Every YAML block of it, as it stands."""
     blocks = (FOLDER / "README.md").read_text().split("```yaml\n")[1:]
 
     assert 3 <= len(blocks)
@@ -139,16 +135,12 @@ def test_the_readme_shows_mappings_that_can_be_read(tmp_path: Path) -> None:
 def test_a_wrong_file_is_told_by_line_with_what_was_expected(
     text: str, says: str, tmp_path: Path
 ) -> None:
-    """
-    And where a word is nearly right, with the right one.
-    """
+    """And where a word is nearly right, with the right one."""
     assert says in _problems(tmp_path, text)
 
 
 def test_all_problems_are_told_at_once(tmp_path: Path) -> None:
-    """
-    One run shows every line that is wrong.
-    """
+    """One run shows every line that is wrong."""
     said = _problems(tmp_path, "topics:\n  /a: dor_map\n  /b: {read: pose, x: 1}\nrepeats: no\n")
 
     assert [":2:", ":3:", ":4:"] == [line[line.index(":") :][:3] for line in said.splitlines()]
@@ -167,16 +159,12 @@ def test_all_problems_are_told_at_once(tmp_path: Path) -> None:
     ],
 )
 def test_well_known_topics_need_no_file(topic: str, ros_type: str, rule: TopicRule | None) -> None:
-    """
-    By their type, and poses and maps by their names, too; nothing else is touched.
-    """
+    """By their type, and poses and maps by their names, too; nothing else is touched."""
     assert rule == WELL_KNOWN.rule(topic, ros_type)
 
 
 def test_a_named_topic_is_read_as_named_though_it_is_well_known(tmp_path: Path) -> None:
-    """
-    `well_known: true` adds the others to those that are named.
-    """
+    """`well_known: true` adds the others to those that are named."""
     mapping = _read(tmp_path, "topics: {/map: {read: patrol}}\nwell_known: true")
 
     assert isinstance(mapping.topics["/map"].reading, ReadPatrol)
@@ -185,9 +173,7 @@ def test_a_named_topic_is_read_as_named_though_it_is_well_known(tmp_path: Path) 
 
 
 def test_a_laser_has_its_keys(tmp_path: Path) -> None:
-    """
-    All of them, or a word where the defaults are right.
-    """
+    """All of them, or a word where the defaults are right."""
     path = tmp_path / "robot.yaml"
     path.write_text(
         "topics:\n  /a/scan: scan\n  /b: {read: scan, robot: tug2, level: L2, "
@@ -209,9 +195,7 @@ def test_a_laser_has_its_keys(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("topics", [["/velo"], ["/velo", "/scan"], [""]])
 def test_what_is_told_of_lasers_on_the_command_line_holds_for_all(topics: list[str]) -> None:
-    """
-    What is not told stays as it is.
-    """
+    """What is not told stays as it is."""
     told = RosMapping().asked_for(topics, heights=(0.2, 0.9))
     again = told.asked_for(topics, "/amcl_pose")
 

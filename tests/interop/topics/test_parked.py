@@ -71,9 +71,7 @@ def test_visits_that_say_the_same_again_are_counted_and_not_told() -> None:
 
 
 def test_what_somebody_else_said_meanwhile_is_gainsaid_at_once() -> None:
-    """
-    The map says OPEN: the robot sees that it is not.
-    """
+    """The map says OPEN: the robot sees that it is not."""
     known = Known()
     known.apply(ADDED)
     sightings, scans = LaserSightings(DoorsNow(known), robot="tug1"), standing(8)
@@ -101,9 +99,7 @@ def test_what_another_robot_of_the_bag_said_meanwhile_is_gainsaid_at_once(tmp_pa
 
 @pytest.mark.parametrize("where", ["in the log", "in the bag"])
 def test_what_a_log_or_a_bag_says_meanwhile_is_gainsaid_once(where: str, tmp_path: Path) -> None:
-    """
-    By the visit that follows; then it is told as it was.
-    """
+    """By the visit that follows; then it is told as it was."""
     with sl.create(tmp_path / "office", tz="UTC") as log:
         log.append([ADDED])
         said = [_seen(DoorState.OPEN, 4)]
@@ -120,10 +116,7 @@ def test_what_a_log_or_a_bag_says_meanwhile_is_gainsaid_once(where: str, tmp_pat
 
 
 def test_who_parks_grows_no_surer_and_sees_the_door_change(tmp_path: Path) -> None:
-    """
-    An hour and a half before a shut door: belief is never surer than after the first visit; half a
-    minute after it was opened it is believed to be open.
-    """
+    """An hour and a half before a shut door: belief is never surer than after the first visit."""
     with sl.create(tmp_path / "office", tz="UTC") as log:
         log.append([ADDED])
         scans = [*standing(90), *standing(10, OPEN, from_min=90)]

@@ -44,9 +44,7 @@ def _message(points: Any, robot: Robot = ROOM.robot, **values: Any) -> Any:
 
 
 def test_the_points_of_a_cloud_are_found_wherever_its_fields_lie() -> None:
-    """
-    Those that are not finite are left out.
-    """
+    """Those that are not finite are left out."""
     points = [(1.0, 2.0, 3.0), (math.nan, 0, 0), (4.0, 5.0, math.inf), (-1.0, 0.5, 0.25)]
 
     found = cloud_of(_message(points))
@@ -56,9 +54,7 @@ def test_the_points_of_a_cloud_are_found_wherever_its_fields_lie() -> None:
 
 
 def test_a_row_that_says_it_is_long_takes_no_memory() -> None:
-    """
-    The last row, or the only one, may lack what lies between rows; 4 GB are not made for it.
-    """
+    """The last row, or the only one, may lack what lies between rows; 4 GB are not made for it."""
     message = _message([(1.0, 2.0, 3.0)], row_step=2**32 - 1)
     tracemalloc.start()
 
@@ -72,9 +68,7 @@ def test_a_row_that_says_it_is_long_takes_no_memory() -> None:
 
 
 def test_rows_of_a_cloud_may_be_longer_than_their_points() -> None:
-    """
-    An organised cloud of a camera, with bytes behind each row.
-    """
+    """An organised cloud of a camera, with bytes behind each row."""
     points = np.arange(12, dtype=np.float32).reshape(4, 3)
     plain = _message(points)
     rows = np.concatenate([plain.data.reshape(2, -1), np.full((2, 5), 9, np.uint8)], axis=1)
@@ -99,9 +93,7 @@ def test_rows_of_a_cloud_may_be_longer_than_their_points() -> None:
     ],
 )
 def test_a_cloud_that_cannot_be_is_refused(values: dict[str, Any], kind: str) -> None:
-    """
-    By what is wrong, not by an exception.
-    """
+    """By what is wrong, not by an exception."""
     found = cloud_of(_message([(1, 2, 3)] * 3, **values))
 
     assert isinstance(found, Unusable)
@@ -111,9 +103,7 @@ def test_a_cloud_that_cannot_be_is_refused(values: dict[str, Any], kind: str) ->
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.floats(-8, 8), st.floats(-8, 8), st.floats(-1, 3)), max_size=40))
 def test_in_each_direction_the_nearest_point_of_the_band_counts(points: Any) -> None:
-    """
-    As a loop over the points finds it; where none is, nothing is said.
-    """
+    """As a loop over the points finds it; where none is, nothing is said."""
     origin = np.array([0.5, -0.25, 1.0])
     bearings, ranges = cut(np.array(points, float).reshape(-1, 3), origin, (0.3, 1.5))
 
@@ -130,9 +120,7 @@ def test_in_each_direction_the_nearest_point_of_the_band_counts(points: Any) -> 
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_a_cloud_of_a_tilted_sensor_is_cut_level_on_the_map(version: Any) -> None:
-    """
-    A wall from the floor to the ceiling, seen by a sensor that looks ten degrees down.
-    """
+    """A wall from the floor to the ceiling, seen by a sensor that looks ten degrees down."""
     mount = moved(0.1, 0.0, 1.2) @ turned("z", 0.3) @ turned("y", math.radians(10))
     room = LaserRoom(version=version, seconds=3.0, mount=mount)
     wall = np.array([

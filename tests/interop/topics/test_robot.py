@@ -36,9 +36,7 @@ def _pose_of(events: list[Event]) -> tuple[float, float, float]:
 
 
 def test_a_pose_is_kept_once_the_robot_has_moved() -> None:
-    """
-    By a quarter of a metre, or by 15 degrees, from the last one that was kept.
-    """
+    """By a quarter of a metre, or by 15 degrees, from the last one that was kept."""
     listener = _poses()
     turned = math.radians(15.1)
 
@@ -54,9 +52,7 @@ def test_a_pose_is_kept_once_the_robot_has_moved() -> None:
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_a_pose_has_its_place_and_its_deviations(version: Any) -> None:
-    """
-    From the covariance: the square roots of the variances; all zeros say nothing.
-    """
+    """From the covariance: the square roots of the variances; all zeros say nothing."""
     robot = Robot(version)
     listener = Listener({"/p": ReadPose()}, version=version)
 
@@ -73,9 +69,7 @@ def test_a_pose_has_its_place_and_its_deviations(version: Any) -> None:
 
 @pytest.mark.parametrize("frame", ["odom", "", "Map"])
 def test_a_pose_in_another_frame_is_never_one_in_the_map(frame: str) -> None:
-    """
-    It is told; with a slash, as old ROS 1 writes it, the frame is the same.
-    """
+    """It is told; with a slash, as old ROS 1 writes it, the frame is the same."""
     listener = _poses()
 
     assert [] == listener.hear("/p", ROBOT.pose(1, 2, 3, frame=frame))
@@ -84,9 +78,7 @@ def test_a_pose_in_another_frame_is_never_one_in_the_map(frame: str) -> None:
 
 
 def test_a_pose_that_cannot_be_is_told() -> None:
-    """
-    NaN, infinity, an orientation that was never set.
-    """
+    """NaN, infinity, an orientation that was never set."""
     listener = _poses()
     name, _ = ROBOT.pose(0, 0, 0)
     unset = ROBOT.new(name, header=ROBOT.header(0, "map"), pose=ROBOT._pose(1, 2, 0))
@@ -109,9 +101,7 @@ def test_a_chain_of_transforms_is_the_product_of_its_matrices(
     second: tuple[float, float, float],
     third: tuple[float, float, float],
 ) -> None:
-    """
-    map -> odom -> base_footprint -> base_link, in any order of arrival.
-    """
+    """map -> odom -> base_footprint -> base_link, in any order of arrival."""
     listener = Listener({"/tf": ReadTransforms(), "/tf_static": ReadTransforms()})
     listener.hear("/tf_static", ROBOT.transforms(("base_footprint", "base_link", *third)))
     listener.hear("/tf", ROBOT.transforms(("odom", "base_footprint", *second)))
@@ -129,9 +119,7 @@ def _matrix(x: float, y: float, theta: float) -> Any:
 
 
 def test_transforms_that_do_not_reach_the_map_make_no_pose() -> None:
-    """
-    A gap, a circle, frames of others, and a link that nobody sends any more.
-    """
+    """A gap, a circle, frames of others, and a link that nobody sends any more."""
     listener = Listener({"/tf": ReadTransforms()})
 
     said = [
@@ -147,9 +135,7 @@ def test_transforms_that_do_not_reach_the_map_make_no_pose() -> None:
 
 
 def test_frames_have_the_names_of_the_mapping() -> None:
-    """
-    A robot whose frames are called otherwise.
-    """
+    """A robot whose frames are called otherwise."""
     mapping = RosMapping(map_frame="earth", robot_frame="tug/base")
     listener = Listener({"/tf": ReadTransforms()}, Known(), mapping)
 
@@ -159,9 +145,7 @@ def test_frames_have_the_names_of_the_mapping() -> None:
 
 
 def test_a_floor_plan_is_kept_once_for_each_content() -> None:
-    """
-    Said again, also after a restart, it is no event; another is; so is going back.
-    """
+    """Said again, also after a restart, it is no event; another is; so is going back."""
     cells = np.array([[0, 100, -1], [0, 0, 100]], np.int8)
     listener = Listener({"/map": ReadFloorMap()})
 
@@ -179,9 +163,7 @@ def test_a_floor_plan_is_kept_once_for_each_content() -> None:
 
 
 def test_a_grid_that_cannot_be_is_told() -> None:
-    """
-    Another frame, other sizes than it says, no resolution.
-    """
+    """Another frame, other sizes than it says, no resolution."""
     cells = np.zeros((2, 3), np.int8)
     listener = Listener({"/map": ReadFloorMap()})
 
@@ -202,9 +184,7 @@ def _rounds(listener: Listener, *messages: tuple[str, bytes]) -> list[tuple[str,
 
 @pytest.mark.parametrize(("version", "runs", "ends"), [(1, 1, 3), (2, 2, 4), (1, 1, 4), (2, 2, 6)])
 def test_a_goal_that_runs_is_a_round(version: Any, runs: int, ends: int) -> None:
-    """
-    Of an action's status, which comes again and again: one that begins, however it ends.
-    """
+    """Of an action's status, which comes again and again: one that begins, however it ends."""
     robot = Robot(version)
     listener = Listener({"/r": ReadPatrol()}, version=version)
 
@@ -224,9 +204,7 @@ def test_a_goal_that_runs_is_a_round(version: Any, runs: int, ends: int) -> None
 
 
 def test_words_and_flags_mark_rounds() -> None:
-    """
-    A start while a round is under way ends it; an end without a round is none; else it is told.
-    """
+    """A start while a round is under way ends it; an end without a round is none."""
     listener = Listener({"/r": ReadPatrol(name="evening")})
 
     said = _rounds(
@@ -245,9 +223,7 @@ def test_words_and_flags_mark_rounds() -> None:
 
 
 def test_rounds_go_on_counting_where_the_log_stands() -> None:
-    """
-    The next round is one more than the last of the log.
-    """
+    """The next round is one more than the last of the log."""
     known = Known()
     known.apply(PatrolStarted(patrol=41, happened_ns=START))
 
@@ -258,8 +234,6 @@ def test_rounds_go_on_counting_where_the_log_stands() -> None:
 
 @pytest.mark.parametrize("level", ["65001", "9" * 5000, "-1", "attic"])
 def test_a_floor_plan_of_a_level_that_cannot_be_is_told_at_once(level: str) -> None:
-    """
-    Not at each message.
-    """
+    """Not at each message."""
     with pytest.raises(CommandError, match=r"/map: no level .* a mapping file says it: level"):
         Listener({"/map": ReadFloorMap(level)})

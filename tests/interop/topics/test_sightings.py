@@ -61,9 +61,7 @@ def _said(events: list[Event]) -> list[tuple[int, str]]:
 
 
 def test_the_five_modes_are_the_five_states() -> None:
-    """
-    And a sixth is told, and left out.
-    """
+    """And a sixth is told, and left out."""
     listener = _states()
 
     said = [_said(listener.hear("/door_states", ROBOT.door_state("front", mode), mode))
@@ -77,9 +75,7 @@ def test_the_five_modes_are_the_five_states() -> None:
 
 
 def test_a_sighting_that_repeats_is_left_out_for_a_while() -> None:
-    """
-    Within 60 s the same is not said again; another state is, at once, and so is going back.
-    """
+    """Within 60 s the same is not said again; another state is, at once, and so is going back."""
     listener = _states()
 
     kept = [
@@ -93,20 +89,15 @@ def test_a_sighting_that_repeats_is_left_out_for_a_while() -> None:
 
 
 def test_no_limit_keeps_every_sighting() -> None:
-    """
-    `repeats: 0`.
-    """
+    """`repeats: 0`."""
     listener = Listener({"/s": ReadSensor("front")}, _front(), RosMapping(repeats_s=0))
-
     said = [listener.hear("/s", ROBOT.said("Bool", True), 0.001 * n) for n in range(3)]
 
     assert [1, 1, 1] == [len(events) for events in said]
 
 
 def test_two_sources_do_not_repeat_each_other() -> None:
-    """
-    What one topic said is news from another.
-    """
+    """What one topic said is news from another."""
     known = _front()
     readings = {"/a": ReadSensor("front"), "/b": ReadSensor("front")}
     listener = Listener(readings, known)
@@ -117,10 +108,7 @@ def test_two_sources_do_not_repeat_each_other() -> None:
 
 
 def test_a_number_as_a_robots_name_is_no_id_of_ours() -> None:
-    """
-    Doors "2" and "1" of Open-RMF are two doors, whatever ids they got. In a mapping a
-    number may be an id, unless a door is called so.
-    """
+    """Doors "2" and "1" of Open-RMF are two doors, whatever ids they got."""
     listener = Listener({"/door_states": ReadRmfState(), "/mapped": ReadRmfState({"east": "1"})})
 
     for name in ("2", "1"):
@@ -139,9 +127,7 @@ def test_a_number_as_a_robots_name_is_no_id_of_ours() -> None:
 def test_the_mapping_says_what_becomes_of_unknown_doors(
     unknown: str, door: int | None, told: int
 ) -> None:
-    """
-    A new unplaced door of that name, once; nothing; or a complaint.
-    """
+    """A new unplaced door of that name, once; nothing; or a complaint."""
     listener = _states(unknown=unknown)
 
     first = listener.hear("/door_states", ROBOT.door_state("back", OPEN))
@@ -157,9 +143,7 @@ def test_the_mapping_says_what_becomes_of_unknown_doors(
 
 
 def test_doors_are_found_by_name_by_level_and_name_and_by_table() -> None:
-    """
-    A name on two levels is not clear; with the level, or in the table, it is.
-    """
+    """A name on two levels is not clear; with the level, or in the table, it is."""
     known = Known()
     for number, level in ((1, 1), (2, 2)):
         known.apply(LevelAdded(level=level, name=f"L{level}", happened_ns=START))
@@ -174,13 +158,11 @@ def test_doors_are_found_by_name_by_level_and_name_and_by_table() -> None:
 
     assert [[(1, "OPEN")], [(2, "OPEN")], [], [], []] == said  # 3 and 4 say the same again
     (told,) = listener.told
-    assert "a name that is not clear; passed over: lab can mean doors 1, 2; write level/" in told
+    assert "lab can mean doors 1, 2" in told
 
 
 def test_a_new_door_with_a_known_level_in_its_name_is_put_there() -> None:
-    """
-    `L2/attic` is the door attic on L2; a level that nobody knows is a part of the name.
-    """
+    """`L2/attic` is the door attic on L2; a level that nobody knows is a part of the name."""
     known = _front()
     known.apply(LevelAdded(level=2, name="L2", happened_ns=START))
     listener = Listener({"/d": ReadRmfState(level="2")}, known)
@@ -196,9 +178,7 @@ def test_a_new_door_with_a_known_level_in_its_name_is_put_there() -> None:
 
 
 def test_a_request_says_who_asked() -> None:
-    """
-    It changes no state; asked again by the same within the limit it is left out, by another not.
-    """
+    """It changes no state; repeated within the limit it is left out, by another not."""
     listener = Listener({"/door_requests": ReadRmfRequest()}, _front())
 
     made = [listener.made("/door_requests", ROBOT.door_request("front", OPEN, who), second)
@@ -231,21 +211,21 @@ def test_a_request_says_who_asked() -> None:
 def test_a_sensors_value_means_a_state(
     kind: str, value: Any, rule: dict[str, Any], state: str | None
 ) -> None:
-    """
-    As the mapping says, or plainly; a value that means none is told, and left out.
-    """
-    listener = _sensor(**rule)
+    """As the mapping says, or plainly; a value that means none is told, and left out."""
+    listener = _sensor(accuracy=Accuracy(0.9, 0.95), **rule)
 
     events = listener.hear("/s", ROBOT.said(kind, value))
+
+    assert {(0.9, 0.95)} >= {
+        (e.accuracy_open, e.accuracy_closed) for e in events if isinstance(e, DoorObserved)
+    }
 
     assert ([] if state is None else [(1, state)]) == _said(events)
     assert (1 if state is None else 0) == len(listener.told)
 
 
 def test_a_field_can_lie_deep_and_must_be_there() -> None:
-    """
-    A path with dots; one that leads nowhere is told.
-    """
+    """A path with dots; one that leads nowhere is told."""
     name, data = ROBOT.door_state("any", OPEN)
     deep = _sensor(path="current_mode.value", states={2: DoorState.OPEN})
     nowhere = _sensor(path="current_mode.colour")
@@ -255,26 +235,12 @@ def test_a_field_can_lie_deep_and_must_be_there() -> None:
     assert "has no attribute 'colour'" in nowhere.told[0]
 
 
-def test_accuracies_are_those_of_the_mapping() -> None:
-    """
-    For open and closed apart.
-    """
-    listener = _sensor(accuracy=Accuracy(0.9, 0.95))
-
-    (event,) = listener.hear("/s", ROBOT.said("Bool", True))
-
-    assert isinstance(event, DoorObserved)
-    assert (0.9, 0.95) == (event.accuracy_open, event.accuracy_closed)
-
-
 @pytest.mark.parametrize(
     ("stamp_s", "happened_s"),
     [(99, 99), (40, 40), (39, 100), (100, 100), (101, 100), (None, 100)],
 )
 def test_a_stamp_counts_if_it_can_be_believed(stamp_s: int | None, happened_s: int) -> None:
-    """
-    From a minute before the message came up to then; zero, older and later ones do not.
-    """
+    """From a minute before the message came up to then; zero, older and later ones do not."""
     listener = _states()
     at_ns = 0 if stamp_s is None else START + stamp_s * S
 
@@ -284,9 +250,7 @@ def test_a_stamp_counts_if_it_can_be_believed(stamp_s: int | None, happened_s: i
 
 
 def test_where_the_robot_was_is_kept_with_a_sighting() -> None:
-    """
-    Its last pose, though it moved less than the filter lets through; once.
-    """
+    """Its last pose, though it moved less than the filter lets through; once."""
     readings = {"/p": ReadPose(), "/s": ReadSensor("front")}
     listener = Listener(readings, _front())
     listener.hear("/p", ROBOT.pose(1.0, 1.0, 0.0))
@@ -302,9 +266,7 @@ def test_where_the_robot_was_is_kept_with_a_sighting() -> None:
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_bytes_that_are_no_such_message_are_told(version: Any) -> None:
-    """
-    Cut short at any place: never an event but of the whole message, never a crash.
-    """
+    """Cut short at any place: never an event but of the whole message, never a crash."""
     robot = Robot(version)
     name, data = robot.door_state("front", OPEN)
 
@@ -315,19 +277,15 @@ def test_bytes_that_are_no_such_message_are_told(version: Any) -> None:
 
 
 def test_a_message_of_another_type_is_told() -> None:
-    """
-    What somebody else publishes under the topic's name is not read as what was expected.
-    """
+    """What somebody else publishes under the topic's name is not read as what was expected."""
     listener = _states()
 
     assert [] == listener.hear("/door_states", ROBOT.said("String", "front"))
-    assert "a std_msgs/String, expected rmf_door_msgs/DoorState" in listener.told[0]
+    assert "rmf_door_msgs/DoorState" in listener.told[0]
 
 
 def test_what_is_known_is_what_the_log_would_say(tmp_path: Path) -> None:
-    """
-    Doors, levels, rounds and floor plans, taken from a log and followed event by event.
-    """
+    """Doors, levels, rounds and floor plans, taken from a log and followed event by event."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         known = Known.of(log)
         listener = Listener({"/d": ReadRmfState()}, known)

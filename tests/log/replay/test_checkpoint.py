@@ -66,9 +66,7 @@ def _fold(log_path: Path, path: Path) -> tuple[list[int], list[int]]:
 
 
 def test_only_what_is_new_is_read(log_path: Path, path: Path) -> None:
-    """
-    The second time the ten old events are not folded again, the third time none is.
-    """
+    """The second time the ten old events are not folded again, the third time none is."""
     first = _fold(log_path, path)
     _observe(log_path, 2)
     second, third = _fold(log_path, path), _fold(log_path, path)
@@ -79,9 +77,7 @@ def test_only_what_is_new_is_read(log_path: Path, path: Path) -> None:
 
 
 def test_an_empty_log_has_nothing_to_keep(tmp_path: Path, path: Path) -> None:
-    """
-    No file is written before the first commit; then the fold begins as ever.
-    """
+    """No file is written before the first commit; then the fold begins as ever."""
     sl.create(tmp_path / "log", tz="UTC").close()
 
     assert ([], []) == _fold(tmp_path / "log", path)
@@ -94,9 +90,7 @@ def test_an_empty_log_has_nothing_to_keep(tmp_path: Path, path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_file_cut_anywhere_is_damaged(log_path: Path, path: Path) -> None:
-    """
-    At every byte: a warning, a fold from the start, and the file is whole again.
-    """
+    """At every byte: a warning, a fold from the start, and the file is whole again."""
     _fold(log_path, path)
     whole = path.read_bytes()
 
@@ -112,9 +106,7 @@ def test_a_file_cut_anywhere_is_damaged(log_path: Path, path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_flipped_bit_anywhere_is_noticed(log_path: Path, path: Path) -> None:
-    """
-    In its first line it is no checkpoint any more: an error. Behind that it is a damaged one.
-    """
+    """In its first line it is no checkpoint any more: an error. Behind that it is a damaged one."""
     _fold(log_path, path)
     whole = path.read_bytes()
 
@@ -130,9 +122,7 @@ def test_a_flipped_bit_anywhere_is_noticed(log_path: Path, path: Path) -> None:
 
 
 def test_another_file_is_never_overwritten(log_path: Path, path: Path) -> None:
-    """
-    A wrong path is an error, and the file there stays.
-    """
+    """A wrong path is an error, and the file there stays."""
     path.write_bytes(b"my thesis\n")
 
     with pytest.raises(CheckpointError, match="left as it is"):
@@ -144,9 +134,7 @@ def test_another_file_is_never_overwritten(log_path: Path, path: Path) -> None:
 
 
 def test_another_log_or_projection_is_an_error(log_path: Path, path: Path, tmp_path: Path) -> None:
-    """
-    Two folds that share a path by mistake would forever begin anew.
-    """
+    """Two folds that share a path by mistake would forever begin anew."""
     sl.create(tmp_path / "other", tz="UTC").close()
     _fold(log_path, path)
     before = path.read_bytes()
@@ -165,14 +153,12 @@ class _NewNumbers(Numbers):
 
 
 def test_another_version_begins_anew(log_path: Path, path: Path) -> None:
-    """
-    With a warning; then the file is of the new version.
-    """
+    """With a warning; then the file is of the new version."""
     _fold(log_path, path)
 
-    with pytest.warns(CheckpointWarning, match="it is of version 1, and 2 is wanted"):
+    with pytest.warns(CheckpointWarning, match="version 1, and 2"):
         sl.read(log_path).fold(_NewNumbers(), checkpoint=path)
-    with pytest.warns(CheckpointWarning, match="it is of version 2, and 1 is wanted"):
+    with pytest.warns(CheckpointWarning, match="version 2, and 1"):
         sl.read(log_path).fold(Numbers(), checkpoint=path)
 
 
@@ -180,15 +166,13 @@ def test_another_version_begins_anew(log_path: Path, path: Path) -> None:
 def test_a_log_that_was_put_back_is_noticed(
     log_path: Path, path: Path, tmp_path: Path, more: int
 ) -> None:
-    """
-    A backup that went on differently: shorter, as long, or longer than what was taken in.
-    """
+    """A backup that went on differently: shorter, as long, or longer than what was taken in."""
     shutil.copytree(log_path, tmp_path / "backup")
     _observe(log_path, 2)
     _fold(log_path, path)
     _observe(tmp_path / "backup", more)
 
-    with pytest.warns(CheckpointWarning, match="does not hold the commit of event 12 .* put back"):
+    with pytest.warns(CheckpointWarning, match="event 12 .* put back"):
         state = sl.read(tmp_path / "backup").fold(Numbers(), checkpoint=path)
 
     assert list(range(11 + more)) == state
@@ -197,9 +181,7 @@ def test_a_log_that_was_put_back_is_noticed(
 def test_a_copy_that_went_on_behind_the_position_is_the_same_log(
     log_path: Path, path: Path, tmp_path: Path
 ) -> None:
-    """
-    Up to there nothing differs: the checkpoint is good for both.
-    """
+    """Up to there nothing differs: the checkpoint is good for both."""
     shutil.copytree(log_path, tmp_path / "backup")
     _fold(log_path, path)
     _observe(tmp_path / "backup")
@@ -218,9 +200,7 @@ def test_a_copy_that_went_on_behind_the_position_is_the_same_log(
 def test_a_retraction_of_what_was_taken_in_begins_anew(
     log_path: Path, path: Path, first: int, last: int, given: list[int]
 ) -> None:
-    """
-    Without a warning, since nothing is wrong; one of later events alone changes nothing.
-    """
+    """Without a warning, since nothing is wrong; one of later events alone changes nothing."""
     _fold(log_path, path)
     _observe(log_path, 2)
     with sl.append(log_path) as log:
@@ -232,9 +212,7 @@ def test_a_retraction_of_what_was_taken_in_begins_anew(
 
 
 def test_what_was_redacted_since_is_not_told(log_path: Path, path: Path) -> None:
-    """
-    The state held it; without a warning it is made of what is left, and takes its place.
-    """
+    """The state held it; without a warning it is made of what is left, and takes its place."""
     with sl.append(log_path) as log:
         for key, value in (("owner", "Zoe"), ("kind", "fire door")):
             log.annotate(1, key, value)
@@ -256,9 +234,7 @@ def test_what_was_redacted_since_is_not_told(log_path: Path, path: Path) -> None
 
 
 def test_what_is_hidden_already_can_be_hidden_again(log_path: Path, path: Path) -> None:
-    """
-    A second retraction, of another log, of the same events changes nothing, and costs nothing.
-    """
+    """A second retraction of the same events changes nothing and costs nothing."""
     again = Retracted(first_event=4, last_event=5)
     with sl.append(log_path) as log:
         log.append([Retracted(first_event=3, last_event=6)])
@@ -270,9 +246,7 @@ def test_what_is_hidden_already_can_be_hidden_again(log_path: Path, path: Path) 
 
 
 def test_places_that_cannot_be_written_to_are_said_at_once(log_path: Path, tmp_path: Path) -> None:
-    """
-    Before the fold, not after it; a folder in the place of the file, too.
-    """
+    """Before the fold, not after it; a folder in the place of the file, too."""
     with pytest.raises(OutputError, match="there is no such folder"):
         sl.read(log_path).fold(Numbers(), checkpoint=tmp_path / "nowhere" / "checkpoint")
     with pytest.raises(OutputError, match="lies in the log's own folder"):
@@ -286,9 +260,7 @@ def test_places_that_cannot_be_written_to_are_said_at_once(log_path: Path, tmp_p
 def test_a_disk_that_says_no_leaves_the_last_one_whole(
     log_path: Path, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The error names the file; nothing of ours is left beside it.
-    """
+    """The error names the file; nothing of ours is left beside it."""
     _fold(log_path, path)
     before = path.read_bytes()
     _observe(log_path)
@@ -305,9 +277,7 @@ def test_a_disk_that_says_no_leaves_the_last_one_whole(
 
 
 def test_what_a_killed_process_left_is_removed(log_path: Path, path: Path) -> None:
-    """
-    And what a process that runs is just writing is not.
-    """
+    """And what a process that runs is just writing is not."""
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
     left = path.with_name(f".checkpoint.{gone.pid}.tmp")
@@ -322,9 +292,7 @@ def test_what_a_killed_process_left_is_removed(log_path: Path, path: Path) -> No
 
 
 def test_states_with_bytes_of_their_own(log_path: Path, path: Path) -> None:
-    """
-    `dump` and `load` are asked, and nothing else.
-    """
+    """`dump` and `load` are asked, and nothing else."""
     first = sl.read(log_path).fold(Digest(), checkpoint=path)
     _observe(log_path)
 
@@ -344,9 +312,7 @@ class _Odd(Numbers):
 
 
 def test_a_state_that_no_file_can_hold_says_the_way_out(log_path: Path, path: Path) -> None:
-    """
-    Without a checkpoint it may be anything.
-    """
+    """Without a checkpoint it may be anything."""
     assert sl.read(log_path).fold(_Odd()) is not None
 
     with pytest.raises(CheckpointError, match=r"the state is a object; expected .*dump\(state\)"):

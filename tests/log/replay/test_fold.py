@@ -65,9 +65,7 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> sl.DoorLog:
 
 
 def test_the_example_in_the_docstring_does_what_it_says(tmp_path: Path) -> None:
-    """
-    Its code, run as it stands.
-    """
+    """Its code, run as it stands."""
     text = inspect.getdoc(projection_module) or ""
     code = textwrap.dedent(re.search(r"\n\n((?:    .*\n|\n)+)", text)[1])
     names: dict[str, Any] = {"OPEN": sl.DoorState.OPEN, "CLOSED": sl.DoorState.CLOSED}
@@ -89,9 +87,7 @@ def test_the_example_in_the_docstring_does_what_it_says(tmp_path: Path) -> None:
 
 
 def test_batches_come_in_order_and_without_retracted_events(log: sl.DoorLog) -> None:
-    """
-    Every event that counts, once; each `initial` is a new one.
-    """
+    """Every event that counts, once; each `initial` is a new one."""
     projection = Numbers()
 
     numbers = log.fold(projection)
@@ -107,10 +103,7 @@ def test_batches_come_in_order_and_without_retracted_events(log: sl.DoorLog) -> 
 def test_every_moment_with_and_without_a_checkpoint(
     log: sl.DoorLog, tmp_path: Path, projection: Any
 ) -> None:
-    """
-    at, known_at, event and all of it: a checkpoint of any earlier moment, or of a later one, leads
-    to the state that a fold from the start gives.
-    """
+    """A checkpoint of any moment leads to the state that a fold from the start gives."""
     dice = random.Random(1)
     commits = list(log.commits())
     times = [t for commit in commits for t in (commit.recorded_ns, commit.recorded_ns - 1)]
@@ -132,9 +125,7 @@ def test_every_moment_with_and_without_a_checkpoint(
 def test_an_earlier_question_leaves_a_later_checkpoint_alone(
     log: sl.DoorLog, tmp_path: Path
 ) -> None:
-    """
-    Nor does one about what had happened by some time write one.
-    """
+    """Nor does one about what had happened by some time write one."""
     path = tmp_path / "checkpoint"
     log.fold(Numbers(), at="@1772400000.020", checkpoint=path)
     assert not path.exists()
@@ -148,10 +139,7 @@ def test_an_earlier_question_leaves_a_later_checkpoint_alone(
 
 
 def test_states_of_two_parts_make_that_of_both(log: sl.DoorLog) -> None:
-    """
-    What `merge` promises, for every cut, though the retractions of the first part may lie in the
-    second.
-    """
+    """For every cut, though retractions of the first part may lie in the second."""
     projection, last = Numbers(), log._reader.last_commit().last_event
     whole = log.fold(projection)
 
@@ -164,9 +152,7 @@ def test_states_of_two_parts_make_that_of_both(log: sl.DoorLog) -> None:
 
 @pytest.mark.slow
 def test_parts_may_be_made_by_several_processes(log: sl.DoorLog) -> None:
-    """
-    Each opens the log by itself; the parts come back in order.
-    """
+    """Each opens the log by itself; the parts come back in order."""
     last = log._reader.last_commit().last_event
     cuts = [0, last // 3, 2 * last // 3, last + 1]
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
@@ -180,9 +166,7 @@ def _part(path: Path, first: int, behind: int) -> list[int]:
 
 
 def test_what_a_projection_offers_is_seen() -> None:
-    """
-    `merge`, `dump` and `load` are there or not: nobody inherits from anything.
-    """
+    """`merge`, `dump` and `load` are there or not: nobody inherits from anything."""
     assert isinstance(Numbers(), Mergeable)
     assert not isinstance(Sums(), Mergeable)
     assert isinstance(Digest(), Dumping)
@@ -190,9 +174,7 @@ def test_what_a_projection_offers_is_seen() -> None:
 
 
 def test_compaction_does_not_move_a_position(tmp_path: Path) -> None:
-    """
-    A checkpoint made before goes on in the rechunked, merged segments, in the middle of a chunk.
-    """
+    """It goes on in the middle of a chunk of merged segments."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", compact=False) as log:
         door = log.add_door()
@@ -221,9 +203,7 @@ class _Counting(Numbers):
 
 
 def test_one_commit_of_many_pages_is_kept_when_it_is_whole(tmp_path: Path) -> None:
-    """
-    On the way through it there is no end of a commit to save at.
-    """
+    """On the way through it there is no end of a commit to save at."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log:
         door = DoorId(log.add_door())
@@ -244,10 +224,7 @@ def test_one_commit_of_many_pages_is_kept_when_it_is_whole(tmp_path: Path) -> No
 def test_a_fold_that_is_torn_off_goes_on_from_the_way(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A projection that fails in the middle: what was saved on the way is the state of the end of a
-    commit as it was known there, so not of one between an event and its retraction.
-    """
+    """What was saved is the state of the end of a commit."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 4)
     with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
         door = log.add_door(name="front")
@@ -277,9 +254,7 @@ def test_a_fold_that_is_torn_off_goes_on_from_the_way(
 def test_what_is_written_meanwhile_does_not_count(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, checkpoint: str | None
 ) -> None:
-    """
-    Another thread writes, retracts and asks while a fold is under way: it is of its beginning.
-    """
+    """A fold is of its beginning, though another thread writes, retracts and asks."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 4)
     with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
         door = log.add_door()

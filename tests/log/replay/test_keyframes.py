@@ -18,9 +18,7 @@ from tests.log.replay.test_state import START_NS, sightings, tiny_steps
 def test_retractions_of_what_was_overwritten_do_not_begin_it_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The oldest sightings are taken back one by one: the events are folded twice, not 20 times.
-    """
+    """The oldest sightings are taken back one by one: the events are folded twice, not 20 times."""
     path = tmp_path / "log"
     with tiny_steps(), sl.create(path, tz="UTC", compact=False) as log:
         log.append([DoorAdded(door_id=DoorId(1), happened_ns=START_NS - 1)])

@@ -44,9 +44,7 @@ def _said(value: Any) -> Any:
 
 @given(PLAIN)
 def test_plain_values_come_back_as_they_were(state: Any) -> None:
-    """
-    Numbers, texts, bytes, and what holds them, with keys of any plain type, in their order.
-    """
+    """Numbers, texts, bytes, and what holds them, with keys of any plain type, in their order."""
     assert _said(state) == _said(load_plain(dump_plain(state)))
 
 
@@ -66,9 +64,7 @@ def test_plain_values_come_back_as_they_were(state: Any) -> None:
     ids=lambda array: str(array.dtype)[:20],
 )
 def test_arrays_come_back_as_they_were(array: np.ndarray) -> None:
-    """
-    Alone, and anywhere within plain values; they can be changed in place afterwards.
-    """
+    """Alone, and anywhere within plain values; they can be changed in place afterwards."""
     alone = load_plain(dump_plain(array))
     within = load_plain(dump_plain({"a": [array, (array, 1)]}))
 
@@ -79,9 +75,7 @@ def test_arrays_come_back_as_they_were(array: np.ndarray) -> None:
 
 
 def test_numpy_numbers_stay_numpy_numbers() -> None:
-    """
-    As values and as keys: what was counted with numpy goes on as it was.
-    """
+    """As values and as keys: what was counted with numpy goes on as it was."""
     state = {np.uint32(3): np.float64(0.5), "n": np.int64(2), "t": np.bool_(True)}
 
     back = load_plain(dump_plain(state))
@@ -109,17 +103,13 @@ class Odd:
     ],
 )
 def test_what_would_come_back_as_something_else_is_refused(state: Any, what: str) -> None:
-    """
-    The error names the place, the type, and the way out.
-    """
+    """The error names the place, the type, and the way out."""
     with pytest.raises(CheckpointError, match=rf"{what}.*dump\(state\) -> bytes"):
         dump_plain(state)
 
 
 def test_a_state_that_holds_itself_is_refused() -> None:
-    """
-    Instead of running until the memory is full.
-    """
+    """Instead of running until the memory is full."""
     state: list[Any] = []
     state.append(state)
 
@@ -128,9 +118,7 @@ def test_a_state_that_holds_itself_is_refused() -> None:
 
 
 def test_nothing_of_a_foreign_file_is_run() -> None:
-    """
-    A pickle in the place of an array, or of all of it, is not what we made.
-    """
+    """A pickle in the place of an array, or of all of it, is not what we made."""
     pickled = pickle.dumps(np.array([Odd()], object))
     whole = dump_plain(np.zeros(3))
     head = whole[: whole.index(b"\n") + 1]
@@ -142,9 +130,7 @@ def test_nothing_of_a_foreign_file_is_run() -> None:
 
 @given(st.binary(max_size=60))
 def test_random_bytes_are_a_value_error_or_a_plain_value(data: bytes) -> None:
-    """
-    No other error, whatever the bytes.
-    """
+    """No other error, whatever the bytes."""
     try:
         load_plain(data)
     except ValueError:

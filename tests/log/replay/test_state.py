@@ -81,9 +81,7 @@ def starts_of() -> Iterator[list[ChunkPlace]]:
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32))
 def test_the_answer_is_the_same_without_keyframes(seed: int) -> None:
-    """
-    At any event number, happened time and both, as written, rechunked and merged.
-    """
+    """At any event number, happened time and both, as written, rechunked and merged."""
     dice = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder, tiny_steps(), starts_of() as starts:
         path = Path(folder) / "log"
@@ -111,9 +109,7 @@ def test_the_answer_is_the_same_without_keyframes(seed: int) -> None:
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32))
 def test_with_many_keyframes_every_moment_is_what_the_model_says(seed: int) -> None:
-    """
-    Late events, equal stamps, retractions, borders of segments: against dictionaries.
-    """
+    """Late events, equal stamps, retractions, borders of segments: against dictionaries."""
     dice = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder, tiny_steps():
         path = Path(folder) / "log"
@@ -153,9 +149,7 @@ def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_a_long_commit_has_keyframes_inside(long_log: Path) -> None:
-    """
-    About one for each MiB of records, with the log time of the record before.
-    """
+    """About one for each MiB of records, with the log time of the record before."""
     reader = LogReader(long_log)
     (segment,) = reader.segments
 
@@ -167,9 +161,7 @@ def test_a_long_commit_has_keyframes_inside(long_log: Path) -> None:
 
 
 def test_a_moment_reads_what_it_needs(long_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Of a log of many MiB: a keyframe and the one chunk behind it.
-    """
+    """Of a log of many MiB: a keyframe and the one chunk behind it."""
     sizes: list[int] = []
     read_page = segment_reading.read_page
 
@@ -207,9 +199,7 @@ def patrolled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_moment_unpacks_no_chunk_twice(
     patrolled: Path, asked: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A keyframe, what came behind it up to the next, and no more of what came late than lies there.
-    """
+    """No more of what came late is read than lies between two keyframes."""
     unpacked: list[tuple[int, int]] = []
     records = StoredChunk.records
 
@@ -238,9 +228,7 @@ def test_a_moment_unpacks_no_chunk_twice(
 
 
 def test_a_live_log_is_asked_while_it_is_written(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    Its keyframes are used before anything is closed.
-    """
+    """Its keyframes are used before anything is closed."""
     with tiny_steps(), sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         log.append([DoorAdded(door_id=DoorId(1), happened_ns=START_NS - 1)])
         for n in range(9):
@@ -267,9 +255,7 @@ def retracted_log(path: Path, first: int, last: int) -> LogReader:
 
 
 def test_a_keyframe_serves_if_what_was_retracted_was_overwritten_before(tmp_path: Path) -> None:
-    """
-    Sightings 5 to 8 are hidden; behind them others had said what the state is.
-    """
+    """Sightings 5 to 8 are hidden; behind them others had said what the state is."""
     reader = retracted_log(tmp_path / "log", 5, 8)
 
     with starts_of() as starts:
@@ -281,9 +267,7 @@ def test_a_keyframe_serves_if_what_was_retracted_was_overwritten_before(tmp_path
 
 
 def test_a_keyframe_that_rests_on_what_was_retracted_is_passed_over(tmp_path: Path) -> None:
-    """
-    The adding of the door is hidden, so that no keyframe behind it is right.
-    """
+    """The adding of the door is hidden, so that no keyframe behind it is right."""
     reader = retracted_log(tmp_path / "log", 0, 0)
 
     with starts_of() as starts:
@@ -304,9 +288,7 @@ VERSION_AT, HASH = 12, slice(16, 48)
 def test_a_keyframe_that_cannot_be_used_is_left_out_with_a_warning(
     at: int, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Of another version, or with a wrong bit under a right CRC: said, and the answer is the same.
-    """
+    """Of another version, or with a wrong bit under a right CRC."""
     encoded = keyframes.encode
 
     def damaged(some_state: DoorMapState) -> bytes:
@@ -333,9 +315,7 @@ def test_a_keyframe_that_cannot_be_used_is_left_out_with_a_warning(
 def test_a_keyframe_whose_columns_do_not_fit_is_no_crash(
     column: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    With its right hash, made by a hand: left out, or an error of ours.
-    """
+    """With its right hash, made by a hand: left out, or an error of ours."""
     to_arrays = DoorMapState.to_arrays
 
     def shorter(some_state: DoorMapState) -> dict[str, Any]:
@@ -358,9 +338,7 @@ def test_a_keyframe_whose_columns_do_not_fit_is_no_crash(
 
 
 def test_a_good_log_warns_of_nothing(long_log: Path) -> None:
-    """
-    A warning means something.
-    """
+    """A warning means something."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
 
@@ -368,9 +346,7 @@ def test_a_good_log_warns_of_nothing(long_log: Path) -> None:
 
 
 def test_damage_behind_the_keyframe_is_an_error(long_log: Path, tmp_path: Path) -> None:
-    """
-    And damage elsewhere is none of this question's business.
-    """
+    """And damage elsewhere is none of this question's business."""
     path = shutil.copytree(long_log, tmp_path / "log")
     (segment,) = LogReader(path).segments
     keyframe = int(segment.chunks.having(KEYFRAME_BIT)[3])

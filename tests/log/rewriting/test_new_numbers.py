@@ -17,9 +17,7 @@ COUNT = 40
 
 @pytest.mark.parametrize("seed", range(12))
 def test_a_retraction_reaches_the_same_events(seed: int) -> None:
-    """
-    Wherever they lie now, and none besides; one that reaches nothing that is there is not told.
-    """
+    """Wherever they lie now, and none besides."""
     dice, numbers, known, first = random.Random(seed), NewNumbers(COUNT), dict[int, int](), 5
     at = 0
     while at < COUNT:
@@ -48,9 +46,7 @@ def test_a_retraction_reaches_the_same_events(seed: int) -> None:
 
 
 def test_thinned_sightings_name_the_first_or_nothing() -> None:
-    """
-    0 means that it is not known: so do numbers of events that are not there, or of none at all.
-    """
+    """0 means that it is not known."""
     numbers = NewNumbers(COUNT)
     numbers.add(7, 3)
     numbers.add(0, 5)

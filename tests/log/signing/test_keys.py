@@ -6,7 +6,6 @@ import base64
 import os
 import stat
 import subprocess
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -22,9 +21,7 @@ from tests.log.signing.signed_logs import a_key, needs_ssh_keygen
 def test_a_new_key_is_its_owner_s_alone_from_the_first_instant(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Whatever the umask: the file is made with its mode, not changed later.
-    """
+    """Whatever the umask: the file is made with its mode, not changed later."""
     made: dict[str, tuple[int, int]] = {}
     really = os.open
 
@@ -48,9 +45,7 @@ def test_a_new_key_is_its_owner_s_alone_from_the_first_instant(
 @pytest.mark.parametrize("there", ["robot", "robot.pub"])
 @pytest.mark.parametrize("as_link", [False, True])
 def test_no_key_is_replaced(tmp_path: Path, there: str, *, as_link: bool) -> None:
-    """
-    Neither of the two files, nor through a link that leads nowhere; and no half pair is left.
-    """
+    """Neither of the two files, nor through a link that leads nowhere; and no half pair is left."""
     if as_link:
         (tmp_path / there).symlink_to("elsewhere")
     else:
@@ -64,9 +59,7 @@ def test_no_key_is_replaced(tmp_path: Path, there: str, *, as_link: bool) -> Non
 
 @pytest.mark.parametrize("name", ["key", "signatures/key", "../log/key"])
 def test_no_key_lies_in_the_log(log: Path, key: SigningKey, tmp_path: Path, name: str) -> None:
-    """
-    It would be copied with the log; neither a new one nor one that is there.
-    """
+    """It would be copied with the log; neither a new one nor one that is there."""
     sign(log, key)
     with pytest.raises(SigningError, match="lies in the log's own folder"):
         make_key(log / name, log=log)
@@ -91,9 +84,7 @@ def test_a_key_that_others_can_read_is_refused(key: SigningKey, tmp_path: Path, 
 def test_no_byte_of_the_private_key_is_in_the_log(
     log: Path, key: SigningKey, tmp_path: Path
 ) -> None:
-    """
-    Neither its 32 bytes nor any line of its file.
-    """
+    """Neither its 32 bytes nor any line of its file."""
     sign(log, key)
     text = (tmp_path / "robot").read_bytes()
     packed = base64.b64decode(b"".join(text.splitlines()[1:-1]))
@@ -110,9 +101,7 @@ def test_no_byte_of_the_private_key_is_in_the_log(
 
 @needs_ssh_keygen
 def test_keys_of_ssh_keygen_sign(log: Path, tmp_path: Path) -> None:
-    """
-    And it finds in ours the public key that lies beside it.
-    """
+    """And it finds in ours the public key that lies beside it."""
     _keygen(tmp_path / "theirs")
     a_key(tmp_path, "ours")
 
@@ -127,9 +116,7 @@ def test_keys_of_ssh_keygen_sign(log: Path, tmp_path: Path) -> None:
 @needs_ssh_keygen
 @pytest.mark.skipif(find_spec("bcrypt") is None, reason="needs bcrypt")
 def test_a_key_with_a_passphrase(log: Path, tmp_path: Path) -> None:
-    """
-    It is asked for once, and only of a key that has one.
-    """
+    """It is asked for once, and only of a key that has one."""
     _keygen(tmp_path / "locked", "open sesame")
     a_key(tmp_path)
     asked: list[str] = []
@@ -154,7 +141,7 @@ def test_a_key_of_another_kind_is_refused(tmp_path: Path) -> None:
 
     with pytest.raises(SigningError, match="expected a key of Ed25519"):
         read_key(tmp_path / "rsa", log=tmp_path / "log")
-    with pytest.raises(SigningError, match=r"rsa.pub, line 1: expected `ssh-ed25519 BASE64`"):
+    with pytest.raises(SigningError, match=r"1: expected `ssh-ed25519 BASE64`"):
         read_public_keys([tmp_path / "rsa.pub"])
 
 
@@ -168,9 +155,7 @@ def test_what_is_no_key_is_refused(tmp_path: Path, data: bytes) -> None:
 
 
 def test_public_keys_are_read_as_ssh_reads_them(tmp_path: Path) -> None:
-    """
-    From a `.pub`, or from lines of allowed_signers with their principals and namespaces.
-    """
+    """From a `.pub`, or from lines of allowed_signers with their principals and namespaces."""
     keys = [a_key(tmp_path, name) for name in ("a", "b", "c")]
     lines = [(tmp_path / f"{name}.pub").read_text().rsplit(" ", 1)[0] for name in ("a", "b", "c")]
     path = tmp_path / "allowed"
@@ -207,9 +192,7 @@ def test_what_is_not_understood_is_not_believed(tmp_path: Path, line: str, probl
 
 
 def test_no_byte_of_a_public_key_may_differ(key: SigningKey, tmp_path: Path) -> None:
-    """
-    It is another key then, or none.
-    """
+    """It is another key then, or none."""
     path = tmp_path / "robot.pub"
     whole = path.read_bytes().rsplit(b" ", 1)[0]
     for place in range(len(whole)):
@@ -222,22 +205,6 @@ def test_no_byte_of_a_public_key_may_differ(key: SigningKey, tmp_path: Path) -> 
             except SigningError:
                 continue
             assert key.public_bytes not in found, (place, bit)
-
-
-def test_without_cryptography_the_install_line_is_told(log: Path) -> None:
-    """
-    And nothing is signed.
-    """
-    program = (
-        "import sys; sys.modules['cryptography'] = None\n"
-        "from semmap_log.cli import main; main(sys.argv[1:])"
-    )
-    for verb in (["sign", log, "--key", "k"], ["verify", log, "--public-key", "k"]):
-        done = subprocess.run(
-            [sys.executable, "-c", program, *verb], capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 1
-        assert "pip install 'semmap-log[sign]'" in done.stderr
 
 
 def _keygen(path: Path, passphrase: str = "", kind: str = "ed25519") -> None:

@@ -76,9 +76,7 @@ def forget_state(key: SigningKey) -> None:
 
 
 def test_what_was_signed_before_stands(log: Path, key: SigningKey, owner: SigningKey) -> None:
-    """
-    From the number on it is code 4; once that is moved away, another key goes on.
-    """
+    """From the number on it is code 4; once that is moved away, another key goes on."""
     sign(log, key)
     end = last_signed(log, 1).next_event
     assert (0, [], 13) == checked(log, owner, key)
@@ -94,9 +92,7 @@ def test_what_was_signed_before_stands(log: Path, key: SigningKey, owner: Signin
 
 
 def test_what_is_signed_later_shows(log: Path, key: SigningKey, owner: SigningKey) -> None:
-    """
-    A revocation for what comes next leaves the log good; the key signs no more of it.
-    """
+    """A revocation for what comes next leaves the log good; the key signs no more of it."""
     sign(log, key)
     revoke(log, owner, public(key), first=3)
     assert (0, [], 13) == checked(log, owner, key)
@@ -109,9 +105,7 @@ def test_what_is_signed_later_shows(log: Path, key: SigningKey, owner: SigningKe
 
 
 def test_all_can_be_revoked(log: Path, key: SigningKey, owner: SigningKey) -> None:
-    """
-    From number 0 on nothing counts; the lowest of several revocations does.
-    """
+    """From number 0 on nothing counts; the lowest of several revocations does."""
     sign(log, key)
     revoke(log, owner, public(key), first=2)
     revoke(log, owner, public(key), first=0)
@@ -122,9 +116,7 @@ def test_all_can_be_revoked(log: Path, key: SigningKey, owner: SigningKey) -> No
 def test_the_number_counts_whatever_statement_is_named_last(
     log: Path, key: SigningKey, owner: SigningKey
 ) -> None:
-    """
-    A revocation from 1 on that names statement 2 as the last to count revokes 1 and 2.
-    """
+    """A revocation from 1 on that names statement 2 as the last to count revokes 1 and 2."""
     sign(log, key)
     revoke(log, owner, public(key), first=2)
     (file,) = (log / "signatures").glob("*.revoke")
@@ -141,9 +133,7 @@ def test_the_number_counts_whatever_statement_is_named_last(
 def test_a_number_from_before_reaches_no_further(
     log: Path, key: SigningKey, owner: SigningKey
 ) -> None:
-    """
-    A thief can write any number that did not stay, but not sign more of the log with it.
-    """
+    """A thief can write any number that did not stay, but not sign more of the log with it."""
     sign(log, key)
     newest, kept = last_signed(log, 2), last_signed(log, 1)
     revoke(log, owner, public(key), first=5)
@@ -169,9 +159,7 @@ def test_a_number_from_before_reaches_no_further(
 def test_a_thief_signs_no_other_log_in_its_place(
     log: Path, key: SigningKey, owner: SigningKey, tmp_path: Path
 ) -> None:
-    """
-    With the same numbers, and the revocation beside them: the last one that counts is missing.
-    """
+    """The same numbers and the revocation beside them: the last one that counts is missing."""
     other = eventful_log(tmp_path / "other", accuracy=0.8)
     sign(log, key)
     revoke(log, owner, public(key), first=2)
@@ -184,9 +172,7 @@ def test_a_thief_signs_no_other_log_in_its_place(
 
 
 def test_a_thief_names_no_successor(log: Path, key: SigningKey, owner: SigningKey) -> None:
-    """
-    Of a revoked statement nothing counts; one that was named before goes on.
-    """
+    """Of a revoked statement nothing counts; one that was named before goes on."""
     sign(log, key)
     thief = a_key(log.parent, "thief")
     sign(log, key, next_key=public(thief))
@@ -207,9 +193,7 @@ def test_a_thief_names_no_successor(log: Path, key: SigningKey, owner: SigningKe
 
 
 def test_only_an_owner_revokes(log: Path, key: SigningKey, owner: SigningKey) -> None:
-    """
-    Neither the robot's key, nor a stranger's; nor an owner's signature for another purpose.
-    """
+    """Neither the robot's key, nor a stranger's; nor an owner's signature for another purpose."""
     sign(log, key)
     with pytest.raises(SigningError, match="expected an owner's key"):
         revoke(log, key, public(key), first=2)
@@ -226,9 +210,7 @@ def test_only_an_owner_revokes(log: Path, key: SigningKey, owner: SigningKey) ->
 
 
 def test_an_owner_signs_no_statement(log: Path, key: SigningKey, owner: SigningKey) -> None:
-    """
-    In the namespace of revocations nothing else counts.
-    """
+    """In the namespace of revocations nothing else counts."""
     sign(log, owner)
     for file in statements(log):
         text = signature_of(file.read_bytes(), owner, REVOKING)
@@ -238,9 +220,7 @@ def test_an_owner_signs_no_statement(log: Path, key: SigningKey, owner: SigningK
 
 
 def test_an_altered_revocation_shows(log: Path, key: SigningKey, owner: SigningKey) -> None:
-    """
-    Wherever a byte of it is another.
-    """
+    """Wherever a byte of it is another."""
     sign(log, key)
     made = revoke(log, owner, public(key), first=2)
     good = made.read_bytes()
@@ -254,9 +234,7 @@ def test_an_altered_revocation_shows(log: Path, key: SigningKey, owner: SigningK
 def test_a_revocation_of_another_log_shows(
     log: Path, key: SigningKey, owner: SigningKey, tmp_path: Path
 ) -> None:
-    """
-    It revokes nothing here.
-    """
+    """It revokes nothing here."""
     sign(log, key)
     other = tmp_path / "other"
     with sl.create(other) as opened:
@@ -270,9 +248,7 @@ def test_a_revocation_of_another_log_shows(
 def test_a_revocation_can_be_kept_elsewhere(
     log: Path, key: SigningKey, owner: SigningKey, tmp_path: Path
 ) -> None:
-    """
-    Who can write to the log can remove it there.
-    """
+    """Who can write to the log can remove it there."""
     sign(log, key)
     made = revoke(log, owner, public(key), first=2)
     elsewhere = tmp_path / "elsewhere"
@@ -286,19 +262,15 @@ def test_a_revocation_can_be_kept_elsewhere(
 
 
 def test_a_number_that_nothing_comes_before(log: Path, key: SigningKey, owner: SigningKey) -> None:
-    """
-    Where nothing of the key lies there, no statement can be named as the last that counts.
-    """
-    with pytest.raises(SigningError, match="with a number below 2, got none"):
+    """Where nothing of the key lies there, no statement can be named as the last that counts."""
+    with pytest.raises(SigningError, match="number below 2, got none"):
         revoke(log, owner, public(key), first=2)
     assert not (log / "signatures").exists()
 
 
 @needs_ssh_keygen
 def test_ssh_keygen_checks_a_revocation(log: Path, key: SigningKey, owner: SigningKey) -> None:
-    """
-    As docs/guides/signatures.md says.
-    """
+    """As docs/guides/signatures.md says."""
     sign(log, key)
     made = revoke(log, owner, public(key), first=2)
     assert made.read_text() == Revocation(

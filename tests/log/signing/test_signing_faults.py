@@ -53,9 +53,7 @@ def cut_off(log: Path, key: SigningKey, call: str, at: int) -> bool:
 
 @pytest.mark.parametrize("call", CALLS)
 def test_killed_at_each_step(log: Path, key: SigningKey, call: str) -> None:
-    """
-    What is there is whole; the next signing does the rest, and removes what was half.
-    """
+    """What is there is whole; the next signing does the rest, and removes what was half."""
     kills = 0
     for at in count(1):
         if not cut_off(log, key, call, at):
@@ -75,9 +73,7 @@ def test_killed_at_each_step(log: Path, key: SigningKey, call: str) -> None:
 def test_a_full_disk_at_each_step(
     log: Path, key: SigningKey, monkeypatch: pytest.MonkeyPatch, call: str
 ) -> None:
-    """
-    It is said; what is there is whole, and nothing half lies about.
-    """
+    """It is said; what is there is whole, and nothing half lies about."""
     really = getattr(os, call)
     for at in count(1):
         left = count(1)
@@ -106,9 +102,7 @@ def test_a_full_disk_at_each_step(
 
 
 def test_a_disk_that_takes_no_more_than_some_bytes(log: Path, key: SigningKey) -> None:
-    """
-    A real limit of the system, by the command line.
-    """
+    """A real limit of the system, by the command line."""
     key_file = log.parent / "robot"
     line = [sys.executable, "-m", "semmap_log", "sign", str(log), "--key", str(key_file)]
 
@@ -129,9 +123,7 @@ def test_a_disk_that_takes_no_more_than_some_bytes(log: Path, key: SigningKey) -
 def test_beside_a_writer_and_a_compaction(
     tmp_path: Path, key: SigningKey, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Signed again and again while segments are closed, compacted and merged: it ends good.
-    """
+    """Signed again and again while segments are closed, compacted and merged: it ends good."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 20)
     monkeypatch.setattr(segment_chain, "CONTINUE_BELOW_BYTES", 1)
     log = tmp_path / "log"
@@ -167,9 +159,7 @@ def test_beside_a_writer_and_a_compaction(
 def test_a_segment_that_is_continued_meanwhile_is_not_signed(
     tmp_path: Path, key: SigningKey, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Live, a power cut may still take its end; and so it may where it was closed at the first look.
-    """
+    """Live, a power cut may still take its end."""
     log = tmp_path / "log"
     with sl.create(log, tz="UTC") as opened:
         opened.add_door()
@@ -187,9 +177,7 @@ def test_a_segment_that_is_continued_meanwhile_is_not_signed(
 
 
 def test_two_sign_at_once(log: Path, key: SigningKey) -> None:
-    """
-    They write the same bytes.
-    """
+    """They write the same bytes."""
     with ThreadPoolExecutor() as pool:
         for one in [pool.submit(sign, log, key) for _ in range(6)]:
             one.result()

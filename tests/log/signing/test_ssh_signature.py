@@ -18,9 +18,7 @@ TEXT = b"a door was open\n"
 
 @needs_ssh_keygen
 def test_ssh_keygen_checks_our_signatures(log: Path, key: SigningKey, tmp_path: Path) -> None:
-    """
-    Each of them, and not for another text.
-    """
+    """Each of them, and not for another text."""
     sign(log, key)
     files = statements(log)
 
@@ -34,9 +32,7 @@ def test_ssh_keygen_checks_our_signatures(log: Path, key: SigningKey, tmp_path: 
 def test_we_check_signatures_of_ssh_keygen(
     log: Path, key: SigningKey, tmp_path: Path, options: tuple[str, ...]
 ) -> None:
-    """
-    Made with our key's file; with its usual hash the file is ours, byte for byte.
-    """
+    """Made with our key's file; with its usual hash the file is ours, byte for byte."""
     sign(log, key)
     for file in statements(log):
         ours = Path(f"{file}.sig")
@@ -52,9 +48,7 @@ def test_we_check_signatures_of_ssh_keygen(
 def test_a_signature_for_another_purpose_is_none(
     log: Path, key: SigningKey, tmp_path: Path
 ) -> None:
-    """
-    The same text and key, signed as a file or a commit of git.
-    """
+    """The same text and key, signed as a file or a commit of git."""
     sign(log, key)
     file = statements(log)[0]
     Path(f"{file}.sig").unlink()
@@ -79,9 +73,7 @@ def test_a_fingerprint_is_that_of_ssh_keygen(key: SigningKey, tmp_path: Path) ->
 
 
 def test_no_byte_of_a_statement_or_signature_may_differ(log: Path, key: SigningKey) -> None:
-    """
-    Whichever bit of it: it is not signed, or not a statement, any more.
-    """
+    """Whichever bit of it: it is not signed, or not a statement, any more."""
     sign(log, key)
     statement = statements(log)[-1]
     for file in (statement, Path(f"{statement}.sig")):
@@ -108,9 +100,7 @@ def test_no_byte_of_a_statement_or_signature_may_differ(log: Path, key: SigningK
 
 
 def test_a_signature_fits_one_text_and_one_key() -> None:
-    """
-    And is the same each time, so that who signs at the same time as another writes the same.
-    """
+    """And is the same each time, so that who signs at the same time as another writes the same."""
     one, other = SigningKey.drawn(), SigningKey.drawn()
 
     found = read_signature(signature_of(TEXT, one))

@@ -40,9 +40,7 @@ def answer(authority: Authority) -> bytes:
 def test_the_newest_statement_gets_a_time_stamp(
     log: Path, key: SigningKey, authority: Authority
 ) -> None:
-    """
-    openssl alone checks it, and notices an altered statement; verify says which one has it.
-    """
+    """openssl alone checks it, and notices an altered statement; verify says which one has it."""
     sign(log, key)
     newest = statements(log)[-1]
 
@@ -66,9 +64,7 @@ def test_the_newest_statement_gets_a_time_stamp(
 
 
 def test_the_query_is_that_of_openssl(tmp_path: Path) -> None:
-    """
-    All but its random number, byte for byte.
-    """
+    """All but its random number, byte for byte."""
     (tmp_path / "text").write_bytes(b"a text")
     done = openssl("ts", "-query", "-data", "text", "-sha256", "-cert", "-out", "theirs",
                    folder=tmp_path)  # fmt: skip
@@ -90,9 +86,7 @@ def test_the_query_is_that_of_openssl(tmp_path: Path) -> None:
 def test_a_time_stamp_of_something_else_shows(
     log: Path, key: SigningKey, authority: Authority
 ) -> None:
-    """
-    Of another statement, or altered: code 4.
-    """
+    """Of another statement, or altered: code 4."""
     sign(log, key)
     with served(authority.answer) as (url, _):
         stamp_newest(log, key, url)
@@ -114,9 +108,7 @@ def test_a_time_stamp_of_something_else_shows(
 def test_a_statement_at_a_live_end_keeps_its_time_stamp(
     log: Path, key: SigningKey, authority: Authority
 ) -> None:
-    """
-    Others that a recorder has made between give way to the next.
-    """
+    """Others that a recorder has made between give way to the next."""
     sign(log, key)
     with SignBeside(log, key, every_s=60) as signer, sl.append(log, signer=signer) as opened:
         signer._marks = signer._last_mark()
@@ -151,9 +143,7 @@ def test_a_statement_at_a_live_end_keeps_its_time_stamp(
 def test_an_answer_that_is_no_time_stamp(
     said: bytes, problem: str, log: Path, key: SigningKey
 ) -> None:
-    """
-    Nothing is kept of it; what was signed stays signed.
-    """
+    """Nothing is kept of it; what was signed stays signed."""
     sign(log, key)
 
     with (
@@ -167,9 +157,7 @@ def test_an_answer_that_is_no_time_stamp(
 
 
 def test_an_answer_to_another_query(log: Path, key: SigningKey, authority: Authority) -> None:
-    """
-    An old answer about the same statement is refused: by its random number.
-    """
+    """An old answer about the same statement is refused: by its random number."""
     sign(log, key)
     digest = bytes.fromhex(signed_in(log)[-1].digest)
     old = authority.answer(query(digest)[0])
@@ -185,9 +173,7 @@ def test_an_answer_to_another_query(log: Path, key: SigningKey, authority: Autho
 def test_an_authority_that_does_not_answer(
     log: Path, key: SigningKey, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Not there, not well, or too slow.
-    """
+    """Not there, not well, or too slow."""
     sign(log, key)
     with (
         served(lambda _: b"", status=503) as (url, _),
@@ -207,9 +193,7 @@ def test_an_authority_that_does_not_answer(
 
 
 def test_every_cut_answer_is_refused(answer: bytes) -> None:
-    """
-    And what reads it meets nothing else than its error.
-    """
+    """And what reads it meets nothing else than its error."""
     assert stamped_time(answer, DIGEST)
     for end in range(len(answer)):
         with pytest.raises(ValueError, match="DER"):
@@ -218,17 +202,13 @@ def test_every_cut_answer_is_refused(answer: bytes) -> None:
 
 @given(st.binary(max_size=80))
 def test_bytes_of_strangers_are_no_time_stamp(data: bytes) -> None:
-    """
-    Whatever they are.
-    """
+    """Whatever they are."""
     with pytest.raises(ValueError):  # noqa: PT011 - whichever
         stamped_time(data, DIGEST)
 
 
 def test_an_answer_with_any_byte_altered(answer: bytes) -> None:
-    """
-    It is refused, or altered in what openssl alone checks: the certificates and the signature.
-    """
+    """It is refused, or altered in what openssl alone checks."""
     refused = 0
     for place in range(len(answer)):
         altered = bytearray(answer)
@@ -243,9 +223,7 @@ def test_an_answer_with_any_byte_altered(answer: bytes) -> None:
 def test_a_report_says_of_each_statement_whether_it_has_one(
     log: Path, key: SigningKey, authority: Authority
 ) -> None:
-    """
-    In 80 columns; of a log without any nothing is said.
-    """
+    """In 80 columns; of a log without any nothing is said."""
     sign(log, key)
     assert "time stamp" not in str([str(line) for line in _lines(log, key)])
     with served(authority.answer) as (url, _):

@@ -11,6 +11,8 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.core.model.events import RobotPose
+from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Tracks
+from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
 
 SECOND_NS = 10**9
@@ -91,6 +93,18 @@ def moments(log: Path, seed: int, count: int = 60) -> list[dict[str, Any]]:
         found += [{"at": at}, {"known_at": known}, {"at": at, "known_at": known}]
         found.append({"event": draw.randrange(last + 1)})
     return found
+
+
+def until_ns(log: Path) -> int:
+    """Return when the commit of event 110 was recorded."""
+    return next(c.recorded_ns for c in LogReader(log).commits() if c.last_event >= 110)
+
+
+def redaction(log: Path) -> Redaction:
+    """Return a rule that redacts one person's notes, all tracks and the names of the doors."""
+    reader = sl.read(log)
+    parts = [Notes("anna"), Tracks(), *(Annotation(door, "name") for door in (1, 2, 3))]
+    return Redaction(parts, reader.last_event() + 1, tuple(reader.pins().values()))
 
 
 def answers(log: PurePath, asked: Sequence[dict[str, Any]]) -> list[Any]:

@@ -129,9 +129,7 @@ def test_a_view_begins_at_the_horizon_as_one_of_the_whole_log_that_begins_there(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """
-    The state of the horizon opens it. Only where no beginning is asked for a line says so.
-    """
+    """The state of the horizon opens it. Only where no beginning is asked for a line says so."""
     said, found = [], []
     asked, after = VIEWS[view]
     since = ["--since", f"@{logs.horizon_ns + after}"]
@@ -155,9 +153,7 @@ def test_a_view_begins_at_the_horizon_as_one_of_the_whole_log_that_begins_there(
 
 @pytest.mark.viewer
 def test_a_recording_begins_at_the_horizon(logs: Logs, tmp_path: Path) -> None:
-    """
-    What it shows, at each moment of each timeline, is what one of the whole log shows from then on.
-    """
+    """At each moment of each timeline it shows what one of the whole log shows."""
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
     from tests.views.rerun.some_logs import Drawn
 
@@ -175,9 +171,7 @@ def test_a_recording_begins_at_the_horizon(logs: Logs, tmp_path: Path) -> None:
 def test_which_level_the_robot_is_on_is_looked_for_behind_the_horizon(
     logs: Logs, tmp_path: Path
 ) -> None:
-    """
-    Though a day before the moment is further back; a moment before the horizon is refused.
-    """
+    """Though a day before the moment is further back; a moment before the horizon is refused."""
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
     shown: dict[str, Any] = {"beliefs": False, "costmap": False, "since": f"@{logs.horizon_ns + 1}"}
 
@@ -212,9 +206,7 @@ EARLIER = {
 def test_what_begins_or_ends_before_the_horizon_is_refused(
     logs: Logs, asked: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    In one line that says when the log's history begins; nothing is written.
-    """
+    """In one line that says when the log's history begins; nothing is written."""
     given = [each.replace("LOG", str(logs.kept)).replace("OUT", str(tmp_path)) for each in
              EARLIER[asked]]  # fmt: skip
 
@@ -287,9 +279,7 @@ FILTERS: dict[str, Callable[[HistoryEntry], bool]] = {
 def test_a_query_is_about_what_is_kept(
     logs: Logs, having: str, tmp_path: Path, has_index: bool
 ) -> None:
-    """
-    Whatever it filters by, and with an index, too.
-    """
+    """Whatever it filters by, and with an index, too."""
     pytest.importorskip("duckdb", reason="DuckDB is not installed")
     log = Path(shutil.copytree(logs.kept, tmp_path / "log"))
     if has_index:
@@ -306,9 +296,7 @@ def test_a_query_is_about_what_is_kept(
 
 
 def test_the_level_of_a_door_that_moved_before_the_horizon_is_where_it_is(logs: Logs) -> None:
-    """
-    As a column of the events about it: the update that moved it is gone. Nothing is to warn of.
-    """
+    """As a column of the events about it: the update that moved it is gone."""
     span: dict[str, Any] = {"since": f"@{logs.horizon_ns + 1}", "until": f"@{logs.end_ns}"}
     with warnings.catch_warnings():
         warnings.simplefilter("error", HorizonWarning)
@@ -334,10 +322,7 @@ class Told(Projection[list[tuple[int, int]]]):
 def test_a_fold_with_a_checkpoint_is_that_without(
     logs: Logs, tmp_path: Path, before: int | str | None
 ) -> None:
-    """
-    One that was saved before the trimming and behind which events are gone does not count; one of
-    the horizon itself goes on from there.
-    """
+    """One that was saved before the trimming and behind which events are gone does not count."""
     checkpoint, opened = tmp_path / "saved", sl.read(logs.kept)
     horizon = opened.horizon()
     if before is not None:
@@ -364,9 +349,7 @@ def test_a_fold_with_a_checkpoint_is_that_without(
 
 
 def test_a_live_fold_begins_at_the_horizon(logs: Logs) -> None:
-    """
-    With what it says of the time before.
-    """
+    """With what it says of the time before."""
     with pytest.warns(HorizonWarning):
         (found,) = sl.read(logs.kept).fold_live(Told(), stop=lambda: True)
 
@@ -378,9 +361,7 @@ def test_a_live_fold_begins_at_the_horizon(logs: Logs) -> None:
 def test_a_fleet_exports_what_is_kept(
     logs: Logs, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Of each month, also of those before the horizon.
-    """
+    """Of each month, also of those before the horizon."""
     pytest.importorskip("pyarrow", reason="pyarrow is not installed")
     out = tmp_path / "lake"
     engine = ["--engine", "serial", "--results", tmp_path / "results"]
@@ -396,9 +377,7 @@ def test_a_fleet_exports_what_is_kept(
 
 
 def test_a_join_warns_of_its_own_horizon_alone(logs: Logs, tmp_path: Path) -> None:
-    """
-    Its parts say nothing more.
-    """
+    """Its parts say nothing more."""
     with sl.create(tmp_path / "two", tz="UTC", clock=MinuteClock()) as other:
         other.add_door(x=90.0, y=90.0, theta=0.0, width=0.9, name="far", state="closed")
 
@@ -413,9 +392,7 @@ def test_a_join_warns_of_its_own_horizon_alone(logs: Logs, tmp_path: Path) -> No
 def test_a_copy_without_names_is_not_written_into_the_log(
     logs: Logs, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Everything there is the log's, whatever copy is exported.
-    """
+    """Everything there is the log's, whatever copy is exported."""
     code, _, err = semmap(capsys, "export", logs.kept, logs.kept / "x.html", "--pseudonymous")
 
     assert code == 1

@@ -79,9 +79,7 @@ def is_between(at: float) -> bool:
 def test_a_late_report_counts_as_in_the_whole_log_or_is_refused(
     tmp_path: Path, at: float, state: str
 ) -> None:
-    """
-    It is refused only where it would have ended with a sighting that is gone.
-    """
+    """It is refused only where it would have ended with a sighting that is gone."""
     whole = watched(tmp_path / "whole", HOUR)
     trimmed = thinned(whole)
     run = "open" if at < 30 else "closed"
@@ -113,9 +111,7 @@ def late(state: DoorState = DoorState.CLOSED) -> DoorObserved:
     ],
 )
 def test_a_late_report_is_refused_by_every_way_in(tmp_path: Path, events: Any) -> None:
-    """
-    Nothing of its commit is stored.
-    """
+    """Nothing of its commit is stored."""
     trimmed = thinned(watched(tmp_path / "log", HOUR))
     last = sl.read(trimmed).last_event()
     with sl.append(trimmed, compact=False) as log:
@@ -127,9 +123,7 @@ def test_a_late_report_is_refused_by_every_way_in(tmp_path: Path, events: Any) -
 
 @pytest.mark.usefixtures("short_segments")
 def test_a_late_report_after_the_horizon_is_refused(tmp_path: Path) -> None:
-    """
-    In the hour of the horizon, too, from which nothing before it can be read.
-    """
+    """In the hour of the horizon, too, from which nothing before it can be read."""
     log = watched(tmp_path / "log", [(at, "open") for at in range(2, 60, 2)])
     trim_log(log, Retention(LogReader(log), minute(20)))
     assert minute(0) < LogReader(log).horizon_ns < minute(30)
@@ -145,9 +139,7 @@ def test_a_late_report_after_the_horizon_is_refused(tmp_path: Path) -> None:
 def test_lines_of_late_reports_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    By `import`, with the line.
-    """
+    """By `import`, with the line."""
     trimmed = thinned(watched(tmp_path / "log", HOUR))
     lines = tmp_path / "late.jsonl"
     told = {"kind": "DoorObserved", "door": "front", "state": "CLOSED"}
@@ -163,9 +155,7 @@ def test_lines_of_late_reports_are_refused(
 @pytest.mark.usefixtures("short_segments")
 @pytest.mark.parametrize("rule", ["thin", "keep"])
 def test_a_retraction_is_refused_by_every_way_in(tmp_path: Path, rule: str) -> None:
-    """
-    By the verb, in a list, in a batch, in a command line of `record`; what is later is taken back.
-    """
+    """By the verb, in a list, in a batch, in a command line of `record`."""
     log = watched(tmp_path / "log", HOUR)
     if rule == "keep":
         trim_log(log, Retention(LogReader(log), minute(300)))
@@ -192,9 +182,7 @@ def test_a_retraction_is_refused_by_every_way_in(tmp_path: Path, rule: str) -> N
 
 
 def test_a_range_does_not_hide_what_tells_of_the_log(tmp_path: Path) -> None:
-    """
-    A pinned moment is let go of by its own number alone; a trimming never by a range.
-    """
+    """A pinned moment is let go of by its own number alone; a trimming never by a range."""
     path = watched(tmp_path / "log", HOUR)
     with sl.append(path, compact=False) as log:
         first = log.observe(1, "open").commit.last_event
@@ -215,9 +203,7 @@ def test_a_range_does_not_hide_what_tells_of_the_log(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("short_segments")
 @pytest.mark.parametrize("seed", range(4))
 def test_what_was_known_between_the_horizon_and_the_next_commit(tmp_path: Path, seed: int) -> None:
-    """
-    Is answered as before, whichever bound asks; an error names a moment after the one asked for.
-    """
+    """Is answered as before, whichever bound asks."""
     draw, log = random.Random(seed), tmp_path / "log"
     minutes = [(5 * i, draw.choice(["open", "closed"])) for i in range(40)]
     watched(log, minutes)
@@ -246,9 +232,7 @@ def _keep(log: Path, draw: random.Random) -> int:
 
 @pytest.mark.usefixtures("short_segments")
 def test_no_answer_knows_of_sightings_that_came_later_and_are_gone(tmp_path: Path) -> None:
-    """
-    Nor does a keyframe serve that does, of a segment from which nothing goes.
-    """
+    """Nor does a keyframe serve that does, of a segment from which nothing goes."""
     clock = MinuteClock()
     with sl.create(tmp_path / "log", tz="UTC", clock=clock, compact=False) as log:
         log.add_door(x=0.0, y=0.0, theta=0.0, width=0.9)
@@ -268,9 +252,7 @@ def test_no_answer_knows_of_sightings_that_came_later_and_are_gone(tmp_path: Pat
 def test_a_pinned_moment_before_the_horizon_stays_as_it_is_when_the_log_is_thinned(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Sightings of that time which came late are no repeats: what lay between them may be gone.
-    """
+    """Sightings of that time which came late are no repeats: what lay between them may be gone."""
     with monkeypatch.context() as short:
         short.setattr(segment_chain, "ROLL_COMMITS", 4)
         log = watched(tmp_path / "log", [(5, "open"), (10, "closed")])

@@ -101,9 +101,7 @@ def check_sound(log: Path) -> None:
 @pytest.mark.parametrize("commits", [1, 3])
 @pytest.mark.parametrize("kind", RULES)
 def test_what_is_left_answers_as_before(tmp_path: Path, kind: str, commits: int) -> None:
-    """
-    A keyframe within a commit is neither a horizon nor in the way of what goes around it.
-    """
+    """A keyframe within a commit is neither a horizon nor in the way of what goes around it."""
     log = imported(tmp_path / "log", commits=commits)
     assert len(keyframes_within_commits(log)) > 3
     questions = asked(log)
@@ -122,9 +120,7 @@ def test_what_is_left_answers_as_before(tmp_path: Path, kind: str, commits: int)
 
 
 def test_a_copy_that_fails_its_check_takes_the_place_of_nothing(tmp_path: Path) -> None:
-    """
-    The events stay; the log says that nothing was taken out, and goes on.
-    """
+    """The events stay; the log says that nothing was taken out, and goes on."""
     log = imported(tmp_path / "log", commits=3)
     before = [repr(recorded) for batch in LogReader(log).batches() for recorded in batch]
     questions = asked(log)
@@ -146,9 +142,7 @@ def test_a_copy_that_fails_its_check_takes_the_place_of_nothing(tmp_path: Path) 
 def test_a_log_that_an_earlier_version_broke_is_recovered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, which: int
 ) -> None:
-    """
-    That took a keyframe within a commit for the horizon: all that is left answers again.
-    """
+    """That took a keyframe within a commit for the horizon: all that is left answers again."""
     log = imported(tmp_path / "log", commits=3)
     questions = asked(log)
     before = answers(log, questions)

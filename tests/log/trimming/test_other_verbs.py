@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -31,7 +32,16 @@ from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Trac
 from semmap_log.log.trimming.repeated_sightings import Thinning
 from semmap_log.log.trimming.trim_log import Retention, TrimRule, trim_log
 from semmap_log.store.reading.reader import LogReader
-from tests.log.trimming.logs import SECOND_NS, START_NS, answers, answers_of, moments, random_log
+from semmap_log.store.reading.segment_scan import Segment
+from tests.log.trimming.logs import (
+    SECOND_NS,
+    START_NS,
+    answers,
+    answers_of,
+    moments,
+    random_log,
+    until_ns,
+)
 from tests.store.eventful import flip
 from tests.store.trimming.plain_chain import all_bytes, read_plainly
 
@@ -41,10 +51,6 @@ pytestmark = [
 ]
 
 DOORS = (1, 2, 3)
-
-
-def until_ns(log: Path) -> int:
-    return next(c.recorded_ns for c in LogReader(log).commits() if c.last_event >= 110)
 
 
 def redaction(log: Path) -> TrimRule:
@@ -66,7 +72,7 @@ def untrimmed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield random_log(tmp_path_factory.mktemp("verbs"), 11, patch, commits=150, roll=35)
 
 
-@pytest.fixture(scope="module", params=[["thin", "redact", "keep"], ["redact"], ["thin"]], ids=str)
+@pytest.fixture(scope="module", params=[["thin", "redact", "keep"], ["thin"]], ids=str)
 def trimmed(
     untrimmed: Path, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
@@ -109,9 +115,7 @@ def has_secrets(folder: Path) -> list[str]:
 def test_what_is_saved_of_a_damaged_one_was_there(
     untrimmed: Path, tmp_path: Path, kind: str
 ) -> None:
-    """
-    A byte of any chunk of a trimmed segment; nothing of what was taken out comes back.
-    """
+    """A byte of any chunk of a trimmed segment; nothing of what was taken out comes back."""
     trimmed = Path(shutil.copytree(untrimmed, tmp_path / "trimmed" / "log"))
     trim_log(trimmed, RULES[kind](trimmed))
     there, places = saved_of(trimmed), chunks_of_trimmed(trimmed)
@@ -148,9 +152,7 @@ def saved_of(log: Path) -> list[str]:
 
 
 def test_what_thinning_has_told_is_of_the_new_log(untrimmed: Path, tmp_path: Path) -> None:
-    """
-    Where that gives other numbers: no sighting counts twice, and none is forgotten.
-    """
+    """Where that gives other numbers: no sighting counts twice, and none is forgotten."""
     log = Path(shutil.copytree(untrimmed, tmp_path / "log"))
     trim_log(log, RULES["thin"](log))
     name, at = chunks_of_trimmed(log)[-1]
@@ -167,9 +169,7 @@ def test_what_thinning_has_told_is_of_the_new_log(untrimmed: Path, tmp_path: Pat
 def test_what_is_saved_behind_a_horizon_answers_as_if_all_were_kept(
     untrimmed: Path, tmp_path: Path
 ) -> None:
-    """
-    The same byte of each later chunk, in the log and in one that keeps all; both are recovered.
-    """
+    """The same byte of each later chunk, in the log and in one that keeps all."""
     kept = Path(shutil.copytree(untrimmed, tmp_path / "kept" / "log"))
     trim_log(kept, RULES["keep"](kept), writing={"compact": False})
     there = {path.name: path.read_bytes() for path in untrimmed.glob("*.mcap")}
@@ -200,9 +200,7 @@ def test_what_is_saved_behind_a_horizon_answers_as_if_all_were_kept(
 def test_what_is_recovered_can_be_trimmed_and_recovered_again(
     untrimmed: Path, tmp_path: Path
 ) -> None:
-    """
-    It is a log as any other.
-    """
+    """It is a log as any other."""
     log = Path(shutil.copytree(untrimmed, tmp_path / "log"))
     trim_log(log, RULES["keep"](log))
     for _ in range(2):
@@ -216,53 +214,40 @@ def test_what_is_recovered_can_be_trimmed_and_recovered_again(
         assert sl.read(log).replay().doors.keys() == set(DOORS)
 
 
-@pytest.mark.parametrize("size", [0, 100, None])
-@pytest.mark.parametrize("count", [1, 2])
-def test_where_the_beginning_is_gone_a_log_still_knows_of_its_horizon(
-    untrimmed: Path, tmp_path: Path, size: int | None, count: int
+def cut_at(size: int, segment: Segment) -> None:
+    segment.path.write_bytes(segment.path.read_bytes()[:size])
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        partial(cut_at, 0),
+        partial(cut_at, 100),
+        lambda segment: segment.path.unlink(),
+        lambda segment: flip(segment.path, segment.chunks[0].data_offset + 20),
+    ],
+    ids=["emptied", "cut", "removed", "a bit"],
+)
+@pytest.mark.parametrize("places", [[0], [0, 1], [1]], ids=str)
+def test_a_log_that_lost_the_state_of_its_horizon_is_not_recovered(
+    untrimmed: Path, tmp_path: Path, damage: Callable[[Segment], None], places: list[int]
 ) -> None:
-    """
-    The first segments removed, emptied, or cut: events behind them tell what was taken out.
-    """
+    """Later events tell what was taken out; what its states rest on can be in no new log."""
     log = Path(shutil.copytree(untrimmed, tmp_path / "log"))
     trim_log(log, RULES["keep"](log))
-    for segment in LogReader(log).segments[:count]:
-        if size is None:
-            segment.path.unlink()
-        else:
-            segment.path.write_bytes(segment.path.read_bytes()[:size])
+    segments = LogReader(log).segments
+    for place in places:
+        damage(segments[place])
     files = {path.name: path.read_bytes() for path in log.iterdir()}
 
     with pytest.raises(LogError, match=r"horizon.*from a copy"):
         recover(log)
-
-    assert {path.name: path.read_bytes() for path in log.iterdir()} == files
-
-
-@pytest.mark.parametrize("place", [0, 1])
-def test_where_the_beginning_is_damaged_a_log_with_a_horizon_is_not_recovered(
-    untrimmed: Path, tmp_path: Path, place: int
-) -> None:
-    """
-    What its states rest on can be in no new log; it is said, and nothing changes.
-    """
-    log = Path(shutil.copytree(untrimmed, tmp_path / "log"))
-    trim_log(log, RULES["keep"](log))
-    segment = LogReader(log).segments[place]
-    flip(segment.path, segment.chunks[0].data_offset + 20)
-    files = {path.name: path.read_bytes() for path in log.iterdir()}
-
-    with pytest.raises(LogError, match=r"horizon.*from a copy"):
-        recover(log)
-
     assert {path.name: path.read_bytes() for path in log.iterdir()} == files
     assert [path.name for path in log.parent.iterdir()] == ["log"]
 
 
 def test_tables_tell_the_same(log: Path) -> None:
-    """
-    Histories, timelines and probabilities of each door; of a log trimmed before, and since.
-    """
+    """Histories, timelines and probabilities of each door; of a log trimmed before, and since."""
     before = about_doors(log)
 
     index(log)
@@ -282,9 +267,7 @@ def without_tables(log: Path) -> Path:
 
 
 def test_exported_lines_make_a_log_of_what_is_left(log: Path, tmp_path: Path) -> None:
-    """
-    States are what they were, from the horizon on.
-    """
+    """States are what they were, from the horizon on."""
     reader, target = LogReader(log), tmp_path / "new"
     run("export", log, tmp_path / "x.jsonl")
     run("init", target, "--tz", "UTC")
@@ -301,9 +284,7 @@ def test_exported_lines_make_a_log_of_what_is_left(log: Path, tmp_path: Path) ->
 
 @pytest.mark.parametrize("name", ["x.parquet", "x.mcap"])
 def test_other_formats_take_what_is_left(log: Path, tmp_path: Path, name: str) -> None:
-    """
-    From the horizon on, without what was taken out.
-    """
+    """From the horizon on, without what was taken out."""
     was_secret, out, horizon_ns = has_secrets(log), tmp_path / "out", LogReader(log).horizon_ns
     out.mkdir()
     since = ["--since", f"@{horizon_ns + 1}"] if horizon_ns >= 0 and name == "x.mcap" else []
@@ -315,9 +296,7 @@ def test_other_formats_take_what_is_left(log: Path, tmp_path: Path, name: str) -
 
 
 def test_shipped_and_fetched_it_says_the_same(log: Path, bucket: str, tmp_path: Path) -> None:
-    """
-    And where it lies.
-    """
+    """And where it lies."""
     asked = moments(log, 1, count=4)
 
     ship(log, UrlPath(bucket))
@@ -333,9 +312,7 @@ def test_shipped_and_fetched_it_says_the_same(log: Path, bucket: str, tmp_path: 
 def test_trimmed_after_it_was_shipped_the_trimmed_segments_take_their_places(
     untrimmed: Path, bucket: str, tmp_path: Path, kind: str
 ) -> None:
-    """
-    The old objects stay in the store, as superseded, until somebody removes them.
-    """
+    """The old objects stay in the store, as superseded, until somebody removes them."""
     log = Path(shutil.copytree(untrimmed, tmp_path / "log"))
     first = ship(log, UrlPath(bucket))
     trim_log(log, RULES[kind](log))
@@ -357,9 +334,7 @@ def test_trimmed_after_it_was_shipped_the_trimmed_segments_take_their_places(
 def test_an_untrimmed_object_is_no_copy_of_a_trimmed_segment(
     untrimmed: Path, bucket: str, tmp_path: Path
 ) -> None:
-    """
-    Though it has the same commits, and might have as many bytes.
-    """
+    """Though it has the same commits, and might have as many bytes."""
     log = Path(shutil.copytree(untrimmed, tmp_path / "log"))
     there = ship(log, UrlPath(bucket)).manifest
     trim_log(log, RULES["redact"](log))
@@ -375,9 +350,7 @@ def test_an_untrimmed_object_is_no_copy_of_a_trimmed_segment(
 def test_joined_with_another_it_tells_what_is_left(
     untrimmed: Path, tmp_path: Path, kind: str
 ) -> None:
-    """
-    As before, or, where it is no longer kept, that it is gone.
-    """
+    """As before, or, where it is no longer kept, that it is gone."""
     other = another_log(tmp_path / "other")
     asked = [m for m in moments(untrimmed, 5, count=20) if "event" not in m]
     before = [places_and_states(one) for one in joined(untrimmed, other, asked)]
@@ -409,9 +382,7 @@ def another_log(path: Path) -> Path:
 
 
 def test_a_copy_whose_last_event_was_taken_out_is_refused(tmp_path: Path) -> None:
-    """
-    It cannot be told from one that went on by itself; the message says so, and what to do.
-    """
+    """It cannot be told from one that went on by itself; the message says so, and what to do."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", compact=False) as log:
         log.add_door(name="front")
@@ -422,5 +393,5 @@ def test_a_copy_whose_last_event_was_taken_out_is_refused(tmp_path: Path) -> Non
         log.observe(1, "open")
     assert trim_log(path, Thinning(LogReader(path), LogReader(path).last_log_time_ns())).done.events
 
-    with pytest.raises(LogError, match=r"ends with event 10, which was taken out of .* since"):
+    with pytest.raises(LogError, match=r"ends with event 10"):
         copy(path, tmp_path / "copy")

@@ -86,9 +86,7 @@ def lost(loss: Loss, first_event: int, count: int) -> bool:
 def test_commands_are_known_wherever_the_damage_was(
     log: Path, first: Answers, monkeypatch: pytest.MonkeyPatch, kinds: str
 ) -> None:
-    """
-    But for those that were lost; each chunk holds one commit, or what stands for some.
-    """
+    """But for those that were lost; each chunk holds one commit, or what stands for some."""
     monkeypatch.setattr(records_left, "CHUNK_BYTES", 1)
     trim(log, kinds)
     known = [check_recovered(log, first, damage, i) for i, damage in enumerate(damages(log))]
@@ -100,9 +98,7 @@ def test_commands_are_known_wherever_the_damage_was(
 def test_commands_are_known_after_a_recovery(
     log: Path, first: Answers, monkeypatch: pytest.MonkeyPatch, kinds: str, place: int
 ) -> None:
-    """
-    A flipped byte in the head of a trimmed segment, in two of its chunks, and in a later one.
-    """
+    """A flipped byte in the head of a trimmed segment, in two of its chunks, and in a later one."""
     monkeypatch.setattr(records_left, "CHUNK_BYTES", 1)
     trim(log, kinds)
     check_recovered(log, first, list(damages(log))[place], place)
@@ -121,9 +117,7 @@ def check_recovered(log: Path, first: Answers, damage: Damage, i: int) -> bool:
 
 @pytest.mark.parametrize("kinds", ["thin", "thin keep", "notes tracks"])
 def test_where_nothing_was_lost_all_is_as_it_was(log: Path, first: Answers, kinds: str) -> None:
-    """
-    Numbers, hashes, the id; it is compacted, copied, trimmed and recovered again.
-    """
+    """Numbers, hashes, the id; it is compacted, copied, trimmed and recovered again."""
     trim(log, kinds)
     before = verify(log)
     last = sl.read(log).last_event()
@@ -149,9 +143,7 @@ def test_where_nothing_was_lost_all_is_as_it_was(log: Path, first: Answers, kind
 
 
 def test_a_copy_of_what_is_whole_knows_its_commands(log: Path, first: Answers) -> None:
-    """
-    A log of another id; the numbers after what is lost are others.
-    """
+    """A log of another id; the numbers after what is lost are others."""
     trim(log, "thin")
     second = LogReader(log).segments[1]
     Damage(second.path.name, flipped(second.chunks[1].data_offset + 20)).do(log)
@@ -166,9 +158,7 @@ def test_a_copy_of_what_is_whole_knows_its_commands(log: Path, first: Answers) -
 
 
 def test_behind_a_gap_commands_are_known_by_new_numbers(log: Path, first: Answers) -> None:
-    """
-    As when they were sent first, but for as many events as are lost before them.
-    """
+    """As when they were sent first, but for as many events as are lost before them."""
     trim(log, "thin")
     segment = LogReader(log).segments[0]
     last_of_first = LogReader(log).segments[1].header.first_event - 1

@@ -131,9 +131,7 @@ def check_sound(path: Path) -> None:
 def test_a_command_is_stored_once_however_much_of_it_is_gone(
     log: Path, first: Answers, kinds: str
 ) -> None:
-    """
-    It is answered with the numbers of the first time, also in copies and compacted logs.
-    """
+    """It is answered with the numbers of the first time, also in copies and compacted logs."""
     check_known(log, first)
 
     for kind in kinds.split():
@@ -152,9 +150,7 @@ def test_a_command_is_stored_once_however_much_of_it_is_gone(
 
 
 def test_what_is_gone_cannot_be_found_without_the_id(log: Path) -> None:
-    """
-    No id of a commit that is gone as a whole stays in the log, and no digest of its content.
-    """
+    """No id of a commit that is gone as a whole stays in the log, and no digest of its content."""
     send(log)
     ids = [an_id(i) for i, (events, _) in enumerate(commands()) if events == [seen()]]
     trim_log(log, RULES["keep"](LogReader(log)))
@@ -167,9 +163,7 @@ def test_what_is_gone_cannot_be_found_without_the_id(log: Path) -> None:
 
 
 def test_ids_that_a_writer_drew_take_no_place(tmp_path: Path) -> None:
-    """
-    Nobody can send them again.
-    """
+    """Nobody can send them again."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", clock=MinuteClock(), compact=False) as opened:
         opened.add_door(x=0.0, y=0.0, theta=0.0, width=0.9, name="front")
@@ -185,9 +179,7 @@ def test_ids_that_a_writer_drew_take_no_place(tmp_path: Path) -> None:
 def test_many_commands_take_several_tombstones(
     log: Path, first: Answers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    None becomes larger than a chunk should be.
-    """
+    """None becomes larger than a chunk should be."""
     monkeypatch.setattr(records_left, "MOST_COMMANDS", 3)
 
     trim_log(log, RULES["thin"](LogReader(log)))
@@ -204,9 +196,7 @@ def test_many_commands_take_several_tombstones(
 def test_commands_of_a_log_that_an_earlier_version_trimmed(
     log: Path, first: Answers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Of commits that lack records it kept no seal: their ids stand, whatever they asked for.
-    """
+    """Of commits that lack records it kept no seal: their ids stand, whatever they asked for."""
     with monkeypatch.context() as patch:
         patch.setattr(records_left._OpenCommit, "seal", lambda _commit, _said: bytes(32))
         trim_log(log, RULES["tracks"](LogReader(log)))
@@ -218,9 +208,7 @@ def test_commands_of_a_log_that_an_earlier_version_trimmed(
 
 
 def test_lines_are_imported_once_after_a_trimming(log: Path, tmp_path: Path) -> None:
-    """
-    An export of before, imported again: the log holds all of it.
-    """
+    """An export of before, imported again: the log holds all of it."""
     send(log)
     lines = tmp_path / "events.jsonl"
     with pytest.raises(SystemExit, match="0"):

@@ -9,9 +9,8 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.model.events import HistoryTrimmed, MomentPinned, Retracted, RobotPose
-from semmap_log.errors import CommandError, HorizonError
+from semmap_log.core.model.events import HistoryTrimmed, MomentPinned, RobotPose
+from semmap_log.errors import HorizonError
 from semmap_log.log.replay.care import verify
 from semmap_log.log.replay.read_model.indexing import index
 from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Tracks
@@ -32,7 +31,7 @@ from tests.store.trimming.plain_chain import all_bytes, read_plainly
 pytestmark = pytest.mark.filterwarnings("ignore::semmap_log.errors.HorizonWarning")
 
 
-@pytest.fixture(params=range(3))
+@pytest.fixture(params=range(2))
 def seed(request: pytest.FixtureRequest) -> int:
     return int(request.param)
 
@@ -64,9 +63,7 @@ def check_sound(log: Path) -> None:
 
 
 def test_what_is_redacted_is_gone_and_nothing_else(log: Path, seed: int) -> None:
-    """
-    Of no byte of the folder can it be read; states are what they were, whatever is asked.
-    """
+    """Of no byte of the folder can it be read; states are what they were, whatever is asked."""
     asked = moments(log, seed)
     before = answers(log, asked)
     history = [h for h in sl.read(log).history() if not isinstance(h.event, RobotPose)]
@@ -88,9 +85,7 @@ def test_what_is_redacted_is_gone_and_nothing_else(log: Path, seed: int) -> None
 
 
 def test_a_log_is_thinned_without_a_change_of_its_states(log: Path, seed: int) -> None:
-    """
-    At every moment, by what is known today and by what was known then.
-    """
+    """At every moment, by what is known today and by what was known then."""
     asked = moments(log, seed)
     before = answers(log, asked)
 
@@ -102,9 +97,7 @@ def test_a_log_is_thinned_without_a_change_of_its_states(log: Path, seed: int) -
 
 
 def test_what_is_older_than_it_is_kept_is_an_error(log: Path, seed: int) -> None:
-    """
-    Never another answer; behind the horizon all is as it was.
-    """
+    """Never another answer; behind the horizon all is as it was."""
     asked = moments(log, seed)
     before = answers(log, asked)
     rule = Retention(LogReader(log), middle_ns(log))
@@ -127,9 +120,7 @@ def test_what_is_older_than_it_is_kept_is_an_error(log: Path, seed: int) -> None
 
 
 def test_care_in_any_order(log: Path, seed: int) -> None:
-    """
-    Thinned, kept for so long, redacted, written to again: each finds what the others left.
-    """
+    """Thinned, kept for so long, redacted, written to again: each finds what the others left."""
     for rule in (
         Thinning(LogReader(log), middle_ns(log)),
         Retention(LogReader(log), middle_ns(log) - 10**13),
@@ -147,9 +138,7 @@ def test_care_in_any_order(log: Path, seed: int) -> None:
 
 
 def test_a_pinned_moment_is_answered_when_its_past_is_gone(log: Path) -> None:
-    """
-    With what was told of it later, even after the retention.
-    """
+    """With what was told of it later, even after the retention."""
     early = list(sl.read(log).commits())[60].recorded_ns
     with sl.append(log, compact=False) as opened:
         opened.append([MomentPinned(at_ns=early, name="audit")])
@@ -165,23 +154,9 @@ def test_a_pinned_moment_is_answered_when_its_past_is_gone(log: Path) -> None:
     assert state == sl.DoorState.OFFLINE
 
 
-def test_events_before_the_horizon_cannot_be_taken_back(log: Path) -> None:
-    """
-    What would be true without them nobody knows any more.
-    """
-    trim_log(log, Retention(LogReader(log), middle_ns(log)))
-
-    with sl.append(log) as opened, pytest.raises(CommandError, match="record again"):
-        opened.retract(5)
-    with pytest.raises(HorizonError):
-        sl.read(log).replay(event=5)
-
-
 @pytest.mark.parametrize("kind", ["redaction", "thinning", "retention"])
 def test_a_plan_counts_what_is_done(log: Path, kind: str) -> None:
-    """
-    And writes nothing.
-    """
+    """And writes nothing."""
     rule: TrimRule = {
         "redaction": lambda: everything(log),
         "thinning": lambda: Thinning(LogReader(log), middle_ns(log)),
@@ -197,9 +172,7 @@ def test_a_plan_counts_what_is_done(log: Path, kind: str) -> None:
 
 
 def test_what_was_put_back_is_noticed(log: Path, tmp_path: Path) -> None:
-    """
-    The untrimmed files in place of the trimmed ones; and trimmed ones of which the log tells not.
-    """
+    """The untrimmed files in place of the trimmed ones."""
     before = Path(shutil.copytree(log, tmp_path / "before"))
     trim_log(log, everything(log))
     trimmed = next(s for s in LogReader(log).segments if s.header.trimmed is not None)
@@ -233,9 +206,7 @@ def last_ns(log: Path) -> int:
 
 
 def test_a_door_without_a_place_is_kept(small: Path) -> None:
-    """
-    Nobody says where it is.
-    """
+    """Nobody says where it is."""
     before = sl.read(small).timeline(1)
     trim_log(small, Retention(LogReader(small), last_ns(small)))
 
@@ -246,9 +217,7 @@ def test_a_door_without_a_place_is_kept(small: Path) -> None:
 
 @pytest.mark.parametrize("door", [None, 1])
 def test_tables_of_what_is_left_are_asked(log: Path, door: int | None) -> None:
-    """
-    A question without a beginning tells what there is, with tables as without.
-    """
+    """A question without a beginning tells what there is, with tables as without."""
     trim_log(log, Retention(LogReader(log), middle_ns(log)))
     before = [repr(one) for one in sl.read(log).history(door)]
 
@@ -260,9 +229,7 @@ def test_tables_of_what_is_left_are_asked(log: Path, door: int | None) -> None:
 
 
 def test_sightings_of_a_removed_door_are_thinned(small: Path) -> None:
-    """
-    Also those that were after its removal, which was told late.
-    """
+    """Also those that were after its removal, which was told late."""
     seen_ns = next(sl.read(small).history(1, since="event:3")).happened_ns
     with sl.append(small, compact=False) as opened:
         opened.remove_door(1, at=f"@{seen_ns}")
@@ -274,9 +241,7 @@ def test_sightings_of_a_removed_door_are_thinned(small: Path) -> None:
 
 
 def test_sightings_of_a_door_that_was_taken_back_are_no_obstacle(small: Path) -> None:
-    """
-    Though nobody may tell anything of it any more.
-    """
+    """Though nobody may tell anything of it any more."""
     with sl.append(small, compact=False) as opened:
         opened.retract(0)
 
@@ -288,9 +253,7 @@ def test_sightings_of_a_door_that_was_taken_back_are_no_obstacle(small: Path) ->
 def test_a_text_of_an_earlier_time_counts_when_a_later_one_is_redacted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    From keyframes, and at pins, as from the log itself; unless it was taken back by then.
-    """
+    """From keyframes, and at pins, as from the log itself; unless it was taken back by then."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 3)
     path, clock = tmp_path / "log", MinuteClock()
     with sl.create(path, tz="UTC", clock=clock, compact=False) as log:
@@ -316,30 +279,10 @@ def test_a_text_of_an_earlier_time_counts_when_a_later_one_is_redacted(
     check_sound(path)
 
 
-def test_nothing_that_is_no_longer_kept_is_taken_back(small: Path) -> None:
-    """
-    By no way of writing: else nothing could be answered any more.
-    """
-    trim_log(small, Retention(LogReader(small), last_ns(small)))
-    before = repr(sl.read(small).replay())
-
-    with sl.append(small, compact=False) as opened:
-        for many in (
-            [Retracted(first_event=0, last_event=0)],
-            [EventBatch.from_events([Retracted(first_event=2, last_event=3)])],
-        ):
-            with pytest.raises(CommandError, match="no longer kept"):
-                opened.append(many)
-
-    assert repr(sl.read(small).replay()) == before
-
-
 def test_stopped_after_the_last_segment_it_can_be_finished(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Though nothing is left to take out: the log has yet to say that it is done.
-    """
+    """Though nothing is left to take out: the log has yet to say that it is done."""
     rule = Redaction([Tracks()], sl.read(log).last_event() + 1)
     with monkeypatch.context() as patch:
         patch.setattr("semmap_log.log.trimming.trim_log.remove_stale_tables", stop)
@@ -357,9 +300,7 @@ def stop(_: Path) -> None:
 
 
 def test_what_was_told_late_of_a_pinned_moment_can_be_taken_back(small: Path) -> None:
-    """
-    Also where it was told before the past of the moment went.
-    """
+    """Also where it was told before the past of the moment went."""
     asked = [{"at": "pin:audit"}]
     with sl.append(small, compact=False) as opened:
         opened.pin("audit", at="event:2")
@@ -378,9 +319,7 @@ def test_what_was_told_late_of_a_pinned_moment_can_be_taken_back(small: Path) ->
 
 
 def test_a_log_is_kept_for_so_long_where_its_horizon_was_thinned(small: Path) -> None:
-    """
-    The commit behind the horizon is gone; a moment before it stays pinned.
-    """
+    """The commit behind the horizon is gone; a moment before it stays pinned."""
     with sl.append(small, compact=False) as opened:
         opened.pin("audit", at="event:2")
     asked, until_ns = [{"at": "pin:audit"}, {}], LogReader(small).commit_at(8).recorded_ns
@@ -395,24 +334,9 @@ def test_a_log_is_kept_for_so_long_where_its_horizon_was_thinned(small: Path) ->
     assert repr(answers(small, asked)) == before
 
 
-def test_kept_for_so_long_again_nothing_is_written(log: Path) -> None:
-    """
-    Each day, by a timer.
-    """
-    until_ns = middle_ns(log)
-    trim_log(log, Retention(LogReader(log), until_ns))
-    files = {path.name: path.read_bytes() for path in log.iterdir()}
-
-    assert trim_log(log, Retention(LogReader(log), until_ns)).event is None
-
-    assert {path.name: path.read_bytes() for path in log.iterdir()} == files
-
-
 @pytest.mark.parametrize("kind", ["thin", "keep", "redact"])
 def test_where_nothing_goes_nothing_is_written(log: Path, seed: int, kind: str) -> None:
-    """
-    The second time, in a log that has records of the kinds that could go.
-    """
+    """The second time, in a log that has records of the kinds that could go."""
     last_ns = LogReader(log).last_log_time_ns()
     rules: dict[str, TrimRule] = {
         "thin": Thinning(LogReader(log), last_ns),
@@ -438,9 +362,7 @@ def test_where_nothing_goes_nothing_is_written(log: Path, seed: int, kind: str) 
 def test_that_nothing_goes_is_one_line(
     log: Path, seed: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    On stdout, and the exit code is 0.
-    """
+    """On stdout, and the exit code is 0."""
     trim_log(log, Thinning(LogReader(log), LogReader(log).last_log_time_ns()))
     last = sl.read(log).last_event()
     capsys.readouterr()

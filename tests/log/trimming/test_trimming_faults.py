@@ -17,13 +17,12 @@ import semmap_log as sl
 from semmap_log.analysis.probabilities.evidence.evidence import Evidence
 from semmap_log.errors import SemmapError
 from semmap_log.log.replay.care import verify
-from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import HOUR_NS, Thinning
 from semmap_log.log.trimming.trim_log import Retention, TrimRule, trim_log
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.trimming.trimming import Trimming
 from semmap_log.store.verification.findings import Severity
-from tests.log.trimming.logs import answers, moments, random_log, without_texts
+from tests.log.trimming.logs import answers, moments, random_log, redaction, without_texts
 from tests.store.trimming.plain_chain import all_bytes
 
 pytestmark = pytest.mark.filterwarnings("ignore::semmap_log.errors.HorizonWarning")
@@ -32,14 +31,8 @@ CALLS = ("replace", "fsync", "unlink")
 """By which a trimming changes what is on the disk."""
 
 
-def redaction(log: Path, _until_ns: int) -> TrimRule:
-    reader = sl.read(log)
-    parts = [Notes("anna"), Tracks(), *(Annotation(door, "name") for door in (1, 2, 3))]
-    return Redaction(parts, reader.last_event() + 1, tuple(reader.pins().values()))
-
-
 RULES: dict[str, Callable[[Path, int], TrimRule]] = {
-    "redact": redaction,
+    "redact": lambda log, _: redaction(log),
     "thin": lambda log, until_ns: Thinning(LogReader(log), until_ns),
     "keep": lambda log, until_ns: Retention(LogReader(log), until_ns),
 }
@@ -133,9 +126,7 @@ def cut_off(truth: Truth, log: Path, call: str, at: int) -> bool:
 @pytest.mark.parametrize("call", CALLS)
 @pytest.mark.parametrize("kind", RULES)
 def test_killed_at_each_step(original: Path, copies: Iterator[Path], kind: str, call: str) -> None:
-    """
-    All is answered as before; done again, it is as if nothing had happened.
-    """
+    """All is answered as before; done again, it is as if nothing had happened."""
     truth = Truth(original, kind)
     for at in count(1):
         log = next(copies)
@@ -156,9 +147,7 @@ def test_killed_at_each_step(original: Path, copies: Iterator[Path], kind: str, 
 def test_a_full_disk_at_each_step(
     original: Path, copies: Iterator[Path], monkeypatch: pytest.MonkeyPatch, kind: str, call: str
 ) -> None:
-    """
-    It is said; all is answered as before, and nothing half lies about.
-    """
+    """It is said; all is answered as before, and nothing half lies about."""
     truth, hits, told = Truth(original, kind), 0, 0
 
     def full() -> None:
@@ -183,17 +172,3 @@ def test_a_full_disk_at_each_step(
         shutil.rmtree(log.parent)
 
     assert told > hits / 2 > 2  # what does without, such as the mark of a closing, goes on
-
-
-@pytest.mark.parametrize("kind", RULES)
-def test_killed_half_way(original: Path, copies: Iterator[Path], kind: str) -> None:
-    """
-    When some segments are trimmed, and others are not.
-    """
-    truth, log = Truth(original, kind), next(copies)
-
-    assert cut_off(truth, log, "replace", 4)
-
-    truth.check(log)
-    truth.trim(log)
-    truth.check_done(log)

@@ -45,9 +45,7 @@ def texts(before: int) -> Redaction:
 
 
 def test_files_that_were_merged_hold_nothing_that_went(log: Path) -> None:
-    """
-    They stay for an hour behind a compaction, for copies under way; not behind a redaction.
-    """
+    """They stay for an hour behind a compaction, for copies under way; not behind a redaction."""
     compact(log)
     assert list(LogReader(log).leftovers)
 
@@ -57,9 +55,7 @@ def test_files_that_were_merged_hold_nothing_that_went(log: Path) -> None:
 
 
 def test_what_came_later_than_the_limit_stays(log: Path) -> None:
-    """
-    Notes and texts by the number of their events.
-    """
+    """Notes and texts by the number of their events."""
     before = sl.read(log)
     limit = next(h.number for h in before.history() if h.number > 120 and h.actor)
     notes = {h.number: h.actor for h in before.history()}
@@ -78,9 +74,7 @@ def test_what_came_later_than_the_limit_stays(log: Path) -> None:
 def test_a_copy_that_is_not_what_was_written_is_not_used(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The segment stays as it is.
-    """
+    """The segment stays as it is."""
     really = trimming.build_chunk
 
     def other(records: bytes, offsets: object, *, compression: str) -> object:
@@ -99,10 +93,7 @@ def test_a_copy_that_is_not_what_was_written_is_not_used(
 def test_a_log_that_was_cut_off_can_be_thinned(
     near: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The keyframe at the horizon, amid a segment, stays, though it contains sightings that go, and
-    though it is near the one before it, since what lay between them went.
-    """
+    """The keyframe at the horizon stays, though it contains sightings that go."""
     monkeypatch.setattr(written_state, "KEYFRAME_EVERY_BYTES", 2000)
     monkeypatch.setattr(written_state, "KEYFRAME_RARITY", 0)
     monkeypatch.setattr(merge, "KEYFRAME_EVERY_BYTES", 1000)
@@ -136,9 +127,7 @@ def small_log(path: Path) -> tuple[Path, MinuteClock]:
 
 
 def test_a_run_whose_first_was_taken_back_is_left_alone(tmp_path: Path) -> None:
-    """
-    What stays would not say what those said that went.
-    """
+    """What stays would not say what those said that went."""
     log, clock = small_log(tmp_path)
     first = next(h for h in sl.read(log).history() if isinstance(h.event, DoorObserved))
     with sl.append(log, clock=clock, compact=False) as opened:
@@ -152,9 +141,7 @@ def test_a_run_whose_first_was_taken_back_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_the_first_and_the_last_of_an_hour_stay(tmp_path: Path) -> None:
-    """
-    So it is known when a door was seen last, and all ways of asking agree on it.
-    """
+    """So it is known when a door was seen last, and all ways of asking agree on it."""
     log, clock = small_log(tmp_path)
     times = [h.happened_ns for h in sl.read(log).history() if isinstance(h.event, DoorObserved)]
 
@@ -181,9 +168,7 @@ def _by_hour(runs: list[list[int]]) -> list[list[int]]:
 def test_how_much_is_looked_at_together_makes_no_difference(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    An hour at a time, or a segment: the same sightings go, and the same is told of them.
-    """
+    """An hour at a time, or a segment: the same sightings go, and the same is told of them."""
     by_hour = tmp_path / "by hour"
     shutil.copytree(log, by_hour)
     trim_log(log, Thinning(LogReader(log), recorded(log, 180)))
@@ -202,9 +187,7 @@ def _sightings(log: Path) -> tuple[list[int], list[str]]:
 
 
 def test_keyframes_tell_what_the_events_tell(log: Path) -> None:
-    """
-    Folded from the beginning, a thinned log is as it is asked for, to the last time seen.
-    """
+    """Folded from the beginning, a thinned log is as it is asked for, to the last time seen."""
     trim_log(log, Thinning(LogReader(log), recorded(log, 180)))
 
     reader = LogReader(log)
@@ -217,9 +200,7 @@ def test_keyframes_tell_what_the_events_tell(log: Path) -> None:
 
 
 def test_the_live_segment_is_thinned_with_its_worth(tmp_path: Path) -> None:
-    """
-    It is closed by the trimming: what went of it is told as of all others.
-    """
+    """It is closed by the trimming: what went of it is told as of all others."""
     clock = MinuteClock()
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         door = log.add_door(name="front")
@@ -239,9 +220,7 @@ def test_the_live_segment_is_thinned_with_its_worth(tmp_path: Path) -> None:
 def test_what_is_taken_back_later_holds_the_horizon(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A keyframe behind it would know what is not true any more: the horizon stays before it.
-    """
+    """A keyframe behind it would know what is not true any more: the horizon stays before it."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 10)
     path, clock = tmp_path / "log", MinuteClock()
     with sl.create(path, tz="UTC", clock=clock, compact=False) as log:

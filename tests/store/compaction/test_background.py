@@ -83,9 +83,7 @@ def temporaries(log: Path) -> list[str]:
 def test_segments_are_compacted_one_after_the_other(
     log: Path, compactor: BackgroundCompactor, installed: Installed
 ) -> None:
-    """
-    Each that is added becomes smaller, holds the same records, and is reported in the thread.
-    """
+    """Each that is added becomes smaller, holds the same records, and is reported in the thread."""
     files, before = segment_files(log), digest_of_records(log)
     sizes = [path.stat().st_size for path in files]
 
@@ -102,9 +100,7 @@ def test_segments_are_compacted_one_after_the_other(
 
 
 def test_no_thread_before_there_is_work(log: Path, compactor: BackgroundCompactor) -> None:
-    """
-    A writer that never rolls pays for no thread; one that does has one, a daemon.
-    """
+    """A writer that never rolls pays for no thread; one that does has one, a daemon."""
     assert [] == compaction_threads()
 
     compactor.add(segment_files(log)[0].name)
@@ -118,9 +114,7 @@ def test_close_finishes_what_is_under_way_and_drops_the_rest(
     installed: Installed,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """
-    The first is done, the two that wait stay as they are, the thread is gone.
-    """
+    """The first is done, the two that wait stay as they are, the thread is gone."""
     files, (ready, go_on) = segment_files(log), _held_before_the_swap(monkeypatch)
     for path in files:
         compactor.add(path.name)
@@ -145,9 +139,7 @@ def test_abandoned_at_once(
     installed: Installed,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """
-    In the middle of a segment: nothing is replaced, no temporary file stays, the thread is gone.
-    """
+    """Nothing is replaced, no temporary file stays, the thread is gone."""
     real = compactor._pause
 
     def stands_still_once_it_writes(done: int) -> None:
@@ -174,9 +166,7 @@ def test_an_interrupted_close_replaces_nothing_afterwards(
     installed: Installed,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """
-    Ctrl-C while `close` waits: the lock will be let go, so the segment must stay as it is.
-    """
+    """Ctrl-C while `close` waits: the lock will be let go, so the segment must stay as it is."""
     (path, *_), (ready, go_on) = segment_files(log), _held_before_the_swap(monkeypatch)
     before = path.read_bytes()
     compactor.add(path.name)
@@ -219,9 +209,7 @@ def _held_before_the_swap(
 def test_an_append_does_not_wait(
     log: Path, compactor: BackgroundCompactor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    While a compaction stands still, a writer appends, rolls and syncs; nothing is shared.
-    """
+    """While a compaction stands still, a writer appends, rolls and syncs; nothing is shared."""
     monkeypatch.setattr(background, "PAUSE_S", 60)
     before = segment_files(log)[0].read_bytes()
     compactor.add(segment_files(log)[0].name)
@@ -242,9 +230,7 @@ def test_damage_is_logged_and_the_next_is_done(
     installed: Installed,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """
-    A flipped bit: the segment stays byte for byte, a warning names it, the next is compacted.
-    """
+    """A flipped bit: the segment stays byte for byte, a warning names it, the next is compacted."""
     broken, sound = segment_files(log)[:2]
     data = bytearray(broken.read_bytes())
     data[open_segment(broken).chunks[50].data_offset + 40] ^= 1
@@ -269,9 +255,7 @@ def test_a_full_disk_is_logged(
     installed: Installed,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    """
-    No room for the copy (here: a limit on the size of files): all stays, nothing is left behind.
-    """
+    """All stays as it was, nothing is left behind."""
     path = segment_files(log)[0]
     before = path.read_bytes()
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -290,9 +274,7 @@ def test_a_full_disk_is_logged(
 
 
 def test_a_callback_that_fails_is_logged(log: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """
-    The segment is replaced, what went wrong afterwards is said, the thread goes on.
-    """
+    """The segment is replaced, what went wrong afterwards is said, the thread goes on."""
     listed: list[Path] = []
 
     def refuse_the_first(said: ClosedSegment) -> None:
@@ -314,9 +296,7 @@ def test_a_callback_that_fails_is_logged(log: Path, caplog: pytest.LogCaptureFix
 def test_what_is_compacted_already_is_left_alone(
     log: Path, compactor: BackgroundCompactor, installed: Installed
 ) -> None:
-    """
-    Added twice, replaced once.
-    """
+    """Added twice, replaced once."""
     first, second = segment_files(log)[:2]
 
     compactor.add(first.name)
@@ -328,9 +308,7 @@ def test_what_is_compacted_already_is_left_alone(
 
 
 def test_a_forked_child_cannot_use_it(log: Path, compactor: BackgroundCompactor) -> None:
-    """
-    In the child `add` is refused, and `close` neither waits nor takes the parent's file away.
-    """
+    """In the child `add` is refused, and `close` neither waits nor takes the parent's file away."""
     compactor.add(segment_files(log)[0].name)
 
     pid = os.fork()
@@ -348,29 +326,13 @@ def test_a_forked_child_cannot_use_it(log: Path, compactor: BackgroundCompactor)
     assert 0 == os.waitstatus_to_exitcode(status)
 
 
-def test_what_a_child_sees(log: Path, compactor: BackgroundCompactor) -> None:
-    """
-    The same without a fork: another process id than that of whoever made it.
-    """
-    compactor._pid += 1
-    compactor.close()
-
-    with pytest.raises(LogError, match="a forked child cannot go on"):
-        compactor.add(segment_files(log)[0].name)
-
-    compactor._pid -= 1
-    compactor.add(segment_files(log)[0].name)
-
-
 def test_abandoned_before_the_swap(
     log: Path,
     compactor: BackgroundCompactor,
     installed: Installed,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """
-    The copy is whole and compared: it is thrown away all the same, since the lock may be gone.
-    """
+    """The compared copy is thrown away, since the lock may be gone."""
     (path, *_), (ready, go_on) = segment_files(log), _held_before_the_swap(monkeypatch)
     before = path.read_bytes()
     compactor.add(path.name)
@@ -392,9 +354,7 @@ def test_without_a_thread_the_writer_goes_on(
     caplog: pytest.LogCaptureFixture,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """
-    A machine that gives no more threads: said once a segment, nothing else.
-    """
+    """A machine that gives no more threads: said once a segment, nothing else."""
 
     def refuse(_: threading.Thread) -> None:
         raise RuntimeError("can't start new thread")
@@ -407,9 +367,7 @@ def test_without_a_thread_the_writer_goes_on(
 
 
 def test_closed_it_takes_nothing_more(log: Path, compactor: BackgroundCompactor) -> None:
-    """
-    Closing twice is no error; adding afterwards is one.
-    """
+    """Closing twice is no error; adding afterwards is one."""
     compactor.close()
     compactor.close()
 

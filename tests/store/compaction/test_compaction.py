@@ -54,9 +54,7 @@ def log(tmp_path: Path) -> Path:
 
 
 def test_the_same_records_in_chunks_of_about_a_mib(log: Path) -> None:
-    """
-    The keyframe by itself, then zstd chunks of 1 to 2 MiB; half of that where a keyframe follows.
-    """
+    """The keyframe by itself, then zstd chunks of 1 to 2 MiB."""
     before, (path,) = digest_of_records(log), segment_files(log)
     size = path.stat().st_size
 
@@ -75,9 +73,7 @@ def test_the_same_records_in_chunks_of_about_a_mib(log: Path) -> None:
 
 
 def test_a_second_time_nothing_is_done(log: Path) -> None:
-    """
-    It is seen without writing; and if it is done all the same, the bytes are the same.
-    """
+    """It is seen without writing; and if it is done all the same, the bytes are the same."""
     (path,) = segment_files(log)
     compact_segment(LogFolder(path.parent), path.name)
     before, node = path.read_bytes(), path.stat().st_ino
@@ -90,9 +86,7 @@ def test_a_second_time_nothing_is_done(log: Path) -> None:
 
 
 def test_the_bytes_do_not_depend_on_when_it_was_compacted(tmp_path: Path) -> None:
-    """
-    A log that was compacted between its sessions ends as the one that was compacted at the end.
-    """
+    """Compacted between its sessions a log ends as one that was compacted at the end."""
     compacted = []
     for between in (True, False):
         clock, entropy = SteadyClock(), random.Random(7).randbytes
@@ -111,9 +105,7 @@ def test_the_bytes_do_not_depend_on_when_it_was_compacted(tmp_path: Path) -> Non
 
 
 def test_what_zstd_does_not_shrink_stays_plain(tmp_path: Path) -> None:
-    """
-    Compressed it would be longer, and be read more slowly.
-    """
+    """Compressed it would be longer, and be read more slowly."""
     noise = mcap.message(0xABCD, 0x12345678, 2**62 + 7, 3**38, random.Random(7).randbytes(200))
     zeros = mcap.message(1, 0, 1, 1, bytes(200))
 
@@ -123,9 +115,7 @@ def test_what_zstd_does_not_shrink_stays_plain(tmp_path: Path) -> None:
 
 
 def test_a_live_segment_is_refused(tmp_path: Path) -> None:
-    """
-    Its writer may be writing to it.
-    """
+    """Its writer may be writing to it."""
     with sl.create(tmp_path / "log", tz="UTC") as opened:
         opened.add_door()
         (path,) = segment_files(tmp_path / "log")
@@ -136,9 +126,7 @@ def test_a_live_segment_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_memory_is_that_of_a_few_chunks(tmp_path: Path) -> None:
-    """
-    Three times the records take no more of it.
-    """
+    """Three times the records take no more of it."""
     peaks = []
     for commits in (2, 6):
         path = tmp_path / str(commits) / "log"
@@ -160,9 +148,7 @@ def test_memory_is_that_of_a_few_chunks(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("where", [0.1, 0.5, 0.9])
 def test_a_flipped_bit_leaves_the_segment_as_it_is(log: Path, where: float) -> None:
-    """
-    The error names file and byte; nothing is left beside the file.
-    """
+    """The error names file and byte; nothing is left beside the file."""
     (path,) = segment_files(log)
     chunks = open_segment(path).chunks
     chunk = chunks[int(len(chunks) * where)]
@@ -248,9 +234,7 @@ def a_commit_too_long(records: Records) -> Records:
 def test_records_that_do_not_follow_each_other_are_damage(
     tmp_path: Path, change: Callable[[Records], Records], problem: str
 ) -> None:
-    """
-    With every CRC right: such a segment is not made to look like a sound one.
-    """
+    """With every CRC right: such a segment is not made to look like a sound one."""
     (path,) = segment_files(write_log(tmp_path / "log", 30))
     rewritten(path, change)
     before = path.read_bytes()
@@ -262,9 +246,7 @@ def test_records_that_do_not_follow_each_other_are_damage(
 
 
 def test_rewritten_records_are_sound(tmp_path: Path) -> None:
-    """
-    The helper above changes nothing else.
-    """
+    """The helper above changes nothing else."""
     log = write_log(tmp_path / "log", 30)
     before = digest_of_records(log)
 
@@ -284,9 +266,7 @@ def test_rewritten_records_are_sound(tmp_path: Path) -> None:
 def test_a_segment_that_does_not_follow_is_not_merged(
     tmp_path: Path, field: str, value: object, problem: str
 ) -> None:
-    """
-    What its head says of the segment before must be what that one ends with.
-    """
+    """What its head says of the segment before must be what that one ends with."""
     (path,) = segment_files(write_log(tmp_path / "log", 30))
     segment = open_segment(path)
     after = segment.header.next(30, last_commit(segment).hash)
@@ -319,9 +299,7 @@ def a_message_less(page: Page) -> BuiltChunk:
 def test_a_copy_that_differs_is_thrown_away(
     log: Path, monkeypatch: pytest.MonkeyPatch, build: Callable[[Page], BuiltChunk], what: str
 ) -> None:
-    """
-    Were there a mistake in the making, the comparison with what is in the file would find it.
-    """
+    """Were there a mistake in the making, the comparison with what is in the file would find it."""
     (path,) = segment_files(log)
     before = path.read_bytes()
     assert needs_compaction(open_segment(path))
@@ -337,9 +315,7 @@ def test_a_copy_that_differs_is_thrown_away(
 def test_a_copy_with_another_head_is_thrown_away(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The head is read back from the file, too.
-    """
+    """The head is read back from the file, too."""
     (path,) = segment_files(log)
     genuine = merge.open_segment
     monkeypatch.setattr(
@@ -357,9 +333,7 @@ def test_a_copy_with_another_head_is_thrown_away(
 def test_segments_of_a_roll_each_keep_their_number(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Without merging: as many files, names and headers as before, metadata.yaml byte for byte.
-    """
+    """Without merging: as many files, names and headers as before, metadata.yaml byte for byte."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 50)
     log = write_log(tmp_path / "log", 220)
     before = [open_segment(path).header for path in segment_files(log)]

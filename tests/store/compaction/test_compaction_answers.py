@@ -93,9 +93,7 @@ class Session:
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.usefixtures("tiny")
 def test_every_answer_stays_the_same(tmp_path: Path, seed: int) -> None:
-    """
-    Random sessions, with compactions of every kind between them.
-    """
+    """Random sessions, with compactions of every kind between them."""
     rng, clock = random.Random(seed), SteadyClock()
     log = tmp_path / "log"
     sl.create(log, tz="UTC", clock=clock, entropy=rng.randbytes).close()

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import errno
 import os
-import random
 import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +18,8 @@ import semmap_log as sl
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
-from tests.store.logs import digest_of_records, segment_files, write_log
+from tests.store.logs import digest_of_records, files_of, segment_files, write_log
 
-KILLS = 30
 CALLS = ("fsync", "renameat", "unlinkat")
 """By which a compaction changes what is on the disk."""
 
@@ -43,18 +38,13 @@ def compacted(original: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[
     log = tmp_path_factory.mktemp("whole") / "log"
     shutil.copytree(original, log)
     compact(log, keep_s=0)
-    return contents(log)
+    return files_of(log)
 
 
 @pytest.fixture
 def log(original: Path, tmp_path: Path) -> Path:
     """A copy of it."""
     return Path(shutil.copytree(original, tmp_path / "log"))
-
-
-def contents(log: Path) -> dict[str, bytes]:
-    """Return what the files of a log hold, its lock left out."""
-    return {path.name: path.read_bytes() for path in log.iterdir() if path.name != ".lock"}
 
 
 def check(log: Path, original: Path, compacted: dict[str, bytes]) -> int:
@@ -65,7 +55,7 @@ def check(log: Path, original: Path, compacted: dict[str, bytes]) -> int:
 
     compact(log, keep_s=0)
 
-    assert compacted == contents(log)
+    assert compacted == files_of(log)
     with sl.append(log) as opened:
         opened.add_door()
     return len(reader.leftovers)
@@ -79,54 +69,12 @@ def check_listing(log: Path, segments: set[str]) -> None:
     assert set(listed) <= segments
 
 
-def killed_after(delay_s: float, log: Path) -> bool:
-    """Compact in a child, and kill it after a while; tell whether that hit it."""
-    pid = os.fork()
-    if pid == 0:
-        try:
-            compact(log, keep_s=0)
-        finally:
-            os._exit(0)
-    time.sleep(delay_s)
-    try:
-        os.kill(pid, signal.SIGKILL)
-    except OSError as error:
-        assert error.errno == errno.ESRCH
-    _, status = os.waitpid(pid, 0)
-    return os.WIFSIGNALED(status)
-
-
-@pytest.mark.slow
-def test_killed_at_random_moments(
-    original: Path, compacted: dict[str, bytes], tmp_path: Path
-) -> None:
-    """
-    From the first look at the files to the last removal.
-    """
-    rng = random.Random(3)
-    hits, longest_s = 0, 0.15
-    for number in count():
-        log = Path(shutil.copytree(original, tmp_path / str(number) / "log"))
-
-        hit = killed_after(rng.uniform(0, longest_s), log)
-
-        check(log, original, compacted)
-        hits += hit
-        if not hit:
-            longest_s *= 0.8
-        if number >= KILLS and hits > KILLS / 4:
-            break
-        assert number < 10 * KILLS, hits
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("call", CALLS)
 def test_killed_before_each_change(
     original: Path, compacted: dict[str, bytes], tmp_path: Path, call: str
 ) -> None:
-    """
-    A real SIGKILL in front of the n-th fsync, rename, unlink, for each n that there is.
-    """
+    """A real SIGKILL in front of the n-th fsync, rename, unlink, for each n that there is."""
     if shutil.which("strace") is None:
         pytest.skip("strace is not installed: no kill in front of a chosen system call")
     kills = leftovers = 0
@@ -142,7 +90,7 @@ def test_killed_before_each_change(
 
         leftovers += check(log, original, compacted)
 
-    assert compacted == contents(log)
+    assert compacted == files_of(log)
     assert {"fsync": 5, "renameat": 2, "unlinkat": 2}[call] <= kills
     assert bool(leftovers) == (call in {"fsync", "unlinkat"})
 
@@ -165,9 +113,7 @@ def strace_compact(log: Path, fault: str) -> subprocess.CompletedProcess[str]:
 def test_an_error_of_the_disk_leaves_a_whole_log(
     original: Path, compacted: dict[str, bytes], tmp_path: Path, call: str
 ) -> None:
-    """
-    EIO from the n-th fsync, rename, unlink: exit code 1, the log is whole, and again.
-    """
+    """EIO from the n-th fsync, rename, unlink: exit code 1, the log is whole, and again."""
     if shutil.which("strace") is None:
         pytest.skip("strace is not installed: no error from a chosen system call")
     failures = 0

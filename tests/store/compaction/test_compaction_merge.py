@@ -22,7 +22,7 @@ from semmap_log.store.reading.segment_reading import page_at
 from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.writing import segment_chain
 from tests.marks import remove_marks
-from tests.store.logs import answers, digest_of_records, segment_files, sightings, write_log
+from tests.store.logs import answers, segment_files, sightings, write_log
 
 
 @pytest.fixture(autouse=True)
@@ -57,9 +57,7 @@ def messages(path: Path) -> int:
 
 
 def test_neighbours_become_one(log: Path) -> None:
-    """
-    One file with the first one's name and every number; every answer is the same.
-    """
+    """One file with the first one's name and every number; every answer is the same."""
     before = answers(log)
 
     done = compact(log)
@@ -76,9 +74,7 @@ def test_neighbours_become_one(log: Path) -> None:
 def test_heads_of_parts_stay_as_keyframes_where_they_are_of_use(
     every: int, kept: int, log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Each by itself in a chunk; those with few records between them and the last are left out.
-    """
+    """Each by itself in a chunk; those with few records between them and the last are left out."""
     monkeypatch.setattr(merge, "KEYFRAME_EVERY_BYTES", every)
 
     compact(log)
@@ -92,9 +88,7 @@ def test_heads_of_parts_stay_as_keyframes_where_they_are_of_use(
 
 
 def test_a_second_time_nothing_is_written(log: Path) -> None:
-    """
-    Not even metadata.yaml.
-    """
+    """Not even metadata.yaml."""
     compact(log)
     before = {path.name: path.stat().st_ino for path in log.iterdir()}
 
@@ -105,9 +99,7 @@ def test_a_second_time_nothing_is_written(log: Path) -> None:
 
 
 def test_the_writer_goes_on_behind_the_last_number(log: Path) -> None:
-    """
-    The next segment counts on from the merged one's last, under a free name; then they merge, too.
-    """
+    """The next segment counts on from the merged one's last, under a free name."""
     compact(log)
     for _ in range(3):
         with sl.append(log, compact=False) as opened:
@@ -123,9 +115,7 @@ def test_the_writer_goes_on_behind_the_last_number(log: Path) -> None:
 
 
 def test_the_live_segment_is_not_touched(log: Path) -> None:
-    """
-    A log whose writer was killed: what is closed is merged, what is live waits for a writer.
-    """
+    """A log whose writer was killed: what is closed is merged, what is live waits for a writer."""
     live = segment_files(log)[-1]
     data = open_segment(live)
     live.write_bytes(bytes(data.source.read(0, data.whole_end)))
@@ -142,9 +132,7 @@ def test_the_live_segment_is_not_touched(log: Path) -> None:
 def test_no_merged_segment_is_larger_than_it_may(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A bound of about three segments: groups within it, and nothing to do a second time.
-    """
+    """A bound of about three segments: groups within it, and nothing to do a second time."""
     sizes = [int(segment.chunks.rows["size"].sum()) for segment in LogReader(log).segments]
     bound = sum(sizes[:3]) + 200
     monkeypatch.setattr(merge, "MERGE_BYTES", bound)
@@ -162,9 +150,7 @@ def test_no_merged_segment_is_larger_than_it_may(
 def test_a_segment_that_is_half_full_stays_alone(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Else each compaction of a growing log would write the same large file again.
-    """
+    """Else each compaction of a growing log would write the same large file again."""
     sizes = [int(segment.chunks.rows["size"].sum()) for segment in LogReader(log).segments]
     monkeypatch.setattr(merge, "MERGE_BYTES", 2 * max(sizes) - 1)
 
@@ -174,9 +160,7 @@ def test_a_segment_that_is_half_full_stays_alone(
 
 
 def test_without_merging_every_file_stays(log: Path) -> None:
-    """
-    And merging later gives the same bytes as merging at once.
-    """
+    """And merging later gives the same bytes as merging at once."""
     twin = log.parent / "twin" / "log"
     shutil.copytree(log, twin)
 
@@ -192,9 +176,7 @@ def test_without_merging_every_file_stays(log: Path) -> None:
 
 
 def test_what_was_planned_is_what_is_done(log: Path) -> None:
-    """
-    The plan needs no lock: it can be asked for while somebody writes.
-    """
+    """The plan needs no lock: it can be asked for while somebody writes."""
     with sl.append(log, compact=False):
         planned = plan_compaction(log)
 
@@ -212,9 +194,7 @@ def test_what_was_planned_is_what_is_done(log: Path) -> None:
 
 
 def test_progress_reaches_the_end(log: Path) -> None:
-    """
-    In bytes of records, each written and compared: rising, up to all.
-    """
+    """In bytes of records, each written and compared: rising, up to all."""
     told: list[tuple[int, int]] = []
 
     compact(log, progress=lambda done, total: told.append((done, total)))
@@ -224,9 +204,7 @@ def test_progress_reaches_the_end(log: Path) -> None:
 
 
 def test_not_while_somebody_writes(log: Path) -> None:
-    """
-    Its lock is the writer's.
-    """
+    """Its lock is the writer's."""
     with sl.append(log), pytest.raises(LogLockedError):
         compact(log)
 
@@ -236,9 +214,7 @@ def test_not_while_somebody_writes(log: Path) -> None:
 
 @pytest.mark.parametrize("damaged", [0, 3, 7])
 def test_a_damaged_part_leaves_all_files(log: Path, damaged: int) -> None:
-    """
-    The error names it; all segments, and metadata.yaml, stay byte for byte.
-    """
+    """The error names it; all segments, and metadata.yaml, stay byte for byte."""
     path = segment_files(log)[damaged]
     chunk = open_segment(path).chunks[4]
     data = bytearray(path.read_bytes())
@@ -253,9 +229,7 @@ def test_a_damaged_part_leaves_all_files(log: Path, damaged: int) -> None:
 
 
 def test_a_part_of_another_copy_of_the_log_is_not_merged(log: Path) -> None:
-    """
-    Its head fits by its number, but not by its hash.
-    """
+    """Its head fits by its number, but not by its hash."""
     twin = log.parent / "twin"
     shutil.copytree(log, twin)
     for path in segment_files(log)[4:]:
@@ -281,9 +255,7 @@ def test_a_part_of_another_copy_of_the_log_is_not_merged(log: Path) -> None:
 
 
 def test_a_full_disk_leaves_a_whole_log(log: Path, tmp_path: Path) -> None:
-    """
-    Here: the folder does not take a second file of that size. The error says so, all stays.
-    """
+    """Here: the folder does not take a second file of that size. The error says so, all stays."""
     import resource
 
     before = answers(log)
@@ -302,9 +274,7 @@ def test_a_full_disk_leaves_a_whole_log(log: Path, tmp_path: Path) -> None:
 
 
 def test_what_a_killed_merge_left_is_removed(log: Path) -> None:
-    """
-    Parts beside the merged file: read once, not twice; the next compaction takes them away.
-    """
+    """Parts beside the merged file: read once, not twice; the next compaction takes them away."""
     parts = {path: path.read_bytes() for path in segment_files(log)[3:]}
     before = answers(log)
     compact(log)
@@ -321,9 +291,7 @@ def test_what_a_killed_merge_left_is_removed(log: Path) -> None:
 
 
 def test_a_part_with_other_events_is_never_removed(log: Path) -> None:
-    """
-    Inside the merged one by its numbers, but of another history: an error, and it stays.
-    """
+    """Inside the merged one by its numbers, but of another history: an error, and it stays."""
     twin = log.parent / "twin" / "log"
     write_log(twin, 78)
     compact(log)
@@ -336,27 +304,10 @@ def test_a_part_with_other_events_is_never_removed(log: Path) -> None:
     assert foreign.exists()
 
 
-def test_digest_is_of_all_records(log: Path) -> None:
-    """
-    The comparison that these tests rest on sees a lost record.
-    """
-    before = digest_of_records(log)
-
-    segment_files(log)[-1].unlink()
-    remove_marks(log)
-    (log / "metadata.yaml").unlink()
-
-    assert before != digest_of_records(log)
-
-
 def test_parts_go_only_once_the_merged_name_is_on_the_disk(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The folder is synced between the swap and the first removal, also by who only clears up.
-
-    After a power cut the old first segment could otherwise be back, and the others gone.
-    """
+    """The folder is synced between the swap and the first removal, also by who only clears up."""
     parts = {path: path.read_bytes() for path in segment_files(log)[1:]}
     steps: list[str] = []
     replace, unlink, sync = os.replace, os.unlink, LogFolder.sync
@@ -382,10 +333,7 @@ def test_parts_go_only_once_the_merged_name_is_on_the_disk(
 def test_a_segment_without_a_commit_is_merged_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    One that was begun for events which were then refused, or whose writer was killed right there:
-    it holds a keyframe, later than all else, that the merged file need not have.
-    """
+    """Begun for events that were refused: its keyframe is not needed in the merged file."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 3)
     path = tmp_path / "log"
 

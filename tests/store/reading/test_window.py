@@ -30,9 +30,7 @@ from tests.test_replay import random_log
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32))
 def test_a_part_of_the_log_is_what_all_of_it_would_give(seed: int) -> None:
-    """
-    Ranges of happened and recorded time and of numbers, kinds and doors, in any mixture.
-    """
+    """Ranges of happened and recorded time and of numbers, kinds and doors, in any mixture."""
     dice = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder, tiny_steps():
         path = Path(folder) / "log"
@@ -98,9 +96,7 @@ def pages_read(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def test_a_day_of_a_year_reads_that_day(
     tmp_path: Path, clock: SteadyClock, pages_read: list[int]
 ) -> None:
-    """
-    Of 365 chunks, one: by happened time, by recorded time, by number, and by kind.
-    """
+    """Of 365 chunks, one: by happened time, by recorded time, by number, and by kind."""
     day_ns = 24 * 3600 * 10**9
     with sl.create(tmp_path / "log", tz="UTC", clock=clock, compact=False) as log:
         log.append([DoorAdded(door_id=DoorId(1))])
@@ -125,9 +121,7 @@ def test_a_day_of_a_year_reads_that_day(
 
 
 def test_history_finds_who_did_it_whatever_was_left_out(tmp_path: Path) -> None:
-    """
-    The note of a commit that ends many chunks behind the event; of one in the same chunk.
-    """
+    """The note of a commit that ends many chunks behind the event; of one in the same chunk."""
     with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
         door = log.add_door(actor="survey")
         log.append(
@@ -151,9 +145,7 @@ def test_history_finds_who_did_it_whatever_was_left_out(tmp_path: Path) -> None:
 def test_events_that_are_not_those_of_the_index_are_damage(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    What the index says of a chunk's events is compared with what is there.
-    """
+    """What the index says of a chunk's events is compared with what is there."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door()
     reader = LogReader(tmp_path / "log")
@@ -167,9 +159,7 @@ def test_events_that_are_not_those_of_the_index_are_damage(
 
 
 def test_kinds_that_are_not_those_of_the_summary_are_damage(tmp_path: Path) -> None:
-    """
-    By its summary a chunk is left out of a question; so it is compared where the chunk is read.
-    """
+    """By its summary a chunk is left out of a question."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door()
     reader = LogReader(tmp_path / "log")
@@ -181,9 +171,7 @@ def test_kinds_that_are_not_those_of_the_summary_are_damage(tmp_path: Path) -> N
 
 
 def test_small_chunks_read_where_they_lie_are_checked_all_the_same(tmp_path: Path) -> None:
-    """
-    A wrong bit of any chunk of many is found, with its place, when all of them are read.
-    """
+    """A wrong bit of any chunk of many is found, with its place, when all of them are read."""
     with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
         door = log.add_door()
         for n in range(30):

@@ -20,9 +20,7 @@ DATA = random.Random(4).randbytes(50_000)
 def test_slices_are_those_of_bytes(
     window: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Forwards, backwards and behind the end; what was sliced stays.
-    """
+    """Forwards, backwards and behind the end; what was sliced stays."""
     monkeypatch.setattr(file_place, "WINDOW_BYTES", window)
     (tmp_path / "file").write_bytes(DATA)
     rng = random.Random(1)
@@ -46,9 +44,7 @@ def test_slices_are_those_of_bytes(
 def test_a_log_is_verified_the_same_in_any_window(
     window: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Whole, live, and with garbage in its midst, behind which chunks are found by their bytes.
-    """
+    """Whole, live, and with garbage in its midst, behind which chunks are found by their bytes."""
     log = eventful_log(tmp_path / "log", copy=tmp_path / "live")
     damaged = eventful_log(tmp_path / "damaged", per_segment=100)
     (file,) = damaged.glob("*.mcap")

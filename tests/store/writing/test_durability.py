@@ -9,7 +9,6 @@ import subprocess
 import sys
 import threading
 import time
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -47,9 +46,7 @@ def _put_under(log: sl.DoorLogWriter, device: str) -> None:
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_every_level_stores_the_same_once_it_is_closed(level: str, tmp_path: Path) -> None:
-    """
-    They differ in what is true before; each commit says which promise it was made under.
-    """
+    """They differ in what is true before; each commit says which promise it was made under."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", durability=level) as log:
         door = log.add_door()
@@ -64,9 +61,7 @@ def test_every_level_stores_the_same_once_it_is_closed(level: str, tmp_path: Pat
 
 
 def test_event_is_durable_when_append_returns(tmp_path: Path) -> None:
-    """
-    And each commit says that all before it was.
-    """
+    """And each commit says that all before it was."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door()
         for n in range(5):
@@ -80,9 +75,7 @@ def test_event_is_durable_when_append_returns(tmp_path: Path) -> None:
 
 
 def test_batch_is_durable_after_a_while_without_anybody_asking(tmp_path: Path) -> None:
-    """
-    The timer syncs what was appended, once for all of it.
-    """
+    """The timer syncs what was appended, once for all of it."""
     with sl.create(tmp_path / "log", tz="UTC", durability="batch", batch_s=0.2) as log:
         begin = time.monotonic()
         door = log.add_door()  # from here on it counts
@@ -97,9 +90,7 @@ def test_batch_is_durable_after_a_while_without_anybody_asking(tmp_path: Path) -
 
 
 def test_batch_lets_only_so_many_events_wait(tmp_path: Path) -> None:
-    """
-    The append that fills the batch syncs it.
-    """
+    """The append that fills the batch syncs it."""
     with sl.create(
         tmp_path / "log", tz="UTC", durability="batch", batch_events=10, batch_s=3000
     ) as log:
@@ -115,9 +106,7 @@ def test_batch_lets_only_so_many_events_wait(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_an_append_can_be_waited_for(level: str, tmp_path: Path) -> None:
-    """
-    By a thread or by a coroutine, whatever the level.
-    """
+    """By a thread or by a coroutine, whatever the level."""
 
     async def awaited(log: sl.DoorLogWriter) -> int:
         return (
@@ -136,9 +125,7 @@ def test_an_append_can_be_waited_for(level: str, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_what_is_flushed_outlives_the_process(tmp_path: Path) -> None:
-    """
-    Killed right after append returned, without a sync: every commit is there.
-    """
+    """Killed right after append returned, without a sync: every commit is there."""
     path = tmp_path / "log"
     code = (
         "import os, sys, semmap_log as sl\n"
@@ -156,9 +143,7 @@ def test_what_is_flushed_outlives_the_process(tmp_path: Path) -> None:
 
 
 def test_none_waits_in_memory(tmp_path: Path) -> None:
-    """
-    Others see it once it is synced; the log itself at once.
-    """
+    """Others see it once it is synced; the log itself at once."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", durability="none") as log:
         door = log.add_door()
@@ -173,9 +158,7 @@ def test_none_waits_in_memory(tmp_path: Path) -> None:
 
 
 def test_none_writes_when_much_waits(tmp_path: Path) -> None:
-    """
-    Memory stays small, and readers see whole commits.
-    """
+    """Memory stays small, and readers see whole commits."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", durability="none") as log:
         for n in range(400):
@@ -185,9 +168,7 @@ def test_none_writes_when_much_waits(tmp_path: Path) -> None:
 
 
 def test_commits_say_what_was_durable_before_them(tmp_path: Path) -> None:
-    """
-    That tells a torn tail from damage: nothing below that number can be the work of a power cut.
-    """
+    """Nothing below that number can be the work of a power cut."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", durability="flush") as log:
         door = log.add_door()
@@ -199,43 +180,8 @@ def test_commits_say_what_was_durable_before_them(tmp_path: Path) -> None:
     assert [0, 0, 2, 2] == [c.durable_before for c in sl.read(path).commits()]
 
 
-def test_threads_share_syncs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Eight threads, each append durable when it returns, over many segments: far fewer syncs than
-    appends, nothing lost, each thread's events in its order.
-    """
-    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 40)
-    path = tmp_path / "log"
-    with sl.create(path, tz="UTC") as log:
-        doors = [log.add_door() for _ in range(8)]
-        begun = threading.Barrier(8)
-        late: list[int] = []
-
-        def append(door: sl.DoorId) -> None:
-            begun.wait()
-            for n in range(50):
-                last = log.observe(door, "open", opening=n / 50).commit.last_event
-                late.extend([last] if log.durable_before <= last else [])
-
-        threads = [threading.Thread(target=append, args=(door,)) for door in doors]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-
-    seen: dict[int, list[float]] = {}
-    for batch in sl.read(path).batches(kinds=[DoorObserved]):
-        for row in batch[DoorObserved]:
-            seen.setdefault(int(row["door_id"]), []).append(float(row["opening"]))
-    assert [] == late
-    assert 400 == sum(map(len, seen.values()))
-    assert all(a < b for openings in seen.values() for a, b in pairwise(openings))
-
-
 def test_one_sync_serves_all_who_wait(tmp_path: Path) -> None:
-    """
-    What was written while another sync was under way is synced by the next one, all of it.
-    """
+    """What was written while another sync was under way is synced by the next one, all of it."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door()
         live = log._writer._chain.live
@@ -267,10 +213,7 @@ def test_one_sync_serves_all_who_wait(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("breakage", [_break_syncs, _fill_the_disk])
 def test_the_first_failure_is_the_last_thing_that_happens(breakage, tmp_path: Path) -> None:
-    """
-    The caller learns that the outcome is unknown; nothing is written later, whatever comes, and
-    the same command, given again after reopening, is stored once.
-    """
+    """The caller learns that the outcome is unknown."""
     path = tmp_path / "log"
     log = sl.create(path, tz="UTC")
     door = log.add_door()
@@ -294,9 +237,7 @@ def test_the_first_failure_is_the_last_thing_that_happens(breakage, tmp_path: Pa
 
 
 def test_a_failed_sync_is_told_to_all_who_wait(tmp_path: Path) -> None:
-    """
-    No thread may take an append for durable because another's sync came later.
-    """
+    """No thread may take an append for durable because another's sync came later."""
     log = sl.create(tmp_path / "log", tz="UTC")
     door = log.add_door()
     _break_syncs(log)
@@ -319,9 +260,7 @@ def test_a_failed_sync_is_told_to_all_who_wait(tmp_path: Path) -> None:
 
 
 def test_a_batch_that_cannot_be_synced_is_told_at_the_next_append(tmp_path: Path) -> None:
-    """
-    The timer's failure is nobody's to see, but the log takes nothing more.
-    """
+    """The timer's failure is nobody's to see, but the log takes nothing more."""
     log = sl.create(tmp_path / "log", tz="UTC", durability="batch", batch_s=0.01)
     door = log.add_door()
     log.sync()
@@ -339,9 +278,7 @@ def test_a_batch_that_cannot_be_synced_is_told_at_the_next_append(tmp_path: Path
 
 
 def test_an_interrupt_in_a_sync_leaves_a_writer_that_refuses(tmp_path: Path) -> None:
-    """
-    Whether it was done is not known; a second one might say yes without the data.
-    """
+    """Whether it was done is not known; a second one might say yes without the data."""
     path = tmp_path / "log"
     log = sl.create(path, tz="UTC")
     door = log.add_door()
@@ -371,18 +308,14 @@ def test_an_interrupt_in_a_sync_leaves_a_writer_that_refuses(tmp_path: Path) -> 
     ],
 )
 def test_a_promise_that_means_nothing_is_refused(options, what: str, tmp_path: Path) -> None:
-    """
-    Before anything is made.
-    """
+    """Before anything is made."""
     with pytest.raises(InvalidEventError, match=what):
         sl.create(tmp_path / "log", tz="UTC", **options)
     assert not (tmp_path / "log").exists()
 
 
 def test_a_timer_is_closed_at_any_moment_of_its_round() -> None:
-    """
-    Also between the end of its wait and the next: close waits for its thread, but not for ever.
-    """
+    """Close waits for its thread, but not for ever."""
     timer = BatchTimer(lambda: None, 0.0)
     closing = threading.Thread(target=timer.close, daemon=True)
     clear = timer._appended.clear
@@ -405,9 +338,7 @@ def test_a_timer_is_closed_at_any_moment_of_its_round() -> None:
 def test_an_interrupt_between_two_segments_leaves_a_writer_that_refuses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    One was closed, the next is not there: nothing can be synced, and so nothing is promised.
-    """
+    """One was closed, the next is not there: nothing can be synced, and so nothing is promised."""
     path = tmp_path / "log"
     log = sl.create(path, tz="UTC", durability="flush")
     door = log.add_door()

@@ -63,9 +63,7 @@ def _count(path: Path) -> int:
 
 
 def test_events_that_cannot_be_read_harm_nothing(tmp_path: Path) -> None:
-    """
-    An error of the caller's own file is the caller's; the log takes the next commit.
-    """
+    """An error of the caller's own file is the caller's; the log takes the next commit."""
 
     def unreadable() -> Iterator[Event]:
         yield SEEN
@@ -81,9 +79,7 @@ def test_events_that_cannot_be_read_harm_nothing(tmp_path: Path) -> None:
 
 
 def test_a_commit_wants_an_event_and_an_id_of_its_size(tmp_path: Path) -> None:
-    """
-    Both are refused before a byte is written.
-    """
+    """Both are refused before a byte is written."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         for events, command_id in (([], None), ([SEEN], b"short")):
             with pytest.raises(CommandError):
@@ -94,9 +90,7 @@ def test_a_commit_wants_an_event_and_an_id_of_its_size(tmp_path: Path) -> None:
 
 
 def test_what_waits_is_told_of_a_write_that_failed(tmp_path: Path) -> None:
-    """
-    An append that was never synced cannot become durable any more.
-    """
+    """An append that was never synced cannot become durable any more."""
     log = sl.create(tmp_path / "log", tz="UTC", durability="flush")
     log.add_door()
     waiting = log.append([SEEN])
@@ -111,9 +105,7 @@ def test_what_waits_is_told_of_a_write_that_failed(tmp_path: Path) -> None:
 
 
 def test_what_is_held_back_and_cannot_be_written(tmp_path: Path) -> None:
-    """
-    Reading one's own log hands it over; if the disk says no, the log takes nothing more.
-    """
+    """Reading one's own log hands it over; if the disk says no, the log takes nothing more."""
     log = sl.create(tmp_path / "log", tz="UTC", durability="none")
     log.add_door()
     with _files_below(100), pytest.raises(LogPoisonedError):
@@ -126,9 +118,7 @@ def test_what_is_held_back_and_cannot_be_written(tmp_path: Path) -> None:
 
 
 def test_a_log_that_cannot_be_closed_is_whole(tmp_path: Path) -> None:
-    """
-    The error says so; the next writer closes it. Closed again, it is quiet.
-    """
+    """The error says so; the next writer closes it. Closed again, it is quiet."""
     path = tmp_path / "log"
     log = sl.create(path, tz="UTC")
     log.add_door()
@@ -142,9 +132,7 @@ def test_a_log_that_cannot_be_closed_is_whole(tmp_path: Path) -> None:
 
 
 def test_a_segment_that_cannot_be_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Its temporary file goes, the log stands at its last commit, and is opened again.
-    """
+    """Its temporary file goes, the log stands at its last commit, and is opened again."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 2)
     path = tmp_path / "log"
     log = sl.create(path, tz="UTC", compact=False)
@@ -166,9 +154,7 @@ def test_a_segment_that_cannot_be_begun(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_a_recovery_that_finds_no_room(tmp_path: Path) -> None:
-    """
-    Nothing is changed; with room again it opens.
-    """
+    """Nothing is changed; with room again it opens."""
     path = _crashed(tmp_path)
     before = _names(path)
 
@@ -182,9 +168,7 @@ def test_a_recovery_that_finds_no_room(tmp_path: Path) -> None:
 
 
 def test_two_torn_tails_of_one_place_are_both_kept(tmp_path: Path) -> None:
-    """
-    The second gets a number; the same one again does not.
-    """
+    """The second gets a number; the same one again does not."""
     path = _crashed(tmp_path, torn=b"one")
     end = (path / "log_000000.mcap").stat().st_size - 3
     kept = path / f"log_000000.mcap.torn-{end}"
@@ -199,9 +183,7 @@ def test_two_torn_tails_of_one_place_are_both_kept(tmp_path: Path) -> None:
 def test_a_large_last_segment_is_not_continued(
     closed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Another begins behind it; a live one is closed first.
-    """
+    """Another begins behind it; a live one is closed first."""
     path = _crashed(tmp_path)
     if closed:
         sl.append(path).close()
@@ -215,9 +197,7 @@ def test_a_large_last_segment_is_not_continued(
 
 
 def test_a_level_by_name_and_what_is_durable_already(tmp_path: Path) -> None:
-    """
-    A command that comes again after its batch was synced waits for nothing.
-    """
+    """A command that comes again after its batch was synced waits for nothing."""
     with sl.create(tmp_path / "log", tz="UTC", durability="batch", batch_s=3000) as log:
         named = [LevelAdded(level=1, name="first floor", elevation=3.5)]
         log.append(named, command_id=bytes(16))
@@ -228,9 +208,7 @@ def test_a_level_by_name_and_what_is_durable_already(tmp_path: Path) -> None:
 
 
 def test_a_floor_map_of_another_level_brings_its_channel(tmp_path: Path) -> None:
-    """
-    Once a segment: before the first chunk that needs it.
-    """
+    """Once a segment: before the first chunk that needs it."""
     plan = FloorMap(
         level=7, resolution=0.05, origin_x=0.0, origin_y=0.0, cells=np.zeros((2, 2), np.int8)
     )
@@ -243,9 +221,7 @@ def test_a_floor_map_of_another_level_brings_its_channel(tmp_path: Path) -> None
 
 
 def test_the_timer_counts_again_after_each_batch(tmp_path: Path) -> None:
-    """
-    Every batch is synced, not only the first.
-    """
+    """Every batch is synced, not only the first."""
     with sl.create(tmp_path / "log", tz="UTC", durability="batch", batch_s=0.02) as log:
         log.add_door()
         for _ in range(3):
@@ -256,28 +232,8 @@ def test_the_timer_counts_again_after_each_batch(tmp_path: Path) -> None:
             assert before == log.durable_before
 
 
-def test_another_process_neither_closes_nor_unlocks(tmp_path: Path) -> None:
-    """
-    As a forked child does at its end: the log is the parent's.
-    """
-    log = sl.create(tmp_path / "log", tz="UTC")
-    log.add_door()
-    writer, lock = log._writer, log._writer._lock
-    writer._pid = lock._pid = os.getpid() + 1
-
-    with pytest.raises(LogError, match="forked child"):
-        log.append([SEEN])
-    with pytest.raises(LogError, match="forked child"):
-        writer._sync()
-    log.close()
-
-    assert not sl.read(tmp_path / "log")._reader.segments[-1].closed
-
-
 def test_appending_in_an_append_and_after_the_end(tmp_path: Path) -> None:
-    """
-    Both are errors that say what is wrong.
-    """
+    """Both are errors that say what is wrong."""
 
     def nested() -> Iterator[Event]:
         log.append([SEEN])
@@ -292,9 +248,7 @@ def test_appending_in_an_append_and_after_the_end(tmp_path: Path) -> None:
 
 
 def test_a_lock_that_cannot_be_taken(tmp_path: Path) -> None:
-    """
-    A folder in the place of the lock file; and a lock file that somebody deleted.
-    """
+    """A folder in the place of the lock file; and a lock file that somebody deleted."""
     (tmp_path / "log").mkdir()
     (tmp_path / "log" / ".lock").mkdir()
     with pytest.raises(LogAccessError, match="cannot be opened for writing: Is a directory"):
@@ -318,9 +272,7 @@ def test_a_lock_that_cannot_be_taken(tmp_path: Path) -> None:
 def test_a_file_system_that_cannot_lock_folders(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Then the lock file alone keeps the second writer out.
-    """
+    """Then the lock file alone keeps the second writer out."""
     real = fcntl.flock
 
     def only_files(fd: int, operation: int) -> None:

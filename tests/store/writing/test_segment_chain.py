@@ -32,9 +32,7 @@ def _full_segments(path: Path) -> list[bool]:
 
 
 def test_full_segments_are_compacted_meanwhile(tmp_path: Path) -> None:
-    """
-    What the first writer's thread has no time for, the next writer's does.
-    """
+    """What the first writer's thread has no time for, the next writer's does."""
     path = tmp_path / "log"
     _patrol(path, 400, compact=True)
     deadline = time.monotonic() + 100
@@ -46,9 +44,7 @@ def test_full_segments_are_compacted_meanwhile(tmp_path: Path) -> None:
 
 
 def test_without_it_segments_stay_as_they_are_written(tmp_path: Path) -> None:
-    """
-    For who wants the same bytes each time.
-    """
+    """For who wants the same bytes each time."""
     path = tmp_path / "log"
     _patrol(path, 200, compact=False)
 
@@ -56,9 +52,7 @@ def test_without_it_segments_stay_as_they_are_written(tmp_path: Path) -> None:
 
 
 def test_rosbag2_tools_find_every_closed_segment(tmp_path: Path) -> None:
-    """
-    metadata.yaml is written by two threads; it lists each segment once, with its messages.
-    """
+    """metadata.yaml is written by two threads; it lists each segment once, with its messages."""
     path = tmp_path / "log"
     _patrol(path, 300, compact=True)
     _patrol(path, 100, compact=True)

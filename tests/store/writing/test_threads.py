@@ -55,9 +55,7 @@ def together(work: list[Callable[[], None]]) -> None:
 def test_eight_threads_lose_nothing(
     tmp_path: Path, level: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Short and long texts, a wait at every third, a reader in the same process, rolls in between.
-    """
+    """A wait at every third, a reader in the same process, rolls in between."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 50)
     path, rounds = tmp_path / "log", 24
     with sl.create(path, tz="UTC", durability=level) as log:
@@ -97,9 +95,7 @@ def _event(recorded: RecordedEvent) -> DoorAnnotated | None:
 def test_a_sync_waits_for_who_is_writing_what_was_held_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    One thread is in the middle of the write that holds another's event: it is not durable yet.
-    """
+    """One thread is writing another's event: it is not durable yet."""
     log = sl.create(tmp_path / "log", tz="UTC", durability="none")
     door = log.add_door()
     log.sync()
@@ -141,9 +137,7 @@ def test_a_sync_waits_for_who_is_writing_what_was_held_back(
 def test_nothing_is_written_behind_a_write_that_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    What was held back is gone: a later chunk would lie behind a gap.
-    """
+    """What was held back is gone: a later chunk would lie behind a gap."""
     log = sl.create(tmp_path / "log", tz="UTC", durability="none")
     door = log.add_door()
     log.sync()
@@ -166,9 +160,7 @@ def test_nothing_is_written_behind_a_write_that_failed(
 
 
 def test_threads_that_append_at_once_share_one_timer(monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Two who start it together get one thread, and `close` ends it.
-    """
+    """Two who start it together get one thread, and `close` ends it."""
     looking, both, synced = threading.Barrier(2), threading.Barrier(2), threading.Event()
     timer = BatchTimer(synced.set, 0.001)
     is_set, made = threading.Event.is_set, threading.Thread.__init__

@@ -46,9 +46,7 @@ def _written(path: Path) -> Path:
 
 
 def test_each_segment_is_opened_once(tmp_path: Path, opened: Counter[str]) -> None:
-    """
-    What the writer read is what the log answers from.
-    """
+    """What the writer read is what the log answers from."""
     path = _written(tmp_path / "log")
     answer = repr(sl.read(path).replay())
     opened.clear()
@@ -61,9 +59,7 @@ def test_each_segment_is_opened_once(tmp_path: Path, opened: Counter[str]) -> No
 def test_what_was_taken_back_is_looked_up_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The door map was folded for the writer's keyframes: a question needs no other search.
-    """
+    """The door map was folded for the writer's keyframes: a question needs no other search."""
     path = _written(tmp_path / "log")
     batches: list[int] = []
     apply = Retractions.apply
@@ -83,9 +79,7 @@ def test_what_was_taken_back_is_looked_up_once(
 def test_of_a_torn_log_only_the_last_segment_is_opened_again(
     tmp_path: Path, opened: Counter[str]
 ) -> None:
-    """
-    It was made whole in a copy, and the copy is another file.
-    """
+    """It was made whole in a copy, and the copy is another file."""
     with tiny_steps(), sl.create(tmp_path / "live", tz="UTC", compact=False) as log:
         log.append([DoorAdded(door_id=DoorId(1), happened_ns=START_NS - 1)])
         for event in sightings(25):
@@ -102,9 +96,7 @@ def test_of_a_torn_log_only_the_last_segment_is_opened_again(
 
 
 def test_a_new_log_is_opened_once(tmp_path: Path, opened: Counter[str]) -> None:
-    """
-    It is read back when it is made.
-    """
+    """It is read back when it is made."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         assert {} == log.replay().doors
         assert [1] == list(opened.values())
@@ -114,9 +106,7 @@ def test_a_new_log_is_opened_once(tmp_path: Path, opened: Counter[str]) -> None:
 def test_a_log_that_cannot_be_read_back_is_let_go_of(
     is_new: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Nobody gets the writer then, and nobody else could let the next one in.
-    """
+    """Nobody gets the writer then, and nobody else could let the next one in."""
     path = tmp_path / "log"
     open_it = sl.append
     if is_new:
@@ -145,18 +135,14 @@ def test_a_log_that_cannot_be_read_back_is_let_go_of(
 
 @pytest.mark.parametrize("name", ["log.zip", "log.mcap", "-"])
 def test_a_name_that_would_be_taken_for_something_else(name: str, tmp_path: Path) -> None:
-    """
-    Of a file, or of the standard output: no log is called so, and nothing is made.
-    """
+    """Of a file, or of the standard output: no log is called so, and nothing is made."""
     with pytest.raises(LogError, match="name of a f"):
         sl.create(tmp_path / name, tz="UTC")
     assert [] == list(tmp_path.iterdir())
 
 
 def test_a_log_with_events_does_not_begin_anew(tmp_path: Path) -> None:
-    """
-    Recorded time only grows.
-    """
+    """Recorded time only grows."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door()
         with pytest.raises(LogError, match="expected a log without events"):
@@ -169,9 +155,7 @@ def test_a_log_with_events_does_not_begin_anew(tmp_path: Path) -> None:
 def test_a_disk_that_is_full_when_a_log_begins_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The one segment or the other is there, and the writer writes nothing more.
-    """
+    """The one segment or the other is there, and the writer writes nothing more."""
 
     def full(_: SegmentWriter, *, replacing: object) -> None:
         raise OSError(28, "No space left on device")

@@ -7,12 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from semmap_log.analysis.probabilities.chain.matrix_scan import (
-    Steps,
-    filtered,
-    likelihood,
-    weighed,
-)
+from semmap_log.analysis.probabilities.chain.matrix_scan import Steps, filtered, likelihood, weighed
 
 
 def some_steps(count: int, seed: int) -> tuple[Steps, np.ndarray]:
@@ -39,9 +34,7 @@ def by_all_paths(steps: Steps, llr: np.ndarray, chain: int, first: float) -> tup
 
 @pytest.mark.parametrize("seed", range(4))
 def test_filtering_is_the_mean_over_all_paths(seed: int) -> None:
-    """
-    What 2^10 paths say of the last look, of two chains side by side; and how likely it all was.
-    """
+    """What 2^10 paths say of the last look, of two chains side by side."""
     steps, llr = some_steps(9, seed)
     first = np.array([0.2, 0.7])
 
@@ -55,9 +48,7 @@ def test_filtering_is_the_mean_over_all_paths(seed: int) -> None:
 
 
 def test_filtering_knows_nothing_later() -> None:
-    """
-    What is believed at a look does not move when looks come after it.
-    """
+    """What is believed at a look does not move when looks come after it."""
     steps, llr = some_steps(300, 1)
     cut = Steps(steps.from_closed[:200], steps.from_open[:200])
 
@@ -67,9 +58,7 @@ def test_filtering_knows_nothing_later() -> None:
 
 
 def test_a_look_weighs_what_was_believed() -> None:
-    """
-    Bayes' rule with a reading that is nine times as likely of an open door.
-    """
+    """Bayes' rule with a reading that is nine times as likely of an open door."""
     found = weighed(np.array([[0.5, 0.1]]), np.array([np.log(9)]))
 
     np.testing.assert_allclose(found, [[0.9, 0.5]])

@@ -24,9 +24,7 @@ def passages(
 
 @pytest.mark.parametrize("until_open", [True, False])
 def test_rates_of_a_door_without_hours_come_back(*, until_open: bool) -> None:
-    """
-    Shut for five hours on average, open for two, over a year.
-    """
+    """Shut for five hours on average, open for two, over a year."""
     stretches = stretches_of(24.0 * 365, 5.0, 2.0, np.random.default_rng(3))
 
     found = passages(stretches, 24.0 * 365, until_open=until_open)
@@ -37,10 +35,7 @@ def test_rates_of_a_door_without_hours_come_back(*, until_open: bool) -> None:
 
 
 def test_a_burst_of_openings_is_one() -> None:
-    """
-    Each day a quarter past noon the door opens ten times within ten minutes: for one half hour's
-    look that is one passage, and who comes at eleven waits for more than an hour.
-    """
+    """Ten openings within ten minutes are one passage for one half hour's look."""
     stretches, last = [], 0.0
     for day in range(28):
         for minute in range(10):
@@ -55,9 +50,7 @@ def test_a_burst_of_openings_is_one() -> None:
 
 
 def test_a_slot_is_an_hour_of_one_weekday() -> None:
-    """
-    Opened on Wednesdays at ten: nobody passes at that hour of a Thursday.
-    """
+    """Opened on Wednesdays at ten: nobody passes at that hour of a Thursday."""
     stretches, last = [], 0.0
     for week in range(8):
         opens = week * 168 + 58.25
@@ -70,9 +63,7 @@ def test_a_slot_is_an_hour_of_one_weekday() -> None:
 
 
 def test_the_interval_narrows_with_what_was_seen() -> None:
-    """
-    Shut for five hours on average, open for two: of two weeks, of two months, of half a year.
-    """
+    """Shut for five hours on average, open for two: of two weeks, of two months, of half a year."""
     stretches = stretches_of(24.0 * 182, 5.0, 2.0, np.random.default_rng(5))
 
     ratios = []
@@ -86,9 +77,7 @@ def test_the_interval_narrows_with_what_was_seen() -> None:
 
 
 def test_the_interval_is_wide_where_days_differ() -> None:
-    """
-    Ten openings on one day of ten, or one on each: as many, but who knows when such a day comes.
-    """
+    """Ten openings on one day of ten are as many as one on each, but less certain."""
     each = [(24.0 * day + 12, 24.0 * day + 12.1) for day in range(40)]
     some = [(24.0 * day + hour, 24.0 * day + hour + 0.1) for day in range(4, 40, 10)
             for hour in range(8, 18)]  # fmt: skip
@@ -110,9 +99,7 @@ def test_the_interval_is_wide_where_days_differ() -> None:
 
 
 def test_visits_tell_of_passages_between_them() -> None:
-    """
-    Seen each half hour without errors that matter: closed by night, open by day.
-    """
+    """Seen each half hour without errors that matter: closed by night, open by day."""
     visits = [(h / 2, 9 <= h / 2 % 24 < 17) for h in range(2 * 24 * 28)]
     known = evidence(visits=visits)
     known = replace(known, llr=np.sign(known.llr) * 6.0).up_to(int(hours_ns(28 * 24)) - 1)
@@ -124,10 +111,7 @@ def test_visits_tell_of_passages_between_them() -> None:
 
 
 def test_weekends_have_rates_of_their_own() -> None:
-    """
-    Opened and shut all day on working days, never on Saturdays and Sundays; a sensor that is right
-    nine times of ten: what it misreads there is not taken for openings.
-    """
+    """Opened and shut all day on working days, never on Saturdays and Sundays."""
     rng = np.random.default_rng(1)
     hours = np.arange(2 * 24 * 42) / 2
     is_open = (

@@ -41,9 +41,7 @@ def log_likelihood(looks: Looks, modes: list[int], first: float) -> float:
 
 
 def test_hours_are_those_of_the_middle_between_looks() -> None:
-    """
-    From 1.45 to 2.3 most is of the hour from one to two; an hour without looks is none.
-    """
+    """From 1.45 to 2.3 most is of the hour from one to two; an hour without looks is none."""
     found = HourLooks(some_looks(), UTC)
 
     assert (found.hour - found.hour[0]).tolist() == [0, 1, 2]
@@ -51,9 +49,7 @@ def test_hours_are_those_of_the_middle_between_looks() -> None:
 
 @pytest.mark.parametrize("mode", MODES)
 def test_an_hour_alone_begins_in_its_long_run(mode: int) -> None:
-    """
-    Each hour's likelihood is that of a door of which nothing was seen before, nor after.
-    """
+    """Each hour's likelihood is that of a door of which nothing was seen before, nor after."""
     looks = some_looks()
 
     found = HourLooks(looks, UTC).explained(None)
@@ -80,9 +76,7 @@ def _log_likelihood_of(looks: Looks, inside: list[int], mode: int) -> float:
 
 @pytest.mark.parametrize("row", range(3))
 def test_what_was_seen_before_and_after_speaks_too(row: int) -> None:
-    """
-    Every hour in a mode for sure: the difference of two modes of one hour is that of all looks.
-    """
+    """The difference of two modes of one hour is that of all looks."""
     looks, modes = some_looks(), np.array(MODES)
     likely = np.zeros((3, len(hour_modes.SHARE)))
     likely[np.arange(3), modes] = 1.0

@@ -21,18 +21,14 @@ def mean_per_h(likely: np.ndarray) -> np.ndarray:
 
 
 def test_of_nothing_each_mode_is_as_likely_as_before() -> None:
-    """
-    No hour says anything: the prior stands.
-    """
+    """No hour says anything: the prior stands."""
     found = likely_modes(np.zeros((7, 24, len(PRIOR))))
 
     np.testing.assert_allclose(found, np.broadcast_to(PRIOR, found.shape), rtol=1e-9)
 
 
 def test_quiet_hours_say_how_quiet_each_is() -> None:
-    """
-    Never opened in six weeks: alone an hour may open once a week; a week of them hardly does.
-    """
+    """Never opened in six weeks: alone an hour may open once a week; a week of them hardly does."""
     quiet = np.zeros((7, 24))
     alone = np.full((7, 24), 0.0)
     alone[2, 3] = 6.0
@@ -45,9 +41,7 @@ def test_quiet_hours_say_how_quiet_each_is() -> None:
 
 
 def test_a_slot_says_nothing_about_the_other_days() -> None:
-    """
-    Opened each Wednesday from ten to twelve: Thursday at ten stays as quiet as Thursday at nine.
-    """
+    """Opened each Wednesday at ten: Thursday at ten stays as quiet as Thursday at nine."""
     passed, waited_h = np.zeros((7, 24)), np.full((7, 24), 6.0)
     passed[2, 10:12], waited_h[2, 10:12] = 6.0, 2.0
 
@@ -59,9 +53,7 @@ def test_a_slot_says_nothing_about_the_other_days() -> None:
 
 
 def test_hours_of_such_days_are_alike() -> None:
-    """
-    Three openings in an hour on each working day but Monday, of which little was seen: as the rest.
-    """
+    """A Monday of which little was seen is like the other working days."""
     passed, waited_h = np.zeros((7, 24)), np.full((7, 24), 6.0)
     passed[:5, 9:17], waited_h[:5, 9:17] = 3.0, 1.0
     passed[0, 12], waited_h[0, 12] = 0.0, 0.1
@@ -73,9 +65,7 @@ def test_hours_of_such_days_are_alike() -> None:
 
 
 def test_modes_of_all_hours_are_drawn_together_not_to_a_mean() -> None:
-    """
-    Half of the hours open once a week, half each ten minutes: none is in between.
-    """
+    """Half of the hours open once a week, half each ten minutes: none is in between."""
     passed, waited_h = np.zeros((7, 24)), np.full((7, 24), 8.0)
     passed[:, 8:20], waited_h[:, 8:20] = 24.0, 4.0
 

@@ -26,39 +26,38 @@ def said(found: Looks) -> list[tuple[float, float]]:
     return list(zip(hours.tolist(), found.llr.tolist(), strict=True))
 
 
-def test_a_stretch_is_a_look_each_half_hour_and_one_at_its_end() -> None:
-    """
-    Open from 0:10 to 1:40, then nothing: before all one that saw nothing, certain looks in it, one
-    when it ends, none behind it.
-    """
-    told = evidence([(1 / 6, 5 / 3, True)])
+SURE = CERTAIN_LLR
 
-    found = looks(told, UTC, int(hours_ns(2)))
 
-    sure = CERTAIN_LLR
-    expected = [(1 / 6, 0.0), (0.5, sure), (1.0, sure), (1.5, sure), (5 / 3, sure)]
+@pytest.mark.parametrize(
+    ("stretches", "until_h", "expected"),
+    [
+        (
+            [(1 / 6, 5 / 3, True)],
+            2,
+            [(1 / 6, 0.0), (0.5, SURE), (1.0, SURE), (1.5, SURE), (5 / 3, SURE)],
+        ),
+        (
+            [(0.0, 0.6, False), (0.6, 0.8, True), (0.8, 2.0, False)],
+            1.75,
+            [(0.0, 0.0), (0.0, -SURE), (0.5, -SURE), (1.0, -SURE), (1.5, -SURE)],
+        ),
+    ],
+    ids=["from 0:10 to 1:40", "open for minutes between half hours"],
+)
+def test_a_stretch_is_a_look_each_half_hour_and_one_at_its_end(
+    stretches: list[tuple[float, float, bool]], until_h: float, expected: list[tuple[float, float]]
+) -> None:
+    """Before all one that saw nothing; a change that was watched is no look of its own."""
+    found = looks(evidence(stretches), UTC, int(hours_ns(until_h)))
+
     assert [llr for _, llr in expected] == [llr for _, llr in said(found)]
     assert [hour for hour, _ in expected] == pytest.approx([hour for hour, _ in said(found)])
-    assert [False, True, True, True, True] == is_certain(found.llr).tolist()
-
-
-def test_a_change_that_was_watched_is_no_look_of_its_own() -> None:
-    """
-    Where one stretch begins as another ends, only the half hours look: openings of minutes between
-    them are none, as they are for a patrol.
-    """
-    told = evidence([(0.0, 0.6, False), (0.6, 0.8, True), (0.8, 2.0, False)])
-
-    found = looks(told, UTC, int(hours_ns(1.75)))
-
-    sure = CERTAIN_LLR
-    assert [(0.0, 0.0), (0.0, -sure), (0.5, -sure), (1.0, -sure), (1.5, -sure)] == said(found)
+    assert [llr != 0 for _, llr in expected] == is_certain(found.llr).tolist()
 
 
 def test_a_certain_sighting_is_a_look_of_its_own() -> None:
-    """
-    They stand by what they tell, clipped on both sides; none proves more than a certain one.
-    """
+    """They stand by what they tell, clipped on both sides; none proves more than a certain one."""
     told = evidence(visits=[(0.25, True), (0.75, False), (0.76, True), (0.77, True)])
     told = replace(told, llr=np.array([2.0, -1e6, 1e6, 1.0]))
 
@@ -70,9 +69,7 @@ def test_a_certain_sighting_is_a_look_of_its_own() -> None:
 
 
 def test_sightings_of_five_minutes_are_one_look() -> None:
-    """
-    At the last of them, of what they add up to; however many agree, there is still a doubt.
-    """
+    """At the last of them, of what they add up to; however many agree, there is still a doubt."""
     told = evidence(visits=[(0.01, True), (0.02, True), (0.08, False), (0.09, True)])
     told = replace(told, llr=np.array([2.0, 1.5, -1.0, 3.0]))
     many = evidence(visits=[(i / 1e5, True) for i in range(1000)])
@@ -87,9 +84,7 @@ def test_sightings_of_five_minutes_are_one_look() -> None:
 
 
 def test_the_last_moment_is_included_and_nothing_later() -> None:
-    """
-    A sighting at that moment counts, one a nanosecond behind it does not.
-    """
+    """A sighting at that moment counts, one a nanosecond behind it does not."""
     told = evidence(visits=[(1.0, True), (1.25, False), (1.5, True)])
     until_ns = int(hours_ns(1.5))
 
@@ -100,9 +95,7 @@ def test_the_last_moment_is_included_and_nothing_later() -> None:
 
 
 def test_half_hours_without_a_look_are_the_buildings() -> None:
-    """
-    In Eucla, 8:45 ahead of UTC, hours begin at a quarter past; they are there if asked for.
-    """
+    """In Eucla, 8:45 ahead of UTC, hours begin at a quarter past; they are there if asked for."""
     eucla = LocalClock("Australia/Eucla")
     told = evidence(visits=[(0.3, True)])
 
@@ -112,9 +105,7 @@ def test_half_hours_without_a_look_are_the_buildings() -> None:
 
 
 def test_the_last_of_them() -> None:
-    """
-    From a time on, that one included.
-    """
+    """From a time on, that one included."""
     told = evidence(visits=[(0.4, True), (0.9, True)])
 
     def since(from_ns: int) -> list[float]:
@@ -134,9 +125,7 @@ def test_the_last_of_them() -> None:
 def test_a_stretch_holds_from_its_start_to_before_its_end(
     hour: float, expected: tuple[bool, bool]
 ) -> None:
-    """
-    But for one that holds on: it is known at the last moment of the evidence, too.
-    """
+    """But for one that holds on: it is known at the last moment of the evidence, too."""
     told = evidence([(1.0, 2.0, True), (2.0, 3.0, False), (4.0, 9.0, True)])
 
     held, is_open = held_at(told.up_to(int(hours_ns(4.5))), hours_ns([hour]))
@@ -145,9 +134,7 @@ def test_a_stretch_holds_from_its_start_to_before_its_end(
 
 
 def test_without_stretches_nothing_is_held() -> None:
-    """
-    Of a door that was only visited no state is known for sure at any time.
-    """
+    """Of a door that was only visited no state is known for sure at any time."""
     held, is_open = held_at(evidence(visits=[(1.0, True)]), hours_ns([0.5, 1.0, 1.5]))
 
     assert not held.any()

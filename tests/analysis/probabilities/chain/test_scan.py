@@ -10,10 +10,7 @@ from semmap_log.analysis.probabilities.chain.matrix_scan import states
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 5, 16, 17, 1000])
 def test_blocks_give_what_a_loop_gives(count: int) -> None:
-    """
-    Whatever the number of matrices, of three chains side by side: also where it fills no whole
-    blocks.
-    """
+    """For any number of matrices of three chains, also where it fills no whole blocks."""
     rng = np.random.default_rng(count)
     matrices = rng.random((2, 2, count, 3)) ** 8  # some nearly singular
     first = np.array([[0.3, 0.5, 1.0], [0.7, 0.5, 0.0]])
@@ -31,9 +28,7 @@ def test_blocks_give_what_a_loop_gives(count: int) -> None:
 
 
 def test_products_of_very_many_stay_finite() -> None:
-    """
-    A hundred thousand steps that each shrink the weight a thousandfold do not underflow.
-    """
+    """A hundred thousand steps that each shrink the weight a thousandfold do not underflow."""
     matrices = np.full((2, 2, 100_000, 1), 1e-3)
     matrices[0, 0] = 2e-3
 
@@ -44,9 +39,7 @@ def test_products_of_very_many_stay_finite() -> None:
 
 
 def test_what_follows_changes_no_digit() -> None:
-    """
-    What stands at a place is the same bit for bit, however many matrices come behind it.
-    """
+    """What stands at a place is the same bit for bit, however many matrices come behind it."""
     rng = np.random.default_rng(7)
     matrices, first = rng.random((2, 2, 700, 2)) ** 4, np.array([[0.2, 0.9], [0.8, 0.1]])
     whole = states(matrices, first)

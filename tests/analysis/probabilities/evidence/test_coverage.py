@@ -44,9 +44,7 @@ def week(*spans: tuple[int, int, int]) -> np.ndarray:
 
 
 def test_a_stretch_covers_the_hours_that_it_touches() -> None:
-    """
-    From Monday 22:30 to Tuesday 02:00 sharp: four hours, on the building's clocks.
-    """
+    """From Monday 22:30 to Tuesday 02:00 sharp: four hours, on the building's clocks."""
     known = evidence(stretches=[("2026-03-02T22:30", "2026-03-03T02:00")])
 
     coverage = Coverage.of(known, LocalClock(VIENNA))
@@ -56,9 +54,7 @@ def test_a_stretch_covers_the_hours_that_it_touches() -> None:
 
 
 def test_an_hour_counts_once_a_date() -> None:
-    """
-    Ten sightings within an hour are one hour; the same hour a week later is another.
-    """
+    """Ten sightings within an hour are one hour; the same hour a week later is another."""
     known = evidence(
         seen=[f"2026-03-02T08:{minute}0" for minute in range(6)] + ["2026-03-09T08:59"],
         stretches=[("2026-03-02T08:10", "2026-03-02T08:20")],
@@ -70,9 +66,7 @@ def test_an_hour_counts_once_a_date() -> None:
 
 
 def test_the_clocks_of_summer_and_winter_are_told_apart() -> None:
-    """
-    On both sides of the switch, nine o'clock is nine o'clock.
-    """
+    """On both sides of the switch, nine o'clock is nine o'clock."""
     known = evidence(seen=["2026-03-27T09:30", "2026-04-03T09:30"])
 
     coverage = Coverage.of(known, LocalClock(VIENNA))
@@ -81,9 +75,7 @@ def test_the_clocks_of_summer_and_winter_are_told_apart() -> None:
 
 
 def test_a_door_never_seen_covers_nothing() -> None:
-    """
-    All 168 hours are unseen, and there are no days of evidence.
-    """
+    """All 168 hours are unseen, and there are no days of evidence."""
     coverage = Coverage.of(evidence(), LocalClock("UTC"))
 
     assert (168, 0.0) == (coverage.hours_never_seen, coverage.days)
@@ -91,9 +83,7 @@ def test_a_door_never_seen_covers_nothing() -> None:
 
 
 def test_a_night_is_one_span() -> None:
-    """
-    What is common to all days goes over midnight.
-    """
+    """What is common to all days goes over midnight."""
     nights = week(*((day, 22, 24) for day in range(7)), *((day, 0, 6) for day in range(7)))
 
     assert ["22:00-06:00"] == spans_in_words(nights)
@@ -116,8 +106,6 @@ def test_a_night_is_one_span() -> None:
     ],
 )  # fmt: skip
 def test_hours_are_told_as_people_say_them(hours, expected: list[str], short: str) -> None:
-    """
-    Whole days, then what is common to the others, then the rest; in short, the rest is counted.
-    """
+    """Whole days, then what is common to the others, then the rest."""
     assert expected == spans_in_words(hours)
     assert short == spans_in_short(hours)

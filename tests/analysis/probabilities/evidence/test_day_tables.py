@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import datetime, timedelta
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -40,9 +40,7 @@ def held(*, start: str, end: str, tz: str, state: str = "open") -> DayTables:
 
 
 def test_a_stretch_counts_by_its_duration_in_each_hour() -> None:
-    """
-    Open from 01:45, closed from 03:30: a quarter of an hour, one hour, half and half.
-    """
+    """Open from 01:45, closed from 03:30: a quarter of an hour, one hour, half and half."""
     told = added(), put("open", 1.75 * HOUR), put("closed", 3.5 * HOUR), put("unknown", 4 * HOUR)
 
     tables = day_tables(known(*told), UTC)
@@ -54,9 +52,7 @@ def test_a_stretch_counts_by_its_duration_in_each_hour() -> None:
 
 
 def test_rows_are_local_days_from_the_first_evidence_to_the_time_asked_for() -> None:
-    """
-    The last one has not ended: what is to come of it is not known, though the state still holds.
-    """
+    """What is to come of the last day is not known, though the state still holds."""
     tz = "Asia/Kathmandu"
     told = added(), put("open", since("1997-05-20T22:30", tz))
 
@@ -69,114 +65,72 @@ def test_rows_are_local_days_from_the_first_evidence_to_the_time_asked_for() -> 
     assert [1, 0.25, 0] == tables.open_h[2, :3].tolist()
 
 
-def test_the_hour_that_comes_twice_counts_twice() -> None:
-    """
-    A day of 25 hours in Vienna.
-    """
-    tables = held(start="2001-10-28T00:00", end="2001-10-29T00:00", tz="Europe/Vienna")
+@pytest.mark.parametrize(
+    ("tz", "day", "known_h", "day_h"),
+    [
+        ("Europe/Vienna", "2001-10-28", [1, 1, 2, 1], 25),
+        ("America/New_York", "2001-04-01", [1, 1, 0, 1], 23),
+        ("Australia/Lord_Howe", "2001-03-25", [1, 1.5, 1, 1], 24.5),
+        ("Australia/Lord_Howe", "2001-10-28", [1, 1, 0.5, 1], 23.5),
+    ],
+)
+def test_an_hour_that_comes_twice_or_never_counts_as_often(
+    tz: str, day: str, known_h: list[float], day_h: float
+) -> None:
+    next_day = datetime.fromisoformat(day) + timedelta(days=1)
+    tables = held(start=day, end=next_day.isoformat(), tz=tz)
 
-    assert [1, 1, 2, 1] == tables.known_h[0, :4].tolist()
-    assert 25 == tables.open_h[0].sum()
-
-
-def test_the_hour_that_is_skipped_is_never_known() -> None:
-    """
-    A day of 23 hours in New York.
-    """
-    tables = held(start="2001-04-01T00:00", end="2001-04-02T00:00", tz="America/New_York")
-
-    assert [1, 1, 0, 1] == tables.known_h[0, :4].tolist()
-    assert 23 == tables.open_h[0].sum()
-
-
-def test_half_an_hour_of_daylight_saving_time() -> None:
-    """
-    Lord Howe: 01:30 comes twice in autumn, 02:00 to 02:30 never in spring.
-    """
-    autumn = held(start="2001-03-25T00:00", end="2001-03-26T00:00", tz="Australia/Lord_Howe")
-    spring = held(start="2001-10-28T00:00", end="2001-10-29T00:00", tz="Australia/Lord_Howe")
-
-    assert [1, 1.5, 1] == autumn.known_h[0, :3].tolist()
-    assert [1, 1, 0.5] == spring.known_h[0, :3].tolist()
+    assert known_h == tables.known_h[0, :4].tolist()
+    assert day_h == tables.open_h[0].sum()
 
 
-def test_a_gap_is_not_known() -> None:
-    """
-    An outage is neither closed nor "as before".
-    """
-    told = added(), put("open", 0), put("offline", HOUR), put("open", 5 * HOUR)
-
-    tables = day_tables(known(*told, until_s=6 * HOUR), UTC)
-
-    assert [1, 0, 0, 0, 0, 1] == tables.known_h[0, :6].tolist()
-
-
-def test_a_visit_counts_as_what_it_tells_of_its_hour() -> None:
-    """
-    A certain one as the hour, one of a 90 % sensor as 0.64 of it, with what it corrects to.
-    """
-    told = added(), seen("open", 0, 1.0), seen("open", HOUR), seen("closed", 2 * HOUR)
-
-    tables = day_tables(known(*told), UTC)
-
-    assert [1, TELLS, TELLS] == pytest.approx(tables.known_h[0, :3])
-    assert [1, TELLS * 0.9 / 0.8, TELLS * -0.1 / 0.8] == pytest.approx(tables.open_h[0, :3])
-
-
-def test_a_sensors_two_accuracies_correct_apart() -> None:
-    """
-    (reading - (1 - accuracy_closed)) / J, and J^2 of the hour.
-    """
-    told = added(), seen("open", 0, (0.7, 0.95)), seen("closed", HOUR, (0.7, 0.95))
-
-    tables = day_tables(known(*told), UTC)
-
-    j = 0.7 + 0.95 - 1
-    assert [j**2, j**2] == pytest.approx(tables.known_h[0, :2])
-    assert [j * 0.95, j * -0.05] == pytest.approx(tables.open_h[0, :2])
-
-
-def test_visits_of_one_hour_tell_no_more_than_the_hour() -> None:
-    """
-    Their mean reading counts, each pass as one, however many sightings it has.
-    """
-    burst = [seen("open", 600 + i) for i in range(50)]
-    told = added(), seen("closed", 0), *burst, seen("closed", 1800), seen("closed", 3000)
-
-    tables = day_tables(known(*told), UTC)
-
-    assert pytest.approx(TELLS) == tables.known_h[0, 0]
-    assert pytest.approx(TELLS * (0.25 - 0.1) / 0.8) == tables.open_h[0, 0]
+BOTH = (0.7, 0.95)
+J = 0.7 + 0.95 - 1
+VISITS = {
+    "a certain one, and two of a 90 % sensor": (
+        [seen("open", 0, 1.0), seen("open", HOUR), seen("closed", 2 * HOUR)],
+        [1, TELLS, TELLS],
+        [1, TELLS * 0.9 / 0.8, TELLS * -0.1 / 0.8],
+    ),
+    "two accuracies: (reading - (1 - accuracy_closed)) / J": (
+        [seen("open", 0, BOTH), seen("closed", HOUR, BOTH)],
+        [J**2, J**2],
+        [J * 0.95, J * -0.05],
+    ),
+    "four passes of one hour, one of fifty sightings": (
+        [
+            seen("closed", 0),
+            *(seen("open", 600 + i) for i in range(50)),
+            seen("closed", 1800),
+            seen("closed", 3000),
+        ],
+        [TELLS],
+        [TELLS * (0.25 - 0.1) / 0.8],
+    ),
+    "a sensor that tosses a coin, alone and beside another": (
+        [seen("open", 0, 0.5), seen("open", HOUR, 0.5), seen("closed", HOUR + 900)],
+        [0, TELLS],
+        [0, TELLS * -0.1 / 0.8],
+    ),
+    "the half hour that a state leaves": (
+        [put("closed", 0), seen("open", 1800)],
+        [1],
+        [0.5 * 0.9 / 0.8],
+    ),
+}
 
 
-def test_a_sensor_that_tosses_a_coin_is_as_good_as_none() -> None:
-    """
-    Alone, and beside one that tells something.
-    """
-    told = added(), seen("open", 0, 0.5), seen("open", HOUR, 0.5), seen("closed", HOUR + 900)
+@pytest.mark.parametrize("case", VISITS)
+def test_a_visit_counts_as_what_it_tells_of_its_hour(case: str) -> None:
+    told, known_h, open_h = VISITS[case]
+    tables = day_tables(known(added(), *told, until_s=3 * HOUR - 1), UTC)
 
-    tables = day_tables(known(*told), UTC)
-
-    assert [0, TELLS] == pytest.approx(tables.known_h[0, :2])
-    assert [0, TELLS * -0.1 / 0.8] == pytest.approx(tables.open_h[0, :2])
-
-
-def test_visits_fill_what_stretches_leave_of_an_hour() -> None:
-    """
-    Half an hour is held; a visit says something about the other half, and no more.
-    """
-    told = added(), put("closed", 0), seen("open", 1800)
-
-    tables = day_tables(known(*told, until_s=HOUR), UTC)
-
-    assert pytest.approx(1.0) == tables.known_h[0, 0]
-    assert pytest.approx(0.5 * 0.9 / 0.8) == tables.open_h[0, 0]
+    assert known_h == pytest.approx(tables.known_h[0, : len(known_h)])
+    assert open_h == pytest.approx(tables.open_h[0, : len(open_h)])
 
 
 def test_a_pass_over_midnight_does_not_move_the_day_that_ended() -> None:
-    """
-    Each day has its part of the visit.
-    """
+    """Each day has its part of the visit."""
     told = added(), seen("open", DAY - 20), seen("closed", DAY + 20)
 
     before = day_tables(known(*told, until_s=DAY), UTC)
@@ -188,9 +142,7 @@ def test_a_pass_over_midnight_does_not_move_the_day_that_ended() -> None:
 
 
 def test_noisy_visits_are_right_on_the_average() -> None:
-    """
-    Two years of a door open in 30 % of its hours, seen by a poor sensor: no pull toward a half.
-    """
+    """A door open in 30 % of its hours, seen by a poor sensor: no pull toward a half."""
     dice = np.random.default_rng(3)
     hours = 24 * 730
     is_open = dice.random(hours) < 0.3
@@ -205,9 +157,7 @@ def test_noisy_visits_are_right_on_the_average() -> None:
 
 
 def test_a_door_nobody_saw_has_no_rows() -> None:
-    """
-    Nothing is known, and nothing fails.
-    """
+    """Nothing is known, and nothing fails."""
     tables = day_tables(DoorEvidence.nothing(DoorId(7), ns_of(0)), UTC)
 
     assert 0 == len(tables)
@@ -230,9 +180,7 @@ def test_a_door_nobody_saw_has_no_rows() -> None:
 def test_rows_of_days_that_ended_are_the_same_whatever_comes_later(
     tz: str, steps: list[tuple[int, str]], place: int
 ) -> None:
-    """
-    What is known up to a time gives the same rows before its day; none holds more than its hours.
-    """
+    """What is known up to a time gives the same rows before its day."""
     seconds = np.cumsum([150 * DAY, *(step for step, _ in steps)])[1:].tolist()
     told = [
         seen(word[4:], s) if word.startswith("see") else put(word, s)
@@ -257,9 +205,7 @@ def test_rows_of_days_that_ended_are_the_same_whatever_comes_later(
 
 @pytest.mark.slow
 def test_three_years_of_thirty_thousand_changes_take_a_moment() -> None:
-    """
-    5 ms, once the clock knows the years: as columns, without a loop over changes or days.
-    """
+    """5 ms, once the clock knows the years: as columns, without a loop over changes or days."""
     times = np.sort(np.random.default_rng(1).integers(0, 3 * 365 * DAY, 30_000)).tolist()
     told = [put("open" if i % 2 else "closed", s) for i, s in enumerate(times)]
     found, clock = known(added(), *told), LocalClock("Europe/Oslo")

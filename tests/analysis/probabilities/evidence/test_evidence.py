@@ -20,6 +20,7 @@ from semmap_log.core.model.events import DoorAdded, DoorObserved, SightingsThinn
 from tests.analysis.probabilities.telling import (
     DOOR,
     LATER_NS,
+    Told,
     added,
     as_batch,
     known,
@@ -40,91 +41,68 @@ LOG_9 = math.log(9)
 """What one reading of a 90 % sensor tells, in nats."""
 
 
-def test_a_state_that_was_set_is_known_until_the_next_word() -> None:
-    """
-    Door events alternate: a half of them OPEN, and yet 50 s of 60 closed.
-    """
-    found = known(added(), put("closed", 0), put("open", 50), put("closed", 60), until_s=60)
+RULES = {
+    "a state that was set is known until the next word": (
+        (added(), put("closed", 0), put("open", 50), put("closed", 60)),
+        60, [(0, 50, "closed"), (50, 60, "open"), (60, 60, "closed")], [],
+    ),
+    "the same state again is no change": (
+        (added("open"), put("open", 10), put("open", 20), put("closed", 30)),
+        40, [(0, 30, "open"), (30, 40, "closed")], [],
+    ),
+    "silence of thirty days is a gap": (
+        (added(), put("open", 0), put("closed", 40 * DAY)),
+        100 * DAY, [(0, 30 * DAY, "open"), (40 * DAY, 70 * DAY, "closed")], [],
+    ),
+    "a sighting that agrees prolongs what was set": (
+        (added(), put("open", 0), seen("open", 30 * DAY)),
+        100 * DAY, [(0, 60 * DAY, "open")], [],
+    ),
+    "a sighting that is too late to prolong stands for itself": (
+        (added(), put("open", 0), seen("open", 31 * DAY)),
+        100 * DAY, [(0, 30 * DAY, "open")], [(31 * DAY, "open")],
+    ),
+    "a sighting that disagrees ends what was set": (
+        (added(), put("open", 0), seen("closed", HOUR), seen("open", 2 * HOUR)),
+        DAY, [(0, HOUR, "open")], [(HOUR, "closed"), (2 * HOUR, "open")],
+    ),
+    "what a map says at first gives way to any sighting": (
+        (added("closed"), seen("closed", HOUR), seen("open", 2 * HOUR)),
+        DAY, [(0, HOUR, "closed")], [(HOUR, "closed"), (2 * HOUR, "open")],
+    ),
+    "a removed door is known up to its removal": (
+        (added(), put("open", 0), removed(HOUR), seen("closed", DAY)),
+        2 * DAY, [(0, HOUR, "open")], [],
+    ),
+    "what is told before a door is added does not count": (
+        (seen("open", 0), put("open", 10), added("closed", at_s=20)),
+        30, [(20, 30, "closed")], [],
+    ),
+}  # fmt: skip
+"""What is told, until when it is known, and the stretches and sightings that it makes."""
 
-    assert [(0, 50, "closed"), (50, 60, "open"), (60, 60, "closed")] == stretches(found)
 
+@pytest.mark.parametrize("rule", RULES)
+def test_words_make_stretches_and_sightings(rule: str) -> None:
+    told, until_s, held, sightings = RULES[rule]
+    found = known(*told, until_s=until_s)
 
-def test_the_same_state_told_again_is_no_change() -> None:
-    """
-    One stretch, however often somebody says so; the adding, too.
-    """
-    found = known(added("open"), put("open", 10), put("open", 20), put("closed", 30), until_s=40)
-
-    assert [(0, 30, "open"), (30, 40, "closed")] == stretches(found)
+    assert held == stretches(found)
+    assert sightings == points(found)
 
 
 @pytest.mark.parametrize("state", ["unknown", "moving", "offline"])
 @pytest.mark.parametrize("word", [put, seen])
 def test_a_state_that_is_none_begins_a_gap(word: object, state: str) -> None:
-    """
-    An outage is not "closed", and not "as before"; whether it was set or seen.
-    """
+    """An outage is not "closed", and not "as before"; whether it was set or seen."""
     found = known(added(), put("open", 0), word(state, 10), put("open", 30), until_s=40)
 
     assert [(0, 10, "open"), (30, 40, "open")] == stretches(found)
     assert [] == points(found)
 
 
-def test_silence_of_thirty_days_is_a_gap() -> None:
-    """
-    Nobody knows of a door that was set once, and never looked at since.
-    """
-    found = known(added(), put("open", 0), put("closed", 40 * DAY), until_s=100 * DAY)
-
-    assert [(0, 30 * DAY, "open"), (40 * DAY, 70 * DAY, "closed")] == stretches(found)
-
-
-def test_a_sighting_that_agrees_prolongs_what_was_set() -> None:
-    """
-    Up to thirty days later; it is no evidence by itself then, since the state is known.
-    """
-    found = known(added(), put("open", 0), seen("open", 30 * DAY), until_s=100 * DAY)
-
-    assert [(0, 60 * DAY, "open")] == stretches(found)
-    assert [] == points(found)
-
-
-def test_a_sighting_that_comes_too_late_to_prolong_stands_for_itself() -> None:
-    """
-    What was set had been given up.
-    """
-    found = known(added(), put("open", 0), seen("open", 31 * DAY), until_s=100 * DAY)
-
-    assert [(0, 30 * DAY, "open")] == stretches(found)
-    assert [(31 * DAY, "open")] == points(found)
-
-
-def test_a_sighting_that_disagrees_ends_what_was_set() -> None:
-    """
-    Nothing is certain from then on, and those that follow are evidence, whatever they say.
-    """
-    found = known(
-        added(), put("open", 0), seen("closed", HOUR), seen("open", 2 * HOUR), until_s=DAY
-    )
-
-    assert [(0, HOUR, "open")] == stretches(found)
-    assert [(HOUR, "closed"), (2 * HOUR, "open")] == points(found)
-
-
-def test_what_the_map_said_at_first_gives_way_to_any_sighting() -> None:
-    """
-    Who draws a map writes CLOSED; the first robot that comes by knows better, also if it agrees.
-    """
-    found = known(added("closed"), seen("closed", HOUR), seen("open", 2 * HOUR), until_s=DAY)
-
-    assert [(0, HOUR, "closed")] == stretches(found)
-    assert [(HOUR, "closed"), (2 * HOUR, "open")] == points(found)
-
-
 def test_who_went_through_saw_it_open_and_who_gave_up_saw_nothing() -> None:
-    """
-    DoorPassed is a certain sighting.
-    """
+    """DoorPassed is a certain sighting."""
     found = known(added(), passed(HOUR), passed(2 * HOUR, through=False))
 
     assert [(HOUR, "open")] == points(found)
@@ -133,18 +111,15 @@ def test_who_went_through_saw_it_open_and_who_gave_up_saw_nothing() -> None:
 
 
 def test_a_sensors_two_accuracies_count_apart() -> None:
-    """
-    Of one that rarely says OPEN by mistake, but often misses it, OPEN tells more than CLOSED.
-    """
-    found = known(added(), seen("open", 0, (0.7, 0.95)), seen("closed", HOUR, (0.7, 0.95)))
+    """Of one that rarely reads open by mistake, open tells more; a coin tells nothing."""
+    found = known(added(), seen("open", 0, (0.7, 0.95)), seen("closed", HOUR, (0.7, 0.95)),
+                  seen("open", 2 * HOUR, 0.5), seen("closed", 3 * HOUR, 0.5))  # fmt: skip
 
-    assert [math.log(0.7 / 0.05), math.log(0.3 / 0.95)] == pytest.approx(found.llr)
+    assert [math.log(0.7 / 0.05), math.log(0.3 / 0.95), 0, 0] == pytest.approx(found.llr)
 
 
 def test_a_hundred_sightings_in_ten_seconds_tell_as_much_as_one() -> None:
-    """
-    One visit; a burst must not prove anything.
-    """
+    """One visit; a burst must not prove anything."""
     found = known(added(), *(seen("open", 0.1 * i) for i in range(100)))
 
     assert LOG_9 == pytest.approx(found.llr.sum())
@@ -152,9 +127,7 @@ def test_a_hundred_sightings_in_ten_seconds_tell_as_much_as_one() -> None:
 
 
 def test_sightings_of_a_pass_add_up_to_their_mean() -> None:
-    """
-    At each of them: three OPEN and one CLOSED are half as much as one OPEN.
-    """
+    """At each of them: three OPEN and one CLOSED are half as much as one OPEN."""
     told = [seen("open", 0), seen("open", 10), seen("closed", 20), seen("open", 30)]
 
     found = known(added(), *told)
@@ -163,28 +136,21 @@ def test_sightings_of_a_pass_add_up_to_their_mean() -> None:
     assert [True, False, False, False] == found.is_visit.tolist()
 
 
-def test_a_minute_of_silence_ends_a_pass() -> None:
-    """
-    Sixty seconds are a minute, and 59.9 are none.
-    """
-    found = known(added(), *(seen("open", s) for s in (0, 59.9, 119.9, 150)))
-
-    assert [0, 0, 1, 1] == found.visit.tolist()
-
-
-def test_a_pass_lasts_five_minutes_at_most() -> None:
-    """
-    Who stands before a door all day looks at it anew every five minutes.
-    """
-    found = known(added(), *(seen("open", 50 * i) for i in range(20)))
-
-    assert [0] * 7 + [1] * 7 + [2] * 6 == found.visit.tolist()
+@pytest.mark.parametrize(
+    ("told", "visits"),
+    [
+        ([seen("open", s) for s in (0, 59.9, 119.9, 150)], [0, 0, 1, 1]),
+        ([seen("open", 50 * i) for i in range(20)], [0] * 7 + [1] * 7 + [2] * 6),
+        ([seen("closed", 0), put("open", 5), seen("closed", 10)], [0, 1]),
+    ],
+    ids=["a minute of silence", "five minutes", "a word that is no sighting"],
+)
+def test_what_ends_a_pass(told: list[Told], visits: list[int]) -> None:
+    assert visits == known(added(), *told).visit.tolist()
 
 
 def test_sensors_that_look_at_the_same_time_make_visits_of_their_own() -> None:
-    """
-    A camera and a laser, reading by turns, are two proofs: no more, and no less.
-    """
+    """A camera and a laser, reading by turns, are two proofs: no more, and no less."""
     told = [seen("open", i, 0.9 if i % 2 else 0.8) for i in range(20)]
 
     found = known(added(), *told)
@@ -194,9 +160,7 @@ def test_sensors_that_look_at_the_same_time_make_visits_of_their_own() -> None:
 
 
 def test_a_certain_sighting_is_a_visit_for_itself() -> None:
-    """
-    It saw the door change: what was read before is not averaged with what comes.
-    """
+    """It saw the door change: what was read before is not averaged with what comes."""
     found = known(added(), seen("closed", 0), seen("open", 5, 1.0), seen("closed", 9, 1.0),
                   seen("closed", 10))  # fmt: skip
 
@@ -204,48 +168,8 @@ def test_a_certain_sighting_is_a_visit_for_itself() -> None:
     assert [-LOG_9, math.log(999), -math.log(999), -LOG_9] == pytest.approx(found.llr)
 
 
-def test_a_word_that_is_no_sighting_ends_a_pass() -> None:
-    """
-    The door was set in between: it is looked at anew.
-    """
-    found = known(added(), seen("closed", 0), put("open", 5), seen("closed", 10))
-
-    assert [0, 1] == found.visit.tolist()
-
-
-def test_a_sensor_that_tosses_a_coin_tells_nothing() -> None:
-    """
-    Accuracy 0.5, either way.
-    """
-    found = known(added(), seen("open", 0, 0.5), seen("closed", HOUR, 0.5))
-
-    assert [0.0, 0.0] == found.llr.tolist()
-
-
-def test_a_removed_door_is_known_up_to_its_removal() -> None:
-    """
-    What is said afterwards is of no door.
-    """
-    found = known(added(), put("open", 0), removed(HOUR), seen("closed", DAY), until_s=2 * DAY)
-
-    assert [(0, HOUR, "open")] == stretches(found)
-    assert [] == points(found)
-
-
-def test_what_was_said_before_a_door_was_added_does_not_count() -> None:
-    """
-    As in its timeline: it was in no map then.
-    """
-    found = known(seen("open", 0), put("open", 10), added("closed", at_s=20), until_s=30)
-
-    assert [(20, 30, "closed")] == stretches(found)
-    assert [] == points(found)
-
-
 def test_a_late_word_takes_its_place() -> None:
-    """
-    The log learns of the closing last, and after somebody asked.
-    """
+    """The log learns of the closing last, and after somebody asked."""
     evidence = told_of(added(), put("open", 0), put("open", 100))
     before = stretches(evidence.door(DOOR, ns_of(200)))
 
@@ -259,9 +183,7 @@ def test_a_late_word_takes_its_place() -> None:
 
 
 def test_a_time_later_than_its_recording_counts_as_that() -> None:
-    """
-    A clock that runs ahead does not tell of the future.
-    """
+    """A clock that runs ahead does not tell of the future."""
     evidence = Evidence()
     events = [
         DoorAdded(door_id=DOOR, happened_ns=0),
@@ -275,9 +197,7 @@ def test_a_time_later_than_its_recording_counts_as_that() -> None:
 
 
 def test_only_what_a_word_is_about_is_made_anew() -> None:
-    """
-    Asking again costs nothing, nor do words about other doors.
-    """
+    """Asking again costs nothing, nor do words about other doors."""
     evidence = told_of(added(), put("open", 0))
     first = evidence.door(DOOR)
 
@@ -288,9 +208,7 @@ def test_only_what_a_word_is_about_is_made_anew() -> None:
 
 
 def test_a_door_nobody_told_of_is_one_nothing_is_known_of() -> None:
-    """
-    Empty columns, no error.
-    """
+    """Empty columns, no error."""
     found = told_of(added()).door(DoorId(7), 12)
 
     assert ([], []) == (stretches(found), points(found))
@@ -300,9 +218,7 @@ def test_a_door_nobody_told_of_is_one_nothing_is_known_of() -> None:
 
 
 def test_counts_say_how_much_was_told_up_to_a_time() -> None:
-    """
-    UNKNOWN is a word, and no sighting of anything.
-    """
+    """UNKNOWN is a word, and no sighting of anything."""
     told = (added(), put("open", 0), seen("open", 10), seen("closed", 20), seen("closed", 30),
             seen("unknown", 40), put("closed", 50))  # fmt: skip
     evidence = told_of(*told)
@@ -314,9 +230,7 @@ def test_counts_say_how_much_was_told_up_to_a_time() -> None:
 
 
 def test_doors_are_a_mapping_made_when_asked_for() -> None:
-    """
-    What an estimator learns from: of those told of, ids ascending.
-    """
+    """What an estimator learns from: of those told of, ids ascending."""
     evidence = told_of(added(), put("open", 0), put("closed", 10))
     evidence.apply(batch_of([DoorAdded(door_id=DoorId(9))], first_number=3))
 
@@ -331,9 +245,7 @@ def test_doors_are_a_mapping_made_when_asked_for() -> None:
 
 @pytest.mark.parametrize("cut", [0, 7, 8, 100, -1])
 def test_bytes_that_are_no_evidence_are_refused(cut: int) -> None:
-    """
-    With the error that a checkpoint expects of damage.
-    """
+    """With the error that a checkpoint expects of damage."""
     data = told_of(added(), seen("open", 0)).dump()
 
     with pytest.raises(ValueError, match=r".+"):
@@ -342,9 +254,7 @@ def test_bytes_that_are_no_evidence_are_refused(cut: int) -> None:
 
 @pytest.mark.slow
 def test_a_million_sightings_are_folded_and_asked_in_seconds() -> None:
-    """
-    As columns, without a loop over them: 0.9 s on one core.
-    """
+    """As columns, without a loop over them: 0.9 s on one core."""
     count, dice = 1_000_000, np.random.default_rng(7)
     doors = np.arange(1, 101, dtype=np.uint32)
     sightings = EventBatch.of(
@@ -372,9 +282,7 @@ def test_a_million_sightings_are_folded_and_asked_in_seconds() -> None:
 
 
 def test_a_run_that_was_taken_out_costs_no_more_than_an_hour_of_looks() -> None:
-    """
-    However many sightings over how many years a stranger's log says that it stands for.
-    """
+    """However many sightings over how many years a stranger's log says that it stands for."""
     evidence = Evidence()
     evidence.apply(EventBatch.of(DoorAdded, happened_ns=np.array([0]), door_id=1))
 

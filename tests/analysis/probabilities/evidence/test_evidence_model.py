@@ -115,14 +115,12 @@ def same(one: DoorEvidence, other: DoorEvidence) -> bool:
 
 
 @pytest.mark.slow
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(told(), st.randoms(use_true_random=False))
 def test_at_any_time_it_is_what_a_plain_reading_of_the_events_up_to_then_says(
     happened: list[tuple[int, Event]], dice: random.Random
 ) -> None:
-    """
-    Late events, equal times, gaps, bursts, sensors that mix; nothing later than the time counts.
-    """
+    """Late events, equal times, gaps, bursts, sensors that mix."""
     if dice.random() < 0.5:
         dice.shuffle(happened)
     batch = as_batch(happened)
@@ -145,14 +143,12 @@ def test_at_any_time_it_is_what_a_plain_reading_of_the_events_up_to_then_says(
 
 
 @pytest.mark.slow
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(told(), st.randoms(use_true_random=False))
 def test_events_come_in_any_order_and_in_batches_of_any_size(
     happened: list[tuple[int, Event]], dice: random.Random
 ) -> None:
-    """
-    Live, replayed, in parts that are merged, through a checkpoint: the very same numbers.
-    """
+    """Live, replayed, in parts that are merged, through a checkpoint: the very same numbers."""
     batch = as_batch(happened)
     whole = folded(batch)
     parts = list(batch.parts(dice.randint(1, 7)))
@@ -180,14 +176,12 @@ def test_events_come_in_any_order_and_in_batches_of_any_size(
         assert whole.latest_ns == other.latest_ns
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(told(), st.integers(0, 60))
 def test_events_after_a_time_move_nothing_at_that_time(
     happened: list[tuple[int, Event]], place: int
 ) -> None:
-    """
-    The evidence up to T is bit for bit that of a log in which nothing ever happened after T.
-    """
+    """The evidence up to T is bit for bit that of a log in which nothing ever happened after T."""
     until_ns = happened[min(place, len(happened) - 1)][0]
 
     before = folded(as_batch([(ns, event) for ns, event in happened if ns <= until_ns]))

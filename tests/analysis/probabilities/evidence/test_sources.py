@@ -48,9 +48,7 @@ def evidence_of(path: Path, *sightings: tuple[str, DoorObserved]) -> Evidence:
 
 
 def test_two_robots_that_pass_in_one_minute_are_two_visits(tmp_path: Path) -> None:
-    """
-    Of the same kind of sensor, seconds apart; each looks ten times.
-    """
+    """Of the same kind of sensor, seconds apart; each looks ten times."""
     told = [("tug1" if i % 2 else "tug2", saw(i)) for i in range(20)]
 
     found = seen_by(tmp_path, *told)
@@ -60,9 +58,7 @@ def test_two_robots_that_pass_in_one_minute_are_two_visits(tmp_path: Path) -> No
 
 
 def test_a_robot_that_is_not_always_as_sure_makes_one_visit(tmp_path: Path) -> None:
-    """
-    A detector with a confidence of its own for each picture: a hundred are not a hundred proofs.
-    """
+    """A confidence of its own for each picture: a hundred are not a hundred proofs."""
     told = [("tug1", saw(i / 10, 0.8 + i / 1000)) for i in range(100)]
 
     found = seen_by(tmp_path, *told)
@@ -73,9 +69,7 @@ def test_a_robot_that_is_not_always_as_sure_makes_one_visit(tmp_path: Path) -> N
 
 
 def test_unsure_sightings_of_a_visit_count_by_what_they_tell(tmp_path: Path) -> None:
-    """
-    One reading at 90 % and one at 70 %, in one pass: their hour gets the mean of both.
-    """
+    """One reading at 90 % and one at 70 %, in one pass: their hour gets the mean of both."""
     found = seen_by(tmp_path, ("tug1", saw(0, 0.9)), ("tug1", saw(1, 0.7, "closed")))
 
     tables = day_tables(found, LocalClock("UTC"))
@@ -86,9 +80,7 @@ def test_unsure_sightings_of_a_visit_count_by_what_they_tell(tmp_path: Path) -> 
 
 
 def test_without_a_source_the_accuracies_tell_sensors_apart(tmp_path: Path) -> None:
-    """
-    As well as they can: a log says the same as the events alone.
-    """
+    """As well as they can: a log says the same as the events alone."""
     told = [seen("open", 0), seen("open", 1, 0.7), seen("closed", 2)]
 
     found = seen_by(tmp_path, *(("", event_at(word)) for word in told))
@@ -106,9 +98,7 @@ def event_at(told: tuple[float, object]) -> DoorObserved:
 
 
 def test_sources_go_through_a_checkpoint_and_into_other_evidence(tmp_path: Path) -> None:
-    """
-    Saved and loaded, and merged with what others made of other events.
-    """
+    """Saved and loaded, and merged with what others made of other events."""
     told = [("tug1" if i % 2 else "tug2", saw(i)) for i in range(6)]
     evidence = evidence_of(tmp_path, *told)
     projection = EvidenceProjection()

@@ -8,9 +8,7 @@ from semmap_log.analysis.probabilities.evidence.day_tables import covered_ns
 
 
 def test_what_is_covered_is_what_lies_before() -> None:
-    """
-    Before, between, inside, at the edges of, and behind stretches, also of ones that touch.
-    """
+    """Before, between, inside, at the edges of, and behind stretches, also of ones that touch."""
     start, end = np.array([10, 20, 30]), np.array([15, 30, 31])
     times = np.arange(0, 40)
     expected = [
@@ -21,12 +19,3 @@ def test_what_is_covered_is_what_lies_before() -> None:
     found = covered_ns(start, end, times)
 
     assert expected == found.tolist()
-
-
-def test_without_stretches_nothing_is_covered() -> None:
-    """
-    Zero at any time.
-    """
-    none = np.empty(0, np.int64)
-
-    assert [0, 0] == covered_ns(none, none, np.array([1, 2])).tolist()

@@ -35,10 +35,7 @@ def always(state: float, days: int) -> DayTables:
 
 
 def test_before_any_day_tables_that_remember_longer_are_for_what_is_far() -> None:
-    """
-    For today all are alike; for a day two months ahead one of a day's memory is worth 57 times
-    less than one that forgets nothing.
-    """
+    """Two months ahead a table of one day's memory weighs 57 times less than one without end."""
     tables = told(np.full((1, TABLES), 0.5), always(1.0, 0))
 
     near, far = (weights(tables, always(1.0, 0), lead_d)[0] for lead_d in (0, 56))
@@ -49,9 +46,7 @@ def test_before_any_day_tables_that_remember_longer_are_for_what_is_far() -> Non
 
 
 def test_a_table_gains_by_a_quarter_of_each_hours_likelihood() -> None:
-    """
-    A day open all through, of which one table said .6 and all others .5: 24 hours at a quarter.
-    """
+    """One table said .6 of an open day and all others .5: 24 hours at a quarter."""
     days = always(1.0, 1)
     p_open = np.full((2, TABLES), 0.5)
     p_open[:, 2] = 0.6
@@ -65,9 +60,7 @@ def test_a_table_gains_by_a_quarter_of_each_hours_likelihood() -> None:
 
 
 def test_no_table_is_lost() -> None:
-    """
-    After a year in which one was always wrong, it still has what is handed out anew each day.
-    """
+    """After a year in which one was always wrong, it still has what is handed out anew each day."""
     days = always(1.0, 365)
     p_open = np.full((366, TABLES), 0.9)
     p_open[:, 3] = 0.01
@@ -79,9 +72,7 @@ def test_no_table_is_lost() -> None:
 
 
 def test_a_table_is_scored_as_old_as_its_forecasts_are() -> None:
-    """
-    One that was wrong until a week ago is right about today, and was not yet about a week ahead.
-    """
+    """A table that was wrong until a week ago is right about today, not about a week ahead."""
     days = always(1.0, 20)
     p_open = np.full((21, TABLES), 0.5)
     p_open[:, 1] = np.where(np.arange(21) < 13, 0.45, 0.95)
@@ -93,9 +84,7 @@ def test_a_table_is_scored_as_old_as_its_forecasts_are() -> None:
 
 
 def test_days_of_which_nothing_is_known_move_little() -> None:
-    """
-    Only what is handed out anew drifts back; there is nothing to be right about.
-    """
+    """Only what is handed out anew drifts back; there is nothing to be right about."""
     days = DayTables(DayRows.since(0, 1), np.zeros((1, 24)), np.zeros((1, 24)))
     p_open = np.tile(np.linspace(0.1, 0.9, TABLES), (2, 1))
 

@@ -141,10 +141,7 @@ def history() -> BeliefHistory:
 def test_a_belief_is_the_one_before_faded_and_weighed(
     by_hand: ByHand, history: BeliefHistory
 ) -> None:
-    """
-    In each regime, look by look: what is kept of how far it was off its long run, never without
-    room for a surprise; then the odds times what was read.
-    """
+    """What is kept of a deviation fades, with room for a surprise; then the odds are weighed."""
     found = history.at(by_hand.seen.times_ns)
 
     np.testing.assert_allclose(found.p_open[1:], np.array(by_hand.believed).T[1:], rtol=1e-7)
@@ -156,9 +153,7 @@ def test_a_belief_is_the_one_before_faded_and_weighed(
 def test_midnights_weigh_regimes_by_what_they_foretold(
     by_hand: ByHand, history: BeliefHistory, lead: int
 ) -> None:
-    """
-    At each lead by forecasts of that lead; of a day without a look only the shared part moves.
-    """
+    """At each lead by forecasts of that lead."""
     midnights_ns = hours_ns(24.0 * np.arange(DAYS))
     nothing = np.full((DAYS, len(regimes.PRIOR)), np.nan)
     gap_ns = np.full(DAYS, round(LEADS_H[lead] * HOUR_NS))
@@ -175,9 +170,7 @@ def test_midnights_weigh_regimes_by_what_they_foretold(
 def test_what_is_seen_today_counts_at_once_for_what_is_next(
     by_hand: ByHand, history: BeliefHistory
 ) -> None:
-    """
-    Midnight's weights times the likelihood of what was seen since.
-    """
+    """Midnight's weights times the likelihood of what was seen since."""
     noon = 24 * 8 + 12.0
     midnight = by_hand.weights(0, DAYS)[8]
     today = [i for i, at_ns in enumerate(by_hand.times)
@@ -193,9 +186,7 @@ def test_what_is_seen_today_counts_at_once_for_what_is_next(
 
 
 def test_a_new_day_begins_with_midnights_weights() -> None:
-    """
-    Seen just behind midnight: what was seen before it is in the weights of midnight already.
-    """
+    """Seen just behind midnight: what was seen before it is in the weights of midnight already."""
     rng = np.random.default_rng(2)
     rounds = [(0.5 * i + 0.2, rng.random() < 0.3) for i in range(9 * 48)]
     told = evidence(visits=[*rounds, (24.0 * 9 + 0.1, True)]).up_to(int(at(24.0 * 9 + 0.2)[0]))
@@ -211,9 +202,7 @@ def test_a_new_day_begins_with_midnights_weights() -> None:
 
 
 def test_between_leads_weights_are_in_between(history: BeliefHistory) -> None:
-    """
-    A line from lead to lead; beyond the last one it stays.
-    """
+    """A line from lead to lead; beyond the last one it stays."""
     now = history.at(at(200.0)).weight
     of = {
         hours: history.weights(now, at(200.0), np.array([round(hours * HOUR_NS)]))
@@ -227,9 +216,7 @@ def test_between_leads_weights_are_in_between(history: BeliefHistory) -> None:
 
 
 def test_before_the_first_look_nothing_was_seen(history: BeliefHistory) -> None:
-    """
-    However early one asks.
-    """
+    """However early one asks."""
     found = history.at(hours_ns([-1000.0, 0.0]))
 
     assert [NEVER, NEVER] == found.seen_ns.tolist()
@@ -247,9 +234,7 @@ def a_pass() -> DoorEvidence:
 
 @pytest.mark.parametrize("hour", [301.0, 301.01, 301.02, 301.03, 301.5, 302.0])
 def test_in_the_midst_of_a_pass_it_is_as_if_that_were_all(hour: float) -> None:
-    """
-    To the last digit: whoever knows the rest of the pass, too, gets no other answer for then.
-    """
+    """To the last digit: whoever knows the rest of the pass, too, gets no other answer for then."""
     whole, then = a_pass(), a_pass().up_to(int(at(hour)[0]))
 
     found, expected = (history_of(told).at(at(hour)) for told in (whole, then))
@@ -259,9 +244,7 @@ def test_in_the_midst_of_a_pass_it_is_as_if_that_were_all(hour: float) -> None:
 
 
 def test_each_sighting_of_a_pass_counts_as_it_comes() -> None:
-    """
-    What is believed rises from sighting to sighting, and is the last one's from then on.
-    """
+    """What is believed rises from sighting to sighting, and is the last one's from then on."""
     told = a_pass()
     first_s = [0, 1, 2, 5]
 
@@ -273,9 +256,7 @@ def test_each_sighting_of_a_pass_counts_as_it_comes() -> None:
 
 
 def test_what_is_known_for_sure_is_not_unsure() -> None:
-    """
-    A state that was set; and behind its end less surely again.
-    """
+    """A state that was set; and behind its end less surely again."""
     told = evidence([(0.0, 50.0, True)], visits=[(60.0, True)])
 
     found = history_of(told).at(hours_ns([49.0, 60.0, 61.0]))
@@ -287,9 +268,7 @@ def test_what_is_known_for_sure_is_not_unsure() -> None:
 
 
 def test_a_door_that_nobody_uses_any_more_is_left() -> None:
-    """
-    Open off and on for ten days, shut ever since: after two days that is what is believed.
-    """
+    """Open off and on for ten days, shut ever since: after two days that is what is believed."""
     used = stretches_of(240.0, 4.0, 4.0, np.random.default_rng(3))
     told = evidence([*used, (240.0, 24.0 * 14, False)]).up_to(int(hours_ns(24.0 * 14)))
     history = history_of(told)

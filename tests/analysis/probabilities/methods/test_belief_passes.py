@@ -20,9 +20,7 @@ def p_open(*told: Told, at_s: float) -> float:
 
 @pytest.mark.parametrize("sightings", [1, 2, 100, 3000])
 def test_how_often_a_pass_looks_does_not_matter(sightings: int) -> None:
-    """
-    Ten seconds of looking by a sensor that is right nine times in ten say .9, however many looks.
-    """
+    """Ten seconds of looking at 90 % say .9, however many looks."""
     told = [seen("open", H + 10 * i / sightings) for i in range(sightings)]
 
     found = p_open(*told, at_s=H + 10)
@@ -32,9 +30,7 @@ def test_how_often_a_pass_looks_does_not_matter(sightings: int) -> None:
 
 @pytest.mark.parametrize("every_s", [0.0, 0.001, 1.0, 600.0])
 def test_what_is_certain_gainsays_all_that_was_certain_before(every_s: float) -> None:
-    """
-    A sensor that never errs saw the door open, again and again, and now closed: it is closed.
-    """
+    """A sensor that never errs saw the door open, again and again, and now closed: it is closed."""
     told = [seen("open", H + every_s * i, 1.0) for i in range(50)]
     last_s = H + every_s * 50
 
@@ -44,9 +40,7 @@ def test_what_is_certain_gainsays_all_that_was_certain_before(every_s: float) ->
 
 
 def test_what_is_certain_is_believed_before_what_comes_next() -> None:
-    """
-    As above, and then a sensor that hardly tells reads open: it is still closed, most likely.
-    """
+    """As above, and then a sensor that hardly tells reads open: it is still closed, most likely."""
     told = [seen("open", H + 0.01 * i, 1.0) for i in range(50)]
 
     found = p_open(*told, seen("closed", H + 1, 1.0), seen("open", H + 2, 0.6), at_s=H + 2)
@@ -55,9 +49,7 @@ def test_what_is_certain_is_believed_before_what_comes_next() -> None:
 
 
 def test_who_went_through_a_door_saw_it_open_whatever_was_read() -> None:
-    """
-    Somebody went through a door that a sure sensor had called closed a moment before: it is open.
-    """
+    """Though a sure sensor had called it closed a moment before."""
     told = [seen("closed", H + i, 1.0) for i in range(5)]
 
     found = p_open(*told, passed(H + 5), at_s=H + 5)

@@ -38,9 +38,7 @@ class Teacher:
 
 
 def test_a_door_is_learnt_when_it_is_first_asked_for() -> None:
-    """
-    Not before, and not again as long as few others are asked for.
-    """
+    """Not before, and not again as long as few others are asked for."""
     teacher = Teacher()
     learnt = LearntByDoor(DOORS, teacher)
     assert [] == teacher.taught
@@ -52,9 +50,7 @@ def test_a_door_is_learnt_when_it_is_first_asked_for() -> None:
 
 
 def test_those_asked_for_lately_are_kept() -> None:
-    """
-    Of many doors the one that was not asked for longest is forgotten, and learnt again if need be.
-    """
+    """The door that was not asked for longest is forgotten, and learnt again if need be."""
     teacher = Teacher()
     learnt = LearntByDoor(DOORS, teacher)
     for i in range(1, MOST_DOORS + 1):
@@ -70,9 +66,7 @@ def test_those_asked_for_lately_are_kept() -> None:
 
 
 def test_of_doors_that_were_known_for_years_fewer_are_kept() -> None:
-    """
-    Their tables have a row a day; that of the door asked for is kept, however long it is.
-    """
+    """Their tables have a row a day; that of the door asked for is kept, however long it is."""
     half = 24.0 * MOST_DAYS / 2
     told = [[(0.0, half, True)], [(0.0, half - 24, True)], [(0.0, 120.0, True)]]
     told.append([(0.0, 4 * half, True)])
@@ -84,15 +78,3 @@ def test_of_doors_that_were_known_for_years_fewer_are_kept() -> None:
         learnt.door(DoorId(i))
 
     assert [0, 1, 2, 1, 3] == teacher.taught
-
-
-def test_of_a_stranger_nothing_is_learnt() -> None:
-    """
-    A door without evidence is UNKNOWN, at one half.
-    """
-    teacher = Teacher()
-
-    found = LearntByDoor(DOORS, teacher).predict(DoorId(99), NOW, NOW)
-
-    assert (0.5, False) == (found.p_open[0], found.is_known[0])
-    assert [] == teacher.taught

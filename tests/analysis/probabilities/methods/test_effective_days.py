@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from semmap_log.analysis.probabilities.evidence.day_tables import day_tables
-from semmap_log.analysis.probabilities.methods.effective_days import Variances, _joint, lasting_of
+from semmap_log.analysis.probabilities.methods.effective_days import Variances, lasting_of
 from semmap_log.analysis.probabilities.methods.habits import (
     WeekCells,
     habits,
@@ -21,9 +21,7 @@ UTC = LocalClock("UTC")
 
 
 def test_the_longer_states_last_the_less_a_day_proves() -> None:
-    """
-    Two doors, each half of the time open, over eight weeks: by hours, and by days.
-    """
+    """Two doors, each half of the time open, over eight weeks: by hours, and by days."""
     found = []
     for lasts_h in (1.0, 36.0):
         edges = np.arange(0.0, 56 * 24, lasts_h)
@@ -39,9 +37,7 @@ def test_the_longer_states_last_the_less_a_day_proves() -> None:
 
 
 def test_a_day_of_noisy_readings_proves_less_than_a_known_one() -> None:
-    """
-    The same door, told and seen: what errs is less sure.
-    """
+    """The same door, told and seen: what errs is less sure."""
     stretches = [(24.0 * d + h, 24.0 * d + h + 12, h == 12) for d in range(28) for h in (0, 12)]
     visits = [(h + 0.5, h % 24 >= 12) for h in range(28 * 24)]
     now_ns = int(hours_ns(28 * 24))
@@ -57,10 +53,7 @@ def test_a_day_of_noisy_readings_proves_less_than_a_known_one() -> None:
 
 @pytest.mark.parametrize(("a_visit_h", "noise"), [(1.0, 0.09), (0.5, 0.045)])
 def test_readings_err_by_chance(a_visit_h: float, noise: float) -> None:
-    """
-    A corrected reading of an accuracy of .9 errs by .09 / .64, and counts as .64 of an hour; two
-    an hour still tell no more than that hour.
-    """
+    """A corrected reading of an accuracy of .9 errs by .09 / .64, and counts as .64 of an hour."""
     visits = [(h * a_visit_h + 0.25, h % 3 == 0) for h in range(round(14 * 24 / a_visit_h))]
     known = evidence(visits=visits).up_to(int(hours_ns(14 * 24)) - 1)
     tables = day_tables(known, UTC)
@@ -81,23 +74,10 @@ def test_readings_err_by_chance(a_visit_h: float, noise: float) -> None:
 
 
 def test_what_is_known_has_no_errors() -> None:
-    """
-    Stretches alone; and beside them as many visits: noise, but less.
-    """
+    """Stretches alone; and beside them as many visits: noise, but less."""
     stretches = [(24.0 * d, 24.0 * d + 12, False) for d in range(14)]
     visits = [(24.0 * d + h + 0.5, False) for d in range(14) for h in range(12, 24)]
     alone, both = (evidence(stretches, of).up_to(int(hours_ns(14 * 24)) - 1) for of in ((), visits))
 
     assert not noise_of(alone, day_tables(alone, UTC), UTC).any()
     assert 0 < noise_of(both, day_tables(both, UTC), UTC)[-1] < 0.06
-
-
-def test_tables_err_together_as_far_as_the_surer_one_errs() -> None:
-    """
-    Var of the mean of x (variance 1) and y (4), cov 1: (1 + 2 + 4) / 4.
-    """
-    worth = np.array([[0.5, 0.5]])
-
-    joint = _joint(worth, np.array([[4.0, 1.0]]))
-
-    assert 7 / 4 == pytest.approx(float((joint[0] * np.array([4.0, 1.0])).sum()))

@@ -25,11 +25,7 @@ TENDS_TO = np.where(IS_DAY, 0.9, 0.05)
 def test_the_truth_lies_in_the_interval_about_as_often_as_is_said(
     ahead_h: int, by_day_h: float
 ) -> None:
-    """
-    Of doors that tend to be open by day and stay as they are for hours, by night or always, known
-    all through for two weeks, P(open) some hours later is known exactly; it lies in there mostly,
-    and not always.
-    """
+    """For simulated doors P(open) is known exactly: it mostly lies in there."""
     keeps = np.exp(-1 / STEPS_H / np.where(IS_DAY, by_day_h, 12.0))
     known = np.arange(9 * 24 * STEPS_H, DAYS * 24 * STEPS_H, 7)
     doors = simulated(keeps, np.random.default_rng(1))

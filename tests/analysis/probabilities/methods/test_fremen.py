@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from semmap_log.analysis.probabilities.methods import fremen
-from semmap_log.analysis.probabilities.methods.fremen import OMEGA, PERIODS_S, Fremen
+from semmap_log.analysis.probabilities.methods.fremen import Fremen
 from semmap_log.core.model.local_clock import LocalClock
 from tests.analysis.probabilities.known import DOOR, evidence, hours_ns, random_stretches
 from tests.calls import calls_of
@@ -46,9 +46,7 @@ def minute_samples(stretches: list[tuple[float, float, bool]]) -> tuple[np.ndarr
 @pytest.mark.parametrize("order", [1, 2, 5, 84])
 @pytest.mark.parametrize("seed", range(3))
 def test_it_is_the_published_algorithm(order: int, seed: int) -> None:
-    """
-    Integrals of stretches of whole minutes equal the authors' sums over the minutes.
-    """
+    """Integrals of stretches of whole minutes equal the authors' sums over the minutes."""
     stretches = random_stretches(np.random.default_rng(seed), 21 * 24)
     asked_h = np.arange(0.0, 28 * 24, 0.37)
 
@@ -63,9 +61,7 @@ def test_it_is_the_published_algorithm(order: int, seed: int) -> None:
 
 
 def test_visits_are_samples() -> None:
-    """
-    Of a log that holds only visits the figures are the authors' to the last digits.
-    """
+    """Of a log that holds only visits the figures are the authors' to the last digits."""
     rng = np.random.default_rng(5)
     seen_h = np.sort(rng.uniform(0, 14 * 24, 600))
     reads = np.sin(2 * np.pi * seen_h / 24) + rng.normal(0, 0.5, 600) > 0
@@ -81,31 +77,9 @@ def test_visits_are_samples() -> None:
     np.testing.assert_allclose(found.p_open, expected, atol=1e-6)
 
 
-def test_a_daily_rhythm_is_its_first_component() -> None:
-    """
-    Open from nine to five, each day: the strongest component is the day, and nights are closed.
-    """
-    days = [(24 * d + begin, 24 * d + end, is_open) for d in range(14)
-            for begin, end, is_open in [(0, 9, False), (9, 17, True), (17, 24, False)]]  # fmt: skip
-
-    found = (
-        Fremen(1)
-        .learn({DOOR: evidence(days)}, UTC)
-        .predict(DOOR, hours_ns([14 * 24 + 1, 14 * 24 + 13]), hours_ns([14 * 24, 14 * 24]))
-    )
-
-    share, amplitude = 1 / 3, np.sin(np.pi / 3) / np.pi
-    assert pytest.approx([0.01, share + 2 * amplitude]) == found.p_open
-    assert 86_400 in PERIODS_S
-    assert len(OMEGA) == 84
-
-
 @pytest.mark.parametrize("most_hours", [100, 100_000])
 def test_what_comes_later_changes_nothing(most_hours: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Forecasts with knowledge up to different hours are those of a log that ended then, whether all
-    hours' models are kept or only those that are asked for.
-    """
+    """Forecasts with knowledge up to some hours are those of a log that ended then."""
     monkeypatch.setattr(fremen, "MOST_HOURS", most_hours)
     stretches = random_stretches(np.random.default_rng(9), 10 * 24)
     visits = [(float(h) + 0.25, bool(h % 3)) for h in range(0, 240, 7)]
@@ -122,9 +96,7 @@ def test_what_comes_later_changes_nothing(most_hours: int, monkeypatch: pytest.M
 
 
 def test_it_goes_by_the_buildings_clocks() -> None:
-    """
-    In summer the same hour of the clock is an hour earlier in UTC: a door that opens at nine does.
-    """
+    """A door that opens at nine does so in summer too."""
     vienna = LocalClock("Europe/Vienna")
     wall_s = np.arange(60 * 48) * 1800.0 + 1_680_000_000 // 86_400 * 86_400  # from March 2023 on
     is_open = (wall_s % 86_400 >= 9 * 3600) & (wall_s % 86_400 < 17 * 3600)
@@ -142,35 +114,15 @@ def test_it_goes_by_the_buildings_clocks() -> None:
     np.testing.assert_allclose(found.p_open, steady, atol=0.03)
 
 
-def test_without_evidence_nothing_is_known() -> None:
-    """
-    P is a half, the interval everything, and it says so; before the first sighting, too.
-    """
-    learnt = Fremen().learn({DOOR: evidence([(10, 20, True)])}, UTC)
-
-    for found in (
-        learnt.predict(DOOR, hours_ns([30]), hours_ns([9])),
-        learnt.predict(2, hours_ns([30]), hours_ns([30])),
-    ):
-        assert not found.is_known.any()
-        assert ([0.5], [0.001], [0.999]) == (
-            found.p_open.tolist(), found.low.tolist(), found.high.tolist(),
-        )  # fmt: skip
-
-
 def test_there_are_84_components() -> None:
-    """
-    An order outside of 1..84 is refused.
-    """
+    """An order outside of 1..84 is refused."""
     with pytest.raises(ValueError, match=r"expected 1\.\.84, got 85"):
         Fremen(85)
 
 
 @pytest.mark.slow
 def test_three_years_take_no_minutes() -> None:
-    """
-    30,000 changes and a forecast for each of half a million minutes, known an hour ago each.
-    """
+    """30,000 changes and a forecast for each of half a million minutes, known an hour ago each."""
     stretches = random_stretches(np.random.default_rng(2), 3 * 365 * 24, mean_h=0.87)
     asked_h = np.arange(2 * 365 * 24 * 60, 2 * 365 * 24 * 60 + 500_000) / 60
 

@@ -36,20 +36,8 @@ def shrunk(opened: float, known: float, coarser: float, weight: float) -> float:
     return (opened + weight * coarser) / (known + weight)
 
 
-def test_before_the_first_day_every_table_says_one_half() -> None:
-    """
-    Of a door of which nothing is known nothing is expected.
-    """
-    found = habits(table({}, days=3))
-
-    np.testing.assert_allclose(found.p_open.of_weeks(slice(1)), 0.5)
-    assert not found.days.of_weeks(slice(1)).any()
-
-
 def test_the_mean_is_that_of_the_days_and_soon_forgets_the_prior() -> None:
-    """
-    Open for 6 of 48 hours: a tenth of a day at the share of all days, and that one at one half.
-    """
+    """Open for 6 of 48 hours: a tenth of a day at the share of all days, that one at one half."""
     tables = table({(0, hour): 1.0 for hour in range(6)}, days=2)
 
     found = of_kind(tables, MEAN)
@@ -59,9 +47,7 @@ def test_the_mean_is_that_of_the_days_and_soon_forgets_the_prior() -> None:
 
 
 def test_an_hour_is_drawn_to_those_beside_it_and_these_to_the_mean() -> None:
-    """
-    Two days of an hour weigh against two days of its neighbours', and these against the mean's two.
-    """
+    """Two days of an hour weigh against two days of its neighbours'."""
     tables = table({(day, 12): 1.0 for day in range(4)}, days=4)
     mean = shrunk(4 / 24, 4, shrunk(4 / 24, 4, 0.5, 0.1), 0.1)
     beside = np.exp(-np.minimum(np.arange(24), 24 - np.arange(24)) / NEIGHBOURS_H)
@@ -75,20 +61,8 @@ def test_an_hour_is_drawn_to_those_beside_it_and_these_to_the_mean() -> None:
     assert shrunk(0.0, 4.0, near_ten, 2.0) == pytest.approx(found[10])
 
 
-def test_midnight_is_beside_eleven_at_night() -> None:
-    """
-    A door that opens from 0 to 1 was likelier open an hour before than in the evening.
-    """
-    found = of_kind(table({(day, 0): 1.0 for day in range(7)}, days=7), HOUR)[0]
-
-    assert found[23] == pytest.approx(found[1])
-    assert found[23] > found[22] > found[12]
-
-
 def test_saturday_is_no_working_day() -> None:
-    """
-    Open at noon from Monday to Friday: of that kind of day, Saturday's and Sunday's noon is not.
-    """
+    """Open at noon from Monday to Friday: not on Saturday or Sunday."""
     weeks = {(7 * week + day, 12): 1.0 for week in range(6) for day in range(5)}
 
     found = of_kind(table(weeks, days=42), TYPE)[:, 12]
@@ -99,9 +73,7 @@ def test_saturday_is_no_working_day() -> None:
 
 
 def test_a_weekday_is_drawn_to_its_kind_of_day_by_four_days() -> None:
-    """
-    Tuesdays alone are open at nine: after three of them, three days weigh against four.
-    """
+    """Tuesdays alone are open at nine: after three of them, three days weigh against four."""
     tables = table({(7 * week + 1, 9): 1.0 for week in range(3)}, days=21)
     working_day = of_kind(tables, TYPE)[1, 9]
 
@@ -112,9 +84,7 @@ def test_a_weekday_is_drawn_to_its_kind_of_day_by_four_days() -> None:
 
 
 def test_old_days_count_less_by_their_half_life() -> None:
-    """
-    A day open and a day shut: with a half-life of a day the first counts half, with none as much.
-    """
+    """A day open and a day shut: with a half-life of a day the first counts half."""
     tables = table({(0, hour): 1.0 for hour in range(24)}, days=2)
     undiscounted = shrunk(1.0, 2.0, 0.5, 0.1)
 
@@ -126,9 +96,7 @@ def test_old_days_count_less_by_their_half_life() -> None:
 
 
 def test_what_is_hardly_known_hardly_counts() -> None:
-    """
-    Minutes of an hour are that share of a day, and the days of evidence say so.
-    """
+    """Minutes of an hour are that share of a day, and the days of evidence say so."""
     much, little = (
         habits(table({}, days=10, known=share)).days.of_weeks(LAST)[0, FOREVER * 4]
         for share in (1, 0.1)

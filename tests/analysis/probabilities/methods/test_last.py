@@ -19,38 +19,29 @@ def said(told: Evidence, *known_s: float, ahead_ns: int = 0) -> Forecast:
     return Last().learn(told.up_to(2**62), UTC).predict(DOOR, known_ns + ahead_ns, known_ns)
 
 
-def test_it_is_the_last_word_by_then() -> None:
-    """
-    Unknown before the first one, and then what was said last, at that moment too.
-    """
-    told = told_of(added(), put("closed", 10), put("open", 20), put("closed", 30))
+WORDS = (added(), put("closed", 10), put("open", 20), put("closed", 30), put("unknown", 40))
 
-    found = said(told, 9, 10, 19, 20, 29, 31)
 
-    assert [0.5, 0.001, 0.001, 0.999, 0.999, 0.001] == found.p_open.tolist()
-    assert [False, True, True, True, True, True] == found.is_known.tolist()
+@pytest.mark.parametrize(
+    ("known_s", "expected"),
+    [(9, 0.5), (10, 0.001), (19, 0.001), (20, 0.999), (29, 0.999), (31, 0.001), (41, 0.001)],
+)
+def test_it_is_the_last_word_by_then(known_s: float, expected: float) -> None:
+    """Unknown before the first one; an outage is no word; a forecast is of its own time."""
+    told = told_of(*WORDS)
+    now, back = said(told, known_s), said(told, known_s + 100, ahead_ns=-100 * 10**9)
+
+    assert [expected] == now.p_open.tolist() == back.p_open.tolist()
+    assert [known_s >= 10] == now.is_known.tolist()
 
 
 def test_it_never_fades() -> None:
-    """
-    A year later it says the same, and as surely: that is what is wrong with it.
-    """
+    """A year later it says the same, and as surely: that is what is wrong with it."""
     told = told_of(added(), put("open", 10))
 
     found = said(told, 20, ahead_ns=365 * DAY_NS)
 
     assert (0.999, 0.999, 0.999) == (found.low[0], found.p_open[0], found.high[0])
-
-
-def test_an_outage_does_not_end_it() -> None:
-    """
-    A state that was set to UNKNOWN is nothing new: the last one stays.
-    """
-    told = told_of(added(), put("open", 10), put("unknown", 20))
-
-    found = said(told, 30)
-
-    assert 0.999 == found.p_open[0]
 
 
 @pytest.mark.parametrize(
@@ -61,22 +52,9 @@ def test_an_outage_does_not_end_it() -> None:
 def test_a_reading_is_as_sure_as_its_sensor(
     state: str, accuracy: float | tuple[float, float], expected: float
 ) -> None:
-    """
-    P(open) by that reading alone, with what the sensor misses and what it invents.
-    """
+    """P(open) by that reading alone, with what the sensor misses and what it invents."""
     told = told_of(added(), seen(state, 10, accuracy))
 
     found = said(told, 20)
 
     assert expected == pytest.approx(found.p_open[0])
-
-
-def test_what_is_later_than_the_forecast_does_not_count() -> None:
-    """
-    A forecast of a time before what is known is of that time.
-    """
-    told = told_of(added(), put("closed", 10), put("open", 20))
-
-    found = said(told, 25, ahead_ns=-10 * 10**9)
-
-    assert 0.001 == found.p_open[0]

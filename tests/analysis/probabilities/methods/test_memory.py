@@ -10,14 +10,12 @@ import pytest
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.methods.filter import DoorFilter
 from semmap_log.analysis.probabilities.methods.memory import (
-    AHEAD_H,
     SPANS_H,
     STEP_H,
     STEPS_A_DAY,
     Memory,
     _averaged,
     _between,
-    _Past,
 )
 from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule
 from semmap_log.core.model.local_clock import LocalClock
@@ -55,9 +53,7 @@ def two_kinds() -> DoorEvidence:
 @pytest.mark.parametrize("count", [0, 1, 95, 96, 97, 400])
 @pytest.mark.parametrize("span_h", SPANS_H.tolist())
 def test_means_are_those_of_a_plain_loop(count: int, span_h: float) -> None:
-    """
-    Days side by side give what one step after the other gives, in part of a day, too.
-    """
+    """Days side by side give what one step after the other gives, in part of a day, too."""
     deviation = np.random.default_rng(count).normal(size=count)
     keep = math.exp(-STEP_H / span_h)
     expected, mean = [], 0.0
@@ -70,40 +66,8 @@ def test_means_are_those_of_a_plain_loop(count: int, span_h: float) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
 
 
-@pytest.mark.parametrize("span_h", SPANS_H.tolist())
-def test_means_fade_through_days_that_are_left_out(span_h: float) -> None:
-    """
-    As through days on which the door is as it should be.
-    """
-    day = np.random.default_rng(0).normal(size=STEPS_A_DAY)
-    whole = np.concatenate([day, np.zeros(2 * STEPS_A_DAY), day])
-
-    expected = _averaged(whole, np.zeros(4, np.int64), span_h)
-    found = _averaged(np.concatenate([day, day]), np.array([0, 2]), span_h)
-
-    np.testing.assert_allclose(found[STEPS_A_DAY:], expected[-STEPS_A_DAY:], rtol=1e-9)
-
-
-def test_without_a_past_it_is_worth_nothing() -> None:
-    """
-    Sums of no days: every weight is 0, whatever the chain keeps.
-    """
-    spans = len(SPANS_H) + 1
-    nothing = _Past(
-        *np.zeros((2, 0), np.int64), np.zeros((0, spans - 1)),
-        np.zeros((2, len(AHEAD_H), spans, spans)), np.zeros((2, len(AHEAD_H), spans)),
-    )  # fmt: skip
-
-    found = nothing.weights(np.array([0, 1]), np.full((2, len(AHEAD_H)), 0.5))
-
-    assert (2, len(AHEAD_H), spans) == found.shape
-    assert not found.any()
-
-
 def test_on_the_first_day_it_says_nothing() -> None:
-    """
-    What a day was worth is known at its end: until then there is no correction.
-    """
+    """What a day was worth is known at its end: until then there is no correction."""
     told = evidence(stretches_of(48.0, 2.0, 2.0, np.random.default_rng(1)))
     learnt = memory_of(told.up_to(int(hours_ns(48))))
     known_ns = hours_ns([5.0, 23.9, 24.0, 30.0])
@@ -114,9 +78,7 @@ def test_on_the_first_day_it_says_nothing() -> None:
 
 
 def test_a_patrol_has_no_memory() -> None:
-    """
-    A door that was only visited is corrected by nothing: nobody knows how it was in between.
-    """
+    """A door that was only visited is corrected by nothing: nobody knows how it was in between."""
     visits = [(hour / 2, hour % 7 < 3) for hour in range(48 * 30)]
     known_ns = hours_ns([24.0 * 29])
 
@@ -126,9 +88,7 @@ def test_a_patrol_has_no_memory() -> None:
 
 
 def test_weights_are_a_line_between_the_times_they_were_fitted_for() -> None:
-    """
-    From nothing at once over those of 1, 2, 4 … hours to nothing behind twice the last.
-    """
+    """From nothing at once over those of 1, 2, 4 … hours to nothing behind twice the last."""
     weights = np.arange(1.0, 7.0)[None, :, None]
     ahead_h = np.array([0.0, 0.5, 1.0, 3.0, 32.0, 48.0, 64.0, 1000.0])
 
@@ -138,18 +98,8 @@ def test_weights_are_a_line_between_the_times_they_were_fitted_for() -> None:
     np.testing.assert_allclose(found[:, 0], expected)
 
 
-def test_a_step_is_a_quarter_of_an_hour() -> None:
-    """
-    So many of them make a day.
-    """
-    assert 24.0 == STEPS_A_DAY * STEP_H
-
-
 def test_it_helps_where_openings_are_of_two_kinds(two_kinds: DoorEvidence) -> None:
-    """
-    Open for some minutes or for most of a day: who remembers how long it has been open already
-    knows which. An hour ahead the Brier score falls by a twentieth at least.
-    """
+    """Openings of minutes and of a day: memory lowers the Brier score an hour ahead."""
     rng = np.random.default_rng(4)
     known_ns = hours_ns(np.sort(rng.uniform(24 * 40, 24 * DAYS - 2, 4000)))
     times_ns = known_ns + int(3.6e12)

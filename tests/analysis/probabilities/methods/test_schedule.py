@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import pytest
 
-from semmap_log.analysis.probabilities.evidence.day_tables import DayRows, DayTables
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.analysis.probabilities.methods.habits import LEADS_D, habits, lead_of, weights
+from semmap_log.analysis.probabilities.methods.habits import LEADS_D, lead_of
 from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule
 from semmap_log.core.model.local_clock import LocalClock
 from tests.analysis.probabilities import known
-from tests.analysis.probabilities.known import DOOR, hours_ns, random_stretches
+from tests.analysis.probabilities.known import DOOR, hours_ns
 
 UTC = LocalClock("UTC")
 
@@ -44,9 +42,7 @@ def at(hours: list[float]) -> np.ndarray:
 
 
 def test_working_hours_come_back() -> None:
-    """
-    After eight weeks: sure that it is open on Tuesday at noon, shut at night and on Sunday.
-    """
+    """After eight weeks: sure that it is open on Tuesday at noon, shut at night and on Sunday."""
     learnt = DoorSchedule(working_hours(8), UTC)
     next_week = 24.0 * 7 * 8
     asked = at([next_week + 24 + 12, next_week + 24 + 3, next_week + 6 * 24 + 12])
@@ -61,9 +57,7 @@ def test_working_hours_come_back() -> None:
 
 
 def test_local_hours_are_the_buildings_through_daylight_saving_time() -> None:
-    """
-    A door that opens at 09:00 in Oslo opens at 09:00 after the clocks change, not at 10:00.
-    """
+    """A door that opens at 09:00 in Oslo opens at 09:00 after the clocks change, not at 10:00."""
     oslo = LocalClock("Europe/Oslo")
     monday_day = 2356  # 2015-02-23, a Monday; the clocks change on 2015-03-29
     opens, closes = (
@@ -88,9 +82,7 @@ def test_local_hours_are_the_buildings_through_daylight_saving_time() -> None:
 
 
 def test_a_habit_that_changes_is_followed_within_days() -> None:
-    """
-    Open all day for six weeks, then its owner leaves: a week later hardly anybody expects it open.
-    """
+    """Open all day for six weeks, then no more: a week later it is expected shut."""
     left = 24.0 * 42
     told = evidence([(0.0, left, True), (left, left + 24 * 10, False)])
     learnt = DoorSchedule(told, UTC)
@@ -103,9 +95,7 @@ def test_a_habit_that_changes_is_followed_within_days() -> None:
 
 
 def test_far_ahead_the_long_run_counts() -> None:
-    """
-    Three days that are unlike the year before move tomorrow's forecast more than next season's.
-    """
+    """Three unlike days move tomorrow's forecast more than next season's."""
     year = 24.0 * 364
     told = working_hours(52)
     stretches = list(zip(told.start_ns, told.end_ns, told.is_open, strict=True))
@@ -121,9 +111,7 @@ def test_far_ahead_the_long_run_counts() -> None:
 
 
 def test_a_door_that_is_seen_by_day_only_is_unknown_at_night() -> None:
-    """
-    Hours that no visit ever fell into are said to be UNKNOWN, however many days were seen.
-    """
+    """Hours that no visit ever fell into are said to be UNKNOWN, however many days were seen."""
     visits = [(24.0 * day + hour, True) for day in range(28) for hour in range(9, 17)]
     learnt = DoorSchedule(evidence(visits=visits), UTC)
     asked = at([24 * 28 + 12.0, 24 * 28 + 3.0])
@@ -134,27 +122,8 @@ def test_a_door_that_is_seen_by_day_only_is_unknown_at_night() -> None:
     assert found.high[1] - found.low[1] > found.high[0] - found.low[0]
 
 
-def test_noisy_visits_are_not_pulled_to_one_half() -> None:
-    """
-    A door open a tenth of the time, read by a sensor that errs as often: P is .1, not .18.
-    """
-    rng = np.random.default_rng(4)
-    times = np.arange(0.0, 24 * 400, 0.5)
-    is_open = rng.random(len(times)) < 0.1
-    reads = is_open == (rng.random(len(times)) < 0.9)
-    told = evidence(visits=list(zip(times.tolist(), reads.tolist(), strict=True)))
-    learnt = DoorSchedule(told, UTC)
-    day = at((24 * 400 + np.arange(24.0)).tolist())
-
-    found = learnt.p_open(day, np.full(24, hours_ns(24 * 400.0)))
-
-    assert found.mean() == pytest.approx(0.1, abs=0.03)
-
-
 def test_before_the_first_midnight_nothing_is_known() -> None:
-    """
-    Of a door of which less than a day is known the schedule is UNKNOWN, at one half, and wide.
-    """
+    """Of a door of which less than a day is known."""
     learnt = DoorSchedule(evidence([(1.0, 20.0, True)]), UTC)
 
     found = learnt.predict(at([12.0]), at([12.0]))
@@ -165,70 +134,15 @@ def test_before_the_first_midnight_nothing_is_known() -> None:
     assert found.high[0] > 0.9
 
 
-def test_a_midnight_knows_the_days_before_it() -> None:
-    """
-    Row d of the habits is what the table of the first d days alone would end with.
-    """
-    rng = np.random.default_rng(3)
-    known = rng.random((20, 24))
-    tables = DayTables(DayRows.since(100, len(known)), known, known * rng.random((20, 24)))
-
-    whole = habits(tables)
-
-    for row in (0, 1, 7, 20):
-        alone = habits(tables.before(100 + row))
-        for every, some in ((whole.p_open, alone.p_open), (whole.days, alone.days)):
-            np.testing.assert_allclose(
-                every.of_weeks(slice(row, row + 1)), some.of_weeks(slice(row, None)), rtol=1e-12
-            )
-
-
-@pytest.mark.parametrize("lead_d", [0, 1, 14])
-def test_weights_are_shares_and_know_nothing_later(lead_d: int) -> None:
-    """
-    At each midnight they sum to one, and are those of the days before alone.
-    """
-    rng = np.random.default_rng(3)
-    known = rng.random((40, 24))
-    tables = DayTables(DayRows.since(100, len(known)), known, known * rng.random((40, 24)))
-
-    found = weights(habits(tables), tables, lead_d)
-
-    np.testing.assert_allclose(found.sum(-1), 1.0)
-    cut = tables.before(125)
-    np.testing.assert_allclose(found[:26], weights(habits(cut), cut, lead_d), rtol=1e-9)
-
-
 def test_the_lead_is_the_greatest_that_was_scored() -> None:
-    """
-    Between two leads the shorter one speaks; beyond all, the longest.
-    """
+    """Between two leads the shorter one speaks; beyond all, the longest."""
     found = [int(LEADS_D[lead]) for lead in lead_of(np.array([0, 1, 2, 3, 13, 14, 400]))]
 
     assert [0, 1, 1, 3, 7, 14, 56] == found
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_later_evidence_moves_nothing(seed: int) -> None:
-    """
-    A schedule of half the evidence says the same of what that half knew.
-    """
-    told = evidence(random_stretches(np.random.default_rng(seed), 24 * 30))
-    cut_ns = int(hours_ns(24 * 15 + 5.5))
-    asked = at((24 * 10 + np.linspace(0, 24 * 9, 200)).tolist())
-    known = np.minimum(asked, cut_ns)
-
-    found = DoorSchedule(told, UTC).predict(asked, known)
-
-    expected = DoorSchedule(told.up_to(cut_ns), UTC).predict(asked, known)
-    np.testing.assert_allclose(found.p_open, expected.p_open, rtol=1e-9)
-    np.testing.assert_allclose(found.low, expected.low, rtol=1e-9)
-
-
 def test_a_schedule_that_nobody_confirmed_for_a_year_is_unknown() -> None:
-    """
-    Eight weeks were seen; half a year later their habits are still said to be known, not for ever.
-    """
+    """Half a year after eight weeks were seen the habits are known still, later not."""
     learnt = DoorSchedule(working_hours(8), UTC)
     end = 24.0 * 7 * 8
     known = at([end + 24 * 180.0, end + 24 * 400.0])

@@ -48,9 +48,7 @@ def next_week(known: DoorEvidence, weeks: int) -> np.ndarray:
 
 
 def test_a_slot_that_is_mostly_open_is_known_after_six_weeks() -> None:
-    """
-    Nine times of ten, and known all through: the schedule says it, and names that hour as best.
-    """
+    """Open nine times of ten: the schedule says it, and names that hour as best."""
     found = [next_week(evidence(slot_door(random_weeks(6, 0.9, s))), 6) for s in SEEDS]
 
     assert np.mean([week[WEDNESDAY_11] for week in found]) > 0.7
@@ -58,27 +56,21 @@ def test_a_slot_that_is_mostly_open_is_known_after_six_weeks() -> None:
 
 
 def test_a_slot_is_found_through_the_errors_of_a_sensor() -> None:
-    """
-    A patrol each half hour, right nine times of ten; open in 56 of a hundred weeks.
-    """
+    """A patrol each half hour, right nine times of ten; open in 56 of a hundred weeks."""
     found = [next_week(patrolled(slot_door(random_weeks(6, 0.56, s)), s), 6) for s in SEEDS]
 
     assert np.mean([week[WEDNESDAY_11] for week in found]) > 0.33
 
 
 def test_once_is_no_slot() -> None:
-    """
-    A door that was opened once, for two hours, three weeks ago is not expected to be again.
-    """
+    """A door that was opened once, for two hours, three weeks ago is not expected to be again."""
     week = next_week(evidence(slot_door([False, False, True, False, False])), 5)
 
     assert week[WEDNESDAY_11] < 0.1
 
 
 def test_a_slot_that_ended_is_forgotten() -> None:
-    """
-    Ten weeks as ever, then five in which nobody comes.
-    """
+    """Ten weeks as ever, then five in which nobody comes."""
     stretches = slot_door([True] * 10 + [False] * 5)
 
     assert next_week(evidence(stretches), 10)[WEDNESDAY_11] > 0.92
@@ -87,9 +79,7 @@ def test_a_slot_that_ended_is_forgotten() -> None:
 
 @pytest.mark.parametrize("first_day", [0, 1, 5, 6])
 def test_weeks_begin_on_any_day(first_day: int) -> None:
-    """
-    A record that begins on another weekday: the slot is where it is.
-    """
+    """A record that begins on another weekday: the slot is where it is."""
     stretches = slot_door([True] * 6)
     begins = 24.0 * first_day
     cut = [(max(a, begins), b, is_open) for a, b, is_open in stretches if b > begins]

@@ -35,9 +35,7 @@ def learnt(stretches: list[tuple[float, float, bool]]) -> LearntFilter:
 def test_the_wait_is_that_of_the_door(
     stretches: list[tuple[float, float, bool]], learnt: LearntFilter, *, until_open: bool
 ) -> None:
-    """
-    Asked at many moments at which the door was not so yet: the mean wait is what it came to be.
-    """
+    """The mean wait is what it came to be, asked at many moments."""
     asked_h = 24 * DAYS + np.arange(0, 24 * DAYS * 1.9, 37.0)
     starts = np.array([start for start, _, _ in stretches])
     ends = np.array([end for _, end, _ in stretches])
@@ -56,9 +54,7 @@ def test_the_wait_is_that_of_the_door(
 
 @pytest.mark.parametrize("until_open", [True, False])
 def test_a_door_that_is_so_already_is_not_waited_for(*, until_open: bool) -> None:
-    """
-    Of a state that holds now the wait is a thousandth of the other's, as the belief is clipped.
-    """
+    """The wait for a state that holds is a thousandth of the other's."""
     told = stretches_of(24.0 * 30 - 1, CLOSED_H, OPEN_H, np.random.default_rng(3))
     now_ns = int(hours_ns(24 * 30))
     held = evidence([*told, (24.0 * 30 - 1, 24.0 * 30, until_open)]).up_to(now_ns)
@@ -70,9 +66,7 @@ def test_a_door_that_is_so_already_is_not_waited_for(*, until_open: bool) -> Non
 
 
 def test_a_door_that_never_opens_is_waited_for_long() -> None:
-    """
-    Shut for half a year: the wait is weeks at least, and a number; until it is shut there is none.
-    """
+    """Shut for half a year: the wait is weeks at least, and a number."""
     now_ns = int(hours_ns(24 * 180))
     learnt = DoorFilter(evidence([(0.0, 24.0 * 180, False)]).up_to(now_ns), UTC)
 
@@ -83,9 +77,7 @@ def test_a_door_that_never_opens_is_waited_for_long() -> None:
 
 
 def test_the_wait_is_longer_in_the_evening_of_a_door_that_is_used_by_day() -> None:
-    """
-    Open off and on from 8 to 18: at 9 it opens soon, at 20 not before the morning.
-    """
+    """Open off and on from 8 to 18: at 9 it opens soon, at 20 not before the morning."""
     stretches: list[tuple[float, float, bool]] = []
     shut = 0.0
     for day in range(42):
@@ -106,9 +98,7 @@ def test_the_wait_is_longer_in_the_evening_of_a_door_that_is_used_by_day() -> No
 
 @pytest.mark.parametrize("most_s", [60.0, 1000.0, 7 * 3600.0, 90 * 86_400.0])
 def test_who_waits_only_so_long_waits_less(learnt: LearntFilter, most_s: float) -> None:
-    """
-    Of a steady rate the mean wait m becomes m (1 - e^(-most / m)); however long, never more than m.
-    """
+    """Of a steady rate the mean wait m becomes m (1 - e^(-most / m))."""
     at_ns = next(
         int(at)
         for at in hours_ns(24 * DAYS + np.arange(0, 240, 1.0))
@@ -123,9 +113,7 @@ def test_who_waits_only_so_long_waits_less(learnt: LearntFilter, most_s: float) 
 
 
 def test_of_a_door_that_nobody_told_of_it_is_not_known(learnt: LearntFilter) -> None:
-    """
-    No number at all, rather than one that somebody might plan with.
-    """
+    """No number at all, rather than one that somebody might plan with."""
     found = learnt.wait_s(DoorId(99), int(hours_ns(0)))
 
     assert math.isnan(found)

@@ -19,6 +19,7 @@ EVERY_S = 1800
 DWELL_S = {"slow": (4 * 3600, 6 * 3600), "busy": (120, 300), "flicker": (15, 25)}
 """Mean seconds open, and closed."""
 SEEDS = range(8)
+FEW_SEEDS = range(3)
 
 
 def truth(kind: str, rng: np.random.Generator, times_s: np.ndarray) -> np.ndarray:
@@ -105,18 +106,14 @@ MIXED = ["office"] * 4 + ["closed", "open", "slow", "busy"]
 def test_who_declares_what_is_true_is_never_told_otherwise(
     kinds: list[str], how: dict[str, object]
 ) -> None:
-    """
-    Whatever the doors do, also while they are looked at, and though readings err together.
-    """
-    assert [] == [doubt for seed in SEEDS for doubt in patrolled(kinds, seed, **how)]
+    """Whatever the doors do, also while they are looked at, and though readings err together."""
+    assert [] == [doubt for seed in FEW_SEEDS for doubt in patrolled(kinds, seed, **how)]
 
 
 @pytest.mark.parametrize("kinds", [["office"] * 4, ["slow"] * 4, MIXED, [*MIXED, "flicker"]])
 @pytest.mark.parametrize("repeats", [3, 5])
 def test_a_wrong_word_is_found_in_two_weeks_of_repeats(kinds: list[str], repeats: int) -> None:
-    """
-    Declared .9 both ways, truly .8 and .95: in at least nine of ten logs.
-    """
+    """Declared .9 both ways, truly .8 and .95: in at least nine of ten logs."""
     found = [patrolled(kinds, seed, right=(0.8, 0.95), repeats=repeats) for seed in range(10)]
 
     assert 9 <= sum(map(len, found))
@@ -128,9 +125,7 @@ def test_a_wrong_word_is_found_in_two_weeks_of_repeats(kinds: list[str], repeats
 
 
 def test_both_words_are_told_with_what_was_seen() -> None:
-    """
-    The accuracies are near the true ones, and the message names them and the door.
-    """
+    """The accuracies are near the true ones, and the message names them and the door."""
     found = [patrolled(["office"] * 8, seed, right=(0.8, 0.95), repeats=5)[0] for seed in SEEDS]
 
     of_open = [doubt.when_open.accuracy for doubt in found if doubt.when_open.how]
@@ -146,9 +141,7 @@ def test_both_words_are_told_with_what_was_seen() -> None:
 
 
 def test_certainty_that_is_none_is_found() -> None:
-    """
-    Declared certain, as sightings are by default, and wrong one time in twenty.
-    """
+    """Declared certain, as sightings are by default, and wrong one time in twenty."""
     for seed in SEEDS:
         (doubt,) = patrolled(["office"] * 4, seed, right=(0.95, 0.95), declared=(1, 1))
 
@@ -156,9 +149,7 @@ def test_certainty_that_is_none_is_found() -> None:
 
 
 def test_passages_tell_what_single_looks_cannot() -> None:
-    """
-    Who went through had an open door before him; without that, nobody knows whose fault it is.
-    """
+    """Who went through had an open door before him."""
     how = {"right": (0.8, 0.9), "repeats": 1}
 
     assert [] == [doubt for seed in SEEDS for doubt in patrolled(["office"] * 4, seed, **how)]
@@ -174,18 +165,14 @@ def test_passages_tell_what_single_looks_cannot() -> None:
 def test_not_even_doors_that_all_move_while_they_are_looked_at_accuse_a_sensor(
     kind: str, gap_s: float, right: float
 ) -> None:
-    """
-    There the middle of three readings differs as often as if the sensor erred.
-    """
+    """There the middle of three readings differs as often as if the sensor erred."""
     how = {"right": (right, right), "declared": (right, right), "gap_s": gap_s}
 
-    assert [] == [doubt for seed in SEEDS for doubt in patrolled([kind] * 4, seed, **how)]
+    assert [] == [doubt for seed in FEW_SEEDS for doubt in patrolled([kind] * 4, seed, **how)]
 
 
 def test_one_door_alone_may_flicker() -> None:
-    """
-    Its readings differ as those of a bad sensor would: no other door says so.
-    """
+    """Its readings differ as those of a bad sensor would: no other door says so."""
     how = {"right": (0.8, 0.8), "declared": (0.95, 0.95), "repeats": 9}
 
     alone = [patrolled(["office"], seed, **how) for seed in SEEDS]
@@ -194,9 +181,7 @@ def test_one_door_alone_may_flicker() -> None:
 
 
 def test_sensors_are_judged_each_by_itself_and_by_what_was_known() -> None:
-    """
-    No reading of a door that is not asked about counts, nor one from later; too few say nothing.
-    """
+    """No reading of a door that is not asked about counts, nor one from later."""
     assert [] == sensor_doubts(Evidence(), [DoorId(1)], 2**62)
     evidence = Evidence()
     evidence.apply(EventBatch.of(DoorAdded, happened_ns=np.array([FIRST_NS]), door_id=1))

@@ -102,9 +102,7 @@ def _as_said(messages: Sequence[BagMessage]) -> list[Said]:
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_every_form_gives_the_same_messages(name: str, tmp_path: Path) -> None:
-    """
-    With their topics, types, bytes and times; and they can be decoded by what the bag says.
-    """
+    """With their topics, types, bytes and times; and they can be decoded by what the bag says."""
     version, write = WRITERS[name]
     said = _day(version)
     write(tmp_path / name, said)
@@ -120,9 +118,7 @@ def test_every_form_gives_the_same_messages(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["rosbag.bag", "sqlite", "ros2.mcap", "no_chunks.mcap"])
 def test_only_the_topics_that_are_asked_for_are_read(name: str, tmp_path: Path) -> None:
-    """
-    And the bag says how many there are of them.
-    """
+    """And the bag says how many there are of them."""
     version, write = WRITERS[name]
     write(tmp_path / name, _day(version))
 
@@ -135,9 +131,7 @@ def test_only_the_topics_that_are_asked_for_are_read(name: str, tmp_path: Path) 
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_a_type_is_read_by_the_bags_own_definition(version: Any, tmp_path: Path) -> None:
-    """
-    A robot's DoorState that has another field before ours is read as it was written.
-    """
+    """A robot's DoorState that has another field before ours is read as it was written."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     name = "rmf_door_msgs/msg/DoorState"
@@ -153,9 +147,7 @@ def test_a_type_is_read_by_the_bags_own_definition(version: Any, tmp_path: Path)
 
 
 def test_a_bag_without_definitions_is_read_by_ours(tmp_path: Path) -> None:
-    """
-    rosbag2 wrote none into .db3 before Iron.
-    """
+    """rosbag2 wrote none into .db3 before Iron."""
     said = _day(2)
     write_ros2(tmp_path / "bag", said, "sqlite3")
     (database,) = (tmp_path / "bag").glob("*.db3")
@@ -174,9 +166,7 @@ def test_a_bag_without_definitions_is_read_by_ours(tmp_path: Path) -> None:
 def test_files_whose_names_begin_with_the_folders_are_found(
     tmp_path: Path, storage: Any, packed: Any, folder: str
 ) -> None:
-    """
-    As rosbag2 wrote them up to version 3 of its metadata, and of packed bags in version 4.
-    """
+    """As rosbag2 wrote them up to version 3 of its metadata, and of packed bags in version 4."""
     said = _day(2)
     write_ros2(tmp_path / "bag", said, storage, packed)
     metadata = tmp_path / "bag" / "metadata.yaml"
@@ -193,9 +183,7 @@ def test_files_whose_names_begin_with_the_folders_are_found(
 
 @pytest.mark.parametrize("name", ["bag.bag", "bag", "bag.mcap"])
 def test_a_topic_without_a_slash_is_the_one_with_it(tmp_path: Path, name: str) -> None:
-    """
-    To a node without a namespace they are one.
-    """
+    """To a node without a namespace they are one."""
     said = [replace(each, topic=each.topic.strip("/")) for each in _day(1 if "." in name else 2)]
     write: Any = {"bag.bag": write_ros1, "bag": write_ros2}.get(name)
     if write is None:
@@ -209,9 +197,7 @@ def test_a_topic_without_a_slash_is_the_one_with_it(tmp_path: Path, name: str) -
 
 
 def test_a_folder_whose_metadata_tells_another_qos_is_read_whole(tmp_path: Path) -> None:
-    """
-    rosbags itself passes over such a file's messages in silence.
-    """
+    """rosbags itself passes over such a file's messages in silence."""
     said = _day(2)
     write_ros2(tmp_path / "bag", said)
     _tell_another_qos(tmp_path / "bag" / "metadata.yaml")
@@ -223,9 +209,7 @@ def test_a_folder_whose_metadata_tells_another_qos_is_read_whole(tmp_path: Path)
 def test_a_packed_folder_whose_metadata_tells_another_qos_is_read_whole(
     tmp_path: Path, packed: Any
 ) -> None:
-    """
-    Of a compressed folder, too, each file is read by itself.
-    """
+    """Of a compressed folder, too, each file is read by itself."""
     said = _day(2)
     write_ros2(tmp_path / "bag", said, "sqlite3", packed)
     _tell_another_qos(tmp_path / "bag" / "metadata.yaml")
@@ -253,9 +237,7 @@ def _tell_another_qos(metadata: Path) -> None:
 
 
 def test_a_folder_without_metadata_is_read_too(tmp_path: Path) -> None:
-    """
-    Its recorder was killed behind a file that is whole.
-    """
+    """Its recorder was killed behind a file that is whole."""
     said = _day(2)
     write_ros2(tmp_path / "bag", said)
     (tmp_path / "bag" / "metadata.yaml").unlink()
@@ -264,9 +246,7 @@ def test_a_folder_without_metadata_is_read_too(tmp_path: Path) -> None:
 
 
 def test_files_that_overlap_are_read_in_the_order_of_their_times(tmp_path: Path) -> None:
-    """
-    A folder's second file may begin before the first one ends.
-    """
+    """A folder's second file may begin before the first one ends."""
     said = _day(2, 20)
     (tmp_path / "bag").mkdir()
     write_mcap(tmp_path / "bag" / "bag_0.mcap", [*said[:10:2], *said[10:]])
@@ -276,9 +256,7 @@ def test_files_that_overlap_are_read_in_the_order_of_their_times(tmp_path: Path)
 
 
 def test_a_message_that_was_flipped_on_the_disk_is_not_read(tmp_path: Path) -> None:
-    """
-    What could still be decoded, and says something else, is told by the chunk's checksum.
-    """
+    """What could still be decoded, and says something else, is told by the chunk's checksum."""
     write_mcap(tmp_path / "x.mcap", _day(2), compression=CompressionType.NONE)
     data = (tmp_path / "x.mcap").read_bytes()
     (tmp_path / "x.mcap").write_bytes(data.replace(b"hellohello", b"jellohello", 1))
@@ -288,9 +266,7 @@ def test_a_message_that_was_flipped_on_the_disk_is_not_read(tmp_path: Path) -> N
 
 
 def test_a_file_without_an_index_comes_in_the_order_of_its_times(tmp_path: Path) -> None:
-    """
-    As far as it is about in order; times that go back and forth further are told.
-    """
+    """As far as it is about in order; times that go back and forth further are told."""
     said = _day(2, 9)
     swapped = [said[1], said[0], *said[2:]]
     write_mcap(tmp_path / "x.mcap", swapped, use_chunking=False)
@@ -305,9 +281,7 @@ def test_a_file_without_an_index_comes_in_the_order_of_its_times(tmp_path: Path)
 
 @pytest.mark.parametrize("name", ["ros2.mcap", "no_chunks.mcap"])
 def test_an_mcap_whose_end_was_never_written_is_told(name: str, tmp_path: Path) -> None:
-    """
-    Other readers take such a file for empty, or for shorter than it is.
-    """
+    """Other readers take such a file for empty, or for shorter than it is."""
     WRITERS[name][1](tmp_path / "x.mcap", _day(2))
     data = (tmp_path / "x.mcap").read_bytes()
     (tmp_path / "x.mcap").write_bytes(data[: len(data) // 2])
@@ -322,9 +296,7 @@ def _summary_at(data: bytes) -> int:
 
 
 def test_a_damaged_summary_is_told(tmp_path: Path) -> None:
-    """
-    Wherever a bit of it is another; by some of them other readers pass over half of the file.
-    """
+    """Wherever a bit of it is another; by some of them other readers pass over half of the file."""
     write_mcap(tmp_path / "x.mcap", _day(2))
     data = (tmp_path / "x.mcap").read_bytes()
 
@@ -340,9 +312,7 @@ def test_a_damaged_summary_is_told(tmp_path: Path) -> None:
 def test_an_mcap_that_has_fewer_messages_than_it_says_is_told(
     tmp_path: Path, use_chunking: bool
 ) -> None:
-    """
-    By its statistics, which count each channel's.
-    """
+    """By its statistics, which count each channel's."""
     write_mcap(tmp_path / "x.mcap", _day(2), enable_crcs=False, use_chunking=use_chunking)
     data = bytearray((tmp_path / "x.mcap").read_bytes())
     at = _summary_at(data)
@@ -353,14 +323,12 @@ def test_an_mcap_that_has_fewer_messages_than_it_says_is_told(
 
     (tmp_path / "x.mcap").write_bytes(data)
 
-    with pytest.raises(FormatError, match="expected 61 messages, as the file itself says, got 60"):
+    with pytest.raises(FormatError, match="itself says, got 60"):
         _read(tmp_path / "x.mcap")
 
 
 def test_a_db3_that_is_cut_is_told(tmp_path: Path) -> None:
-    """
-    SQLite itself reads zeros where the last page is cut.
-    """
+    """SQLite itself reads zeros where the last page is cut."""
     write_ros2(tmp_path / "bag", _day(2), "sqlite3")
     (database,) = (tmp_path / "bag").glob("*.db3")
     database.write_bytes(database.read_bytes()[:-1])
@@ -370,36 +338,30 @@ def test_a_db3_that_is_cut_is_told(tmp_path: Path) -> None:
 
 
 def test_a_db3_that_was_not_closed_is_told(tmp_path: Path) -> None:
-    """
-    Its latest messages are in a file beside it, which nobody would have read.
-    """
+    """Its latest messages are in a file beside it, which nobody would have read."""
     write_ros2(tmp_path / "bag", _day(2), "sqlite3")
     (database,) = (tmp_path / "bag").glob("*.db3")
     database.with_name(f"{database.name}-wal").write_bytes(b"some of it")
 
-    with pytest.raises(FormatError, match=r"it was not closed.*pragma wal_checkpoint"):
+    with pytest.raises(FormatError, match=r"closed.*pragma wal_checkpoint"):
         _read(tmp_path / "bag")
 
 
 def test_a_log_of_ours_is_no_bag(tmp_path: Path) -> None:
-    """
-    Neither its folder, nor a segment that is closed, nor one that is being written.
-    """
+    """Neither its folder, nor a segment that is closed, nor one that is being written."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door(name="front")
         open_segment = (tmp_path / "log" / "log_000000.mcap").read_bytes()
     (tmp_path / "open.mcap").write_bytes(open_segment)
 
     for path in (tmp_path / "log", tmp_path / "log" / "log_000000.mcap", tmp_path / "open.mcap"):
-        with pytest.raises(FormatError, match=r"this is a log of semmap-log.*events\.jsonl"):
+        with pytest.raises(FormatError, match=r"semmap-log.*events\.jsonl"):
             _read(path)
 
 
 @pytest.mark.parametrize("name", ["x.bag", "x.mcap", "x.db3", "x.zip"])
 def test_what_is_no_bag_is_told(name: str, tmp_path: Path) -> None:
-    """
-    Nothing, an empty file, another program's file, a folder without files.
-    """
+    """Nothing, an empty file, another program's file, a folder without files."""
     with pytest.raises(FormatError, match=r"x\.[a-z0-9]+: "):
         _read(tmp_path / name)
     for content in (b"", b"PK\x03\x04 a zip file"):
@@ -412,9 +374,7 @@ def test_what_is_no_bag_is_told(name: str, tmp_path: Path) -> None:
 
 
 def test_metadata_may_not_name_files_elsewhere(tmp_path: Path) -> None:
-    """
-    A folder of others reaches no files but its own.
-    """
+    """A folder of others reaches no files but its own."""
     write_ros2(tmp_path / "bag", _day(2))
     path = tmp_path / "bag" / "metadata.yaml"
     path.write_text(path.read_text().replace("bag.mcap", "../secret.mcap"))
@@ -425,10 +385,7 @@ def test_metadata_may_not_name_files_elsewhere(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["rosbags.bag", "ros2.mcap", "no_chunks.mcap", "sqlite"])
 def test_damaged_bags_end_in_our_error_or_in_messages(name: str, tmp_path: Path) -> None:
-    """
-    Cut off and flipped at many places: nothing else is ever raised, and of a cut file nothing is
-    read that was not written.
-    """
+    """Cut and flipped at many places: nothing is read that was not written."""
     version, write = WRITERS[name]
     said = _day(version, 12)
     write(tmp_path / name, said)

@@ -35,9 +35,7 @@ def _bytes_of(path: Path) -> dict[str, str]:
 
 @pytest.mark.parametrize("name", BAGS)
 def test_the_same_messages_give_the_same_bytes(name: str, tmp_path: Path) -> None:
-    """
-    Nothing of the time, the place or the process is in the file.
-    """
+    """Nothing of the time, the place or the process is in the file."""
     for folder in ("first", "second"):
         (tmp_path / folder).mkdir()
         write(tmp_path / folder / name, restless(1))
@@ -48,9 +46,7 @@ def test_the_same_messages_give_the_same_bytes(name: str, tmp_path: Path) -> Non
 @pytest.mark.parametrize("name", BAGS)
 @pytest.mark.parametrize("error", [KeyboardInterrupt, OSError(errno.ENOSPC, "No space left")])
 def test_what_is_broken_off_leaves_nothing(name: str, error: Any, tmp_path: Path) -> None:
-    """
-    After Ctrl-C or on a full disk neither the bag nor a temporary file is there.
-    """
+    """After Ctrl-C or on a full disk neither the bag nor a temporary file is there."""
     expected = KeyboardInterrupt if error is KeyboardInterrupt else OutputError
 
     with pytest.raises(expected), new_bag(tmp_path / name, [GRIDS]):
@@ -61,9 +57,7 @@ def test_what_is_broken_off_leaves_nothing(name: str, error: Any, tmp_path: Path
 
 @pytest.mark.parametrize("name", ["x.mcap", "x.bag"])
 def test_what_is_broken_off_leaves_the_old_file(name: str, tmp_path: Path) -> None:
-    """
-    A file is replaced when the new one is whole, not before.
-    """
+    """A file is replaced when the new one is whole, not before."""
     (tmp_path / name).write_bytes(b"old")
 
     with pytest.raises(KeyboardInterrupt), new_bag(tmp_path / name, [GRIDS]):
@@ -76,9 +70,7 @@ def test_what_is_broken_off_leaves_the_old_file(name: str, tmp_path: Path) -> No
 
 
 def test_a_folder_is_never_replaced(tmp_path: Path) -> None:
-    """
-    What is in a folder of that name stays; the message says what to do.
-    """
+    """What is in a folder of that name stays; the message says what to do."""
     (tmp_path / "x").mkdir()
     (tmp_path / "x" / "photo").write_bytes(b"dear")
 
@@ -89,9 +81,7 @@ def test_a_folder_is_never_replaced(tmp_path: Path) -> None:
 
 
 def test_a_name_that_tells_no_bag_is_refused(tmp_path: Path) -> None:
-    """
-    The message lists the names that do.
-    """
+    """The message lists the names that do."""
     with (
         pytest.raises(FormatError, match=r"known: \.mcap, \.bag \(ROS 1\)"),
         new_bag(tmp_path / "x.zip", [GRIDS]),
@@ -100,9 +90,7 @@ def test_a_name_that_tells_no_bag_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_mcap_library_reads_what_rosbags_reads(tmp_path: Path) -> None:
-    """
-    Closed, every CRC right, indexed in chunks, profile ros2; sequence counts along each topic.
-    """
+    """Closed, every CRC right, indexed in chunks, profile ros2."""
     write(tmp_path / "x.mcap", restless(1))
 
     with (tmp_path / "x.mcap").open("rb") as file:
@@ -127,10 +115,7 @@ def test_the_mcap_library_reads_what_rosbags_reads(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["x.mcap", "x"])
 def test_who_comes_late_gets_the_last_grid(name: str, tmp_path: Path) -> None:
-    """
-    ROS 2's players offer the grids as transient_local, and the updates, which mean nothing
-    without those before, as volatile.
-    """
+    """Players offer grids as transient_local, and updates as volatile."""
     write(tmp_path / name, restless(1))
 
     with AnyReader([tmp_path / name]) as reader:
@@ -143,9 +128,7 @@ def test_who_comes_late_gets_the_last_grid(name: str, tmp_path: Path) -> None:
 
 
 def test_metadata_yaml_says_what_rosbags_would_say(tmp_path: Path) -> None:
-    """
-    Of the same messages, written by that library, it is the same but for the file's name.
-    """
+    """Of the same messages, written by that library, it is the same but for the file's name."""
     write(tmp_path / "x", restless(1))
     with (
         AnyReader([tmp_path / "x"]) as reader,
@@ -168,9 +151,7 @@ def test_metadata_yaml_says_what_rosbags_would_say(tmp_path: Path) -> None:
 
 
 def test_ros_1_latches_the_grids(tmp_path: Path) -> None:
-    """
-    The connections of a ROS 1 bag say so, and have a caller, without which rosbag ignores it.
-    """
+    """The connections of a ROS 1 bag say so, and have a caller, without which rosbag ignores it."""
     write(tmp_path / "x.bag", restless(1))
 
     with AnyReader([tmp_path / "x.bag"]) as reader:
@@ -180,10 +161,7 @@ def test_ros_1_latches_the_grids(tmp_path: Path) -> None:
 
 
 def test_ros_1_can_unpack_the_chunks(tmp_path: Path) -> None:
-    """
-    Its roslz4 takes LZ4 frames of one kind only: version 1, independent blocks, a checksum of the
-    content and no size of it (lz4s.c); any other is `malformed data`.
-    """
+    """roslz4 takes version 1, independent blocks, a checksum and no size (lz4s.c)."""
     write(tmp_path / "x.bag", restless(1))
 
     data = (tmp_path / "x.bag").read_bytes()
@@ -194,9 +172,7 @@ def test_ros_1_can_unpack_the_chunks(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_ros_1s_own_library_reads_every_message(tmp_path: Path) -> None:
-    """
-    As `rosbag play` would: where ROS 1's python is installed.
-    """
+    """As `rosbag play` would: where ROS 1's python is installed."""
     python = Path("/usr/bin/python3")
     has_rosbag = subprocess.run([python, "-c", "import rosbag"], capture_output=True, check=False)
     if has_rosbag.returncode:
@@ -214,9 +190,7 @@ def test_ros_1s_own_library_reads_every_message(tmp_path: Path) -> None:
 
 
 def test_ros_knows_the_update_by_its_digest() -> None:
-    """
-    The MD5 by which noetic's nodes tell whether map_msgs/OccupancyGridUpdate is theirs.
-    """
+    """The MD5 by which noetic's nodes tell whether map_msgs/OccupancyGridUpdate is theirs."""
     digest = ros_types(1).generate_msgdef(UPDATES.ros_type)[1]
 
     assert "b295be292b335c34718bd939deebe1c9" == digest
@@ -224,9 +198,7 @@ def test_ros_knows_the_update_by_its_digest() -> None:
 
 @pytest.mark.viewer
 def test_rerun_draws_the_grids_as_they_are(tmp_path: Path) -> None:
-    """
-    Rerun's own loader makes of each grid a GridMap in its place, the top row first.
-    """
+    """Rerun's own loader makes of each grid a GridMap in its place, the top row first."""
     pytest.importorskip("rerun")
     from rerun.chunk import McapReader
 

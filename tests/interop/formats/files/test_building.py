@@ -47,9 +47,7 @@ def building(tmp_path, levels, head=""):
 
 
 def test_a_door_starts_at_its_first_vertex_in_metres_with_y_up(tmp_path):
-    """
-    Pixels times the scale of the measurement, y negated; the kind is an annotation.
-    """
+    """Pixels times the scale of the measurement, y negated; the kind is an annotation."""
     table = read_building(building(tmp_path, f"  L1:\n    elevation: 2.5\n{ROOM}"))
 
     (door,) = table.doors
@@ -61,9 +59,7 @@ def test_a_door_starts_at_its_first_vertex_in_metres_with_y_up(tmp_path):
 
 
 def test_the_scale_is_the_mean_of_the_measurements(tmp_path):
-    """
-    4 m / 80 px and 4.5 m / 60 px: 0.0625 m a pixel.
-    """
+    """4 m / 80 px and 4.5 m / 60 px: 0.0625 m a pixel."""
     levels = "  L1:\n" + ROOM.replace(
         "{distance: [3, 4.0]}]", "{distance: [3, 4.0]}]\n      - [1, 2, {distance: [3, 4.5]}]"
     )
@@ -74,9 +70,7 @@ def test_the_scale_is_the_mean_of_the_measurements(tmp_path):
 
 
 def test_cartesian_metres_are_taken_as_they_are(tmp_path):
-    """
-    The other coordinate system of traffic_editor: y up already, no measurements needed.
-    """
+    """The other coordinate system of traffic_editor: y up already, no measurements needed."""
     levels = "  L1:\n" + ROOM.replace("[0, 1, {distance: [3, 4.0]}]", "[0, 1, {}]")
 
     (door,) = read_building(building(tmp_path, levels, "coordinate_system: cartesian_meters")).doors
@@ -85,9 +79,7 @@ def test_cartesian_metres_are_taken_as_they_are(tmp_path):
 
 
 def test_levels_are_numbered_from_the_lowest_and_keep_their_numbers(tmp_path):
-    """
-    By elevation, then by name; asking for one of them does not renumber it.
-    """
+    """By elevation, then by name; asking for one of them does not renumber it."""
     levels = "".join(
         f"  {name}:\n    elevation: {elevation}\n{ROOM}"
         for name, elevation in (("top", 8), ("b", 0), ("a", 0))
@@ -104,9 +96,7 @@ def test_levels_are_numbered_from_the_lowest_and_keep_their_numbers(tmp_path):
 
 
 def test_the_floor_plan_has_walls_floors_and_a_way_through_the_door(tmp_path):
-    """
-    100 on a wall, 0 inside and in the doorway, -1 outside; row 0 is the lowest y.
-    """
+    """100 on a wall, 0 inside and in the doorway, -1 outside; row 0 is the lowest y."""
     (plan,) = read_building(building(tmp_path, f"  L1:\n{ROOM}")).floor_maps
 
     def cell(x, y):
@@ -126,9 +116,7 @@ def test_the_floor_plan_has_walls_floors_and_a_way_through_the_door(tmp_path):
 
 
 def test_a_door_across_a_wall_is_cut_out_of_it(tmp_path):
-    """
-    Some plans draw the wall through.
-    """
+    """Some plans draw the wall through."""
     levels = "  L1:\n" + ROOM.replace("- [0, 4, {}]\n      - [5, 1, {}]", "- [0, 1, {}]")
 
     (plan,) = read_building(building(tmp_path, levels)).floor_maps
@@ -139,9 +127,7 @@ def test_a_door_across_a_wall_is_cut_out_of_it(tmp_path):
 
 
 def test_a_level_without_walls_has_no_plan(tmp_path):
-    """
-    And one without anything needs no measurements.
-    """
+    """And one without anything needs no measurements."""
     table = read_building(building(tmp_path, f"  L1:\n{VERTICES}\n    walls: []\n    doors: {{}}"))
 
     assert ((), ()) == (table.doors, table.floor_maps)
@@ -165,9 +151,7 @@ def test_a_level_without_walls_has_no_plan(tmp_path):
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_told_with_its_line(tmp_path, old, new, message):
-    """
-    One mistake each, in the room above.
-    """
+    """One mistake each, in the room above."""
     assert old in ROOM
 
     with pytest.raises(FormatError, match=message):
@@ -175,15 +159,11 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path, old, new, message):
 
 
 def test_a_door_twice_names_both_lines(tmp_path):
-    """
-    Twice means the same level and the same name.
-    """
+    """Twice means the same level and the same name."""
     door = "- [4, 5, {name: [1, front], type: [1, double_sliding]}]"
     levels = "  L1:\n" + ROOM.replace(door, f"{door}\n      {door}")
 
-    with pytest.raises(
-        FormatError, match=r":18: door 'front' is on level 'L1' twice: first on line 17"
-    ):
+    with pytest.raises(FormatError, match=r"'L1' twice: first on line 17"):
         read_building(building(tmp_path, levels))
 
 
@@ -191,9 +171,7 @@ def test_a_door_twice_names_both_lines(tmp_path):
     "name", ['name: [1, "null"]', "name: [1, null]", "name: [1, '']", "name: [1, ' ']", "locked: 1"]
 )
 def test_doors_without_a_name_are_doors(tmp_path, name):
-    """
-    However an editor writes that: both come in, and a word says so.
-    """
+    """However an editor writes that: both come in, and a word says so."""
     door = f"- [4, 5, {{{name}}}]"
     levels = "  L1:\n" + ROOM.replace(
         "- [4, 5, {name: [1, front], type: [1, double_sliding]}]",
@@ -208,9 +186,7 @@ def test_doors_without_a_name_are_doors(tmp_path, name):
 
 
 def test_a_name_may_come_again_on_another_level(tmp_path):
-    """
-    Hotels do that.
-    """
+    """Hotels do that."""
     table = read_building(building(tmp_path, f"  L1:\n{ROOM}\n  L2:\n{ROOM}"))
 
     assert [(1, "front"), (2, "front")] == [
@@ -232,9 +208,7 @@ def test_a_name_may_come_again_on_another_level(tmp_path):
     ],
 )  # fmt: skip
 def test_what_is_no_building_is_said(tmp_path, text, message):
-    """
-    Another YAML file given by mistake.
-    """
+    """Another YAML file given by mistake."""
     path = tmp_path / "b.building.yaml"
     path.write_text(text)
 
@@ -243,29 +217,23 @@ def test_what_is_no_building_is_said(tmp_path, text, message):
 
 
 def test_a_level_that_does_not_exist_names_those_that_do(tmp_path):
-    """
-    So that the next try is right.
-    """
+    """So that the next try is right."""
     path = building(tmp_path, f"  L1:\n{ROOM}\n  L2:\n{ROOM}")
 
-    with pytest.raises(FormatError, match="expected one of the levels L1, L2; got 'L3'"):
+    with pytest.raises(FormatError, match="levels L1, L2; got 'L3'"):
         read_building(path, level="L3")
 
 
 def test_a_plan_too_large_is_refused(tmp_path):
-    """
-    Half a kilometre by half a kilometre at a millimetre a cell.
-    """
+    """Half a kilometre by half a kilometre at a millimetre a cell."""
     levels = "  L1:\n" + ROOM.replace("[20, 40, 0", "[20000, 40000, 0")
 
-    with pytest.raises(FormatError, match="expected a level of at most 100,000,000 cells"):
+    with pytest.raises(FormatError, match="100,000,000 cells"):
         read_building(building(tmp_path, levels), resolution=0.0001)
 
 
 def test_doors_of_the_hotel_lie_where_open_rmf_has_them(shared_data):
-    """
-    Both ends of each door, on all levels: as in the nav graph that Open-RMF made of it.
-    """
+    """Both ends of each door, on all levels: as in the nav graph that Open-RMF made of it."""
     folder = shared_data / "maps" / "rmf_hotel"
     table = read_building(folder / "hotel.building.yaml", lifts=False)
     graph = yaml.safe_load((folder / "nav_graph.yaml").read_text())
@@ -303,9 +271,7 @@ def test_doors_of_the_hotel_lie_where_open_rmf_has_them(shared_data):
 def test_the_buildings_of_open_rmf(  # noqa: PLR0917 - a row of the table above
     shared_data, name, doors, levels, lifts, widths_m
 ):
-    """
-    Every door of the three, and their lifts', with plausible widths, its way free in the plan.
-    """
+    """Every door of the three, and their lifts', its way free in the plan."""
     table = read_building(shared_data / "maps" / f"rmf_{name}" / f"{name}.building.yaml")
 
     names = {level.level: level.name for level in table.levels}

@@ -64,9 +64,7 @@ def _place(table: DoorTable) -> tuple[float, ...]:
 def test_a_level_lies_by_its_fiducials(
     read: Callable[..., DoorTable], fiducials: str, expected: tuple[float, ...], more: str
 ) -> None:
-    """
-    Its own measurements do not count, and need not be there.
-    """
+    """Its own measurements do not count, and need not be there."""
     table = read(upper(fiducials, more))
 
     assert expected == pytest.approx(_place(table))
@@ -77,9 +75,7 @@ def test_a_level_lies_by_its_fiducials(
 def test_points_that_were_not_clicked_exactly_are_averaged_as_in_open_rmf(
     read: Callable[..., DoorTable],
 ) -> None:
-    """
-    Of what its Transform.set_from_fiducials prints for these points: the mean turn, mean scale.
-    """
+    """As Transform.set_from_fiducials prints for these points: the mean turn, the mean scale."""
     table = read(upper("[[0, 0, a], [101, 2, b], [98, 103, c]]"))
 
     turns = [
@@ -96,9 +92,7 @@ def test_points_that_were_not_clicked_exactly_are_averaged_as_in_open_rmf(
 def test_only_the_level_that_is_asked_for_lies_as_in_the_whole(
     read: Callable[..., DoorTable],
 ) -> None:
-    """
-    The reference level is read for its fiducials, though it is not asked for.
-    """
+    """The reference level is read for its fiducials, though it is not asked for."""
     (door,) = read(upper("[[0, 0, a], [50, 0, b]]"), level="upper").doors
 
     assert (4.0, -4.0) == pytest.approx((door.x, door.y))
@@ -109,9 +103,7 @@ def test_only_the_level_that_is_asked_for_lies_as_in_the_whole(
 def test_without_two_common_fiducials_its_own_measurements_count(
     read: Callable[..., DoorTable], fiducials: str
 ) -> None:
-    """
-    A word says that its drawing may lie otherwise; without measurements it is refused.
-    """
+    """A word says that its drawing may lie otherwise; without measurements it is refused."""
     table = read(upper(fiducials, MEASURED))
 
     assert (2.0, -2.0, 0.0, 1.0) == pytest.approx(_place(table))
@@ -122,14 +114,12 @@ def test_without_two_common_fiducials_its_own_measurements_count(
 
 
 def test_the_reference_level_may_be_named(read: Callable[..., DoorTable]) -> None:
-    """
-    Then the first of the file lies by it: 0.1 m a pixel, and the ground drawn half as large.
-    """
+    """Then the first of the file lies by it: 0.1 m a pixel, and the ground drawn half as large."""
     more = MEASURED.replace("1.0", "2.0")
     table = read(upper("[[0, 0, a], [50, 0, b]]", more), head="reference_level_name: upper")
 
     low, high = table.doors
     assert (4.0, -4.0, 2.0) == pytest.approx((high.x, high.y, high.width))
     assert (2.0, -2.0, 1.0) == pytest.approx((low.x, low.y, low.width))
-    with pytest.raises(FormatError, match="reference_level_name: expected one of the levels"):
+    with pytest.raises(FormatError, match="reference_level_name"):
         read(upper("[]", MEASURED), head="reference_level_name: cellar")

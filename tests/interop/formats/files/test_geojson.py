@@ -33,9 +33,7 @@ def dumped(doors: DoorMap = DOORS) -> Any:
 
 
 def test_each_door_is_a_line_with_what_the_map_says_of_it() -> None:
-    """
-    From its pose along its width; the properties are those of `replay --json`.
-    """
+    """From its pose along its width; the properties are those of `replay --json`."""
     front, contact = dumped()["features"]
 
     assert {"type", "id", "geometry", "properties"} == front.keys()
@@ -52,9 +50,7 @@ def test_each_door_is_a_line_with_what_the_map_says_of_it() -> None:
 
 @pytest.mark.parametrize("without", [CONTACT, FAR])
 def test_a_door_without_a_place_has_no_geometry(without: Door) -> None:
-    """
-    Null, as RFC 7946 has it for what is not located; it is named.
-    """
+    """Null, as RFC 7946 has it for what is not located; it is named."""
     text, unplaced = dump_geojson(DoorMap({DoorId(7): without}, {}), {})
 
     (feature,) = json.loads(text)["features"]
@@ -64,9 +60,7 @@ def test_a_door_without_a_place_has_no_geometry(without: Door) -> None:
 
 
 def test_nobody_can_take_the_coordinates_for_those_of_the_earth() -> None:
-    """
-    GDAL reads the plane's own text; people read words; and the moment and the levels are there.
-    """
+    """GDAL reads the plane's own text; people read words."""
     found = dumped()
     said = found["semmap_log"]
 
@@ -81,9 +75,7 @@ def test_nobody_can_take_the_coordinates_for_those_of_the_earth() -> None:
 
 
 def test_the_same_doors_are_the_same_text() -> None:
-    """
-    Whatever order they come in; one feature a line, ids ascending.
-    """
+    """Whatever order they come in; one feature a line, ids ascending."""
     turned = DoorMap(dict(reversed(DOORS.doors.items())), DOORS.levels, 9, NOON_NS)
 
     text = dump_geojson(DOORS, {})[0]
@@ -93,9 +85,7 @@ def test_the_same_doors_are_the_same_text() -> None:
 
 
 def test_a_map_without_doors_is_an_empty_collection() -> None:
-    """
-    And valid.
-    """
+    """And valid."""
     found = dumped(DoorMap({}, {}))
 
     assert ("FeatureCollection", []) == (found["type"], found["features"])

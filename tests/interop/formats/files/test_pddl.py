@@ -59,9 +59,7 @@ STORE = door(3, "store", state=DoorState.MOVING)
 
 
 def test_doors_are_objects_with_their_state_their_rooms_and_what_they_cost() -> None:
-    """
-    Both ways round: PDDL knows no other symmetry. MOVING is neither open nor closed.
-    """
+    """Both ways round: PDDL knows no other symmetry. MOVING is neither open nor closed."""
     text = dumped(doors(FRONT, SIDE, STORE), start="lobby", goal="CoE lab")
 
     assert ["front-door", "-", "door", "side", "-", "door", "store", "-", "door",
@@ -79,9 +77,7 @@ def test_doors_are_objects_with_their_state_their_rooms_and_what_they_cost() -> 
 
 
 def test_the_cheapest_way_is_the_one_that_is_likeliest_open() -> None:
-    """
-    Costs are -1000 ln P: whole, at least 1, and what is nearly never open has an end, too.
-    """
+    """Costs are -1000 ln P: whole, at least 1, and what is nearly never open has an end, too."""
     ways = [(0.9, 0.8, 0.7), (0.6,), (0.5, 0.99)]
 
     by_cost = sorted(ways, key=lambda way: sum(map(pass_cost, way)))
@@ -91,9 +87,7 @@ def test_the_cheapest_way_is_the_one_that_is_likeliest_open() -> None:
 
 
 def test_without_costs_nothing_of_them_is_left() -> None:
-    """
-    For planners that know STRIPS and types alone: neither in the problem nor in the domain.
-    """
+    """For planners that know STRIPS and types alone: neither in the problem nor in the domain."""
     problem = dumped(doors(FRONT), with_costs=False)
 
     assert "cost" in dumped(doors(FRONT))
@@ -105,9 +99,7 @@ def test_without_costs_nothing_of_them_is_left() -> None:
 
 @pytest.mark.parametrize("with_costs", [True, False])
 def test_the_domain_declares_all_that_it_and_a_problem_use(with_costs: bool) -> None:
-    """
-    And each action costs something, where anything does.
-    """
+    """And each action costs something, where anything does."""
     domain = expression_of(dump_domain(with_costs=with_costs))
     by_kind = {part[0]: part[1:] for part in domain[1:]}
     declared = {each[0] for each in by_kind[":predicates"]}
@@ -139,9 +131,7 @@ def test_the_domain_declares_all_that_it_and_a_problem_use(with_costs: bool) -> 
 def test_two_rooms_with_a_comma_between_are_joined(
     rooms: str, expected: tuple[str, str] | None
 ) -> None:
-    """
-    Anything else joins none, and no way leads through.
-    """
+    """Anything else joins none, and no way leads through."""
     found = rooms_between(door(1, rooms=rooms, level=2))
 
     assert expected == (None if found is None else tuple(room.name for room in found))
@@ -149,9 +139,7 @@ def test_two_rooms_with_a_comma_between_are_joined(
 
 
 def test_rooms_of_the_same_name_on_two_levels_are_two() -> None:
-    """
-    Else a way would lead through the ceiling; which is meant has to be said.
-    """
+    """Else a way would lead through the ceiling; which is meant has to be said."""
     levels = {n: Level(n, f"L{n}", 0.0) for n in (1, 2)}
     door_map = doors(door(1, "a", "hall,lab", level=1), door(2, "b", "hall,bath", level=2),
                      levels=levels)  # fmt: skip
@@ -160,7 +148,7 @@ def test_rooms_of_the_same_name_on_two_levels_are_two() -> None:
 
     assert {"hall-room-1", "hall-room-2"} == {names[NamedRoom(level, "hall")] for level in (1, 2)}
     assert ["robot-at", "hall-room-2"] in section(dumped(door_map, start="L2/hall"), ":init")
-    with pytest.raises(CommandError, match="'hall' may be any of hall-room-1, hall-room-2"):
+    with pytest.raises(CommandError, match="hall-room-1, hall-room-2"):
         dumped(door_map, start="hall")
 
 
@@ -178,9 +166,7 @@ def test_rooms_of_the_same_name_on_two_levels_are_two() -> None:
     ],
 )  # fmt: skip
 def test_a_goal_is_a_room_a_door_or_a_condition(goal: str, expected: list[Any]) -> None:
-    """
-    As people call them, or as the file does.
-    """
+    """As people call them, or as the file does."""
     assert [expected] == section(dumped(doors(FRONT, SIDE, STORE), goal=goal), ":goal")
 
 
@@ -189,17 +175,13 @@ def test_a_goal_is_a_room_a_door_or_a_condition(goal: str, expected: list[Any]) 
     ["cellar", "", "(checked side", "(checked side))", "(a) (b)", "(a) ; no", '(a "b")', "(a) b"],
 )
 def test_a_goal_that_is_none_is_refused(goal: str) -> None:
-    """
-    With what would be one; nothing is left open that the file would close elsewhere.
-    """
+    """With what would be one; nothing is left open that the file would close elsewhere."""
     with pytest.raises(CommandError, match=r"goal .*expected"):
         dumped(doors(FRONT, SIDE), goal=goal)
 
 
 def test_a_start_that_is_no_room_is_refused() -> None:
-    """
-    With those that are, or how to make some.
-    """
+    """With those that are, or how to make some."""
     with pytest.raises(CommandError, match=r"expected a room; the rooms are coe-lab, lobby\."):
         dumped(doors(FRONT), start="cellar")
     with pytest.raises(CommandError, match="annotate LOG DOOR rooms"):
@@ -207,9 +189,7 @@ def test_a_start_that_is_no_room_is_refused() -> None:
 
 
 def test_what_is_not_said_stays_open_and_says_so() -> None:
-    """
-    No goal is one that every state fulfils, as planners take it.
-    """
+    """No goal is one that every state fulfils, as planners take it."""
     text = dumped(doors(FRONT))
 
     assert [["and"]] == section(text, ":goal")
@@ -235,16 +215,12 @@ def test_what_is_not_said_stays_open_and_says_so() -> None:
     ],
 )
 def test_names_are_made_safe(text: str, name: str) -> None:
-    """
-    Small letters, digits, - and _, a letter first, and no word that means something.
-    """
+    """Small letters, digits, - and _, a letter first, and no word that means something."""
     assert name == pddl_names({1: Wanted("door", text, "7")}, WORDS)[1]
 
 
 def test_names_that_would_be_alike_are_told_apart() -> None:
-    """
-    PDDL knows no capitals. A name that has all to itself keeps it.
-    """
+    """PDDL knows no capitals. A name that has all to itself keeps it."""
     texts = ["Hall", "hall", "hall-door-1", "lab"]
     wanted = {n: Wanted("door", text, str(n)) for n, text in enumerate(texts)}
 
@@ -278,9 +254,7 @@ hostile_doors = st.lists(
 @given(hostile_doors, hostile)
 @example([("a", "a", "b", DoorState.OPEN, 0), ("a-door-1", "x", "y", DoorState.OPEN, 0)], "x")
 def test_no_name_breaks_a_file(drawn: list[Any], building: str) -> None:
-    """
-    Objects are as many as there are doors and rooms, all told apart; nothing else is said.
-    """
+    """Objects are as many as there are doors and rooms, all told apart; nothing else is said."""
     door_map = doors(
         *(
             door(n, name, f"{a},{b}", state=state, level=level)

@@ -64,9 +64,7 @@ def parse(values):
 
 
 def test_the_example_of_the_design():
-    """
-    A sighting: one accuracy for both, the state by name, the time as ISO-8601 UTC.
-    """
+    """A sighting: one accuracy for both, the state by name, the time as ISO-8601 UTC."""
     event = DoorObserved(
         door_id=DoorId(1), state=DoorState.OPEN, accuracy_open=0.9, accuracy_closed=0.9,
         happened_ns=NOON_NS,
@@ -81,9 +79,7 @@ def test_the_example_of_the_design():
 
 
 def test_a_recorded_event_shows_its_number_and_when_the_log_learnt_it():
-    """
-    With the commit's note: only what it says.
-    """
+    """With the commit's note: only what it says."""
     recorded = RecordedEvent(12, NOON_NS + 1, DoorRemoved(door_id=DoorId(3), happened_ns=NOON_NS))
 
     shown = event_to_json(recorded, note={"actor": "eva", "reason": "walled up", "source": ""})
@@ -99,9 +95,7 @@ def test_a_recorded_event_shows_its_number_and_when_the_log_learnt_it():
 
 
 def test_an_update_shows_only_what_it_changes():
-    """
-    And says which that is, in words.
-    """
+    """And says which that is, in words."""
     event = DoorUpdated(
         door_id=DoorId(1), changed=Changed.STATE | Changed.PROB_OPEN, state=DoorState.OPEN,
         prob_open=NAN, width=99.0,
@@ -112,9 +106,7 @@ def test_an_update_shows_only_what_it_changes():
 
 
 def test_what_an_update_changes_is_seen_from_its_keys():
-    """
-    A position without a level stays on the door's own.
-    """
+    """A position without a level stays on the door's own."""
     line = {"kind": "DoorUpdated", "door": "front", "x": 1, "y": 2.5, "theta": 0}
 
     event = parse(line).event
@@ -126,16 +118,12 @@ def test_what_an_update_changes_is_seen_from_its_keys():
 
 
 def test_a_new_door_needs_no_id():
-    """
-    It gets the next free one.
-    """
+    """It gets the next free one."""
     assert DoorAdded(door_id=DoorId(42)) == parse('{"kind": "DoorAdded"}').event
 
 
 def test_a_salt_is_never_shown():
-    """
-    It keeps redacted texts from being guessed.
-    """
+    """It keeps redacted texts from being guessed."""
     event = DoorAnnotated(door_id=DoorId(1), key="name", value="Küche", salt=b"secret")
 
     assert {"kind": "DoorAnnotated", "door_id": 1, "key": "name", "value": "Küche"} == (
@@ -162,9 +150,7 @@ def test_a_salt_is_never_shown():
     ],
 )
 def test_what_is_no_event_is_said(text, message):
-    """
-    Where, what was expected, what was got.
-    """
+    """Where, what was expected, what was got."""
     with pytest.raises(FormatError, match=message):
         parse(text)
 
@@ -227,9 +213,7 @@ PLAN = event_to_json(FloorMap(resolution=0.05, origin_x=0.0, origin_y=0.0,
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_an_event_is_said(values, message):
-    """
-    One wrong key each.
-    """
+    """One wrong key each."""
     with pytest.raises(FormatError, match=message):
         parse(values)
 
@@ -297,18 +281,14 @@ EVENTS = {
 
 
 def test_every_kind_is_tried_below():
-    """
-    A new kind of event fails here until it is.
-    """
+    """A new kind of event fails here until it is."""
     assert set(KINDS) == set(EVENTS)
 
 
 @settings(suppress_health_check=[HealthCheck.too_slow])
 @given(st.one_of(*EVENTS.values()), st.none() | st.integers(0, MAX_TIME_NS))
 def test_every_event_survives_a_round_trip(event: Event, happened_ns):
-    """
-    Through JSON text, exactly; absent numbers stay absent.
-    """
+    """Through JSON text, exactly; absent numbers stay absent."""
     object.__setattr__(event, "happened_ns", happened_ns)
 
     text = json.dumps(event_to_json(event), allow_nan=False)

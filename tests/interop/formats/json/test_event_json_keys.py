@@ -24,16 +24,12 @@ LOOKUP = DoorLookup(lambda _: DoorId(7), lambda: DoorId(8), lambda _: 0, lambda 
 
 
 def test_the_page_is_up_to_date() -> None:
-    """
-    Else: python tools/json_lines_page.py.
-    """
+    """Else: python tools/json_lines_page.py."""
     assert page() == PAGE.read_text(encoding="utf-8")
 
 
 def test_help_names_every_kind_and_every_key() -> None:
-    """
-    In 80 columns.
-    """
+    """In 80 columns."""
     text = help_text()
     words = text.replace("[", "").replace("]", "").split()
 
@@ -45,9 +41,7 @@ def test_help_names_every_kind_and_every_key() -> None:
 
 
 def test_a_line_of_the_needed_keys_alone_is_read() -> None:
-    """
-    Of every kind; and without any one of them it is not. (A floor plan's cells are another test's.)
-    """
+    """Of every kind; and without any one of them it is not."""
     for kind, _, keys in kinds_and_keys():
         if kind == "FloorMap":
             continue

@@ -51,9 +51,7 @@ def _assert_same(kept: KeptVisit, visit: Visit, scans: Sequence[PlacedScan]) -> 
 
 
 def test_visits_and_their_scans_come_back(tmp_path: Path) -> None:
-    """
-    With the door's line, its level, and the event that each became.
-    """
+    """With the door's line, its level, and the event that each became."""
     first = seen_visit(0, opening=math.nan, behind_m=0.1, side=1)
     second = seen_visit(30, leaf=None, robot="rover")
 
@@ -69,9 +67,7 @@ def test_visits_and_their_scans_come_back(tmp_path: Path) -> None:
 
 
 def test_beams_that_were_not_measured_or_lost_stay_so(tmp_path: Path) -> None:
-    """
-    NaN and inf; and of a pose of which nothing is told, that.
-    """
+    """NaN and inf; and of a pose of which nothing is told, that."""
     visit, (scan, *_) = seen_visit(0)
     ranges = scan.ranges.copy()
     ranges[:4] = [math.nan, math.inf, 0.5, math.nan]
@@ -83,9 +79,7 @@ def test_beams_that_were_not_measured_or_lost_stay_so(tmp_path: Path) -> None:
 
 
 def test_a_laser_that_moves_while_it_turns_is_kept_beam_by_beam(tmp_path: Path) -> None:
-    """
-    A LaserScan has one place, and even angles: these have neither.
-    """
+    """A LaserScan has one place, and even angles: these have neither."""
     visit, (scan, *_) = seen_visit(0)
     moving = np.linspace(0, 0.1, len(scan.ranges))[:, None] * [1.0, 0.5]
     scan = replace(
@@ -101,9 +95,7 @@ def test_a_laser_that_moves_while_it_turns_is_kept_beam_by_beam(tmp_path: Path) 
 
 
 def test_a_scan_of_several_visits_is_written_once(tmp_path: Path) -> None:
-    """
-    Doors beside each other are seen by the same scans.
-    """
+    """Doors beside each other are seen by the same scans."""
     visit, scans = seen_visit(0, scans=40)
     others = [replace(visit, door_id=DoorId(n)) for n in range(2, 8)]
 
@@ -116,9 +108,7 @@ def test_a_scan_of_several_visits_is_written_once(tmp_path: Path) -> None:
 
 
 def test_a_killed_recorder_leaves_what_it_was_told(tmp_path: Path) -> None:
-    """
-    Each visit is on its way to the disk once it is kept; the file's end is missing.
-    """
+    """Each visit is on its way to the disk once it is kept; the file's end is missing."""
     visit, scans = seen_visit(0)
     writer = KeptScansWriter(tmp_path / "office", LOG_ID)
     writer.keep(visit, line=LINE, level=0, scans=scans)
@@ -136,9 +126,7 @@ def test_a_killed_recorder_leaves_what_it_was_told(tmp_path: Path) -> None:
 
 
 def test_a_torn_file_is_read_up_to_its_tear(tmp_path: Path) -> None:
-    """
-    Wherever it is cut: whole visits with all their scans, and never an error.
-    """
+    """Wherever it is cut: whole visits with all their scans, and never an error."""
     visits = [seen_visit(30 * n, scans=2) for n in range(3)]
     path = _keep(tmp_path / "office", visits)
     whole = path.read_bytes()
@@ -155,9 +143,7 @@ def test_a_torn_file_is_read_up_to_its_tear(tmp_path: Path) -> None:
 
 
 def test_a_damaged_file_is_read_up_to_there_and_told(tmp_path: Path) -> None:
-    """
-    A flipped byte in the last chunk leaves the visits before it.
-    """
+    """A flipped byte in the last chunk leaves the visits before it."""
     visits = [seen_visit(30 * n, scans=2) for n in range(3)]
     path = _keep(tmp_path / "office", visits)
     data = bytearray(path.read_bytes())
@@ -172,9 +158,7 @@ def test_a_damaged_file_is_read_up_to_there_and_told(tmp_path: Path) -> None:
 
 
 def test_zeros_behind_a_power_cut_are_no_visits(tmp_path: Path) -> None:
-    """
-    Blocks that were given to the file, and never written.
-    """
+    """Blocks that were given to the file, and never written."""
     path = _keep(tmp_path / "office", [seen_visit(30 * n) for n in range(2)])
     path.write_bytes(path.read_bytes()[: chunks_at(path)[1]] + bytes(4096))
     told: list[str] = []
@@ -184,9 +168,7 @@ def test_zeros_behind_a_power_cut_are_no_visits(tmp_path: Path) -> None:
 
 
 def test_each_run_has_a_file_of_its_own(tmp_path: Path) -> None:
-    """
-    Nothing that is there is written to; a visit that is kept twice is read once.
-    """
+    """Nothing that is there is written to; a visit that is kept twice is read once."""
     first = _keep(tmp_path / "office", [seen_visit(0)])
     before = first.read_bytes()
 
@@ -198,9 +180,7 @@ def test_each_run_has_a_file_of_its_own(tmp_path: Path) -> None:
 
 
 def test_without_a_visit_there_is_no_file(tmp_path: Path) -> None:
-    """
-    Nor a folder.
-    """
+    """Nor a folder."""
     with keeping_scans(tmp_path / "office", LOG_ID):
         pass
 
@@ -210,9 +190,7 @@ def test_without_a_visit_there_is_no_file(tmp_path: Path) -> None:
 
 
 def test_scans_of_another_log_are_passed_over(tmp_path: Path) -> None:
-    """
-    A log that was removed may have had the same name.
-    """
+    """A log that was removed may have had the same name."""
     _keep(tmp_path / "office", [seen_visit(0)])
     told: list[str] = []
 
@@ -221,9 +199,7 @@ def test_scans_of_another_log_are_passed_over(tmp_path: Path) -> None:
 
 
 def test_some_visits_are_asked_for(tmp_path: Path) -> None:
-    """
-    By time, by door; and those without their scans that nobody wants to see.
-    """
+    """By time, by door; and those without their scans that nobody wants to see."""
     visits = [seen_visit(30 * n, door_id=1 + n % 2) for n in range(4)]
     _keep(tmp_path / "office", visits)
     second_ns, last_ns = visits[1][0].last_ns, visits[3][0].last_ns
@@ -238,9 +214,7 @@ def test_some_visits_are_asked_for(tmp_path: Path) -> None:
 
 
 def test_an_event_finds_its_scans(tmp_path: Path) -> None:
-    """
-    By its door and when it happened, anywhere in the visit.
-    """
+    """By its door and when it happened, anywhere in the visit."""
     (visit, scans), (later, _) = seen_visit(0), seen_visit(30)
     _keep(tmp_path / "office", [(visit, scans), (later, scans)])
 
@@ -257,9 +231,7 @@ def test_an_event_finds_its_scans(tmp_path: Path) -> None:
 
 
 def test_a_passage_needs_no_scans(tmp_path: Path) -> None:
-    """
-    It is told by the robot's way.
-    """
+    """It is told by the robot's way."""
     passing = some_visit(7, 0, passed=True, state=DoorState.OPEN)
 
     _keep(tmp_path / "office", [(passing, [])])
@@ -269,12 +241,10 @@ def test_a_passage_needs_no_scans(tmp_path: Path) -> None:
 
 
 def test_where_nothing_can_be_written_it_is_told(tmp_path: Path) -> None:
-    """
-    A file stands where the folder would be.
-    """
+    """A file stands where the folder would be."""
     (tmp_path / "office.scans").write_text("", encoding="utf-8")
 
-    with pytest.raises(OutputError, match=r"office\.scans: could not be written"):
+    with pytest.raises(OutputError, match=r"office\.scans"):
         _keep(tmp_path / "office", [seen_visit(0)])
 
 
@@ -282,9 +252,7 @@ def test_where_nothing_can_be_written_it_is_told(tmp_path: Path) -> None:
     "names", [("", "base_laser"), ("rover/1", "laser front"), ("機械", "雷射")]
 )
 def test_robots_and_lasers_may_be_called_anything(names: tuple[str, str], tmp_path: Path) -> None:
-    """
-    Topics bear what ROS allows of their names; two that are spelt alike are told apart.
-    """
+    """Topics bear what ROS allows of their names; two that are spelt alike are told apart."""
     robot, laser = names
     visits = [seen_visit(30 * n, robot=robot, laser=laser + "!" * n) for n in range(2)]
 
@@ -299,9 +267,7 @@ def test_robots_and_lasers_may_be_called_anything(names: tuple[str, str], tmp_pa
 
 
 def test_others_read_it(tmp_path: Path) -> None:
-    """
-    The mcap library with rosbags' decoder: standard messages, at the scans' own times.
-    """
+    """The mcap library with rosbags' decoder: standard messages, at the scans' own times."""
     from rosbags.highlevel import AnyReader
 
     visit, scans = seen_visit(0, robot="rover")

@@ -14,9 +14,7 @@ TOLD = ToldVisit(some_visit(laser="laser"), 0, (1.0, 2.0, 0.5, 0.9), (), 7)
 
 
 def test_a_text_tells_what_it_was_told() -> None:
-    """
-    NaN is null; a number without a point is one, too.
-    """
+    """NaN is null; a number without a point is one, too."""
     text = json.loads(text_of(TOLD))
 
     assert text["behind_m"] is None
@@ -34,9 +32,7 @@ def test_a_text_tells_what_it_was_told() -> None:
     ],
 )  # fmt: skip
 def test_values_that_cannot_be_are_refused(name: str, value: Any) -> None:
-    """
-    Before anybody counts with them.
-    """
+    """Before anybody counts with them."""
     text = json.dumps({**json.loads(text_of(TOLD)), name: value})
 
     with pytest.raises(ValueError, match="expected the text of a visit"):
@@ -47,8 +43,6 @@ def test_values_that_cannot_be_are_refused(name: str, value: Any) -> None:
     "text", ["[" * 100_000, '{"door_id": ' * 100_000, '{"door_id": Infinity, "state": "OPEN"}', "1"]
 )
 def test_texts_that_no_recorder_wrote_are_refused(text: str) -> None:
-    """
-    Nested without end, or with a number that is none.
-    """
+    """Nested without end, or with a number that is none."""
     with pytest.raises(ValueError, match="expected the text of a visit"):
         read_text(text)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -28,9 +26,7 @@ NAMES = [
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_name_comes_back_as_it_was(name: str) -> None:
-    """
-    And as it is written it begins no formula, and steers nothing.
-    """
+    """And as it is written it begins no formula, and steers nothing."""
     written = harmless(name)
 
     assert name == meant(written)
@@ -40,24 +36,18 @@ def test_a_name_comes_back_as_it_was(name: str) -> None:
 
 @given(st.text(st.sampled_from("'=+-@ \t\r\n\x1b\\u0015cabdef\u202e") | st.characters()))
 def test_every_name_comes_back(name: str) -> None:
-    """
-    Whatever it is made of.
-    """
+    """Whatever it is made of."""
     assert name == meant(harmless(name))
 
 
 @pytest.mark.parametrize("name", ["door", "Tür 2", "a'b", "x=y", "C:\\temp", "\\unit"])
 def test_other_names_are_as_they_are(name: str) -> None:
-    """
-    Files of others, and old ones of ours, mean what they meant.
-    """
+    """Files of others, and old ones of ours, mean what they meant."""
     assert name == harmless(name) == meant(name)
 
 
 def test_an_exported_log_comes_back_with_its_names(tmp_path: Path) -> None:
-    """
-    A spreadsheet's reader sees no formula; a new log has the same doors.
-    """
+    """A spreadsheet's reader sees no formula; a new log has the same doors."""
     names = sorted(name for name in NAMES if name.strip() == name)
     with sl.create(tmp_path / "log", tz="UTC") as log:
         for name in names:
@@ -78,9 +68,7 @@ def test_an_exported_log_comes_back_with_its_names(tmp_path: Path) -> None:
 def test_names_that_read_like_others_that_are_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A door called '=1 and one called =1, in blocks of their own.
-    """
+    """A door called '=1 and one called =1, in blocks of their own."""
     monkeypatch.setattr(csv_blocks, "BLOCK_BYTES", 64)
     rows = "2026-01-01T10:00,''=1,open\n" * 8 + "2026-01-01T10:00,'=1,closed\n" * 8
     (tmp_path / "x.csv").write_text("timestamp,door,state\n" + rows)
@@ -91,9 +79,7 @@ def test_names_that_read_like_others_that_are_written(
 
 
 def test_windows_name_doors_in_the_same_way(tmp_path: Path) -> None:
-    """
-    As the file that they belong to.
-    """
+    """As the file that they belong to."""
     (tmp_path / "x.csv").write_text("timestamp,door,state\n2026-01-01T10:00,'=1,open\n")
     (tmp_path / "w.csv").write_text("door,start,end\n'=1,2026-01-01T09:00,2026-01-01T11:00\n")
 
@@ -101,14 +87,3 @@ def test_windows_name_doors_in_the_same_way(tmp_path: Path) -> None:
 
     assert ("=1",) == found.doors
     assert () == found.warnings
-
-
-def test_the_rule_stands_in_the_help() -> None:
-    """
-    Who exports must know it.
-    """
-    command = [sys.executable, "-m", "semmap_log", "export", "--help"]
-    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-
-    assert "begins with = + - @ gets an ' before it" in told
-    assert "as \\u001b" in told

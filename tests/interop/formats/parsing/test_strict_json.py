@@ -22,18 +22,14 @@ MANY = {
 
 @pytest.mark.parametrize("text", MANY.values(), ids=MANY)
 def test_a_line_of_many_values_is_refused_before_it_is_read(text: str) -> None:
-    """
-    As text and as bytes.
-    """
+    """As text and as bytes."""
     for line in (text, text.encode()):
         with pytest.raises(StrictJsonError, match="262,144 commas"):
             load_object(line)
 
 
 def test_a_line_is_as_long_as_a_large_floor_plan() -> None:
-    """
-    And no longer.
-    """
+    """And no longer."""
     line = '{"cells":"' + "x" * (MOST_LINE_BYTES - 12) + '"}'
     assert load_object(line).keys() == {"cells"}
 

@@ -36,9 +36,7 @@ def serialized(version: RosVersion, message: Any, name: str) -> bytes:
 def test_texts_of_any_length_leave_the_others_where_they_belong(
     version: RosVersion, labels: list[str]
 ) -> None:
-    """
-    In CDR numbers are aligned: each text shifts all that is behind it.
-    """
+    """In CDR numbers are aligned: each text shifts all that is behind it."""
     parts = ArrayType(version, DOOR_MAP, "door_db", DOOR_ENTRY)
     new = Messages(version).new
     entries = [
@@ -55,9 +53,7 @@ def test_texts_of_any_length_leave_the_others_where_they_belong(
 @settings(deadline=None)
 @given(labels=labels)
 def test_markers_survive_a_round_through_rosbags(version: RosVersion, labels: list[str]) -> None:
-    """
-    Decoded and encoded again, a joined MarkerArray has the same bytes.
-    """
+    """Decoded and encoded again, a joined MarkerArray has the same bytes."""
     markers = DoorMarkers(version)
     looks = [
         DoorLook(DoorId(2**32 - 1 - number), (1.0, 2.0), 0.5, 0.9, 3.5, label, (1, 2, 3), (4, 5, 6))

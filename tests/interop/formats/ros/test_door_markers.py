@@ -25,9 +25,7 @@ def markers_of(theta: float, label: str = "front", width: float = 1.0) -> tuple[
 
 @pytest.mark.parametrize("theta", [0.0, 0.5, -0.7, 3.0])
 def test_a_name_stands_south_of_a_door_from_west_to_east(theta: float) -> None:
-    """
-    Below the lower of its ends, whatever its length.
-    """
+    """Below the lower of its ends, whatever its length."""
     leaf, name = markers_of(theta, "a long name of a door")
 
     lower = min(2.0, 2.0 + math.sin(theta))
@@ -37,9 +35,7 @@ def test_a_name_stands_south_of_a_door_from_west_to_east(theta: float) -> None:
 
 @pytest.mark.parametrize("theta", [math.pi / 2, -math.pi / 2, 1.2, 2.0])
 def test_a_name_stands_east_of_a_door_from_south_to_north(theta: float) -> None:
-    """
-    It begins behind the door: its letters are at most 0.6 of its height wide.
-    """
+    """It begins behind the door: its letters are at most 0.6 of its height wide."""
     leaf, name = markers_of(theta, "x" * 10)
 
     eastern = max(1.0, 1.0 + math.cos(theta))
@@ -49,10 +45,7 @@ def test_a_name_stands_east_of_a_door_from_south_to_north(theta: float) -> None:
 
 
 def test_a_leaf_stands_on_its_floor() -> None:
-    """
-    2 m high and 0.1 m thick; a door without width shows as a post: a marker of size 0 is an error
-    to RViz. The name is at its upper edge.
-    """
+    """2 m high, 0.1 m thick; without width a post, since RViz refuses a marker of size 0."""
     leaf, name = markers_of(0.0)
     post, _ = markers_of(0.0, width=0.0)
 
@@ -66,7 +59,5 @@ def test_a_leaf_stands_on_its_floor() -> None:
     ("door", "marker"), [(1, 1), (2**31 - 1, 2**31 - 1), (2**31, -(2**31)), (2**32 - 1, -1)]
 )
 def test_a_marker_has_an_id_for_every_door(door: int, marker: int) -> None:
-    """
-    Markers count in int32, doors in uint32: no two doors share one.
-    """
+    """Markers count in int32, doors in uint32: no two doors share one."""
     assert marker == marker_id_of(DoorId(door))

@@ -63,9 +63,7 @@ def at(grids: Sequence[tuple[int, NDArray[np.int8]]], moment: int) -> NDArray[np
 @pytest.mark.parametrize("name", BAGS)
 @pytest.mark.parametrize("every_s", [0, 60, 10_000])
 def test_rviz_shows_the_costmap_at_each_time(name: str, every_s: int, tmp_path: Path) -> None:
-    """
-    Whole grids with the updates between them are, after every message, the costmap as it was then.
-    """
+    """Whole grids with the updates between them are the costmap as it was then."""
     expected = grids_of(restless(1))
 
     write(tmp_path / name, restless(1), every_s=every_s)
@@ -81,10 +79,7 @@ def test_rviz_shows_the_costmap_at_each_time(name: str, every_s: int, tmp_path: 
 
 @pytest.mark.parametrize("name", BAGS)
 def test_whole_grids_alone_are_never_far_behind(name: str, tmp_path: Path) -> None:
-    """
-    Who knows no updates sees each change at most `every` later, and each grid is the costmap of
-    its own time; no two come closer, but for the last.
-    """
+    """Without updates each change is seen at most `every` later."""
     expected = grids_of(restless(2))
 
     write(tmp_path / name, restless(2), every_s=60)
@@ -101,9 +96,7 @@ def test_whole_grids_alone_are_never_far_behind(name: str, tmp_path: Path) -> No
 
 
 def test_a_change_at_the_very_time_of_a_grid_is_in_it(tmp_path: Path) -> None:
-    """
-    A grid was due at 60 s, and just then something else changed: one grid, with both.
-    """
+    """A grid was due at 60 s, and just then something else changed: one grid, with both."""
     costs = np.zeros(GEOMETRY.shape, np.uint8)
 
     def frames() -> Iterator[GridFrame]:
@@ -120,9 +113,7 @@ def test_a_change_at_the_very_time_of_a_grid_is_in_it(tmp_path: Path) -> None:
 
 
 def test_a_grid_at_each_change(tmp_path: Path) -> None:
-    """
-    With `every` 0 the whole grids are all the costmaps that there were, one a change.
-    """
+    """With `every` 0 the whole grids are all the costmaps that there were, one a change."""
     expected = grids_of(restless(3))
 
     write(tmp_path / "x.mcap", restless(3), every_s=0, updates=False)
@@ -134,10 +125,7 @@ def test_a_grid_at_each_change(tmp_path: Path) -> None:
 
 
 def test_an_update_holds_no_row_and_column_too_many(tmp_path: Path) -> None:
-    """
-    Of a window in which two cells changed only the rectangle around them is sent; of one in which
-    nothing did, nothing is.
-    """
+    """Of a window in which two cells changed only the rectangle around them is sent."""
     costs = np.zeros(GEOMETRY.shape, np.uint8)
 
     def frames() -> Iterator[GridFrame]:
@@ -156,9 +144,7 @@ def test_an_update_holds_no_row_and_column_too_many(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", BAGS)
 def test_a_grid_says_when_and_where_it_is(name: str, tmp_path: Path) -> None:
-    """
-    Stamp and log time are the happened time; frame `map`; resolution as float32; no rotation.
-    """
+    """Stamp and log time are the happened time; frame `map`; resolution as float32; no rotation."""
     write(tmp_path / name, restless(4))
 
     for each in played(tmp_path / name):
@@ -174,9 +160,7 @@ def test_a_grid_says_when_and_where_it_is(name: str, tmp_path: Path) -> None:
 
 
 def test_the_middle_of_the_century_is_refused(tmp_path: Path) -> None:
-    """
-    A ROS stamp ends in January 2038: later times are an error, and no file is left.
-    """
+    """A ROS stamp ends in January 2038: later times are an error, and no file is left."""
     costs = np.zeros(GEOMETRY.shape, np.uint8)
 
     with pytest.raises(OutputError, match="from 1970 to January 2038"):
