@@ -15,6 +15,7 @@ import pytest
 from steady_clock import SteadyClock
 
 from tests import quick
+from tests.golden_text import GoldenText
 
 MEMORY = Path("/dev/shm")
 ROOM_BYTES = 2**30
@@ -45,6 +46,12 @@ def shared_data() -> Path:
     if not SHARED.is_dir():
         pytest.skip("the real data (../shared/data) is not beside this checkout")
     return SHARED
+
+
+@pytest.fixture
+def golden(request: pytest.FixtureRequest, tmp_path: Path) -> GoldenText:
+    """Check texts against the golden file of a verb: `golden(verb, case, text)`."""
+    return GoldenText(tmp_path, is_rewritten=request.config.option.golden)
 
 
 @pytest.fixture
