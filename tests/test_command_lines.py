@@ -47,9 +47,7 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_paths_are_quoted_and_are_no_options() -> None:
-    """
-    Words in capitals stay as they are.
-    """
+    """Words in capitals stay as they are."""
     line = command_line("export", Path(AWKWARD), Path("-x"), "OUT.yaml", "--at", "2h ago")
 
     assert ["semmap-log", "export", AWKWARD, "./-x", "OUT.yaml", "--at", "2h ago"] == (
@@ -61,9 +59,7 @@ def test_paths_are_quoted_and_are_no_options() -> None:
 
 
 def test_a_log_that_is_not_there() -> None:
-    """
-    How to make one.
-    """
+    """How to make one."""
     with pytest.raises(NotALogError) as refused:
         sl.read(AWKWARD)
 
@@ -71,9 +67,7 @@ def test_a_log_that_is_not_there() -> None:
 
 
 def test_a_log_that_was_cut(log: Path) -> None:
-    """
-    How to go on; by the mark of what was closed, and by the list of rosbag2.
-    """
+    """How to go on; by the mark of what was closed, and by the list of rosbag2."""
     marks(log)[-1].write_text("{}")
     with pytest.raises(CorruptLogError) as refused:
         sl.read(log)
@@ -83,9 +77,6 @@ def test_a_log_that_was_cut(log: Path) -> None:
 
 
 def test_a_log_whose_end_is_missing(log: Path) -> None:
-    """
-    The same.
-    """
     older = {file: file.read_bytes() for file in log.glob("*.mcap")}
     with sl.append(log) as opened:
         opened.add_door()
@@ -103,9 +94,7 @@ def test_a_log_whose_end_is_missing(log: Path) -> None:
 
 @pytest.mark.usefixtures("terminal")
 def test_verify_and_info_say_what_to_keep(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    In one line, however long the path is.
-    """
+    """In one line, however long the path is."""
     far = Path("a very long way " * 8) / "log"
     far.parent.mkdir()
     shutil.copytree(log, far)
@@ -117,9 +106,6 @@ def test_verify_and_info_say_what_to_keep(log: Path, capsys: pytest.CaptureFixtu
 
 
 def test_verify_says_how_to_recover(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Damage.
-    """
     first = next(log.glob("*.mcap"))
     data = bytearray(first.read_bytes())
     data[len(data) // 2] ^= 1
@@ -130,9 +116,7 @@ def test_verify_says_how_to_recover(log: Path, capsys: pytest.CaptureFixture[str
 
 
 def test_a_round_that_was_not_begun(log: Path) -> None:
-    """
-    How to begin one.
-    """
+    """How to begin one."""
     with sl.append(log) as opened, pytest.raises(CommandError) as refused:
         opened.finish_patrol()
 
@@ -140,9 +124,7 @@ def test_a_round_that_was_not_begun(log: Path) -> None:
 
 
 def test_a_bag_that_is_a_log() -> None:
-    """
-    How to take its events.
-    """
+    """How to take its events."""
     refused = own_log(Path(AWKWARD) / "x_000000.mcap")
 
     assert isinstance(refused, FormatError)
@@ -161,9 +143,7 @@ levels:
 
 
 def test_a_name_of_two_doors(log: Path, tmp_path: Path) -> None:
-    """
-    How to rename one.
-    """
+    """How to rename one."""
     (tmp_path / "x.building.yaml").write_text(BUILDING)
     with sl.append(log) as opened:
         opened.append([LevelAdded(level=1, name="L1")])
@@ -182,9 +162,7 @@ def test_a_name_of_two_doors(log: Path, tmp_path: Path) -> None:
 def test_the_demo_says_what_to_type(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Each line names the log that it made.
-    """
+    """Each line names the log that it made."""
     monkeypatch.chdir(tmp_path)
     assert 0 == run("demo", AWKWARD)
 

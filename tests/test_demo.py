@@ -75,9 +75,7 @@ def test_it_sees_doors_by_laser_and_tells_the_truth_beside(tmp_path: Path) -> No
     ],
 )
 def test_truth_of_a_while(from_s: float, to_s: float, told: str) -> None:
-    """
-    How a door stood over a while, moves left out.
-    """
+    """How a door stood over a while, moves left out."""
     rows = [
         {"from_s": 0.0, "state": "OPEN"},
         {"from_s": 10.0, "state": "MOVING"},
@@ -92,9 +90,7 @@ def test_truth_of_a_while(from_s: float, to_s: float, told: str) -> None:
 def test_it_runs_twice_and_writes_over_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A second run takes another folder; a folder that is named must be free.
-    """
+    """A second run takes another folder; a folder that is named must be free."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.argv", ["semmap-log"])
     for _ in range(2):

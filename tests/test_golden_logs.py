@@ -58,9 +58,7 @@ def differences(found: Any, expected: Any, where: str = "") -> list[str]:
 
 
 def test_this_version_of_the_form_has_a_golden_log() -> None:
-    """
-    Who adds to the form makes one.
-    """
+    """Who adds to the form makes one."""
     name = f"format_{FORMAT_VERSION}_{FORMAT_MINOR}"
     assert name in [form.name for form in FORMS]
 
@@ -68,9 +66,7 @@ def test_this_version_of_the_form_has_a_golden_log() -> None:
 def test_a_golden_log_is_never_made_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    What is there is refused, and left as it is.
-    """
+    """What is there is refused, and left as it is."""
     there = tmp_path / f"format_{FORMAT_VERSION}_{FORMAT_MINOR}"
     there.mkdir()
     monkeypatch.setattr("sys.argv", ["make_golden.py", "--out", str(tmp_path)])
@@ -135,9 +131,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.name)
 def test_the_wheel_answers_as_well(form: Path, installed: Path, tmp_path: Path) -> None:
-    """
-    What people install, not the checkout that it was built from.
-    """
+    """What people install, not the checkout that it was built from."""
     log, answers = copied(form, "closed", tmp_path), form / "answers.json"
 
     done = subprocess.run(

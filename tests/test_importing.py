@@ -117,9 +117,7 @@ def _state_at(timeline: list[tuple[int, str]], ns: int) -> str | None:
 
 @pytest.mark.slow
 def test_the_workshop_is_open_a_fifth_of_its_known_time(shared_data: Path, tmp_path: Path) -> None:
-    """
-    The published figure, from the log: 0.179 of the time in which the state is known.
-    """
+    """The published figure, from the log: 0.179 of the time in which the state is known."""
     folder = shared_data / "doors" / "workshop_3y"
     with sl.create(tmp_path / "log", tz="Europe/Oslo") as log:
         options = ImportOptions(windows=folder / "obs_windows.csv")
@@ -134,9 +132,7 @@ def test_the_workshop_is_open_a_fifth_of_its_known_time(shared_data: Path, tmp_p
 
 
 def test_every_name_of_every_script_is_kept(shared_data: Path, tmp_path: Path) -> None:
-    """
-    142 doors with slashes, spaces and letters beyond ASCII; each is found by its name.
-    """
+    """142 doors with slashes, spaces and letters beyond ASCII; each is found by its name."""
     folder = shared_data / "doors" / "spaces_polled"
     truth = Csv(folder, "UTC")
     with sl.create(tmp_path / "log", tz="UTC") as log:
@@ -169,9 +165,7 @@ def test_buildings_come_with_names_levels_and_floor_plans(
 
 
 def test_a_level_that_is_not_there_is_named(shared_data: Path, tmp_path: Path) -> None:
-    """
-    The message says which levels there are; nothing is written.
-    """
+    """The message says which levels there are; nothing is written."""
     file = shared_data / "maps" / "rmf_hotel" / "hotel.building.yaml"
     with sl.create(tmp_path / "log", tz="UTC") as log:
         with pytest.raises(FormatError, match=r"L1, L2, L3; got .L9"):
@@ -181,9 +175,7 @@ def test_a_level_that_is_not_there_is_named(shared_data: Path, tmp_path: Path) -
 
 
 def test_all_of_a_file_or_nothing(tmp_path: Path) -> None:
-    """
-    One bad row at the end of a CSV: no event of it is in the log.
-    """
+    """One bad row at the end of a CSV: no event of it is in the log."""
     file = tmp_path / "doors.csv"
     good = "".join(f"2026-03-01T{h:02}:00,front,OPEN\n" for h in range(24))
     file.write_text(f"timestamp,door,state\n{good}2026-03-02T00:00,front,AJAR\n")

@@ -143,9 +143,7 @@ class Program:
 
 @pytest.mark.slow
 def test_a_kind_that_sets_the_state_is_told_in_five_files(tmp_path: Path) -> None:
-    """
-    Its message, its class, the format's minor version, its words.
-    """
+    """Its message, its class, the format's minor version, its words."""
     program = Program(tmp_path / "program")
     (program.package / "core/messages/msg/DoorTouched.msg").write_text(
         TOUCHED_MSG, encoding="ascii"

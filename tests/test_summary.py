@@ -29,9 +29,7 @@ def lying_log(path: Path) -> Path:
 
 
 def test_durability_is_counted(tmp_path: Path) -> None:
-    """
-    By commits, in the order from the strongest promise down.
-    """
+    """By commits, in the order from the strongest promise down."""
     summary = summarize(open_any(lying_log(tmp_path / "log")))
 
     assert [("event", 3), ("batch", 2)] == list(summary.durability.items())
@@ -39,9 +37,7 @@ def test_durability_is_counted(tmp_path: Path) -> None:
 
 
 def test_suspect_commits_have_event_time_and_reason(tmp_path: Path) -> None:
-    """
-    Those at which the clock moved, not those that follow it.
-    """
+    """Those at which the clock moved, not those that follow it."""
     summary = summarize(open_any(lying_log(tmp_path / "log")))
 
     back, unset = summary.suspects
@@ -54,9 +50,7 @@ def test_suspect_commits_have_event_time_and_reason(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("terminal")
 def test_info_tells_people_and_machines(tmp_path: Path, capsys) -> None:
-    """
-    The head with what it is good for; suspects with their local time.
-    """
+    """The head with what it is good for; suspects with their local time."""
     path = lying_log(tmp_path / "log")
 
     said = json.loads(semmap(capsys, "info", path, "--json")[1])
@@ -72,9 +66,7 @@ def test_info_tells_people_and_machines(tmp_path: Path, capsys) -> None:
 
 
 def test_many_suspects_do_not_scroll_the_rest_away(tmp_path: Path, capsys) -> None:
-    """
-    Twenty are shown; JSON has them all.
-    """
+    """Twenty are shown; JSON has them all."""
     clock = SteadyClock()
     with sl.create(tmp_path / "log", tz="UTC", clock=clock, durability="none") as log:
         for _ in range(25):
@@ -114,9 +106,7 @@ def test_personal_data_are_told(tmp_path: Path, capsys) -> None:
 
 
 def test_a_log_that_tells_of_nobody_says_nothing_of_it(tmp_path: Path) -> None:
-    """
-    Doors and sightings without a note are no personal data.
-    """
+    """Doors and sightings without a note are no personal data."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.observe(log.add_door(), "open")
 

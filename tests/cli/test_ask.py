@@ -78,10 +78,7 @@ def test_a_server_and_its_client(
     office: Path, tmp_path: Path, start: Callable[..., Running],
     ask: Callable[..., tuple[int, str, str]],
 ) -> None:  # fmt: skip
-    """
-    Answers on stdout, a line each; 0 for NIL, too; 1 where a question is none. At Ctrl-C the log
-    is closed and the socket gone, and what was answered is in the log.
-    """
+    """Answers on stdout, a line each; 0 for NIL, too; 1 where a question is none."""
     address = f"unix:{tmp_path / 'doors'}"
     server = start(office, "--ask", address)
 
@@ -117,9 +114,7 @@ def test_a_server_and_its_client(
 def test_questions_from_stdin_are_answered_as_they_come(
     office: Path, tmp_path: Path, start: Callable[..., Running]
 ) -> None:
-    """
-    A program can hold a conversation; JSON and words in turn; 1 if one was none.
-    """
+    """A program can hold a conversation; JSON and words in turn; 1 if one was none."""
     address = f"unix:{tmp_path / 'doors'}"
     start(office, "--ask", address)
     client = subprocess.Popen(
@@ -145,9 +140,7 @@ def test_a_log_that_another_process_writes(
     office: Path, tmp_path: Path, start: Callable[..., Running],
     ask: Callable[..., tuple[int, str, str]],
 ) -> None:  # fmt: skip
-    """
-    --read-only follows it: a wait ends with what is written there, and nothing is set.
-    """
+    """--read-only follows it: a wait ends with what is written there, and nothing is set."""
     address = f"unix:{tmp_path / 'doors'}"
     with sl.append(office) as log:
         start(office, "--read-only", "--ask", address)
@@ -259,9 +252,7 @@ def test_what_was_answered_is_stored_however_the_server_ends(
     office: Path, tmp_path: Path, start: Callable[..., Running],
     ask: Callable[..., tuple[int, str, str]], number: int,
 ) -> None:  # fmt: skip
-    """
-    Among the actions of two clients; what nobody answered is sent again, and stored once.
-    """
+    """Among the actions of two clients; what nobody answered is sent again, and stored once."""
     path = tmp_path / "doors"
     server = start(office, "--ask", f"unix:{path}")
     clients = [Asking(path, door) for door in (1, 2)]
@@ -287,9 +278,7 @@ def test_a_port_with_a_token(
     office: Path, tmp_path: Path, start: Callable[..., Running],
     ask: Callable[..., tuple[int, str, str]],
 ) -> None:  # fmt: skip
-    """
-    On any host, and then only for who has it; the port is told where any was asked for.
-    """
+    """On any host, and then only for who has it; the port is told where any was asked for."""
     token = tmp_path / "token"
     token.write_text("0123456789abcdef0123\n")
     token.chmod(0o600)
@@ -318,9 +307,7 @@ def test_a_port_with_a_token(
 def test_a_wrong_address(
     ask: Callable[..., tuple[int, str, str]], arguments: tuple[str, ...], code: int, text: str
 ) -> None:
-    """
-    What is no address is wrong usage; where nobody answers, it is told how somebody would.
-    """
+    """What is no address is wrong usage; where nobody answers, it is told how somebody would."""
     got, out, err = ask(*arguments)
 
     assert (code, "") == (got, out)
@@ -331,9 +318,7 @@ def test_a_wrong_address(
 def test_a_log_that_vanishes_ends_its_read_only_server(
     office: Path, tmp_path: Path, start: Callable[..., Running]
 ) -> None:
-    """
-    With the error, and exit code 1: no planner is told what was true long ago.
-    """
+    """With the error, and exit code 1: no planner is told what was true long ago."""
     server = start(office, "--read-only", "--ask", f"unix:{tmp_path / 'doors'}")
     for each in office.glob("*.mcap"):
         each.unlink()
@@ -362,9 +347,7 @@ def test_a_log_that_vanishes_ends_its_read_only_server(
 def test_options_that_make_no_sense(
     office: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], text: str
 ) -> None:
-    """
-    Exit code 2, before anything is opened.
-    """
+    """Exit code 2, before anything is opened."""
     with pytest.raises(SystemExit) as left:
         main(["serve", str(office), *options])
 
@@ -378,9 +361,7 @@ def test_an_address_that_cannot_be_taken(
     office: Path, capsys: pytest.CaptureFixture[str], address: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    """
-    Exit code 1, one line, and the log is closed.
-    """
+    """Exit code 1, one line, and the log is closed."""
     monkeypatch.setattr("semmap_log.cli.serve.on_stop", lambda _: None)
     with pytest.raises(SystemExit) as left:
         main(["serve", str(office), "--ask", address])
@@ -412,9 +393,7 @@ def test_help_is_a_list_for_a_person(
     office: Path, tmp_path: Path, start: Callable[..., Running],
     ask: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    """
-    A question a line in a terminal; one line, as any answer, for a program.
-    """
+    """A question a line in a terminal; one line, as any answer, for a program."""
     address = f"unix:{tmp_path / 'doors'}"
     start(office, "--ask", address)
     monkeypatch.setattr("semmap_log.cli.plain_streams.is_for_people", lambda: True)

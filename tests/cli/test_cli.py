@@ -111,9 +111,7 @@ def run(
 
 
 def test_help_begins_with_the_verbs_of_the_first_week(run) -> None:
-    """
-    And says how to see the others.
-    """
+    """And says how to see the others."""
     first, every = run("-h").out, run("help", "--all").out
 
     assert first == run("help").out
@@ -138,9 +136,7 @@ def test_help_of_no_verb_says_which_was_meant(run) -> None:
 def test_every_verb_has_help_with_an_example(
     verb: str, run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Exit code 0, a summary, and a line that can be typed; in a terminal of 80 columns.
-    """
+    """Exit code 0, a summary, and a line that can be typed; in a terminal of 80 columns."""
     monkeypatch.setenv("COLUMNS", "80")
 
     helped = run(verb, "--help")
@@ -153,9 +149,7 @@ def test_every_verb_has_help_with_an_example(
 
 @pytest.mark.parametrize(("rules", "cell"), [("nav2", 100), ("nav2_humble", -1), ("noetic", -1)])
 def test_a_map_is_read_by_the_server_that_is_named(run, rules: str, cell: int) -> None:
-    """
-    A pixel on a threshold: only today's Nav2, the default, takes it for a wall.
-    """
+    """A pixel on a threshold: only today's Nav2, the default, takes it for a wall."""
     Path("m.pgm").write_bytes(b"P5 1 1 255\n\x33")
     Path("m.yaml").write_text(
         "image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n"
@@ -171,9 +165,7 @@ def test_a_map_is_read_by_the_server_that_is_named(run, rules: str, cell: int) -
 
 
 def test_a_door_through_its_life(run) -> None:
-    """
-    Added, seen, updated, annotated, removed; each answer names its event.
-    """
+    """Added, seen, updated, annotated, removed; each answer names its event."""
     assert "2\n" == run("add", "office").out
     assert "event 3\n" == run("observe", "office", "front", "open", "--accuracy", "0.9").out
     assert (
@@ -199,9 +191,7 @@ def test_a_door_through_its_life(run) -> None:
 
 @pytest.mark.usefixtures("terminal")
 def test_history_says_who_and_why(run) -> None:
-    """
-    As JSON with the names of the design, and as a table of at most 80 columns.
-    """
+    """As JSON with the names of the design, and as a table of at most 80 columns."""
     run("update", "office", "front", "--state", "open", "--actor", "porter", "--reason", "delivery")
 
     entries = run("history", "office", "front", "--json").json
@@ -217,9 +207,7 @@ def test_history_says_who_and_why(run) -> None:
 
 
 def test_replay_at_and_known_at(run) -> None:
-    """
-    What was true at noon is learnt in the evening: `--at` knows it, `--known-at` did not.
-    """
+    """What was true at noon is learnt in the evening: `--at` knows it, `--known-at` did not."""
     run("observe", "office", "front", "open", "--at", "2026-03-01T12:00")
     added = run("history", "office", "front", "--json").json[0]["recorded"]
 
@@ -236,9 +224,7 @@ def test_replay_at_and_known_at(run) -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("terminal")
 def test_diff_and_show(run) -> None:
-    """
-    Between two events: what changed, and what did it.
-    """
+    """Between two events: what changed, and what did it."""
     run("observe", "office", "front", "open")
 
     found = run("diff", "office", "event:1", "now", "--json").json
@@ -260,9 +246,7 @@ def test_diff_and_show(run) -> None:
 
 
 def test_info_counts(run) -> None:
-    """
-    Of the log, and of one of its files.
-    """
+    """Of the log, and of one of its files."""
     whole = run("info", "office", "--json").json
     file = run("info", "office/office_000000.mcap", "--json").json
 
@@ -274,9 +258,7 @@ def test_info_counts(run) -> None:
 
 @pytest.mark.slow
 def test_history_as_a_picture(run, tmp_path: Path) -> None:
-    """
-    Lanes of all doors or of one; what is about events does not go with it.
-    """
+    """Lanes of all doors or of one; what is about events does not go with it."""
     pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
     run("add", "office", "--name", "back")
 
@@ -313,9 +295,7 @@ def test_history_as_a_picture(run, tmp_path: Path) -> None:
 def test_nothing_is_made_in_the_log_s_own_folder(
     run, tmp_path: Path, arguments: tuple[str, ...]
 ) -> None:
-    """
-    There everything is the log's; all verbs that make a file say so, in the same words.
-    """
+    """There everything is the log's; all verbs that make a file say so, in the same words."""
     for needed in {"history": ["matplotlib"], "view": ["rerun"]}.get(arguments[0], []):
         pytest.importorskip(needed)
     run("add", "office", "--name", "front", "--state", "open")
@@ -341,9 +321,7 @@ def test_nothing_is_made_in_the_log_s_own_folder(
     ],
 )
 def test_no_name_is_no_zone(run, arguments: tuple[str, ...]) -> None:
-    """
-    As a variable of the shell that was never set gives: an error, and not the usual zone.
-    """
+    """As a variable of the shell that was never set gives: an error, and not the usual zone."""
     done = run(*arguments, "--tz", "")
 
     assert 1 == done.code
@@ -353,9 +331,7 @@ def test_no_name_is_no_zone(run, arguments: tuple[str, ...]) -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("terminal")
 def test_info_draws_a_day(run) -> None:
-    """
-    The last, or the one asked for; of a single file, which knows not all of it, none.
-    """
+    """The last, or the one asked for; of a single file, which knows not all of it, none."""
     run("observe", "office", "front", "open", "--at", "2026-02-27T12:00")
     run("observe", "office", "front", "closed", "--at", "2026-02-27T18:00")
 
@@ -376,9 +352,7 @@ def test_info_draws_a_day(run) -> None:
 
 
 def test_warnings_of_info(run) -> None:
-    """
-    Probabilities above 1 together, and times from the future, are named.
-    """
+    """Probabilities above 1 together, and times from the future, are named."""
     run("update", "office", "front", "--prob-open", 0.8, "--prob-closed", 0.7)
     run("observe", "office", "front", "open", "--at", "2200-01-01")
 
@@ -418,9 +392,7 @@ def test_warnings_of_info(run) -> None:
 def test_errors_are_one_line_and_change_nothing(
     arguments: list[str], code: int, said: str, run, tmp_path: Path
 ) -> None:
-    """
-    1 is our error, 2 is usage; the log's bytes stay as they are.
-    """
+    """1 is our error, 2 is usage; the log's bytes stay as they are."""
     before = (tmp_path / "office" / "office_000000.mcap").read_bytes()
 
     failed = run(*arguments)
@@ -433,9 +405,7 @@ def test_errors_are_one_line_and_change_nothing(
 
 
 def test_patrol_rounds_are_numbered(run) -> None:
-    """
-    Each start counts one on; a finish closes the last.
-    """
+    """Each start counts one on; a finish closes the last."""
     numbers = [
         run("patrol", "office", phase, "--json").json["patrol"]
         for phase in ("start", "finish", "start", "finish")
@@ -446,9 +416,7 @@ def test_patrol_rounds_are_numbered(run) -> None:
 
 @pytest.mark.slow
 def test_a_door_comes_back_with_the_file_it_came_from(run) -> None:
-    """
-    The file alone changes nothing, and says how; the refusal of a sighting names the event.
-    """
+    """The file alone changes nothing, and says how; the refusal of a sighting names the event."""
     run("export", "office", "doors.yaml", "--default-prob", "0.5")
     run("init", "lab")
     run("import", "lab", "doors.yaml")
@@ -470,9 +438,7 @@ def test_a_door_comes_back_with_the_file_it_came_from(run) -> None:
 
 @pytest.mark.slow
 def test_export_and_import_again(run) -> None:
-    """
-    YAML, CSV and JSON lines of a log read back as the same doors, states and events.
-    """
+    """YAML, CSV and JSON lines of a log read back as the same doors, states and events."""
     run("update", "office", "front", "--state", "open", "--prob-open", 0.1, "--prob-closed", 0.2)
     run("observe", "office", "front", "closed", "--accuracy", 0.75)
     for name in ("doors.yaml", "states.csv", "events.jsonl"):
@@ -495,9 +461,7 @@ def test_export_and_import_again(run) -> None:
 
 
 def test_the_same_file_again_changes_nothing(run, tmp_path: Path) -> None:
-    """
-    A file's digest is its command id; with other values it is an error that says what to do.
-    """
+    """A file's digest is its command id; with other values it is an error that says what to do."""
     (tmp_path / "a.yaml").write_text(
         "5:\n  position:\n    x: 1\n    y: 2\n    theta: 0\n  width: 1\n  status: OPEN\n"
     )
@@ -530,9 +494,7 @@ def _start(*arguments: object, **more: Any) -> subprocess.Popen[str]:
 
 @pytest.mark.slow
 def test_record_answers_each_line(run, tmp_path: Path) -> None:
-    """
-    By its event once it is durable, or by what is wrong with it; then the exit code is 1.
-    """
+    """By its event once it is durable, or by what is wrong with it; then the exit code is 1."""
     lines = [
         '{"kind": "DoorObserved", "door": "front", "state": "OPEN", "accuracy": 0.9}',
         '{"kind": "RobotPose", "x": 1, "y": 2, "theta": 0}',
@@ -554,9 +516,7 @@ def test_record_answers_each_line(run, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_record_strict_stops_at_the_first_bad_line(run, tmp_path: Path) -> None:
-    """
-    What came before it is stored, what comes after is not.
-    """
+    """What came before it is stored, what comes after is not."""
     good = '{"kind": "DoorObserved", "door": "front", "state": "OPEN"}'
     process = _start("record", tmp_path / "office", "--strict")
     _, err = process.communicate(f"{good}\nbad\n{good}\n")
@@ -587,9 +547,7 @@ def test_record_ends_well_when_asked_to(sign: signal.Signals, run, tmp_path: Pat
 
 @pytest.mark.slow
 def test_a_killed_record_loses_nothing_that_it_acknowledged(run, tmp_path: Path) -> None:
-    """
-    SIGKILL in the middle of its lines: the log opens, and every answered line is in it.
-    """
+    """SIGKILL in the middle of its lines: the log opens, and every answered line is in it."""
     process = _start("record", tmp_path / "office", "--ack")
     assert process.stdin is not None
     assert process.stdout is not None
@@ -607,9 +565,7 @@ def test_a_killed_record_loses_nothing_that_it_acknowledged(run, tmp_path: Path)
 
 @pytest.mark.slow
 def test_the_same_log_gives_the_same_pictures(tmp_path: Path) -> None:
-    """
-    Byte for byte, in processes that hash in another order and live in other zones.
-    """
+    """Byte for byte, in processes that hash in another order and live in other zones."""
     pytest.importorskip("matplotlib", reason="not installed: pip install 'semmap-log[plots]'")
     log = small_log(tmp_path / "log").path
 
@@ -647,9 +603,7 @@ def _pictures(log: Path, seed: str, zone: str) -> dict[str, bytes]:
 
 
 def test_python_m_is_the_same(tmp_path: Path) -> None:
-    """
-    `python -m semmap_log` runs the same program, with `--version`.
-    """
+    """`python -m semmap_log` runs the same program, with `--version`."""
     done = subprocess.run(
         [sys.executable, "-m", "semmap_log", "--version"],
         capture_output=True,
@@ -662,9 +616,7 @@ def test_python_m_is_the_same(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_reader_that_goes_away_is_no_error(run, tmp_path: Path) -> None:
-    """
-    As `| head` does: no traceback.
-    """
+    """As `| head` does: no traceback."""
     with sl.append(tmp_path / "office") as log:
         for _ in range(300):
             log.observe("front", "open")
@@ -727,9 +679,7 @@ main()
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_no_half_file(tmp_path: Path, number: signal.Signals) -> None:
-    """
-    While a bag is being written, to a file that has another name until it is whole.
-    """
+    """While a bag is being written, to a file that has another name until it is whole."""
     office = Path(__file__).parents[2] / "recordings" / "office"
     command = [sys.executable, "-c", WAITS_HALF_WAY, "export", str(office), "x.mcap", "--markers"]
     env = {**os.environ, "PYTHONPATH": str(Path(sl.__file__).parents[1])}
@@ -791,9 +741,7 @@ def test_ctrl_c_behind_the_end_is_no_traceback() -> None:
 
 
 def test_verbs_take_a_state_alike(run) -> None:
-    """
-    As a word, or by --state; not both.
-    """
+    """As a word, or by --state; not both."""
     for verb in ("observe", "update"):
         assert 0 == run(verb, "office", "1", "open").code
         assert 0 == run(verb, "office", "1", "--state", "closed").code

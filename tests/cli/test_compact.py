@@ -47,9 +47,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
 
 
 def test_before_and_after_are_printed(log: Path, run: Run) -> None:
-    """
-    Segments, bytes and bytes an event; what it says is what there is.
-    """
+    """Segments, bytes and bytes an event; what it says is what there is."""
     before = sum(path.stat().st_size for path in segment_files(log))
 
     code, out, err = run(log, "--free-now")
@@ -62,9 +60,7 @@ def test_before_and_after_are_printed(log: Path, run: Run) -> None:
 
 
 def test_json(log: Path, run: Run) -> None:
-    """
-    One document, with every figure and what became what.
-    """
+    """One document, with every figure and what became what."""
     code, out, _ = run(log, "--json", "--free-now")
 
     said = json.loads(out)
@@ -81,9 +77,7 @@ def test_json(log: Path, run: Run) -> None:
 
 
 def test_what_was_merged_stays_for_copies_under_way(log: Path, run: Run) -> None:
-    """
-    How many files, and their bytes, and when they go; with --free-now they go at once.
-    """
+    """How many files, and their bytes, and when they go; with --free-now they go at once."""
     parts = segment_files(log)[1:]
     size = sum(path.stat().st_size for path in parts)
 
@@ -98,9 +92,7 @@ def test_what_was_merged_stays_for_copies_under_way(log: Path, run: Run) -> None
 
 
 def test_a_second_time_there_is_nothing_to_do(log: Path, run: Run) -> None:
-    """
-    And nothing is written.
-    """
+    """And nothing is written."""
     run(log)
     files = {path: path.stat().st_ino for path in log.iterdir()}
 
@@ -111,9 +103,7 @@ def test_a_second_time_there_is_nothing_to_do(log: Path, run: Run) -> None:
 
 
 def test_dry_run_writes_nothing(log: Path, run: Run) -> None:
-    """
-    It names what would be done, even while somebody is writing and nothing may be written.
-    """
+    """It names what would be done, even while somebody is writing and nothing may be written."""
     before = {path.name: path.read_bytes() for path in log.iterdir()}
 
     code, out, _ = run(log, "--dry-run")
@@ -130,9 +120,7 @@ def test_dry_run_writes_nothing(log: Path, run: Run) -> None:
 
 
 def test_without_merging(log: Path, run: Run) -> None:
-    """
-    Each file stays one, and becomes smaller.
-    """
+    """Each file stays one, and becomes smaller."""
     sizes = [path.stat().st_size for path in segment_files(log)]
 
     run(log, "--no-merge")
@@ -143,9 +131,7 @@ def test_without_merging(log: Path, run: Run) -> None:
 
 
 def test_not_while_somebody_writes(log: Path, run: Run) -> None:
-    """
-    Exit code 1, one line that says who; the files stay.
-    """
+    """Exit code 1, one line that says who; the files stay."""
     with sl.append(log, compact=False):
         before = {path.name: path.read_bytes() for path in segment_files(log)}
         code, out, err = run(log)
@@ -157,9 +143,7 @@ def test_not_while_somebody_writes(log: Path, run: Run) -> None:
 
 
 def test_damage_is_named_and_left(log: Path, run: Run) -> None:
-    """
-    Exit code 1, the file and the byte; no file is changed.
-    """
+    """Exit code 1, the file and the byte; no file is changed."""
     path = segment_files(log)[1]
     chunk = open_segment(path).chunks[20]
     data = bytearray(path.read_bytes())
@@ -174,9 +158,7 @@ def test_damage_is_named_and_left(log: Path, run: Run) -> None:
 
 
 def test_a_log_without_events(tmp_path: Path, run: Run) -> None:
-    """
-    There are no bytes an event to tell of.
-    """
+    """There are no bytes an event to tell of."""
     sl.create(tmp_path / "log", tz="UTC").close()
 
     code, out, _ = run(tmp_path / "log")
@@ -190,9 +172,7 @@ def test_a_log_without_events(tmp_path: Path, run: Run) -> None:
 
 
 def test_a_log_that_is_live(tmp_path: Path, run: Run) -> None:
-    """
-    Whose writer was killed in its first segment: nothing is closed, so nothing is done.
-    """
+    """Whose writer was killed in its first segment: nothing is closed, so nothing is done."""
     (path,) = segment_files(write_log(tmp_path / "log", 5))
     segment = open_segment(path)
     path.write_bytes(bytes(segment.source.read(0, segment.whole_end)))
@@ -205,9 +185,7 @@ def test_a_log_that_is_live(tmp_path: Path, run: Run) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("delay_s", [0.0, 0.02, 0.05, 0.1])
 def test_ctrl_c_leaves_the_whole_log(tmp_path: Path, delay_s: float) -> None:
-    """
-    A real process, a real SIGINT: afterwards the same records, no temporary file, and again.
-    """
+    """A real process, a real SIGINT: afterwards the same records, no temporary file, and again."""
     log = write_log(tmp_path / "log", 3000, per_commit=20)
     before = digest_of_records(log)
     process = subprocess.Popen(

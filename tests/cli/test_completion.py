@@ -82,9 +82,7 @@ def test_what_is_offered(log: Path, words: list[str], offered: list[str]) -> Non
 
 
 def test_shells_that_show_help_tell_what_an_id_means(log: Path) -> None:
-    """
-    A door by its number says its name.
-    """
+    """A door by its number says its name."""
     said = " ".join(_offered(log.parent, "observe", "log", "", shell="zsh"))
 
     assert "the back door" in said

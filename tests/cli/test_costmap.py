@@ -68,9 +68,7 @@ def row_of_wall(name: str) -> list[int]:
 
 
 def test_costs_at_a_moment(run: Run) -> None:
-    """
-    A closed door is lethal, an open one cuts through the wall, an unknown one shows the wall.
-    """
+    """A closed door is lethal, an open one cuts through the wall, an unknown one shows the wall."""
     before = run("costmap", "office", "before.npy", "--at", "2026-03-01T08:30")
     after = run("costmap", "office", "after.npy")
 
@@ -83,9 +81,7 @@ def test_costs_at_a_moment(run: Run) -> None:
 
 
 def test_it_says_what_it_drew_and_what_not(run: Run) -> None:
-    """
-    To people on stderr, nothing on stdout; --json has every door.
-    """
+    """To people on stderr, nothing on stdout; --json has every door."""
     code, out, err = run("costmap", "office", "now.npy")
 
     assert (0, "") == (code, out)
@@ -97,9 +93,7 @@ def test_it_says_what_it_drew_and_what_not(run: Run) -> None:
 
 
 def test_the_same_as_json(run: Run) -> None:
-    """
-    One document: files, moment, grid, doors with their costs, and why others are left out.
-    """
+    """One document: files, moment, grid, doors with their costs, and why others are left out."""
     code, out, err = run("costmap", "office", "now.yaml", "--at", "2026-03-01T08:30", "--json")
 
     said = json.loads(out)
@@ -118,9 +112,7 @@ def test_the_same_as_json(run: Run) -> None:
 @pytest.mark.parametrize("rules", ["noetic", "nav2", "nav2_humble"])
 @pytest.mark.parametrize("out", ["now.yaml", "now.pgm"])
 def test_a_ros_map_reads_back_to_the_same_cells(run: Run, out: str, rules: str) -> None:
-    """
-    Both files, whichever is named; every server sees walls, doors, and the costs around them.
-    """
+    """Both files, whichever is named; every server sees walls, doors, and the costs around them."""
     code, *_ = run("costmap", "office", out, "--inflate", 0.4, "--inscribed", 0.15)
     run("costmap", "office", "now.npy", "--inflate", 0.4, "--inscribed", 0.15)
 
@@ -135,9 +127,7 @@ def test_a_ros_map_reads_back_to_the_same_cells(run: Run, out: str, rules: str) 
 
 
 def test_doors_may_be_given_more_room_than_walls(run: Run) -> None:
-    """
-    Around a closed door costs reach further; around the wall no further than before.
-    """
+    """Around a closed door costs reach further; around the wall no further than before."""
     options = ("--at", "2026-03-01T08:30", "--scaling", 1)
     run("costmap", "office", "walls.npy", *options, "--inflate", 0.2)
     run("costmap", "office", "doors.npy", *options, "--inflate", 0.2, "--door-inflate", 0.6)
@@ -150,9 +140,7 @@ def test_doors_may_be_given_more_room_than_walls(run: Run) -> None:
 
 
 def test_the_door_layer_has_no_floor_in_it(run: Run) -> None:
-    """
-    Only doors: what they do not draw is unknown, and so is a door of unknown state.
-    """
+    """Only doors: what they do not draw is unknown, and so is a door of unknown state."""
     code, *_ = run("costmap", "office", "doors.npy", "--layer", "door")
 
     assert 0 == code
@@ -161,9 +149,7 @@ def test_the_door_layer_has_no_floor_in_it(run: Run) -> None:
 
 
 def test_by_belief_a_door_costs_and_does_not_block(run: Run) -> None:
-    """
-    P(open) of 0.75 is a quarter of the dearest cost that a path may cross.
-    """
+    """P(open) of 0.75 is a quarter of the dearest cost that a path may cross."""
     code, *_ = run("costmap", "office", "belief.npy", "--by", "belief")
 
     assert 0 == code
@@ -171,9 +157,7 @@ def test_by_belief_a_door_costs_and_does_not_block(run: Run) -> None:
 
 
 def test_a_keepout_mask_holds_closed_doors_only(run: Run) -> None:
-    """
-    100 at the closed door, nothing said of all else: not of walls, not of open doors.
-    """
+    """100 at the closed door, nothing said of all else: not of walls, not of open doors."""
     code, *_ = run("costmap", "office", "mask.yaml", "--keepout", "--at", "2026-03-01T08:30")
 
     mask = read_map(Path("mask.yaml"))
@@ -183,9 +167,7 @@ def test_a_keepout_mask_holds_closed_doors_only(run: Run) -> None:
 
 
 def test_a_picture_for_people(run: Run) -> None:
-    """
-    A PNG that shows the map larger than its cells, and is not of one colour.
-    """
+    """A PNG that shows the map larger than its cells, and is not of one colour."""
     code, *_ = run("costmap", "office", "now.png", "--inflate", 0.3)
 
     assert 0 == code
@@ -196,9 +178,7 @@ def test_a_picture_for_people(run: Run) -> None:
 
 
 def test_a_level_by_number_or_name(run: Run) -> None:
-    """
-    Of several levels one must be named; the doors of the others are left out.
-    """
+    """Of several levels one must be named; the doors of the others are left out."""
     with sl.append("office") as log:
         log.append([LevelAdded(level=1, name="attic"), floor(1)])
         log.add_door(x=0.55, y=1.05, theta=0.0, width=0.5, level=1, state="closed", name="hatch")
@@ -217,9 +197,7 @@ def test_a_level_by_number_or_name(run: Run) -> None:
 
 
 def test_another_map_than_the_log_s(run: Run) -> None:
-    """
-    --map gives the floor, read as the server that is named reads it.
-    """
+    """--map gives the floor, read as the server that is named reads it."""
     Image.fromarray(np.full((20, 20), 254, np.uint8)).save("hall.pgm")
     Path("hall.yaml").write_text(
         "image: hall.pgm\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\nnegate: 0\n"
@@ -237,9 +215,7 @@ def test_another_map_than_the_log_s(run: Run) -> None:
 
 
 def test_without_a_floor_the_grid_lies_around_the_doors(run: Run) -> None:
-    """
-    That is said; what no door draws is unknown; cells are as large as asked for.
-    """
+    """That is said; what no door draws is unknown; cells are as large as asked for."""
     with sl.create("bare", tz="UTC") as log:
         log.add_door(x=2.0, y=3.0, theta=0.0, width=1.0, state="closed")
 
@@ -254,9 +230,7 @@ def test_without_a_floor_the_grid_lies_around_the_doors(run: Run) -> None:
 
 
 def test_a_floor_without_doors_is_a_costmap_too(run: Run) -> None:
-    """
-    Nothing to draw in it: the walls alone.
-    """
+    """Nothing to draw in it: the walls alone."""
     with sl.append("nothing") as log:
         log.append([floor()])
 
@@ -268,9 +242,7 @@ def test_a_floor_without_doors_is_a_costmap_too(run: Run) -> None:
 
 
 def test_export_makes_the_same_map(run: Run) -> None:
-    """
-    `export LOG x.pgm` is `costmap LOG x.pgm`.
-    """
+    """`export LOG x.pgm` is `costmap LOG x.pgm`."""
     run("costmap", "office", "a.pgm", "--at", "2026-03-01T08:30")
     code, _, err = run("export", "office", "b.pgm", "--at", "2026-03-01T08:30")
 
@@ -313,9 +285,7 @@ def test_export_makes_the_same_map(run: Run) -> None:
     ],
 )
 def test_what_cannot_be_is_said(run: Run, arguments: tuple[str, ...], code: int, said: str) -> None:
-    """
-    One line, exit 1 or 2, and no file.
-    """
+    """One line, exit 1 or 2, and no file."""
     before = sorted(Path().rglob("*"))
 
     left, out, err = run("costmap", *arguments)
@@ -327,9 +297,7 @@ def test_what_cannot_be_is_said(run: Run, arguments: tuple[str, ...], code: int,
 
 @pytest.mark.parametrize("name", ["day.mcap", "day.bag", "day"])
 def test_a_bag_shows_it_over_time(name: str, run: Run) -> None:
-    """
-    Each change as a grid; the door that opens at nine is free from then on.
-    """
+    """Each change as a grid; the door that opens at nine is free from then on."""
     code, out, _ = run("costmap", "office", name, "--since", "2026-03-01T08:00..2026-03-01T10:00",
                        "--every", "0", "--json")  # fmt: skip
 
@@ -349,9 +317,7 @@ def test_a_bag_shows_it_over_time(name: str, run: Run) -> None:
 
 @pytest.mark.parametrize("value", ["0", "-0.1", "inf"])
 def test_a_resolution_that_cannot_be(run: Run, value: str) -> None:
-    """
-    Also where there is no floor to take it from.
-    """
+    """Also where there is no floor to take it from."""
     with sl.create("bare", tz="UTC") as log:
         log.add_door(x=2.0, y=3.0, theta=0.0, width=1.0, state="closed")
 
@@ -362,9 +328,7 @@ def test_a_resolution_that_cannot_be(run: Run, value: str) -> None:
 
 
 def test_a_turned_floor_is_refused(run: Run) -> None:
-    """
-    A costmap's cells lie along the axes: a yaw is not left out in silence.
-    """
+    """A costmap's cells lie along the axes: a yaw is not left out in silence."""
     with sl.append("nothing") as log:
         log.append([floor(origin_theta=0.1)])
 
@@ -375,9 +339,7 @@ def test_a_turned_floor_is_refused(run: Run) -> None:
 
 
 def test_an_old_file_survives_an_error(run: Run) -> None:
-    """
-    What cannot be made leaves what was there.
-    """
+    """What cannot be made leaves what was there."""
     Path("now.npy").write_bytes(b"old")
 
     code, *_ = run("costmap", "nothing", "now.npy")

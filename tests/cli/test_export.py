@@ -36,9 +36,7 @@ def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
 @pytest.mark.parametrize("bag", ["day.mcap", "day.bag", "day"])
 @pytest.mark.parametrize("flag_first", [True, False])
 def test_a_bag_of_markers_and_what_is_in_it(run: Run, bag: str, flag_first: bool) -> None:
-    """
-    Before or behind the file's name, --markers writes it; each topic is counted.
-    """
+    """Before or behind the file's name, --markers writes it; each topic is counted."""
     arguments = ["--markers", bag] if flag_first else [bag, "--markers"]
 
     code, out, err = run("export", "office", *arguments)
@@ -60,9 +58,7 @@ def _doors(bag: str) -> list[Played]:
 
 @pytest.mark.parametrize("bag", ["day.mcap", "day.bag", "day"])
 def test_a_bag_without_markers_holds_what_a_robot_would_have_published(run: Run, bag: str) -> None:
-    """
-    The thesis's DoorMap, the floor plan and the poses, each once; the name alone tells that.
-    """
+    """The thesis's DoorMap, the floor plan and the poses, each once; the name alone tells that."""
     code, out, err = run("export", "office", bag)
 
     assert (0, "") == (code, out)
@@ -75,9 +71,7 @@ def test_a_bag_without_markers_holds_what_a_robot_would_have_published(run: Run,
 
 
 def test_a_part_in_other_colours_and_with_probabilities(run: Run) -> None:
-    """
-    --since and --until, --palette, --every and --default-prob.
-    """
+    """--since and --until, --palette, --every and --default-prob."""
     code, _, _ = run(
         "export", "office", "part.mcap", "--markers", "--since", f"@{START // SECOND + 60}",
         "--until", f"@{START // SECOND + 1900}", "--palette", "colour-blind", "--every", "900",
@@ -97,9 +91,7 @@ def test_a_part_in_other_colours_and_with_probabilities(run: Run) -> None:
 
 
 def test_doors_without_a_place_are_named(run: Run, tmp_path: Path) -> None:
-    """
-    The first three of them.
-    """
+    """The first three of them."""
     with sl.create(tmp_path / "sensors", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=sl.DoorId(number)) for number in (1, 2, 3, 4)])
 
@@ -112,9 +104,7 @@ def test_doors_without_a_place_are_named(run: Run, tmp_path: Path) -> None:
 def test_many_changes_are_thinned_out_and_that_is_said(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    And how to have all of them.
-    """
+    """And how to have all of them."""
     monkeypatch.setattr("semmap_log.interop.exporting.stream.MOST_DOORS_SENT", 6)
 
     code, _, err = run("export", "office", "x.mcap", "--markers")
@@ -149,9 +139,7 @@ def test_many_changes_are_thinned_out_and_that_is_said(
 def test_what_means_nothing_is_refused(
     run: Run, arguments: list[str], code: int, said: str, tmp_path: Path
 ) -> None:
-    """
-    With the way out, and without a file.
-    """
+    """With the way out, and without a file."""
     before = set(tmp_path.rglob("*"))
 
     done, _, err = run("export", "office", *arguments)

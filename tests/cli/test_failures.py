@@ -34,9 +34,7 @@ def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
 
 
 def test_every_verb_that_prints_has_json() -> None:
-    """
-    `serve` prints nothing on stdout, `help` only for people.
-    """
+    """`serve` prints nothing on stdout, `help` only for people."""
     verbs = dict(get_command(app).commands)  # type: ignore[attr-defined]
     verbs |= verbs.pop("call").commands
 
@@ -66,9 +64,7 @@ def test_every_verb_that_prints_has_json() -> None:
     ],
 )
 def test_an_error_is_a_document(run: Run, arguments: list[str], kind: str, code: int) -> None:
-    """
-    In the place of the answer, with what a person would be told, and nothing beside it.
-    """
+    """In the place of the answer, with what a person would be told, and nothing beside it."""
     ended, out, err = run(*arguments, "--json")
     told = run(*arguments)
 
@@ -80,9 +76,7 @@ def test_an_error_is_a_document(run: Run, arguments: list[str], kind: str, code:
 
 
 def test_problems_of_a_file_are_counted_by_kind(run: Run, tmp_path: Path) -> None:
-    """
-    Ten thousand bad rows are one entry.
-    """
+    """Ten thousand bad rows are one entry."""
     rows = "".join(f"2026-01-01T00:00,front,opn{n}\n" for n in range(10_000))
     (tmp_path / "x.csv").write_text(f"timestamp,door,state\n{rows}")
 
@@ -98,9 +92,7 @@ def test_problems_of_a_file_are_counted_by_kind(run: Run, tmp_path: Path) -> Non
 def test_an_error_in_the_middle_of_an_answer_is_on_stderr(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Its last line: what is out already cannot become another document.
-    """
+    """Its last line: what is out already cannot become another document."""
 
     def broken(*_: object, **__: object) -> Any:
         yield from whole
@@ -117,9 +109,7 @@ def test_an_error_in_the_middle_of_an_answer_is_on_stderr(
 
 
 def test_json_as_a_value_is_no_option(run: Run) -> None:
-    """
-    Behind `--` words are values.
-    """
+    """Behind `--` words are values."""
     code, out, err = run("annotate", "nolog", "--", "front", "name", "--json")
 
     assert (1, "") == (code, out)
@@ -127,9 +117,7 @@ def test_json_as_a_value_is_no_option(run: Run) -> None:
 
 
 def test_what_was_made_is_told_as_json(run: Run) -> None:
-    """
-    Of verbs that write files, too.
-    """
+    """Of verbs that write files, too."""
     _, exported, _ = run("export", "log", "x.jsonl", "--json")
     _, bag, _ = run("export", "log", "x.mcap", "--json")
     _, page, _ = run("report", "log", "x.html", "--json")
@@ -175,9 +163,7 @@ def test_ranges_of_time_have_one_name(run: Run, verb: list[str]) -> None:
 
 
 def test_diff_takes_its_moments_in_either_way(run: Run) -> None:
-    """
-    By their places, or as other verbs have them; not one of them twice, and the first always.
-    """
+    """By their places, or as other verbs have them; not one of them twice, and the first always."""
     asked = [
         ["event:0", "event:1"], ["event:0..event:1"], ["--since", "event:0", "--until", "event:1"],
         ["event:0", "--until", "event:1"], ["--since", "event:0..event:1"], ["event:0"],
@@ -200,9 +186,7 @@ def test_diff_takes_its_moments_in_either_way(run: Run) -> None:
 
 @pytest.mark.parametrize("typed", ["--form", "--frm", "--t", "--from-", "--too"])
 def test_no_old_spelling_is_offered_for_one_that_is_none(typed: str, run: Run) -> None:
-    """
-    Help does not know them; what is offered, it does.
-    """
+    """Help does not know them; what is offered, it does."""
     _, _, err = run("evaluate", "log", typed, "1")
     assert "No such option" in err
     assert set() == {"--from", "--to"} & set(re.findall(r"--[a-z]+", err.partition("options")[2]))
@@ -217,9 +201,7 @@ def test_no_old_spelling_is_offered_for_one_that_is_none(typed: str, run: Run) -
 def test_of_a_verb_that_is_none_one_that_is_shown_is_offered(
     typed: str, meant: str, run: Run
 ) -> None:
-    """
-    Not the hidden names of old: `state`, `log`.
-    """
+    """Not the hidden names of old: `state`, `log`."""
     code, out, err = run(typed, "log")
 
     assert (2, "") == (code, out)
@@ -228,9 +210,7 @@ def test_of_a_verb_that_is_none_one_that_is_shown_is_offered(
 
 
 def test_when_it_happened_is_no_event(run: Run) -> None:
-    """
-    What is expected, and where the event's time stands.
-    """
+    """What is expected, and where the event's time stands."""
     code, _, err = run("observe", "log", "front", "open", "--at", "event:0")
 
     assert 1 == code
@@ -239,9 +219,7 @@ def test_when_it_happened_is_no_event(run: Run) -> None:
 
 
 def test_from_and_to_are_places(run: Run) -> None:
-    """
-    Where a door is added.
-    """
+    """Where a door is added."""
     code, out, _ = run("add", "log", "--from", "1,2", "--to", "1.9,2")
 
     assert (0, "2\n") == (code, out)

@@ -58,9 +58,7 @@ def test_a_new_log_is_not_called_as_a_file_is(
 def test_no_file_is_called_as_standard_output_is(
     verb: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    It would be a folder, a bag of rosbag2.
-    """
+    """It would be a folder, a bag of rosbag2."""
     code, said = run(capsys, verb, "office", "-")
 
     assert 2 == code
@@ -72,9 +70,7 @@ def test_no_file_is_called_as_standard_output_is(
 def test_a_zip_that_is_not_there_is_not_made_by_init(
     verb: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    It is a file that is missing; a folder can be made.
-    """
+    """It is a file that is missing; a folder can be made."""
     door = ["1", "open"] if verb == "observe" else []
     code, said = run(capsys, verb, "missing.zip", *door)
     folder = run(capsys, verb, "missing", *door)[1]
@@ -88,9 +84,7 @@ def test_a_zip_that_is_not_there_is_not_made_by_init(
 def test_only_verbs_that_read_say_that_they_take_a_zip(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Those that write would refuse it.
-    """
+    """Those that write would refuse it."""
     verbs = get_command(app).commands  # type: ignore[attr-defined]
     said = {name for name in verbs if "zip" in run(capsys, name, "--help")[1].partition("Arg")[2]}
 
@@ -98,9 +92,7 @@ def test_only_verbs_that_read_say_that_they_take_a_zip(
 
 
 def test_help_points_to_where_its_text_is(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Options come last: what explains them stands above.
-    """
+    """Options come last: what explains them stands above."""
     verbs = get_command(app).commands  # type: ignore[attr-defined]
 
     for name in verbs:

@@ -29,9 +29,7 @@ def run(*arguments: str) -> int:
 
 
 def test_a_row_a_stop_and_what_is_left_out(log: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Order, arrival, P, why; below: the store, and what the plan rests on.
-    """
+    """Order, arrival, P, why; below: the store, and what the plan rests on."""
     code = run("patrol-plan", log, *PLAN)
 
     out = capsys.readouterr().out
@@ -45,9 +43,7 @@ def test_a_row_a_stop_and_what_is_left_out(log: str, capsys: pytest.CaptureFixtu
 
 
 def test_the_plan_as_json(log: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    One document: stops in order, what is left out, and by which options.
-    """
+    """One document: stops in order, what is left out, and by which options."""
     code = run("patrol-plan", log, *PLAN, "--budget", "30min", "--rooms", "lab,store", "--json")
 
     found = json.loads(capsys.readouterr().out)
@@ -61,9 +57,7 @@ def test_the_plan_as_json(log: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize("name", ["plan.png", "plan.svg"])
 def test_a_picture(log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
-    """
-    The same bytes each time; said on stderr.
-    """
+    """The same bytes each time; said on stderr."""
     pictures = []
     for folder in ("one", "two"):
         (tmp_path / folder).mkdir()
@@ -102,9 +96,7 @@ def test_a_picture(log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
 def test_what_is_refused(
     log: str, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], code: int, said: str
 ) -> None:
-    """
-    In one line that says what was expected.
-    """
+    """In one line that says what was expected."""
     given = [log if one == "LOG" else one for one in arguments]
 
     assert run(*given) == code
@@ -112,9 +104,7 @@ def test_what_is_refused(
 
 
 def test_a_trip(log: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Each door with its choice; the expected time below; the same in JSON.
-    """
+    """Each door with its choice; the expected time below; the same in JSON."""
     trip = ("go", log, HALL, "room:2", "--depart", "2026-03-20T10:00")
     codes = [run(*trip)]
     out = capsys.readouterr().out
@@ -129,9 +119,7 @@ def test_a_trip(log: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_no_seconds_need_no_unit(log: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    0 is the same in all of them.
-    """
+    """0 is the same in all of them."""
     code = run("patrol-plan", log, *PLAN, "--wait", "0", "--enter", "0s", "--rooms", "lab")
 
     assert code == 0

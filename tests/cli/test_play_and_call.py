@@ -57,9 +57,7 @@ def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
 def test_what_cannot_be_played_is_refused(
     run: Run, arguments: list[str], code: int, said: str
 ) -> None:
-    """
-    Before ROS is joined, with the way out.
-    """
+    """Before ROS is joined, with the way out."""
     done, out, err = run("play", *arguments)
 
     assert (code, "") == (done, out)
@@ -106,9 +104,7 @@ def test_a_person_sees_where_in_the_log_it_is(
     ],
 )
 def test_what_cannot_be_called_is_refused(run: Run, arguments: list[str], said: str) -> None:
-    """
-    Before ROS is joined, with exit code 2 and what is missing.
-    """
+    """Before ROS is joined, with exit code 2 and what is missing."""
     done, out, err = run("call", *arguments)
 
     assert (2, "") == (done, out)
@@ -120,9 +116,7 @@ def test_what_cannot_be_called_is_refused(run: Run, arguments: list[str], said: 
 def test_where_that_ros_is_not_it_is_said_how_to_have_it(
     run: Run, arguments: list[str], ros: str
 ) -> None:
-    """
-    One line, exit code 1.
-    """
+    """One line, exit code 1."""
     if find_spec({"1": "rospy", "2": "rclpy"}[ros]):
         pytest.skip(f"ROS {ros} is there for this Python")
 

@@ -49,9 +49,7 @@ def _added(office: Path) -> list[DoorAdded]:
 def test_they_are_listed_and_nothing_is_written(
     office: Path, bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    As JSON: place, width, what speaks for it; the log stays as it is.
-    """
+    """As JSON: place, width, what speaks for it; the log stays as it is."""
     before = {each: each.read_bytes() for each in office.iterdir()}
 
     assert _run("import", office, bag, "--scan", "--propose-doors", "--json") == 0
@@ -69,9 +67,7 @@ def test_they_are_listed_and_nothing_is_written(
 def test_with_yes_they_are_doors_and_not_proposed_again(
     office: Path, bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    One commit that names laser and method; the doors are there since the first scan.
-    """
+    """One commit that names laser and method; the doors are there since the first scan."""
     assert _run("import", office, bag, "--scan", "--propose-doors", "--yes", "--actor", "eve") == 0
     (commit,) = sl.read(office).commits()
     assert (commit.note.source, commit.note.actor) == ("scan:laser wall-gaps", "eve")
@@ -89,9 +85,7 @@ def test_with_yes_they_are_doors_and_not_proposed_again(
 def test_a_number_that_no_proposal_has_is_refused(
     office: Path, bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Before anything is written.
-    """
+    """Before anything is written."""
     words = ("import", office, bag, "--scan", "--propose-doors", "--yes", "--only", 1, "--only", 9)
 
     assert _run(*words) == 1
@@ -103,9 +97,7 @@ def test_a_number_that_no_proposal_has_is_refused(
 def test_the_command_that_adds_them_has_what_was_asked_for(
     office: Path, bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    It can be typed as it is told.
-    """
+    """It can be typed as it is told."""
     asked = ("--scan", "/scan", "--heights", "0.2,1", "--level", "0", "--propose-doors")
     assert _run("import", office, bag, *asked) == 0
     said = capsys.readouterr().err
@@ -120,9 +112,7 @@ def test_the_command_that_adds_them_has_what_was_asked_for(
 
 
 def test_they_are_drawn(office: Path, bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Over what the laser saw, with the numbers of the table.
-    """
+    """Over what the laser saw, with the numbers of the table."""
     pytest.importorskip("matplotlib")
     picture = office.parent / "doors.svg"
 
@@ -145,8 +135,6 @@ def test_they_are_drawn(office: Path, bag: Path, capsys: pytest.CaptureFixture[s
 def test_options_that_need_others(
     office: Path, bag: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
 ) -> None:
-    """
-    Are refused without them.
-    """
+    """Are refused without them."""
     assert _run("import", office, bag, *words) == 2
     assert said in " ".join(capsys.readouterr().err.split())

@@ -69,9 +69,7 @@ def answer(capsys: pytest.CaptureFixture[str]) -> Any:
 
 
 def test_by_a_transform(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Each door is shown, before and after; the note tells who and why.
-    """
+    """Each door is shown, before and after; the note tells who and why."""
     before = events()
 
     code = run("rebase", "office", "new.yaml", "--by", BY, "--actor", "ann", "--reason", "anew")
@@ -87,9 +85,7 @@ def test_by_a_transform(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_dry_run_writes_nothing(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Not a byte, and says the same.
-    """
+    """Not a byte, and says the same."""
     files = {path: path.read_bytes() for path in Path("office").rglob("*") if path.is_file()}
 
     assert 0 == run("rebase", "office", "new.yaml", "--by", BY, "--dry-run", "--json")
@@ -104,9 +100,7 @@ def test_a_dry_run_writes_nothing(here: Path, capsys: pytest.CaptureFixture[str]
 
 
 def test_by_pairs(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    The residual of each is shown, and the fit is the transform.
-    """
+    """The residual of each is shown, and the fit is the transform."""
     Path("pairs.csv").write_text(corners("a", "b", "", "d"))
 
     code = run("rebase", "office", "new.yaml", "--pairs", "pairs.csv", "--json")
@@ -118,9 +112,7 @@ def test_by_pairs(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_bad_pair_is_named_and_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Nothing is written; with a greater limit it is taken.
-    """
+    """Nothing is written; with a greater limit it is taken."""
     Path("pairs.csv").write_text(corners(off_m=2.0))
     before = events()
 
@@ -135,9 +127,7 @@ def test_a_bad_pair_is_named_and_refused(here: Path, capsys: pytest.CaptureFixtu
 
 
 def test_doors_as_pairs_may_be_sent_again(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    They lie elsewhere after the first time: what counts is where they lay before it.
-    """
+    """They lie elsewhere after the first time: what counts is where they lay before it."""
     rows = [f"{i},{x!r},{y!r}" for i, (x, y, _) in enumerate(turned_poses(), start=1)]
     Path("doors.csv").write_text("door,new_x,new_y\n" + "\n".join(rows) + "\n")
     asked = ("rebase", "office", "new.yaml", "--pairs", "doors.csv", "--command-id", ID, "--json")
@@ -153,9 +143,7 @@ def test_doors_as_pairs_may_be_sent_again(here: Path, capsys: pytest.CaptureFixt
 
 
 def test_measured_doors_win(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    How many, and how far off they are, is said; doors that the log does not have are named.
-    """
+    """How many, and how far off they are, is said; doors that the log does not have are named."""
     (x, y, theta), *_ = turned_poses()
     place = "{}:\n  position: {{x: {}, y: {}, theta: {}}}\n  width: 2.0\n  status: OPEN\n"
     text = place.format(1, x + 0.3, y, theta) + place.format(77, 0, 0, 0)
@@ -173,9 +161,7 @@ def test_measured_doors_win(here: Path, capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_doors_off_the_map_are_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    A wrong transform shows.
-    """
+    """A wrong transform shows."""
     assert 0 == run("rebase", "office", "new.yaml", "--by", "0,0,0", "--dry-run")
 
     assert "doors that lie off the new map: door 1, 2, 3" in capsys.readouterr().err
@@ -199,9 +185,7 @@ def test_doors_off_the_map_are_named(here: Path, capsys: pytest.CaptureFixture[s
 def test_what_is_wrong_is_said(
     here: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], code: int, says: str
 ) -> None:
-    """
-    And nothing is written.
-    """
+    """And nothing is written."""
     Path("one.csv").write_text("old_x,old_y,new_x,new_y\n1,2,3,4\n")
     Path("wrong.csv").write_text("old_x,old_y,new_x,new_y\n1,2,x,4\n")
     Path("nobody.csv").write_text("door,new_x,new_y\nnobody,3,4\n")

@@ -42,9 +42,7 @@ def _run(*words: object) -> Any:
 def test_options_that_do_not_belong_together_are_a_usage_error(
     options: list[str], says: str, office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    And nothing is read or joined.
-    """
+    """And nothing is read or joined."""
     assert 2 == _run("record", office, *options)
 
     assert says in capsys.readouterr().err
@@ -53,9 +51,7 @@ def test_options_that_do_not_belong_together_are_a_usage_error(
 def test_a_wrong_mapping_is_told_before_ros_is_joined(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    With its line: whoever writes one need not have the robot at hand.
-    """
+    """With its line: whoever writes one need not have the robot at hand."""
     (tmp_path / "m.yaml").write_text("topics:\n  /a: dor_map\n")
 
     assert 2 == _run("record", office, "--ros2", "--mapping", tmp_path / "m.yaml")
@@ -67,9 +63,7 @@ def test_a_wrong_mapping_is_told_before_ros_is_joined(
 def test_a_level_that_is_not_there_is_told_before_ros_is_joined(
     dry_run: list[str], office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A recorder that leaves out every topic is none.
-    """
+    """A recorder that leaves out every topic is none."""
     assert 2 == _run("record", office, "--ros2", "--scan", "--level", "attic", *dry_run)
 
     assert "attic" in capsys.readouterr().err
@@ -78,9 +72,7 @@ def test_a_level_that_is_not_there_is_told_before_ros_is_joined(
 def test_a_log_that_is_written_by_another_is_told_before_ros_is_joined(
     office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    As by every verb that writes.
-    """
+    """As by every verb that writes."""
     with sl.append(office):
         assert 1 == _run("record", office, "--ros1")
 
@@ -88,9 +80,7 @@ def test_a_log_that_is_written_by_another_is_told_before_ros_is_joined(
 
 
 def test_no_log_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Exit code 2: a service that is started again would never find it either.
-    """
+    """Exit code 2: a service that is started again would never find it either."""
     assert 2 == _run("record", tmp_path / "nowhere", "--ros1")
 
     said = capsys.readouterr().err

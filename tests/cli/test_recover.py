@@ -31,9 +31,7 @@ def log(original: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
 
 
 def test_without_yes_it_only_shows(log: Path, capsys) -> None:
-    """
-    Exit code 4: there is something to do. No byte is written.
-    """
+    """Exit code 4: there is something to do. No byte is written."""
     before = contents(log)
 
     code, out, _ = semmap(capsys, "recover", "log")
@@ -49,9 +47,7 @@ def test_without_yes_it_only_shows(log: Path, capsys) -> None:
 
 @pytest.mark.slow
 def test_in_place(log: Path, capsys) -> None:
-    """
-    Then the log is good, says so, and there is nothing to do any more.
-    """
+    """Then the log is good, says so, and there is nothing to do any more."""
     done = semmap(capsys, "recover", "log", "--yes")
     again = semmap(capsys, "recover", "log", "--yes")
 
@@ -66,9 +62,7 @@ def test_in_place(log: Path, capsys) -> None:
 
 
 def test_into_another_folder_as_json(log: Path, capsys) -> None:
-    """
-    One document: what was lost, and where the new log is; the damaged one stays.
-    """
+    """One document: what was lost, and where the new log is; the damaged one stays."""
     before = contents(log)
 
     code, out, _ = semmap(capsys, "recover", "log", "--out", "saved", "--yes", "--json")
@@ -86,9 +80,7 @@ def test_into_another_folder_as_json(log: Path, capsys) -> None:
 
 
 def test_a_good_log_and_no_log(original: Path, tmp_path: Path, capsys) -> None:
-    """
-    0 with nothing to do, also without --yes; 1 where there is no log.
-    """
+    """0 with nothing to do, also without --yes; 1 where there is no log."""
     good = Path(shutil.copytree(original, tmp_path / "good"))
 
     for more in ([], ["--yes"], ["--out", tmp_path / "new", "--yes"]):
@@ -103,9 +95,7 @@ def test_a_good_log_and_no_log(original: Path, tmp_path: Path, capsys) -> None:
 
 
 def test_a_torn_tail_is_left_to_the_next_writer(original: Path, tmp_path: Path, capsys) -> None:
-    """
-    It is said, and 0.
-    """
+    """It is said, and 0."""
     torn = tmp_path / "torn"
     torn.mkdir()
     data = (original / "log_000000.mcap").read_bytes()

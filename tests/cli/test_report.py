@@ -30,9 +30,7 @@ def run(*arguments: str) -> int:
 
 
 def test_it_says_what_it_wrote(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    On stderr; stdout stays empty.
-    """
+    """On stderr; stdout stays empty."""
     code = run("report", "log", "page.html")
 
     said = capsys.readouterr()
@@ -42,9 +40,7 @@ def test_it_says_what_it_wrote(folder: Path, capsys: pytest.CaptureFixture[str])
 
 
 def test_its_options_choose_what_is_shown(folder: Path) -> None:
-    """
-    Span, doors, zone and colours.
-    """
+    """Span, doors, zone and colours."""
     code = run("report", "log", "page.html", "--since", "2026-03-01T21:30Z", "--until",
                "2026-03-01T21:45Z", "--door", "front", "--tz", "Asia/Tokyo",
                "--palette", "colour-blind")  # fmt: skip
@@ -80,9 +76,7 @@ def test_what_cannot_be_done_is_said(
     code: int,
     expected: str,
 ) -> None:
-    """
-    In a line, with what to do; and no page is written.
-    """
+    """In a line, with what to do; and no page is written."""
     left = run(*arguments)
 
     assert code == left
@@ -91,9 +85,7 @@ def test_what_cannot_be_done_is_said(
 
 
 def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    And fits 80 columns.
-    """
+    """And fits 80 columns."""
     code = run("report", "--help")
 
     out = capsys.readouterr().out

@@ -37,9 +37,7 @@ def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
 
 
 def test_it_shows_what_was_hidden(run: Run) -> None:
-    """
-    Number, when, door, what; then the answers leave it out, and the history marks it.
-    """
+    """Number, when, door, what; then the answers leave it out, and the history marks it."""
     code, out, err = run("retract", "office", 41, "--actor", "me", "--reason", "dirty lens")
 
     assert (0, "") == (code, err)
@@ -57,9 +55,7 @@ def test_it_shows_what_was_hidden(run: Run) -> None:
 
 @pytest.mark.parametrize("events", ["10..12", "event:10..event:12", "event:10..12"])
 def test_a_range_in_its_forms(run: Run, events: str) -> None:
-    """
-    As JSON: the range, and every event that it hid.
-    """
+    """As JSON: the range, and every event that it hid."""
     code, out, _ = run("retract", "office", events, "--json")
 
     answer = json.loads(out)
@@ -74,9 +70,7 @@ def test_a_range_in_its_forms(run: Run, events: str) -> None:
 
 
 def test_of_many_only_some_are_shown(run: Run) -> None:
-    """
-    The first twenty, and how many more there are.
-    """
+    """The first twenty, and how many more there are."""
     out = run("retract", "office", "event:2..41")[1]
 
     numbers = [line.split()[0] for line in out.splitlines() if line[:6].strip().isdecimal()]
@@ -86,9 +80,7 @@ def test_of_many_only_some_are_shown(run: Run) -> None:
 
 
 def test_a_commit_taken_back_in_part_is_said(run: Run) -> None:
-    """
-    On stderr, since it may be meant: the door is gone, the event that named it is not.
-    """
+    """On stderr, since it may be meant: the door is gone, the event that named it is not."""
     code, _, err = run("retract", "office", 0)
 
     assert 0 == code
@@ -96,9 +88,7 @@ def test_a_commit_taken_back_in_part_is_said(run: Run) -> None:
 
 
 def test_sent_again_it_says_so(run: Run) -> None:
-    """
-    The same command id: the same answer, and nothing is written.
-    """
+    """The same command id: the same answer, and nothing is written."""
     command = ("retract", "office", 5, "--command-id", "00" * 15 + "01")
     first, again = run(*command)[1], run(*command)[1]
 
@@ -117,9 +107,7 @@ def test_sent_again_it_says_so(run: Run) -> None:
     ],
 )
 def test_what_it_refuses(run: Run, events: str, code: int, why: str) -> None:
-    """
-    One line that says what is there instead; 2 for what is no number.
-    """
+    """One line that says what is there instead; 2 for what is no number."""
     refused, out, err = run("retract", "office", events)
 
     assert (code, "") == (refused, out)

@@ -67,9 +67,7 @@ def office(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_table_has_a_row_for_each_room(
     office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Tabs between, where no terminal is: number, level, name, floor, doors, where they lead.
-    """
+    """Tabs between, where no terminal is: number, level, name, floor, doors, where they lead."""
     assert 0 == run("rooms", "office")
 
     lines = capsys.readouterr().out.splitlines()
@@ -83,9 +81,7 @@ def test_the_table_has_a_row_for_each_room(
 
 
 def test_what_is_odd_is_said_below_it(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Loops, doors without a room, doors in no wall, lifts, levels without a plan.
-    """
+    """Loops, doors without a room, doors in no wall, lifts, levels without a plan."""
     assert 0 == run("rooms", "office")
 
     said = capsys.readouterr().err
@@ -100,9 +96,7 @@ def test_what_is_odd_is_said_below_it(office: Path, capsys: pytest.CaptureFixtur
 
 
 def test_only_a_level(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    By its name; the rooms keep their numbers.
-    """
+    """By its name; the rooms keep their numbers."""
     assert 0 == run("rooms", "office", "--level", "first", "--json")
 
     said = json.loads(capsys.readouterr().out)
@@ -123,9 +117,7 @@ def test_only_a_level(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_json_tells_all(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    One document: rooms with doors and neighbours, doorways with sides, lifts.
-    """
+    """One document: rooms with doors and neighbours, doorways with sides, lifts."""
     assert 0 == run("rooms", "office", "--at", "@100", "--json")
 
     said = json.loads(capsys.readouterr().out)
@@ -144,9 +136,7 @@ def test_json_tells_all(office: Path, capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_rooms_as_geojson(office: Path) -> None:
-    """
-    A polygon each, in metres of the map, with the keys of --json.
-    """
+    """A polygon each, in metres of the map, with the keys of --json."""
     assert 0 == run("rooms", "office", "--out", "rooms.geojson")
 
     said = json.loads(Path("rooms.geojson").read_text())
@@ -160,9 +150,7 @@ def test_rooms_as_geojson(office: Path) -> None:
 
 
 def test_a_level_as_a_topological_map(office: Path) -> None:
-    """
-    A node for each room and each door, edges both ways between them, each name and edge once.
-    """
+    """A node for each room and each door, edges both ways between them, each name and edge once."""
     assert 0 == run("rooms", "office", "--level", "ground", "--out", "g.tmap2.yaml")
 
     said = yaml.safe_load(Path("g.tmap2.yaml").read_text())
@@ -190,9 +178,7 @@ def test_a_level_as_a_topological_map(office: Path) -> None:
 
 
 def test_a_name_that_a_room_has_is_not_a_doors_node(office: Path) -> None:
-    """
-    Names are told apart by numbers.
-    """
+    """Names are told apart by numbers."""
     with sl.append("office") as log:
         log.annotate(1, "rooms", "front,front gate", at="@100")
 
@@ -220,9 +206,7 @@ def test_edges_are_told_apart_where_names_run_together(office: Path) -> None:
 
 @pytest.mark.parametrize("name", ["rooms.png", "rooms.svg"])
 def test_rooms_as_a_picture(office: Path, name: str) -> None:
-    """
-    Of all levels, or of one.
-    """
+    """Of all levels, or of one."""
     assert 0 == run("rooms", "office", "--plot", name)
     both = Path(name).read_bytes()
     assert 0 == run("rooms", "office", "--level", "1", "--plot", name)
@@ -248,9 +232,7 @@ def test_rooms_as_a_picture(office: Path, name: str) -> None:
 def test_what_cannot_be_is_an_error(
     office: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
 ) -> None:
-    """
-    One line, exit code 1, and no file.
-    """
+    """One line, exit code 1, and no file."""
     before = sorted(office.rglob("*"))
 
     assert 1 == run("rooms", "office", *arguments)
@@ -261,9 +243,7 @@ def test_what_cannot_be_is_an_error(
 
 
 def test_an_open_plan_has_no_rooms(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    And that is said, not an error.
-    """
+    """And that is said, not an error."""
     with sl.create("open", tz="UTC") as log:
         log.append(
             [

@@ -68,9 +68,7 @@ def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]
 def test_options_that_make_no_sense(
     refused: Callable[..., tuple[int, str]], office: Path, options: tuple[str, ...], text: str
 ) -> None:
-    """
-    Exit code 2, and the log is not touched.
-    """
+    """Exit code 2, and the log is not touched."""
     code, said = refused(office, *options)
 
     assert 2 == code
@@ -79,9 +77,7 @@ def test_options_that_make_no_sense(
 
 @pytest.mark.slow
 def test_a_log_that_another_process_writes(office: Path) -> None:
-    """
-    One line, exit code 1: nobody waits for a lock that a recorder holds all day.
-    """
+    """One line, exit code 1: nobody waits for a lock that a recorder holds all day."""
     with sl.append(office):
         code, said = _serve(office, "--ros1")
 
@@ -94,10 +90,7 @@ def test_a_log_that_another_process_writes(office: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("options", [("--ros2",), ("--ros1", "--read-only")])
 def test_no_log_at_all(tmp_path: Path, options: tuple[str, ...]) -> None:
-    """
-    It is not made in passing: a wrong path would begin a second history. Exit code 2: a service
-    that is started again would never find it either.
-    """
+    """It is not made in passing: a wrong path would begin a second history."""
     code, said = _serve(tmp_path / "nowhere", *options)
 
     assert (2, 1) == (code, said.count("\n"))
@@ -108,10 +101,7 @@ def test_no_log_at_all(tmp_path: Path, options: tuple[str, ...]) -> None:
 def test_a_plain_file_of_doors_makes_a_log_and_starts(
     refused: Callable[..., tuple[int, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    As the thesis's server was started; the second start finds its log. Where no ROS can be joined
-    the server ends after that.
-    """
+    """As the thesis's server was started; the second start finds its log."""
 
     def no_ros(*_: object) -> None:
         raise RosError("no ROS in this test")
@@ -140,9 +130,7 @@ def test_a_plain_file_of_doors_makes_a_log_and_starts(
 def test_no_log_is_made_for_a_file_that_cannot_be_read(
     refused: Callable[..., tuple[int, str]], tmp_path: Path, option: tuple[str, ...]
 ) -> None:
-    """
-    Nor by a server that writes nothing.
-    """
+    """Nor by a server that writes nothing."""
     yaml = [] if option else ["--yaml", tmp_path / "missing.yaml"]
 
     code, said = refused("--ros1", "--log", tmp_path / "new", *yaml, *option)
@@ -153,9 +141,6 @@ def test_no_log_is_made_for_a_file_that_cannot_be_read(
 
 
 def test_without_a_log_the_usage_is_told(refused: Callable[..., tuple[int, str]]) -> None:
-    """
-    Exit code 2.
-    """
     code, said = refused("--ros1")
 
     assert 2 == code
@@ -164,9 +149,7 @@ def test_without_a_log_the_usage_is_told(refused: Callable[..., tuple[int, str]]
 
 @pytest.mark.slow
 def test_a_file_that_differs_stops_the_server(office: Path, tmp_path: Path) -> None:
-    """
-    The difference is printed, nothing is written, and the log is free again.
-    """
+    """The difference is printed, nothing is written, and the log is free again."""
     with sl.append(office) as log:
         log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, state="closed")
     file = tmp_path / "doors.yaml"
@@ -182,9 +165,7 @@ def test_a_file_that_differs_stops_the_server(office: Path, tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_a_level_that_is_not_there(office: Path) -> None:
-    """
-    It is told at the start, before ROS is joined, and not to the first who adds a door.
-    """
+    """It is told at the start, before ROS is joined, and not to the first who adds a door."""
     code, said = _serve(office, "--ros1", "--level", "attic")
 
     assert 2 == code
@@ -193,9 +174,7 @@ def test_a_level_that_is_not_there(office: Path) -> None:
 
 @pytest.mark.slow
 def test_the_interpreter_has_no_ros(office: Path) -> None:
-    """
-    What is missing is named, with what to do.
-    """
+    """What is missing is named, with what to do."""
     if _has_ros("rclpy"):
         pytest.skip("this interpreter has ROS 2")
 
@@ -207,9 +186,7 @@ def test_the_interpreter_has_no_ros(office: Path) -> None:
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 def test_a_folder_that_cannot_be_written_is_told_at_the_start(office: Path, tmp_path: Path) -> None:
-    """
-    And not to the first who saves, months later.
-    """
+    """And not to the first who saves, months later."""
     (tmp_path / "etc").mkdir(mode=0o500)
 
     _, said = _serve(office, "--ros1", "--save-root", tmp_path / "etc")

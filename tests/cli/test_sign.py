@@ -39,9 +39,7 @@ def log(original: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
 
 
 def test_a_key_a_signature_and_its_check(log: Path, capsys) -> None:
-    """
-    The three commands of the guide, each with what it says; 80 columns are enough.
-    """
+    """The three commands of the guide, each with what it says; 80 columns are enough."""
     code, out, err = semmap(capsys, "sign", "log", "--key", "key", "--new-key")
     assert code == 0
     assert out.startswith("log: 3 new signatures; signed up to event 12 by SHA256:")
@@ -60,9 +58,7 @@ def test_a_key_a_signature_and_its_check(log: Path, capsys) -> None:
 
 
 def test_json(log: Path, capsys) -> None:
-    """
-    What was signed, by which key; and what its check shows.
-    """
+    """What was signed, by which key; and what its check shows."""
     said = json.loads(semmap(capsys, "sign", "log", "--key", "k", "--new-key", "--json")[1])
     assert said == {
         "key": said["key"],
@@ -88,9 +84,7 @@ def test_json(log: Path, capsys) -> None:
 
 
 def test_a_key_is_revoked(log: Path, capsys) -> None:
-    """
-    With the owner's key in an allowed_signers file, for that; as the guide says.
-    """
+    """With the owner's key in an allowed_signers file, for that; as the guide says."""
     semmap(capsys, "sign", "log", "--key", "robot", "--new-key")
     make_key(Path("owner"), log=log)
     robot, owner = Path("robot.pub").read_text(), Path("owner.pub").read_text()
@@ -190,9 +184,7 @@ def test_a_damaged_log_is_damaged_first(log: Path, capsys) -> None:
 def test_what_cannot_be_is_said(
     log: Path, capsys, options: Sequence[str], code: int, problem: str
 ) -> None:
-    """
-    In one message, without a traceback; and no key is made for no log.
-    """
+    """In one message, without a traceback; and no key is made for no log."""
     semmap(capsys, "sign", "log", "--key", "k", "--new-key")
 
     said = semmap(capsys, *options)
@@ -206,9 +198,7 @@ def test_what_cannot_be_is_said(
 def test_the_passphrase_comes_from_the_environment(
     log: Path, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Where there is no terminal to ask at.
-    """
+    """Where there is no terminal to ask at."""
     pytest.importorskip("bcrypt")
     if shutil.which("ssh-keygen") is None:
         pytest.skip("needs OpenSSH's ssh-keygen")
@@ -226,9 +216,7 @@ def test_the_passphrase_comes_from_the_environment(
 
 @pytest.mark.parametrize(("lines", "code"), [(LINE * 3, 0), (LINE + BAD_LINE, 1)])
 def test_record_signs_what_it_closes(log: Path, capsys, lines: str, code: int) -> None:
-    """
-    Also where a bad line makes the exit code.
-    """
+    """Also where a bad line makes the exit code."""
     semmap(capsys, "sign", "log", "--key", "k", "--new-key")
 
     done = _run(["record", "log", "--sign-key", "k"], lines)
@@ -240,9 +228,7 @@ def test_record_signs_what_it_closes(log: Path, capsys, lines: str, code: int) -
 
 
 def test_record_goes_on_where_it_cannot_sign(log: Path, capsys) -> None:
-    """
-    It says so once, and how to sign later.
-    """
+    """It says so once, and how to sign later."""
     semmap(capsys, "sign", "log", "--key", "k", "--new-key")
     (log / "signatures").rename("kept")
     (log / "signatures").write_text("in the way")
@@ -260,9 +246,7 @@ def test_record_goes_on_where_it_cannot_sign(log: Path, capsys) -> None:
 
 
 def test_serve_signs_what_it_closes(log: Path, capsys) -> None:
-    """
-    A planner sets a door; at the end that is signed, too.
-    """
+    """A planner sets a door; at the end that is signed, too."""
     semmap(capsys, "sign", "log", "--key", "k", "--new-key")
     line = [
         sys.executable,
@@ -300,9 +284,7 @@ def _run(words: list[str], lines: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_an_unsigned_end_is_exit_code_6_and_who_may_adopt_it(log: Path, capsys) -> None:
-    """
-    A recorder refuses what it has not written, adopts it if it is told to, and signs often.
-    """
+    """A recorder refuses what it has not written, adopts it if it is told to, and signs often."""
     semmap(capsys, "sign", "log", "--key", "k", "--new-key")
     assert 0 == semmap(capsys, "observe", "log", "front", "open")[0]
     code, out, _ = semmap(capsys, "verify", "log", "--public-key", "k.pub")
@@ -328,9 +310,7 @@ def test_an_unsigned_end_is_exit_code_6_and_who_may_adopt_it(log: Path, capsys) 
 
 
 def test_an_officer_s_key_vouches_for_what_is_taken_out(log: Path, capsys) -> None:
-    """
-    `redact --sign-key`; a file of allowed signers says who may.
-    """
+    """`redact --sign-key`; a file of allowed signers says who may."""
     semmap(capsys, "sign", "log", "--key", "robot", "--new-key")
     semmap(capsys, "init", "elsewhere", "--tz", "UTC")
     semmap(capsys, "sign", "elsewhere", "--key", "officer", "--new-key")

@@ -45,9 +45,7 @@ def trimmings(log: Path) -> list[HistoryTrimmed]:
 
 
 def test_an_age_is_counted_from_now(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Done again at once, there is nothing more: the log's own words have not moved the moment.
-    """
+    """Done again at once, there is nothing more: the log's own words have not moved the moment."""
     for option in ("--thin", "--keep"):
         code, out, _ = semmap(capsys, "retain", log, option, "5d", "--json")
         done = json.loads(out)
@@ -62,10 +60,7 @@ def test_an_age_is_counted_from_now(log: Path, capsys: pytest.CaptureFixture[str
 
 
 def test_the_head_of_a_commit_that_is_gone(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Is not found; that it may be among those that went is said. A later one is found, and vouches
-    for nothing of what was trimmed.
-    """
+    """Is not found; that it may be among those that went is said."""
     heads = [commit.hash.hex() for commit in sl.read(log).commits()]
     assert semmap(capsys, "retain", log, "--keep", "5d")[0] == 0
 
@@ -79,9 +74,7 @@ def test_the_head_of_a_commit_that_is_gone(log: Path, capsys: pytest.CaptureFixt
 
 
 def test_what_is_kept_may_begin_at_a_time(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    One that is still to come is refused, and so is what is no time.
-    """
+    """One that is still to come is refused, and so is what is no time."""
     day = time.strftime("%Y-%m-%d", time.gmtime(time.time() - 3 * 86400))
     assert (
         semmap(capsys, "retain", log, "--keep", day, "--by", "admin", "--reason", "policy")[0] == 0
@@ -101,9 +94,7 @@ def test_what_is_kept_may_begin_at_a_time(log: Path, capsys: pytest.CaptureFixtu
 def test_retain_wants_one_of_two(
     log: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
 ) -> None:
-    """
-    What else could be meant is not guessed.
-    """
+    """What else could be meant is not guessed."""
     code, _, err = semmap(capsys, "retain", log, *words)
 
     assert code == 2
@@ -111,9 +102,7 @@ def test_retain_wants_one_of_two(
 
 
 def test_a_dry_run_says_what_would_go(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    The same numbers as afterwards, and no byte is written.
-    """
+    """The same numbers as afterwards, and no byte is written."""
     before = {path.name: path.read_bytes() for path in log.iterdir()}
     words = ("redact", log, "--actor", "anna", "--tracks", "--door", "front", "--key", "owner")
 
@@ -129,9 +118,7 @@ def test_a_dry_run_says_what_would_go(log: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_what_was_redacted_is_in_no_file(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    And `verify` says that something went, by which rule.
-    """
+    """And `verify` says that something went, by which rule."""
     (log / "office_000000.mcap.torn-1").write_bytes(b"Zoe")
     words = ("--actor", "anna", "--door", "front", "--key", "owner", "--by", "officer")
 
@@ -158,9 +145,7 @@ def test_what_was_redacted_is_in_no_file(log: Path, capsys: pytest.CaptureFixtur
 def test_redact_wants_to_know_what(
     log: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], why: str
 ) -> None:
-    """
-    Nothing is taken out that nobody named.
-    """
+    """Nothing is taken out that nobody named."""
     before = {path.name: path.read_bytes() for path in log.iterdir()}
 
     code, _, err = semmap(capsys, "redact", log, *words)
@@ -173,9 +158,7 @@ def test_redact_wants_to_know_what(
 def test_while_somebody_writes_nothing_is_taken_out(
     log: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    It is said who; the log is as it was.
-    """
+    """It is said who; the log is as it was."""
     before = sorted(path.name for path in log.iterdir())
     lock = WriterLock(LogFolder(log))
     try:
@@ -190,9 +173,7 @@ def test_while_somebody_writes_nothing_is_taken_out(
 
 
 def test_a_pinned_moment_outlives_its_past(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Asked by its name after the retention; a name that nobody gave is an error.
-    """
+    """Asked by its name after the retention; a name that nobody gave is an error."""
     assert semmap(capsys, "pin", log, "audit", "--at", "9d ago", "--actor", "anna")[0] == 0
     was = json.loads(semmap(capsys, "replay", log, "--at", "pin:audit", "--json")[1])
     assert semmap(capsys, "retain", log, "--keep", "2d")[0] == 0
@@ -209,9 +190,7 @@ def test_a_pinned_moment_outlives_its_past(log: Path, capsys: pytest.CaptureFixt
 
 
 def test_the_same_pin_sent_again_is_stored_once(log: Path) -> None:
-    """
-    By the id of its command, as any other command.
-    """
+    """By the id of its command, as any other command."""
     with sl.append(log) as opened:
         first = opened.pin("audit", at="2d ago", command_id=bytes(15) + b"\1", actor="anna")
         again = opened.pin("audit", at="2d ago", command_id=bytes(15) + b"\1", actor="anna")

@@ -43,9 +43,7 @@ def semmap(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int,
 
 
 def test_a_good_log_in_a_line_with_its_head(log: Path, capsys) -> None:
-    """
-    What was read, the hash, and what to do with it; 80 columns are enough.
-    """
+    """What was read, the hash, and what to do with it; 80 columns are enough."""
     head = json.loads(semmap(capsys, "info", "log", "--json")[1])["head"]
 
     code, out, err = semmap(capsys, "verify", "log")
@@ -59,9 +57,7 @@ def test_a_good_log_in_a_line_with_its_head(log: Path, capsys) -> None:
 
 
 def test_damage_says_where_what_and_what_to_do(log: Path, capsys) -> None:
-    """
-    Exit code 4; file, byte and events of each place.
-    """
+    """Exit code 4; file, byte and events of each place."""
     file = log / "log_000001.mcap"
     chunk = open_segment(file).chunks[1]
     flip(file, chunk.data_offset + 40)
@@ -77,9 +73,7 @@ def test_damage_says_where_what_and_what_to_do(log: Path, capsys) -> None:
 
 
 def test_json_is_one_document(log: Path, capsys) -> None:
-    """
-    The same, for machines.
-    """
+    """The same, for machines."""
     file = log / "log_000001.mcap"
     flip(file, open_segment(file).chunks[1].data_offset + 40)
 
@@ -95,9 +89,7 @@ def test_json_is_one_document(log: Path, capsys) -> None:
 
 
 def test_the_head_that_was_kept(log: Path, capsys) -> None:
-    """
-    Still there, gone, or not a hash at all.
-    """
+    """Still there, gone, or not a hash at all."""
     head = json.loads(semmap(capsys, "verify", "log", "--json")[1])["head"]
     semmap(capsys, "observe", "log", "front", "open")
 
@@ -114,9 +106,7 @@ def test_the_head_that_was_kept(log: Path, capsys) -> None:
 
 
 def test_torn_and_absent_and_unreadable(log: Path, original: Path, capsys) -> None:
-    """
-    3 and nothing to do, 5, and for a format of tomorrow 1.
-    """
+    """3 and nothing to do, 5, and for a format of tomorrow 1."""
     file = log / "log_000000.mcap"
     end = open_segment(file).chunks[-1].offset
     file.write_bytes(file.read_bytes()[: end + 9])
@@ -134,9 +124,7 @@ def test_torn_and_absent_and_unreadable(log: Path, original: Path, capsys) -> No
 
 @pytest.mark.slow
 def test_flipped_bits_by_the_command(log: Path) -> None:
-    """
-    A sample of places, by real processes: 4 each time.
-    """
+    """A sample of places, by real processes: 4 each time."""
     file = log / "log_000002.mcap"
     whole = file.read_bytes()
     codes = []
@@ -151,9 +139,7 @@ def test_flipped_bits_by_the_command(log: Path) -> None:
 
 @pytest.mark.slow
 def test_nothing_is_written_and_no_permission_to_is_needed(log: Path) -> None:
-    """
-    As nobody, on files and a folder that may only be read: no lock file, no byte changed.
-    """
+    """As nobody, on files and a folder that may only be read: no lock file, no byte changed."""
     (log / ".lock").unlink()
     before = contents(log)
     for path in (*log.iterdir(), log, *log.parents):

@@ -59,9 +59,7 @@ def run(arguments: list[str]) -> None:
 
 
 def test_an_empty_log_says_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    In lines that can be pasted, whatever its folder is called; one with events says nothing.
-    """
+    """In lines that can be pasted, whatever its folder is called; one with events says nothing."""
     sl.create(tmp_path / "my log", tz="UTC").close()
 
     run(["view", str(tmp_path / "my log"), "--save", str(tmp_path / "x.rrd")])
@@ -78,9 +76,7 @@ def test_an_empty_log_says_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_names_that_the_viewer_cannot_draw_are_told_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    How many, and what stands for them; not those of other doors than were asked for.
-    """
+    """How many, and what stands for them; not those of other doors than were asked for."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         for x, name in enumerate(["会議室 1", "Küche", "会議室 2"]):
             log.add_door(x=x, y=0.0, theta=0.0, width=0.9, name=name)
@@ -118,9 +114,7 @@ def test_names_that_the_viewer_cannot_draw_are_told_once(
 def test_options_that_make_no_sense_together_are_refused(
     arguments: list[str], complaint: str, log: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Both are named, and nothing is written.
-    """
+    """Both are named, and nothing is written."""
     with pytest.raises(SystemExit, match=r"^2$"):
         main(["view", str(log), *arguments])
 
@@ -133,9 +127,7 @@ def test_options_that_make_no_sense_together_are_refused(
 def test_a_picture_of_one_view_in_other_colours(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Of the size asked for, less the window's edges; what was made on the way is gone.
-    """
+    """Of the size asked for, less the window's edges; what was made on the way is gone."""
     picture = tmp_path / "plan.png"
     with a_viewer(None), pytest.raises(SystemExit, match=r"^0$"):
         main(["view", str(log), "--screenshot", str(picture), "--view", "Floor plan",
@@ -155,9 +147,7 @@ def test_a_picture_of_one_view_in_other_colours(
 @pytest.mark.viewer
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 def test_a_log_is_followed_while_another_process_records(log: Path, ending: signal.Signals) -> None:
-    """
-    Over the end of a segment, too; a signal ends it, quickly, and no process of it is left.
-    """
+    """Over the end of a segment, too; a signal ends it, quickly, and no process of it is left."""
     with _serving(log, "--follow", "--no-beliefs") as (process, page):
         (source,) = parse_qs(urlsplit(page).query)["url"]
         with a_viewer(source, size=(800, 600)) as viewer:
@@ -180,9 +170,7 @@ def test_a_log_is_followed_while_another_process_records(log: Path, ending: sign
 @pytest.mark.slow
 @pytest.mark.viewer
 def test_a_viewer_that_is_killed_ends_the_following(log: Path) -> None:
-    """
-    That is said in one line, without what rerun's own library has to say of it.
-    """
+    """That is said in one line, without what rerun's own library has to say of it."""
     with _serving(log, "--follow", "--no-beliefs") as (process, _):
         (viewer,) = _family(process.pid)[1:]  # the page was told of when it was served
         time.sleep(2)  # most often it has the history by then; the end is the same without

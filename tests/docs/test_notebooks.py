@@ -53,7 +53,5 @@ def test_a_notebook_is_stored_as_it_was_written(path: Path) -> None:
 
 
 def test_there_are_notebooks() -> None:
-    """
-    So that a change of folders does not silently run none.
-    """
+    """So that a change of folders does not silently run none."""
     assert 3 <= len(NOTEBOOKS)

@@ -26,9 +26,7 @@ def _interrupt_behind(log: sl.DoorLogWriter, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_no_id_is_given_twice(memory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    The next door gets the id after that of the one whose adding was interrupted.
-    """
+    """The next door gets the id after that of the one whose adding was interrupted."""
     with sl.create(memory / "log", tz="UTC") as log:
         log.add_door(name="front")
         _interrupt_behind(log, monkeypatch)

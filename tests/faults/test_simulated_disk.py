@@ -54,9 +54,7 @@ def test_what_a_footer_stands_for_is_on_the_disk_before_it(
 def test_the_name_of_a_log_that_was_half_made_is_synced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Who made it was killed before that; what the next writer acknowledges must not go with it.
-    """
+    """Who made it was killed before that; what the next writer acknowledges must not go with it."""
     whole = sl.create(tmp_path / "other", tz="UTC")
     (tmp_path / "log").mkdir()
     (tmp_path / "log" / "log_000000.mcap").write_bytes(
@@ -80,9 +78,7 @@ def test_the_name_of_a_log_that_was_half_made_is_synced(
 def test_a_closed_segment_is_synced_by_the_next_writer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Who closed it may have been killed just before; what comes behind it must not be cut off.
-    """
+    """Who closed it may have been killed just before; what comes behind it must not be cut off."""
     sl.create(tmp_path / "log", tz="UTC").close()
     synced: list[Path] = []
     fsync = os.fsync
@@ -122,9 +118,7 @@ def _left(*entries: Entry) -> list[object]:
 
 
 def test_the_model_keeps_what_was_synced() -> None:
-    """
-    A file and its name, each once it is synced itself, and then for certain.
-    """
+    """A file and its name, each once it is synced itself, and then for certain."""
     written = (_open("/r/a", 3), _write(3, 0, b"x"), _on(Call.FDATASYNC, 3))
     folder = (Entry(Call.LOOK, 4, 0, "/r", "", b""), _on(Call.FSYNC, 4))
 
@@ -135,9 +129,7 @@ def test_the_model_keeps_what_was_synced() -> None:
 
 
 def test_the_model_tears_what_was_not() -> None:
-    """
-    Each sector is there or not, in any order, and the size may be ahead of the data.
-    """
+    """Each sector is there or not, in any order, and the size may be ahead of the data."""
     old, new = b"o" * SECTOR, b"n" * SECTOR
     folder = (Entry(Call.LOOK, 4, 0, "/r", "", b""), _on(Call.FSYNC, 4))
     first = (_open("/r/a", 3), _write(3, 0, old), _on(Call.FSYNC, 3), *folder)

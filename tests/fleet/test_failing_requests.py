@@ -142,9 +142,7 @@ def _attacked(
 def test_bytes_that_are_altered_and_objects_that_go(
     objects: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    At each request of a moment's map.
-    """
+    """At each request of a moment's map."""
     _attacked("replay then", objects, capsys, monkeypatch, most=100, faults=["altered", "404"])
 
 

@@ -103,9 +103,7 @@ def _another_range(number: int, answer: Answer) -> Answer:
 def test_one_that_always_lies_gives_no_answer(
     shipped: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, lie: Lie
 ) -> None:
-    """
-    Also where the manifest is right, and only what it names is not.
-    """
+    """Also where the manifest is right, and only what it names is not."""
     _, objects = shipped
 
     with pytest.raises(LogError):

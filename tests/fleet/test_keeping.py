@@ -200,9 +200,7 @@ def test_a_command_that_may_lie_there_is_not_done_twice(log: Path, url: str) -> 
 def test_what_lies_in_the_removed_part_is_taken_back_by_number_or_refused(
     log: Path, url: str
 ) -> None:
-    """
-    What was taken back before stays so, and who takes back more is told where it lies.
-    """
+    """What was taken back before stays so, and who takes back more is told where it lies."""
     removed(log, url)
     with sl.append(log) as writer:
         try:
@@ -405,9 +403,7 @@ def test_a_zip_of_it_says_the_same(log: Path, url: str, tmp_path: Path) -> None:
 
 
 def test_a_reader_that_is_open_meanwhile_reads_on(log: Path, url: str) -> None:
-    """
-    By the files that it has mapped; and what is written later, once it looks again.
-    """
+    """By the files that it has mapped; and what is written later, once it looks again."""
     opened = LogReader(LogFolder(log))
     last = opened.last_event()
     removed(log, url)

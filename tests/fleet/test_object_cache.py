@@ -50,9 +50,7 @@ def files(cache: ObjectCache) -> list[Path]:
 
 
 def test_asked_again_nothing_is_fetched(bucket: str, tmp_path: Path, cache: ObjectCache) -> None:
-    """
-    Large segments (by blocks) and small ones (whole) alike.
-    """
+    """Large segments (by blocks) and small ones (whole) alike."""
     log = a_log(tmp_path / "log")
     ship(log, UrlPath(bucket))
 
@@ -98,9 +96,7 @@ def test_a_damaged_block_is_fetched_again(
 
 
 def test_what_a_store_lies_of_a_small_segment_is_not_kept(bucket: str, cache: ObjectCache) -> None:
-    """
-    So that once the store is well again, so is the answer.
-    """
+    """So that once the store is well again, so is the answer."""
     ship(RECORDINGS / "office", UrlPath(bucket))
     store = ObjectStore(UrlPath(bucket))
     (segment,) = [one.name for one in store.list() if one.name.endswith(".mcap")]

@@ -68,9 +68,7 @@ def both(bucket: str, tmp_path: Path) -> tuple[Path, Path]:
 def test_what_was_replaced_is_removed_and_nothing_else(
     bucket: str, both: tuple[Path, Path]
 ) -> None:
-    """
-    An object that was put, and that no manifest has named yet, is somebody's upload.
-    """
+    """An object that was put, and that no manifest has named yet, is somebody's upload."""
     store = ObjectStore(UrlPath(bucket))
     superseded = segments_at(bucket) - named_at(bucket)
     uploaded = "000009-0123456789abcdef.mcap"
@@ -91,9 +89,7 @@ def test_what_was_replaced_is_removed_and_nothing_else(
 def test_it_counts_from_the_manifest_that_dropped_it_by_the_stores_clock(
     bucket: str, both: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A robot's clock that is years ahead removes nothing early.
-    """
+    """A robot's clock that is years ahead removes nothing early."""
     before = kept_at(bucket)
     assert {one.since_ns for one in before.manifest.superseded} == {None}
     again = kept_at(bucket)
@@ -124,9 +120,7 @@ def test_younger_ones_stay(bucket: str, both: tuple[Path, Path]) -> None:
 
 
 def test_a_name_that_is_no_segments_is_never_removed(bucket: str, both: tuple[Path, Path]) -> None:
-    """
-    Whatever a manifest lists: what it names itself, and what a shipping never called so.
-    """
+    """Whatever a manifest lists: what it names itself, and what a shipping never called so."""
     kept = kept_at(bucket)
     store = ObjectStore(UrlPath(bucket))
     store.create("notes.mcap", b"mine")
@@ -205,9 +199,7 @@ def test_a_rival_that_still_has_the_old_segments_ships_in_the_middle(
 def test_a_rival_that_has_found_the_old_segments_there_sends_them_again(
     bucket: str, both: tuple[Path, Path]
 ) -> None:
-    """
-    They were removed between its look, and its manifest: that is refused, and it looks anew.
-    """
+    """They were removed between its look, and its manifest: that is refused, and it looks anew."""
     rival = {"replace": lambda: void(removed_at(bucket))}
 
     done = ship(both[1], WithRivalStore(UrlPath(bucket), rival))
@@ -220,9 +212,7 @@ def test_a_rival_that_has_found_the_old_segments_there_sends_them_again(
 def test_a_list_of_superseded_objects_is_bounded(
     bucket: str, both: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Those that were superseded last are kept.
-    """
+    """Those that were superseded last are kept."""
     monkeypatch.setattr(shipping, "MOST_SUPERSEDED", 2)
     ship(both[1], UrlPath(bucket))
     dropped = [one.name for one in kept_at(bucket).manifest.segments]

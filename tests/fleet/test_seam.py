@@ -81,9 +81,7 @@ def _downloaded(bucket: str, folder: Path) -> Path:
 def test_a_shipped_log_at_a_plain_web_server(
     bucket: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A server that lists nothing: the manifest tells what there is, for answers and for verify.
-    """
+    """A server that lists nothing: the manifest tells what there is, for answers and for verify."""
     ship(WEEK, UrlPath(bucket))
     copy = _downloaded(bucket, tmp_path / "copy")
     asked: Counter[str] = Counter()
@@ -106,9 +104,7 @@ def test_a_shipped_log_at_a_plain_web_server(
 
 
 def test_a_server_that_lists_nothing_is_asked_once(tmp_path: Path) -> None:
-    """
-    Each refusal takes a while: it is remembered.
-    """
+    """Each refusal takes a while: it is remembered."""
     asked: Counter[str] = Counter()
     with web_server(OFFICE, asked) as url:
         for _ in range(3):
@@ -149,9 +145,7 @@ def _rewritten(bucket: str, change: Callable[[dict[str, Any]], None]) -> None:
 def test_verify_compares_all_that_a_manifest_tells(
     bucket: str, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Of the last segment, whose hash no other one holds.
-    """
+    """Of the last segment, whose hash no other one holds."""
     ship(WEEK, UrlPath(bucket))
     assert 0 == verify(UrlPath(bucket)).exit_code
 
@@ -192,9 +186,7 @@ IMPOSSIBLE: dict[str, Callable[[dict[str, Any]], object]] = {
 def test_a_manifest_that_cannot_be_is_damage(
     bucket: str, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Each verb names it; none answers.
-    """
+    """Each verb names it; none answers."""
     ship(WEEK, UrlPath(bucket))
     _rewritten(bucket, lambda entries: (IMPOSSIBLE[name](entries), None)[1])
 
@@ -217,9 +209,7 @@ def test_a_manifest_that_is_nested_without_end_is_damage(bucket: str) -> None:
 
 
 def test_bytes_that_lie_there_are_compared(bucket: str, tmp_path: Path) -> None:
-    """
-    An object of a segment's name and size with other bytes: no manifest ever names it.
-    """
+    """An object of a segment's name and size with other bytes: no manifest ever names it."""
     done = ship(OFFICE, UrlPath(bucket))
     (name,) = (one.name for one in done.manifest.segments)
     store = ObjectStore(UrlPath(bucket))
@@ -242,9 +232,7 @@ class HalfForgetfulStore(ObjectStore):
 
 
 def test_a_store_that_ignores_if_match_is_refused(bucket: str) -> None:
-    """
-    The manifest of another robot would be written over there.
-    """
+    """The manifest of another robot would be written over there."""
     with pytest.raises(LogError, match="ignores the condition `If-Match`"):
         ship(OFFICE, HalfForgetfulStore(UrlPath(bucket)))
     check_conditions(ObjectStore(UrlPath(bucket)))
@@ -270,9 +258,7 @@ def test_no_key_and_no_password_is_in_a_message(
     bucket: str, verb: list[str], monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str], *, is_there: bool,
 ) -> None:  # fmt: skip
-    """
-    Also where the endpoint has them, and where the store says them again.
-    """
+    """Also where the endpoint has them, and where the store says them again."""
     port = os.environ["AWS_ENDPOINT_URL"].rsplit(":", 1)[-1] if is_there else "9"
     bucket = bucket.replace(f"/{NAME}/", "/nobodys-bucket/")
     monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://anna:pa55word@127.0.0.1:{port}")
@@ -291,9 +277,7 @@ def test_no_key_and_no_password_is_in_a_message(
 def test_what_verify_says_to_do_about_damage_mends_it(
     bucket: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Remove what it names, and the manifest; ship again: only what was removed is sent.
-    """
+    """Remove what it names, and the manifest; ship again: only what was removed is sent."""
     done = ship(WEEK, UrlPath(bucket))
     store = ObjectStore(UrlPath(bucket))
     name = done.manifest.segments[2].name

@@ -23,9 +23,7 @@ def names_at(url: str) -> dict[str, str]:
 
 
 def test_what_is_told_is_what_is_sent(bucket: str, tmp_path: Path) -> None:
-    """
-    Of a log that was never shipped, of one that went on, and of one that was compacted.
-    """
+    """Of a log that was never shipped, of one that went on, and of one that was compacted."""
     log = a_log(tmp_path / "log", 2)
     for change in (lambda: None, lambda: a_session(log), lambda: compact(log)):
         change()
@@ -121,9 +119,7 @@ def test_who_may_not_list_is_told_the_rest(bucket: str, tmp_path: Path) -> None:
 def test_a_small_segment_that_is_written_on_is_neither_to_be_sent_nor_an_older_copy(
     bucket: str, tmp_path: Path
 ) -> None:
-    """
-    What was shipped of it is in the live one, which waits; what lies there stays as it is.
-    """
+    """What was shipped of it is in the live one, which waits; what lies there stays as it is."""
     log = a_log(tmp_path / "log", 1)
     a_session(log)
     version = ship(log, UrlPath(bucket)).manifest.version

@@ -21,9 +21,7 @@ from tests.log.signing.signed_logs import a_key, believed, is_good
 
 
 def test_a_shipped_log_is_checked_where_it_lies(bucket: str, tmp_path: Path) -> None:
-    """
-    At its URL, and fetched, with the signatures that were kept beside the log.
-    """
+    """At its URL, and fetched, with the signatures that were kept beside the log."""
     log, key = a_log(tmp_path / "log", 2), a_key(tmp_path)
     sign(log, key)
     ship(log, UrlPath(bucket))

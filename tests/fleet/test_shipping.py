@@ -101,9 +101,7 @@ def test_cut_at_each_request_and_begun_again_nothing_is_lost_or_sent_twice(
 
 
 def test_one_request_plans_a_log(bucket: str, tmp_path: Path) -> None:
-    """
-    The manifest: who then asks for an event reads the ends of one segment, and a chunk of it.
-    """
+    """The manifest: who then asks for an event reads the ends of one segment, and a chunk of it."""
     log = a_log(tmp_path / "log")
     ship(log, UrlPath(bucket))
     store = CountedStore(UrlPath(bucket))
@@ -116,9 +114,7 @@ def test_one_request_plans_a_log(bucket: str, tmp_path: Path) -> None:
 
 
 def test_a_log_that_goes_on_is_shipped_on(bucket: str, tmp_path: Path) -> None:
-    """
-    Also where its last segment was small, and the next writer continued it in a copy.
-    """
+    """Also where its last segment was small, and the next writer continued it in a copy."""
     with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
         door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9)
     ship(tmp_path / "log", UrlPath(bucket))
@@ -183,9 +179,7 @@ def test_another_log_is_not_written_over(bucket: str, tmp_path: Path) -> None:
 
 
 def test_sixteen_that_ship_at_once_leave_the_whole_log(bucket: str, tmp_path: Path) -> None:
-    """
-    Half of them an older copy: whoever comes late refuses, or finds all there.
-    """
+    """Half of them an older copy: whoever comes late refuses, or finds all there."""
     old = a_log(tmp_path / "old", 1)
     log = shutil.copytree(old, tmp_path / "log")
     with sl.append(log, compact=False) as writer:
@@ -279,9 +273,7 @@ def _cut(store: ObjectStore, one: ObjectStatus) -> None:
 def test_a_harmed_object_is_never_an_answer(
     bucket: str, tmp_path: Path, harm: Callable[[ObjectStore, ObjectStatus], None], which: int
 ) -> None:
-    """
-    Neither of a question that reads it, nor of `verify`, nor of `fetch`.
-    """
+    """Neither of a question that reads it, nor of `verify`, nor of `fetch`."""
     log = a_log(tmp_path / "log")
     ship(log, UrlPath(bucket))
     store = ObjectStore(UrlPath(bucket))

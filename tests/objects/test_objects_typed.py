@@ -72,9 +72,7 @@ def test_what_cannot_be_is_told_in_a_line(run, line: str, code: int, said: str) 
 
 
 def test_a_class_chooses_what_is_told(run) -> None:
-    """
-    Each verb tells of that class alone, and `door` means what is no other thing.
-    """
+    """Each verb tells of that class alone, and `door` means what is no other thing."""
     _, out, _ = run("history", "office", "--class", "spill")
     assert {"4"} == {row.split("\t")[4] for row in out.splitlines()[1:]}
     _, out, _ = run("probabilities", "office", "--class", "door", "--json")

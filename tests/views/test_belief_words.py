@@ -26,7 +26,5 @@ def test_a_probability_stands_before_its_interval(
 
 
 def test_a_moment_is_told_to_the_second() -> None:
-    """
-    As the building's clocks show it.
-    """
+    """As the building's clocks show it."""
     assert "2026-03-08 22:30:41" == moment_in_words(1_773_005_441_049_000_000, "Europe/Vienna")

@@ -42,9 +42,7 @@ def printed(
 
 
 def test_the_higher_the_bar_the_longer_it_was_open() -> None:
-    """
-    The lowest and the highest bar stand for all of the half hour, and for nothing else.
-    """
+    """The lowest and the highest bar stand for all of the half hour, and for nothing else."""
     day = day_of(("front", [0.0, 0.001, 0.5, 0.999, 1.0, np.nan]))
 
     head, row, legend = printed(day)
@@ -57,9 +55,7 @@ def test_the_higher_the_bar_the_longer_it_was_open() -> None:
 
 
 def test_an_hour_that_comes_twice_is_written_once() -> None:
-    """
-    Havana's midnight of 1 November 2026; the hours behind it stand over their bars.
-    """
+    """Havana's midnight of 1 November 2026; the hours behind it stand over their bars."""
     begin_ns = 1_793_505_600 * 10**9  # 04:00 UTC
     shares = TimeShares(np.ones(50), np.ones(50), np.ones(50))
     doors = [DoorDay(DoorId(1), "front", 50, shares)]
@@ -71,9 +67,7 @@ def test_an_hour_that_comes_twice_is_written_once() -> None:
 
 
 def test_the_liveliest_doors_are_drawn_and_the_others_counted() -> None:
-    """
-    In the order of their ids; the rest is not hidden.
-    """
+    """In the order of their ids; the rest is not hidden."""
     day = day_of(("a", [1.0]), ("b", [1.0, 0.0, 1.0]), ("c", []), ("d", [0.0, 1.0]))
 
     lines = printed(day, 2)
@@ -97,9 +91,7 @@ def test_it_fits_a_terminal_whatever_doors_are_called() -> None:
 
 
 def test_colours_say_the_same() -> None:
-    """
-    Mostly open is green, mostly closed red, unknown yellow.
-    """
+    """Mostly open is green, mostly closed red, unknown yellow."""
     _, row, _ = printed(day_of(("front", [0.9, 0.1, np.nan])), colours=True)
 
     assert [("32", "▇"), ("31", "▂"), ("33", "·")] == re.findall("\x1b\\[(3.)m(.)", row)

@@ -12,9 +12,7 @@ from tests.analysis.rooms.buildings import Building, buildings
 
 @given(buildings())
 def test_rooms_beside_each_other_have_different_tints(building: Building) -> None:
-    """
-    Across each door at least, whose wall is thin.
-    """
+    """Across each door at least, whose wall is thin."""
     plan = plan_of(building.door_map, {0: building.floor})
 
     tints = room_tints(sampled(plan.levels[0], 10**6))
@@ -43,7 +41,4 @@ def test_the_picture_shows_each_cell_in_its_rooms_tint(building: Building) -> No
 
 
 def test_without_rooms_nothing_is_tinted() -> None:
-    """
-    Not an error.
-    """
     assert {} == room_tints(np.zeros((4, 4), np.int64))

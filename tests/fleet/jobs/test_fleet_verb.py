@@ -102,9 +102,7 @@ def test_a_projection_that_is_none(
 
 
 def test_ctrl_c_keeps_what_has_answered(made_fleet: Path, tmp_path: Path) -> None:
-    """
-    The next run asks only the rest, and its answer is that of a run that was never stopped.
-    """
+    """The next run asks only the rest, and its answer is that of a run that was never stopped."""
     kept = tmp_path / "r"
     words = [sys.executable, "-m", "semmap_log", "fleet", "openings", made_fleet, "--results", kept]
     slow = [*words[:1], "-c", _SLOWLY, *words[3:]]

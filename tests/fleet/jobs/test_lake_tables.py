@@ -53,10 +53,7 @@ os._exit(0)  # its threads end badly with the interpreter
 def test_delta_has_each_event_once_also_after_a_log_has_grown(
     two: Fleet, tmp_path: Path, bucket: str, where: str
 ) -> None:
-    """
-    The version before stays readable; a run with nothing new commits nothing. In processes of
-    their own: deltalake waits for its store with Python's lock held, and the bucket is served here.
-    """
+    """The version before stays readable; a run with nothing new commits nothing."""
     pytest.importorskip("deltalake")
     lake = str(tmp_path / "lake") if where == "disk" else f"{bucket}/lake"
 

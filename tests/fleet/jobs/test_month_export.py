@@ -39,9 +39,7 @@ def logs(tmp_path: Path) -> Path:
 
 
 def test_every_event_is_in_the_month_in_which_it_happened(logs: Path, tmp_path: Path) -> None:
-    """
-    With nanoseconds as whole numbers; DuckDB reads the folder as one table.
-    """
+    """With nanoseconds as whole numbers; DuckDB reads the folder as one table."""
     done = run("export", logs, "--out", tmp_path / "lake", "--engine", "serial")
     assert 0 == done.returncode, done.stderr
 

@@ -38,9 +38,7 @@ print(json.dumps([
 def test_answers_are_equal_and_only_the_one_that_kills_is_blamed(
     made_fleet: Path, tmp_path: Path
 ) -> None:
-    """
-    A worker that is killed once takes nothing along.
-    """
+    """A worker that is killed once takes nothing along."""
     pytest.importorskip("ray")
     poison = tmp_path / "poison"
     with sl.create(poison, tz="UTC") as log:

@@ -29,9 +29,7 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, 
 
 
 def test_each_verb_that_reads_takes_a_join(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    As it takes a log; none writes anything beside it.
-    """
+    """As it takes a log; none writes anything beside it."""
     assert 0 == run(capsys, "join", "x.join.json", "tug1", "tug2")[0]
     for verb, *more in (
         ["replay"], ["history", "front"], ["timeline", "front"], ["probabilities"], ["info"],
@@ -62,9 +60,7 @@ def test_each_verb_that_reads_takes_a_join(here: Path, capsys: pytest.CaptureFix
 def test_no_verb_writes_to_a_join(
     line: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Each says what to do instead.
-    """
+    """Each says what to do instead."""
     run(capsys, "join", "x.join.json", "tug1", "tug2")
 
     code, _, err = run(capsys, *line.split())
@@ -77,9 +73,7 @@ def test_no_verb_writes_to_a_join(
 def test_the_definition_moves_with_its_logs(
     here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Paths in it are relative to it.
-    """
+    """Paths in it are relative to it."""
     run(capsys, "join", "x.join.json", "tug1", "tug2", "--frame", "tug2=1,2,3")
     said = json.loads((here / "x.join.json").read_text(encoding="utf-8"))
     before = repr(sl.read("x.join.json").replay())
@@ -94,9 +88,7 @@ def test_the_definition_moves_with_its_logs(
 def test_another_log_in_the_place_of_one_is_refused(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Its doors would take the place of another robot's.
-    """
+    """Its doors would take the place of another robot's."""
     run(capsys, "join", "x.join.json", "tug1", "tug2")
     (here / "tug1").rename(here / "old")
     sl.create("tug1").close()
@@ -110,9 +102,7 @@ def test_another_log_in_the_place_of_one_is_refused(
 def test_proposals_are_printed_and_never_applied(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Either end of a door may be its start; what is written is a table for --doors.
-    """
+    """Either end of a door may be its start; what is written is a table for --doors."""
     with sl.append("tug2", clock=SetClock(START_NS + 40 * 10**9)) as log:
         log.add_door(x=5.95, y=2.1, theta=3.14159265, width=0.9, name="lager")
     line = ["join", "x.join.json", "tug1", "tug2", "--frame", "tug2=0,0,0"]
@@ -131,9 +121,7 @@ def test_proposals_are_printed_and_never_applied(
 
 
 def test_conflicts_are_listed(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Geometry beyond a tolerance, another type, and that one removed it.
-    """
+    """Geometry beyond a tolerance, another type, and that one removed it."""
     for name, kind in (("tug1", "hinged"), ("tug2", "sliding")):
         with sl.append(name, clock=SetClock(START_NS + 50 * 10**9)) as log:
             log.annotate("front", "type", kind)
@@ -165,9 +153,7 @@ def test_conflicts_are_listed(here: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_what_cannot_be_meant_is_refused(
     more: list[str], code: int, problem: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    No file is left behind.
-    """
+    """No file is left behind."""
     found, _, err = run(capsys, "join", "x.join.json", "tug1", "tug2", *more)
 
     assert (code, True) == (found, problem in err), err
@@ -177,9 +163,7 @@ def test_what_cannot_be_meant_is_refused(
 def test_a_join_written_out_is_a_log_of_its_own(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Its notes say from which event of which log; it is good, and goes on.
-    """
+    """Its notes say from which event of which log; it is good, and goes on."""
     code, _, err = run(capsys, "join", "x.join.json", "tug1", "tug2", "--write", "new")
     with sl.append("tug1") as log:
         log_id, head = log.info.log_id, log.find_commit(0).hash.hex()  # type: ignore[union-attr]
@@ -194,9 +178,7 @@ def test_a_join_written_out_is_a_log_of_its_own(
 
 
 def test_verify_tells_of_each_log(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    The join is as good as the worst of them.
-    """
+    """The join is as good as the worst of them."""
     run(capsys, "join", "x.join.json", "tug1", "tug2")
     code, out, _ = run(capsys, "verify", "x.join.json")
     (segment,) = (here / "tug2").glob("*.mcap")
@@ -210,9 +192,7 @@ def test_verify_tells_of_each_log(here: Path, capsys: pytest.CaptureFixture[str]
 
 
 def test_a_join_is_no_part_of_itself(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Nor is another file taken for one.
-    """
+    """Nor is another file taken for one."""
     told = {"format": "semmap-log join", "version": 1, "logs": [{"log": "x.join.json"}]}
     (here / "x.join.json").write_text(json.dumps(told), encoding="utf-8")
     (here / "y.join.json").write_text('{"format": "other"}', encoding="utf-8")
@@ -225,9 +205,7 @@ def test_a_join_is_no_part_of_itself(here: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_one_log_of_a_join_needs_no_name(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Robots of one name are told apart by their folders.
-    """
+    """Robots of one name are told apart by their folders."""
     with a_robot(here / "spare", robot="tug1", clock=SetClock(START_NS + 1)) as log:
         log.add_door(x=0.0, y=0.0, theta=0.0, width=1.0, name="yard")
 

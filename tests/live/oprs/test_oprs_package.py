@@ -31,9 +31,7 @@ def _files(folder: Path) -> dict[str, bytes]:
 
 
 def test_a_folder_gets_all_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Every file as it is here; and it says how to go on.
-    """
+    """Every file as it is here; and it says how to go on."""
     with pytest.raises(SystemExit, match=r"^0$"):
         _run(tmp_path)
 
@@ -44,9 +42,7 @@ def test_a_folder_gets_all_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_a_second_copy_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Also when it was built in between.
-    """
+    """Also when it was built in between."""
     for is_new in (True, False):
         with pytest.raises(SystemExit, match=r"^0$"):
             _run(tmp_path, "--json")
@@ -56,9 +52,7 @@ def test_a_second_copy_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_what_somebody_changed_stays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Plans are there to be changed; the first file that differs is named.
-    """
+    """Plans are there to be changed; the first file that differs is named."""
     with pytest.raises(SystemExit, match=r"^0$"):
         _run(tmp_path)
     theirs = tmp_path / MODULE.name / "semantic_map.opf"
@@ -72,9 +66,7 @@ def test_what_somebody_changed_stays(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_a_folder_must_be_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    A misspelt path makes no folder.
-    """
+    """A misspelt path makes no folder."""
     with pytest.raises(SystemExit, match=r"^1$"):
         _run(tmp_path / "robott")
 
@@ -83,9 +75,7 @@ def test_a_folder_must_be_there(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 
 def test_what_was_built_here_is_not_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    A module of this machine is of no use on another.
-    """
+    """A module of this machine is of no use on another."""
     package = tmp_path / "semmap_log" / "live" / "oprs" / MODULE.name
     shutil.copytree(MODULE, package)
     for name in ("client.o", "semantic_map_oprs.so", "semantic_map.inc"):
@@ -104,9 +94,7 @@ def test_what_was_built_here_is_not_copied(tmp_path: Path, monkeypatch: pytest.M
 
 @pytest.mark.slow
 def test_make_builds_the_module(tmp_path: Path) -> None:
-    """
-    Also in a folder with a blank in its name; nothing but its init function is seen outside.
-    """
+    """Also in a folder with a blank in its name; nothing but its init function is seen outside."""
     if compiler() is None or shutil.which("make") is None:
         pytest.skip("no C compiler or no make here")
     folder = tmp_path / "my robot & I"
@@ -142,9 +130,7 @@ def test_make_builds_the_module(tmp_path: Path) -> None:
 
 
 def test_each_action_is_a_goal() -> None:
-    """
-    The module's actions and the plans that make them goals are the same.
-    """
+    """The module's actions and the plans that make them goals are the same."""
     source = (MODULE / "semantic_map_oprs.c").read_text(encoding="utf-8")
     table = source.partition("ACTIONS[] = {")[2].partition("};")[0]
     plans = (MODULE / "semantic_map.opf").read_text(encoding="utf-8")
@@ -155,9 +141,7 @@ def test_each_action_is_a_goal() -> None:
 
 
 def test_the_guide_names_all_that_is_declared() -> None:
-    """
-    And the numbers that the module says when it is loaded.
-    """
+    """And the numbers that the module says when it is loaded."""
     source = (MODULE / "semantic_map_oprs.c").read_text(encoding="utf-8")
     guide = (ROOT / "docs" / "guides" / "planners_oprs.md").read_text(encoding="utf-8")
     declared = set(re.findall(r'^    \{"([A-Z_]+)", \w+, ', source, re.MULTILINE))
@@ -169,9 +153,7 @@ def test_the_guide_names_all_that_is_declared() -> None:
 
 
 def test_facts_are_declared_as_in_the_guide() -> None:
-    """
-    A kernel that includes the file keeps of each fact what the guide's kernel keeps.
-    """
+    """A kernel that includes the file keeps of each fact what the guide's kernel keeps."""
     guide = (ROOT / "docs" / "guides" / "planners_passer.md").read_text(encoding="utf-8")
     declared = re.compile(r"^declare ff .*$", re.MULTILINE)
 
@@ -184,9 +166,7 @@ def test_facts_are_declared_as_in_the_guide() -> None:
 def test_the_tool_says_what_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    No variable; a folder that is not built.
-    """
+    """No variable; a folder that is not built."""
     monkeypatch.delenv("SEMMAP_OPRS", raising=False)
     assert 1 == build_main([str(tmp_path)])
     monkeypatch.setenv("SEMMAP_OPRS", str(tmp_path))
@@ -199,9 +179,7 @@ def test_the_tool_says_what_is_missing(
 
 @pytest.mark.slow
 def test_all_of_it_is_in_the_wheel(tmp_path: Path) -> None:
-    """
-    A wheel as pip builds it from this checkout holds every file.
-    """
+    """A wheel as pip builds it from this checkout holds every file."""
     done = subprocess.run(
         [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", tmp_path, ROOT],
         capture_output=True, text=True, check=False,

@@ -38,9 +38,7 @@ def _consulted(workshop: Workshop, *questions: str) -> list[str]:
 
 
 def test_the_twelve_from_a_plan(workshop: Workshop) -> None:
-    """
-    Predicates as tests, functions in them, actions as goals; what is refused fails its goal.
-    """
+    """Predicates as tests, functions in them, actions as goals; what is refused fails its goal."""
     workshop.serve()
 
     kernel = workshop.kernel("add (! (THE_TWELVE))")
@@ -58,9 +56,7 @@ def test_the_twelve_from_a_plan(workshop: Workshop) -> None:
 
 
 def test_predicates_and_functions_from_consult(workshop: Workshop) -> None:
-    """
-    What a person types at a kernel.
-    """
+    """What a person types at a kernel."""
     workshop.serve()
     questions = {
         "(DOOR_OPEN DOOR_1)": "(DOOR_OPEN DOOR_1)",
@@ -104,18 +100,14 @@ def test_variables(workshop: Workshop) -> None:
 
 
 def test_ten_thousand_questions(workshop: Workshop) -> None:
-    """
-    One plan asks them in a row.
-    """
+    """One plan asks them in a row."""
     workshop.serve()
 
     workshop.kernel("add (! (MANY 10000))").wait_for(r"^\(ASKED 10000\)")
 
 
 def test_two_kernels_at_once(workshop: Workshop) -> None:
-    """
-    Each sees what it stored itself; all is stored, once.
-    """
+    """Each sees what it stored itself; all is stored, once."""
     workshop.serve()
 
     kernels = [workshop.kernel(f"add (! (MANY_ACTIONS DOOR_{n} 100))") for n in (1, 2)]
@@ -166,9 +158,7 @@ def test_an_action_without_an_answer_is_stored_once(workshop: Workshop, how: str
 
 
 def test_a_plan_waits_for_a_door(workshop: Workshop) -> None:
-    """
-    By the kernel's own (^ ...): nothing else of the kernel waits meanwhile.
-    """
+    """By the kernel's own (^ ...): nothing else of the kernel waits meanwhile."""
     workshop.serve()
     waiting = workshop.kernel("add (! (WAIT_CLOSED DOOR_1))", "add (! (MANY_ACTIONS DOOR_2 20))")
     waiting.wait_for(r"^\(WAITS DOOR_1\)")
@@ -190,9 +180,7 @@ def test_a_map_that_is_not_there(workshop: Workshop) -> None:
 
 
 def test_words_of_other_people_stay_words(workshop: Workshop) -> None:
-    """
-    A reason with quotes, a line's end and a kernel's command in it: printed, kept as a fact.
-    """
+    """A reason with quotes, a line's end and a kernel's command in it: printed, kept as a fact."""
     workshop.serve()
 
     kernel = workshop.kernel("add (! (WORDS))")
@@ -215,9 +203,7 @@ def test_it_loads_without_a_warning(workshop: Workshop) -> None:
 
 
 def test_a_kernel_without_the_module_ends(workshop: Workshop) -> None:
-    """
-    It would take each door for not open: the include file lets it end, and say why.
-    """
+    """It would take each door for not open: the include file lets it end, and say why."""
     bad = workshop.folder / "bad.inc"
     text = workshop.oprs.include.read_text(encoding="utf-8")
     bad.write_text(text.replace('/semantic_map_oprs"', '/nothing"'), encoding="utf-8")
@@ -232,9 +218,7 @@ def test_a_kernel_without_the_module_ends(workshop: Workshop) -> None:
 def test_a_module_that_misses_a_function_of_the_kernel_is_refused(
     workshop: Workshop, tmp_path: Path
 ) -> None:
-    """
-    When it is loaded, not in the middle of a plan.
-    """
+    """When it is loaded, not in the middle of a plan."""
     source = tmp_path / "more.c"
     source.write_text(
         "void not_of_this_kernel(void);\nvoid semmap_more(void);\n"
@@ -253,9 +237,7 @@ def test_a_module_that_misses_a_function_of_the_kernel_is_refused(
 
 @pytest.mark.parametrize("fold", ["lower", "upper"])
 def test_a_kernel_that_folds_case_is_told(workshop: Workshop, fold: str) -> None:
-    """
-    It would ask for door_1, which no door is called.
-    """
+    """It would ask for door_1, which no door is called."""
     kernel = workshop.kernel("quit", fold=fold)
 
     kernel.process.wait(DEADLINE_S)

@@ -69,9 +69,7 @@ def real_server(tmp_path: Path) -> RealServer:
 
 
 def test_all_that_can_be_asked_is_declared(start_stub: StartStub) -> None:
-    """
-    Predicates, functions and actions as the server's table has them.
-    """
+    """Predicates, functions and actions as the server's table has them."""
     declared = {
         (name, kind)
         for kind, name, _arity in map(
@@ -85,9 +83,7 @@ def test_all_that_can_be_asked_is_declared(start_stub: StartStub) -> None:
 
 
 def test_the_twelve(start_stub: StartStub, real_server: RealServer) -> None:
-    """
-    Each question answered by the log, each action stored.
-    """
+    """Each question answered by the log, each action stored."""
     stub = start_stub(f"unix:{real_server.socket}", timeout_ms=60_000)
     calls = [
         ("DOOR_STATE_KNOWN DOOR_1", "TRUE"),
@@ -136,9 +132,7 @@ def _killed_after_storing(server: RealServer, line: bytes) -> Answer:
 def test_a_server_killed_between_commit_and_answer(
     start_stub: StartStub, start_server: StartServer, real_server: RealServer
 ) -> None:
-    """
-    NIL; the same action once more, when it is back, is answered T and stored once.
-    """
+    """NIL; the same action once more, when it is back, is answered T and stored once."""
     between = start_server(lambda line: _killed_after_storing(real_server, line))
     stub = start_stub(between.address, timeout_ms=60_000)
 
@@ -153,9 +147,7 @@ def test_a_server_killed_between_commit_and_answer(
 def test_the_same_in_a_real_kernel(
     workshop: Workshop, start_server: StartServer, real_server: RealServer
 ) -> None:
-    """
-    The plan goes on with NIL, and does it again when the map answers.
-    """
+    """The plan goes on with NIL, and does it again when the map answers."""
     between = start_server(lambda line: _killed_after_storing(real_server, line))
 
     kernel = workshop.kernel("add (! (ONCE DOOR_2))", address=between.address)
@@ -170,9 +162,7 @@ def test_the_same_in_a_real_kernel(
 def test_ten_thousand_questions_and_a_thousand_actions(
     workshop: Workshop, real_server: RealServer
 ) -> None:
-    """
-    From a plan, all stored.
-    """
+    """From a plan, all stored."""
     kernel = workshop.kernel(
         "add (! (MANY 10000))", "add (! (MANY_ACTIONS DOOR_2 250))",
         address=f"unix:{real_server.socket}",

@@ -77,9 +77,7 @@ def test_a_door_is_added_changed_and_removed(site: Site) -> None:
 
 
 def test_json_has_status_result_and_text(site: Site) -> None:
-    """
-    Of what was done, exit code 0, as of what was not, exit code 1.
-    """
+    """Of what was done, exit code 0, as of what was not, exit code 1."""
     saved = site.call("save", "doors.yaml", "--json")
     refused = site.call("remove", 4_000_000_000, "--json")
 

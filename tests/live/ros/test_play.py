@@ -45,9 +45,7 @@ def ros_1_or_2(request: pytest.FixtureRequest) -> RosWorld:
 def test_a_subscriber_hears_each_door_map_once(
     ros: RosWorld, log: sl.DoorLog, expected: list[str]
 ) -> None:
-    """
-    As replays give them, in their order; as fast as it goes, nothing is lost either.
-    """
+    """As replays give them, in their order; as fast as it goes, nothing is lost either."""
     with listen(ros) as listener:
         ros.semmap("play", log.path, ros.option, "--immediate", "--wait").finish()
 
@@ -58,9 +56,7 @@ def test_a_subscriber_hears_each_door_map_once(
 def test_rosbag_play_drives_the_same_subscriber(
     ros1: RosWorld, log: sl.DoorLog, expected: list[str], tmp_path: Path
 ) -> None:
-    """
-    ROS 1's own player takes our bag, and what is heard of it is the same.
-    """
+    """ROS 1's own player takes our bag, and what is heard of it is the same."""
     record_bag(log, tmp_path / "log.bag")
     topic = "/lta_semantic_map_door_db"
 
@@ -77,9 +73,7 @@ def test_rosbag_play_drives_the_same_subscriber(
 def test_a_late_subscriber_has_the_last_door_map(
     ros: RosWorld, log: sl.DoorLog, expected: list[str]
 ) -> None:
-    """
-    It is latched, and stays so behind the end with --keep-alive; Ctrl-C ends that well.
-    """
+    """It is latched, and stays so behind the end with --keep-alive; Ctrl-C ends that well."""
     with ros.semmap("play", log.path, ros.option, "--immediate", "--keep-alive") as player:
         player.wait_for("plays /map")
         with listen(ros) as first:
@@ -145,9 +139,7 @@ def _listen_in_sim_time(ros: RosWorld) -> Running:
 def test_a_loop_begins_with_the_state_of_its_beginning(
     ros_1_or_2: RosWorld, log: sl.DoorLog, expected: list[str]
 ) -> None:
-    """
-    Each round is told as the first, here in a namespace; SIGTERM ends it well.
-    """
+    """Each round is told as the first, here in a namespace; SIGTERM ends it well."""
     ros, topic = ros_1_or_2, "/lta_semantic_map_door_db"
     heard_as, played_in = [f"{topic}:=/old{topic}"], ["__ns:=/old"]
     if ros.version == 2:

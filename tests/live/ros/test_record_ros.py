@@ -182,9 +182,7 @@ def test_a_recorder_that_was_killed_goes_on(ros: RosWorld, office: Path) -> None
 
 
 def test_a_dry_run_shows_events_as_they_come(ros1: RosWorld, office: Path) -> None:
-    """
-    Lines with their sources; the log stays as it is.
-    """
+    """Lines with their sources; the log stays as it is."""
     robot = Robot(1)
 
     with _talking(ros1) as talker, _record(ros1, office, "--dry-run") as recorder:
@@ -202,9 +200,7 @@ def test_a_dry_run_shows_events_as_they_come(ros1: RosWorld, office: Path) -> No
 def test_a_topic_whose_type_is_not_installed_is_left_out_aloud(
     jazzy: RosWorld, office: Path
 ) -> None:
-    """
-    With how to get it; the others are recorded.
-    """
+    """With how to get it; the others are recorded."""
     (office.parent / "robot.yaml").write_text(
         "topics:\n"
         "  /odd: {read: sensor, door: odd, type: odd_msgs/Odd}\n"
@@ -219,9 +215,7 @@ def test_a_topic_whose_type_is_not_installed_is_left_out_aloud(
 
 
 def test_a_master_that_is_started_anew_ends_no_recording(ros1: RosWorld, office: Path) -> None:
-    """
-    While it is away, what is connected goes on; behind it, new nodes are found again.
-    """
+    """While it is away, what is connected goes on; behind it, new nodes are found again."""
     robot = Robot(1)
 
     with _talking(ros1) as talker, _record(ros1, office) as recorder:

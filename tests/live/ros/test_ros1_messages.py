@@ -44,9 +44,7 @@ def actionlibs_own(tmp_path: Path) -> Path:
 
 
 def test_an_action_has_the_checksums_of_catkins(ros1: RosWorld, actionlibs_own: Path) -> None:
-    """
-    All seven messages of actionlib's own action, against those that Debian built with catkin.
-    """
+    """All seven messages of actionlib's own action, against those that Debian built with catkin."""
     said = ros1.code(GENERATE_AND_COMPARE, actionlibs_own).finish()
 
     assert "7 True" in said
@@ -68,9 +66,7 @@ def test_no_build_is_needed(ros1: RosWorld, folder: Path | None) -> None:
 
 
 def test_without_ros_it_says_what_to_install() -> None:
-    """
-    In a Python that has neither our messages nor what makes them.
-    """
+    """In a Python that has neither our messages nor what makes them."""
     if find_spec("genpy") is not None:
         pytest.skip("this Python has ROS 1")
 
@@ -101,9 +97,7 @@ except RosError as error:
 def test_a_definition_that_cannot_be_is_refused(
     ros1: RosWorld, tmp_path: Path, text: str, said: str
 ) -> None:
-    """
-    With what is missing, or what genpy says of it.
-    """
+    """With what is missing, or what genpy says of it."""
     path = tmp_path / "broken" / "msg" / "Broken.msg"
     path.parent.mkdir(parents=True)
     path.write_text(text)
@@ -124,9 +118,7 @@ print(made._md5sum == GetMap._md5sum)
 
 
 def test_a_service_has_the_checksum_of_catkins(ros1: RosWorld, tmp_path: Path) -> None:
-    """
-    One with a message of another package, which needs others in turn, against Debian's.
-    """
+    """One with a message of another package, which needs others in turn, against Debian's."""
     path = tmp_path / "theirs" / "srv" / "GetMap.srv"
     path.parent.mkdir(parents=True)
     path.write_text("---\nnav_msgs/OccupancyGrid map\n")
@@ -135,8 +127,6 @@ def test_a_service_has_the_checksum_of_catkins(ros1: RosWorld, tmp_path: Path) -
 
 
 def test_an_action_of_two_parts_is_refused() -> None:
-    """
-    Rather than a message left out.
-    """
+    """Rather than a message left out."""
     with pytest.raises(RosError, match=r"Half.action: expected goal, result and feedback.*2 parts"):
         action_messages("Half", "int32 goal\n---\nint32 result\n")

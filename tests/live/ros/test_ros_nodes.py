@@ -108,17 +108,12 @@ def _ask(ros: RosWorld, *goals: tuple[object, ...]) -> list[object]:
 
 
 def test_a_node_has_its_name_and_its_parameters_from_ros(server: Running) -> None:
-    """
-    The namespace is part of the name, and a parameter has the value that was given.
-    """
+    """The namespace is part of the name, and a parameter has the value that was given."""
     assert "ready /robot1/doors servus" in server.output
 
 
 def test_a_goal_is_answered_as_it_was_run(ros: RosWorld, server: Running) -> None:
-    """
-    Values go in, status and result come out; ROS 1 has the text in the status, too. The server's
-    terminal says of each what was refused, and what was odd.
-    """
+    """Values go in, status and result come out; ROS 1 has the text in the status, too."""
     answers = _ask(
         ros,
         ("add", {"width": 0.9, "door_state": "OPEN"}, None),
@@ -176,18 +171,14 @@ def test_a_goal_that_is_sent_again_at_once_is_answered_again(
 
 
 def test_a_server_that_is_not_there_is_told(ros: RosWorld) -> None:
-    """
-    Whoever calls it hears so, with what to look at.
-    """
+    """Whoever calls it hears so, with what to look at."""
     (answer,) = _ask(ros, ("nowhere", {}, None, 0.3))
 
     assert "no action server /robot1/nowhere answered within 0.3 s" in str(answer)
 
 
 def test_messages_of_another_type_are_passed_over_aloud(ros: RosWorld, server: Running) -> None:
-    """
-    Those of the type that was expected come as their bytes, others are named.
-    """
+    """Those of the type that was expected come as their bytes, others are named."""
     tell = TELL_1 if ros.version == 1 else TELL_2
 
     with ros.code(tell, "String", "'forty-two'"):
@@ -404,9 +395,7 @@ def test_what_is_just_being_sent_is_waited_for(ros1: RosWorld) -> None:
 
 
 def test_a_missing_ros_is_told_with_what_to_do(ros: RosWorld) -> None:
-    """
-    The other ROS is not in this Python, and without a master ROS 1 cannot be joined.
-    """
+    """The other ROS is not in this Python, and without a master ROS 1 cannot be joined."""
     code = """
 import sys
 from semmap_log.live.ros.joining import open_node
@@ -426,9 +415,7 @@ for version in (1, 2):
 
 
 def test_a_server_is_known_to_a_master_that_was_started_anew(ros1: RosWorld) -> None:
-    """
-    Who joins after that finds its actions; rospy itself would stay unknown for ever.
-    """
+    """Who joins after that finds its actions; rospy itself would stay unknown for ever."""
     with ros1.code(SERVER, 1, *_ros_args(ros1)) as running:
         running.wait_for("^ready")
         _ask(ros1, ("add", {"width": 0.7}, None))  # by then it has seen the first master
@@ -441,9 +428,7 @@ def test_a_server_is_known_to_a_master_that_was_started_anew(ros1: RosWorld) -> 
 
 
 def test_a_node_whose_name_is_taken_says_so(ros1: RosWorld) -> None:
-    """
-    ROS 1 ends the older of two nodes of one name: that is no end as by Ctrl-C.
-    """
+    """ROS 1 ends the older of two nodes of one name: that is no end as by Ctrl-C."""
     with ros1.code(SERVER, 1, *_ros_args(ros1)) as first:
         first.wait_for("^ready")
 

@@ -62,27 +62,21 @@ CHECKSUMS = {
 
 @pytest.mark.parametrize("name", THESIS)
 def test_definitions_are_the_thesis_to_the_letter(name: str) -> None:
-    """
-    All fields, their names, types and order.
-    """
+    """All fields, their names, types and order."""
     lines = (PACKAGE / name).read_text(encoding="utf-8").splitlines()
 
     assert THESIS[name].splitlines() == [line for line in lines if not line.startswith("#")]
 
 
 def test_there_is_no_other_definition() -> None:
-    """
-    The thesis has two messages and four actions.
-    """
+    """The thesis has two messages and four actions."""
     found = {f"{path.parent.name}/{path.name}" for path in PACKAGE.glob("[ma]*/*.*")}
 
     assert set(THESIS) == found
 
 
 def test_ros1_tools_see_the_checksums_of_catkin(ros1: RosWorld) -> None:
-    """
-    `rosmsg md5` of what our builder made; `rosbags` reckons the same for bags.
-    """
+    """`rosmsg md5` of what our builder made; `rosbags` reckons the same for bags."""
     names = [f"lta_semantic_map/{name}" for name in CHECKSUMS]
 
     for name, checksum in zip(names, CHECKSUMS.values(), strict=True):
@@ -107,9 +101,7 @@ def test_ros1_tools_see_the_checksums_of_catkin(ros1: RosWorld) -> None:
 def test_ros2_has_the_type_hashes_that_rosbags_reckons(
     name: str, jazzy: RosWorld, kilted: RosWorld
 ) -> None:
-    """
-    Nodes of other makers compare them; rosidl's generators wrote those of our builder.
-    """
+    """Nodes of other makers compare them; rosidl's generators wrote those of our builder."""
     expected = ros_types(2).hash_rihs01(name)
 
     for world in (jazzy, kilted):
@@ -131,9 +123,7 @@ print(on(package.exec_depends))
 
 
 def test_one_manifest_serves_both(ros1: RosWorld) -> None:
-    """
-    Read by catkin's own parser, which colcon uses, too: each ROS sees its own dependencies.
-    """
+    """Read by catkin's own parser, which colcon uses, too: each ROS sees its own dependencies."""
     with ros1.code(MANIFEST, PACKAGE / "package.xml", 1) as of_ros1:
         tools, build_type, groups, needs = of_ros1.finish().split("\n")[:4]
         assert ("catkin", "catkin", "") == (tools, build_type, groups)
@@ -149,9 +139,7 @@ def test_one_manifest_serves_both(ros1: RosWorld) -> None:
 
 
 def test_the_version_is_the_packages() -> None:
-    """
-    A workspace says which release its messages are of.
-    """
+    """A workspace says which release its messages are of."""
     pyproject = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     manifest = ET.parse(PACKAGE / "package.xml").getroot()
 
@@ -166,10 +154,7 @@ COSTMAPS = sorted({*PACKAGE.glob("launch/*")} - {*NODES})
 
 @pytest.mark.parametrize("path", NODES, ids=lambda path: path.name)
 def test_launch_files_start_what_is_there(path: Path) -> None:
-    """
-    They parse, and the executable that they name is one of the scripts. ROS 2's cannot be run here:
-    its `launch` is to be had neither from Debian nor as a wheel.
-    """
+    """They parse, and the executable that they name is one of the scripts."""
     text = path.read_text(encoding="utf-8")
 
     if path.suffix == ".py":
@@ -229,9 +214,7 @@ def test_roslaunch_loads_the_parameters_of_the_costmap(ros1: RosWorld) -> None:
 def test_roslaunch_does_not_start_for_ever_what_would_fail_again(
     ros1: RosWorld, tmp_path: Path
 ) -> None:
-    """
-    Without a log: told once, though it starts a node again after two seconds.
-    """
+    """Without a log: told once, though it starts a node again after two seconds."""
     command = tmp_path / "semmap-log"
     command.write_text(f'#!/bin/sh\nexec {ros1.interpreter} -m semmap_log "$@"\n')
     command.chmod(0o755)
@@ -249,9 +232,7 @@ def test_roslaunch_does_not_start_for_ever_what_would_fail_again(
 
 
 def test_parameters_name_what_is_served() -> None:
-    """
-    Nav2's two ways, by their whole names.
-    """
+    """Nav2's two ways, by their whole names."""
     doors, keepout = (
         yaml.safe_load((PACKAGE / "param" / f"nav2_{name}.yaml").read_text(encoding="utf-8"))
         for name in ("doors", "keepout")
@@ -268,9 +249,7 @@ def test_parameters_name_what_is_served() -> None:
 
 
 def test_every_launch_and_parameter_file_is_installed() -> None:
-    """
-    By a build of one ROS or the other.
-    """
+    """By a build of one ROS or the other."""
     text = (PACKAGE / "CMakeLists.txt").read_text(encoding="utf-8")
 
     names = [str(p.relative_to(PACKAGE)) for kind in ("launch", "param")
@@ -329,9 +308,7 @@ def test_messages_without_a_workspace(
 
 
 def test_rviz_shows_what_is_served() -> None:
-    """
-    The topics of its displays, by their whole names; and a workspace installs the file.
-    """
+    """The topics of its displays, by their whole names; and a workspace installs the file."""
     text = (PACKAGE / "rviz" / "doors.rviz").read_text(encoding="utf-8")
     displays = yaml.safe_load(text)["Visualization Manager"]["Displays"]
 
@@ -359,9 +336,7 @@ def test_scripts_start_our_verbs(script: str, verb: str) -> None:
 
 
 def test_scripts_say_what_is_missing() -> None:
-    """
-    Started by hand, outside of ROS.
-    """
+    """Started by hand, outside of ROS."""
     done = subprocess.run(
         [PACKAGE / "scripts" / "semmap_recorder", "log"], env={"PATH": os.environ["PATH"]},
         capture_output=True, text=True, check=False,
@@ -376,9 +351,7 @@ def _run(*arguments: object) -> None:
 
 
 def test_a_workspace_gets_all_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Every file as it is here, the scripts executable; and it says how to go on.
-    """
+    """Every file as it is here, the scripts executable; and it says how to go on."""
     with pytest.raises(SystemExit, match=r"^0$"):
         _run(tmp_path)
 
@@ -397,9 +370,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 def test_a_second_copy_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    As a set-up script would do it at each start.
-    """
+    """As a set-up script would do it at each start."""
     for _ in range(2):
         with pytest.raises(SystemExit, match=r"^0$"):
             _run(tmp_path)
@@ -408,9 +379,7 @@ def test_a_second_copy_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_what_somebody_changed_stays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    A package of that name may be the robot's own; the first file that differs is named.
-    """
+    """A package of that name may be the robot's own; the first file that differs is named."""
     theirs = tmp_path / PACKAGE.name / "package.xml"
     theirs.parent.mkdir()
     theirs.write_text("theirs")
@@ -424,9 +393,7 @@ def test_what_somebody_changed_stays(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_a_workspace_must_be_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    A misspelt path makes no folder.
-    """
+    """A misspelt path makes no folder."""
     with pytest.raises(SystemExit, match=r"^1$"):
         _run(tmp_path / "srcc")
 

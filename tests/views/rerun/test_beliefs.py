@@ -96,9 +96,7 @@ def test_curves_are_right_in_a_wild_log(seed: int, tmp_path: Path) -> None:
 
 
 def test_between_its_points_the_line_is_right(log: sl.DoorLog, drawn: Drawn) -> None:
-    """
-    Nowhere that the estimator was asked is it off by more than .01.
-    """
+    """Nowhere that the estimator was asked is it off by more than .01."""
     beliefs = learn(log, estimator=default_estimator())
     rows = drawn.rows(FRONT_CURVE, SCALARS)
     times_ns, shown = (np.array([row[i] for row in rows]).ravel() for i in (0, 1))
@@ -114,17 +112,13 @@ def test_between_its_points_the_line_is_right(log: sl.DoorLog, drawn: Drawn) -> 
 
 
 def test_a_door_never_seen_has_no_curve(drawn: Drawn) -> None:
-    """
-    Nor a tile among the weeks.
-    """
+    """Nor a tile among the weeks."""
     assert "/map/doors/attic/belief" not in drawn.entities
     assert ["front", "store"] == drawn.statics["/weeks/labels", "Points2D:labels"]
 
 
 def test_the_weeks_are_typical_weeks(log: sl.DoorLog, drawn: Drawn) -> None:
-    """
-    The first tile holds the front door's cells in percent; what nobody saw is marked.
-    """
+    """The first tile holds the front door's cells in percent; what nobody saw is marked."""
     (front,) = typical_weeks(log, doors=[FRONT])
 
     (buffer,), (shape,) = (
@@ -146,9 +140,7 @@ LONG = 60
 @pytest.mark.parametrize("letters", [5, 12, LONG])
 @pytest.mark.parametrize("doors", [1, 2, 5, 12, 13, 24, 36, 66, 133])
 def test_tiles_do_not_overlap(doors: int, letters: int, log: sl.DoorLog) -> None:
-    """
-    For any number of doors, each has its 168 cells; labels and key lie beside them.
-    """
+    """For any number of doors, each has its 168 cells; labels and key lie beside them."""
     (front,) = typical_weeks(log, doors=[FRONT])
     sheet = Sheet.of(doors, letters)
 
@@ -186,9 +178,7 @@ def test_weeks_bear_names_where_there_is_room(doors: int, letters: int, expected
 
 
 def test_hours_stand_below_the_lowest_week_of_each_column() -> None:
-    """
-    Of thirteen doors, one is alone in the last row: its hours are lower than the others'.
-    """
+    """Of thirteen doors, one is alone in the last row: its hours are lower than the others'."""
     sheet = Sheet.of(13, LONG)
 
     noons = [(x, y) for label, x, y in axis_labels(sheet) if label == "12"]
@@ -198,9 +188,7 @@ def test_hours_stand_below_the_lowest_week_of_each_column() -> None:
 
 
 def test_the_layout_has_curves_and_weeks(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    A tab for each door with a curve; without beliefs, neither.
-    """
+    """A tab for each door with a curve; without beliefs, neither."""
     with_them = views_of(log, tmp_path)
     without = views_of(log, tmp_path, beliefs=False)
 
@@ -225,9 +213,7 @@ def test_weeks_of_the_liveliest_doors_are_called_so(tmp_path: Path) -> None:
 
 
 def test_they_can_be_left_out(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    No entity is left of them.
-    """
+    """No entity is left of them."""
     save_rrd(log, tmp_path / "x.rrd", beliefs=False)
 
     entities = Drawn(tmp_path / "x.rrd").entities
@@ -235,9 +221,7 @@ def test_they_can_be_left_out(log: sl.DoorLog, tmp_path: Path) -> None:
 
 
 def test_a_jump_is_drawn_as_one(drawn: Drawn) -> None:
-    """
-    The viewer is told not to draw points that are near each other as their mean.
-    """
+    """The viewer is told not to draw points that are near each other as their mean."""
     import rerun as rr
 
     policy = drawn.statics[FRONT_CURVE, "SeriesLines:aggregation_policy"]
@@ -246,9 +230,7 @@ def test_a_jump_is_drawn_as_one(drawn: Drawn) -> None:
 
 
 def test_a_day_without_habits_has_curves_all_the_same(tmp_path: Path) -> None:
-    """
-    In the office the doors were seen six times each: what was believed is drawn.
-    """
+    """In the office the doors were seen six times each: what was believed is drawn."""
     save_rrd(sl.read(RECORDINGS / "office"), tmp_path / "x.rrd")
 
     drawn = Drawn(tmp_path / "x.rrd")
@@ -257,9 +239,7 @@ def test_a_day_without_habits_has_curves_all_the_same(tmp_path: Path) -> None:
 
 
 def test_a_log_that_tells_too_little_has_no_weeks(tmp_path: Path) -> None:
-    """
-    Two sightings are no habit, and a door never seen has no curve either.
-    """
+    """Two sightings are no habit, and a door never seen has no curve either."""
     save_rrd(small_log(tmp_path / "log"), tmp_path / "x.rrd")
 
     entities = Drawn(tmp_path / "x.rrd").entities
@@ -268,9 +248,7 @@ def test_a_log_that_tells_too_little_has_no_weeks(tmp_path: Path) -> None:
 
 
 def test_a_part_ends_with_its_last_moment(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    With `until` no point lies later, and the week is as known then.
-    """
+    """With `until` no point lies later, and the week is as known then."""
     until_ns = parse_instant("2026-03-09T12:00", tz=VIENNA)
 
     save_rrd(log, tmp_path / "x.rrd", until=until_ns, doors=[FRONT])
@@ -288,9 +266,7 @@ def test_a_part_ends_with_its_last_moment(log: sl.DoorLog, tmp_path: Path) -> No
 
 @pytest.mark.slow
 def test_a_week_of_132_doors_stays_small(tmp_path: Path) -> None:
-    """
-    At most a tenth more, and no chunk longer than rerun likes.
-    """
+    """At most a tenth more, and no chunk longer than rerun likes."""
     clinic = sl.read(RECORDINGS / "clinic_week")
 
     sizes = [save_rrd(clinic, tmp_path / f"{n}.rrd", beliefs=n == 1).bytes for n in (0, 1)]

@@ -48,9 +48,7 @@ def viewer(log: sl.DoorLog, tmp_path_factory: pytest.TempPathFactory) -> Iterato
 
 @pytest.mark.slow
 def test_no_view_has_anything_to_report(viewer: Viewer) -> None:
-    """
-    Each, once it was shown; nor does the viewer itself warn of anything.
-    """
+    """Each, once it was shown; nor does the viewer itself warn of anything."""
     names = [view.name for view in viewer.state().views]
     for name in names:
         viewer.show(name)

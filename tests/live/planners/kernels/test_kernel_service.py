@@ -80,9 +80,7 @@ def test_a_kernel_that_is_there_is_told_all(
 
 
 def test_a_kernel_that_comes_later_is_told_all(passer: StubPasser, world: KernelWorld) -> None:
-    """
-    And not before: the passer would complain of each fact.
-    """
+    """And not before: the passer would complain of each fact."""
     wait_until(lambda: len(passer.texts("K1")) > 1, "some calls")
     assert {"(DOOR_MAP SEMMAP)"} == set(passer.texts("K1"))
 
@@ -92,9 +90,6 @@ def test_a_kernel_that_comes_later_is_told_all(passer: StubPasser, world: Kernel
 
 
 def test_each_change_is_told(kernel: StubKernel, passer: StubPasser, world: KernelWorld) -> None:
-    """
-    What is as it was is not.
-    """
     passer.wait_for("K1", ALL[-1])
     before = len(_facts(passer))
 
@@ -120,9 +115,7 @@ def test_each_change_is_told(kernel: StubKernel, passer: StubPasser, world: Kern
 
 
 def test_several_kernels_are_told(path: Path, passer: StubPasser) -> None:
-    """
-    Each change goes to all of them as one message.
-    """
+    """Each change goes to all of them as one message."""
     with (
         passer.kernel("K1"),
         passer.kernel("K2"),
@@ -141,9 +134,7 @@ def test_several_kernels_are_told(path: Path, passer: StubPasser) -> None:
 def test_a_kernel_that_went_is_called_until_it_is_back(
     passer: StubPasser, world: KernelWorld
 ) -> None:
-    """
-    It is told all again: it may be a new one.
-    """
+    """It is told all again: it may be a new one."""
     with passer.kernel("K1"):
         passer.wait_for("K1", ALL[-1])
     passer.messages.clear()
@@ -207,9 +198,7 @@ def test_who_asks_for_the_facts_gets_them(
 def test_questions_are_answered(
     question: str, answer: str, kernel: StubKernel, world: KernelWorld
 ) -> None:
-    """
-    As over the socket, in the form of kernels.
-    """
+    """As over the socket, in the form of kernels."""
     assert answer == kernel.answer(f"(ASK 17 {question})", "17")
 
 
@@ -217,9 +206,7 @@ def test_questions_are_answered(
 def test_answers_bear_the_id_of_their_question(
     ask_id: str, kernel: StubKernel, world: KernelWorld
 ) -> None:
-    """
-    An atom, a number or a text.
-    """
+    """An atom, a number or a text."""
     assert kernel.answer(f"(ASK {ask_id} (DOOR_OPEN DOOR_1))", ask_id) == "T"
 
 
@@ -234,9 +221,7 @@ def test_answers_bear_the_id_of_their_question(
 def test_messages_that_nobody_understands_are_told(
     text: str, kernel: StubKernel, world: KernelWorld
 ) -> None:
-    """
-    And the service goes on.
-    """
+    """And the service goes on."""
     if text:
         kernel.send(text)
         wait_until(lambda: any("'K1' sent" in said for said in world.said), lambda: world.said)
@@ -245,9 +230,7 @@ def test_messages_that_nobody_understands_are_told(
 
 
 def test_complaints_have_an_end(kernel: StubKernel, world: KernelWorld) -> None:
-    """
-    Who floods us does not fill the disk.
-    """
+    """Who floods us does not fill the disk."""
     for _ in range(100):
         kernel.send("(HELLO)")
     assert kernel.answer("(ASK 1 (DOORS))", "1")
@@ -259,9 +242,7 @@ def test_complaints_have_an_end(kernel: StubKernel, world: KernelWorld) -> None:
 
 @given(text=st.text(max_size=30) | st.text('()"\\ ASK1.;$', max_size=30))
 def test_whatever_is_asked_the_answer_is_safe(hostile: StubKernel, text: str) -> None:
-    """
-    The passer of this test takes nothing that a kernel could take amiss.
-    """
+    """The passer of this test takes nothing that a kernel could take amiss."""
     hostile.send(f"(ASK 1 ({text or 'x'}))")
 
     assert hostile.answer("(ASK 2 (DOOR_OPEN DOOR_1))", "2") == "T"
@@ -276,9 +257,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StubKernel]:
 
 
 def test_nobody_with_a_long_name_is_answered(passer: StubPasser, world: KernelWorld) -> None:
-    """
-    The passer would die of it, if that one had gone meanwhile.
-    """
+    """The passer would die of it, if that one had gone meanwhile."""
     with passer.kernel("K" * 90) as kernel:
         kernel.send("(ASK 1 (DOORS))")
         wait_until(lambda: any("nothing can be sent" in text for text in world.said), "complaint")
@@ -290,9 +269,7 @@ def test_nobody_with_a_long_name_is_answered(passer: StubPasser, world: KernelWo
 def test_an_action_is_answered_once_it_lasts(
     kernel: StubKernel, passer: StubPasser, world: KernelWorld, path: Path
 ) -> None:
-    """
-    Who asked it is in the log.
-    """
+    """Who asked it is in the log."""
     assert kernel.answer("(ASK 1 (SET_DOOR_CLOSED DOOR_1))", "1") == "T"
 
     entry = list(sl.read(path).history(1))[-1]
@@ -303,9 +280,7 @@ def test_an_action_is_answered_once_it_lasts(
 def test_an_answer_goes_before_the_fact(
     kernel: StubKernel, passer: StubPasser, patient: KernelWorld
 ) -> None:
-    """
-    A real passer takes 40 ms for the second of two messages, and a plan waits for the answer.
-    """
+    """A real passer takes 40 ms for the second of two messages, and a plan waits for the answer."""
     passer.wait_for("K1", ALL[-1])
     for number in range(20):
         passer.messages.clear()
@@ -318,9 +293,7 @@ def test_an_answer_goes_before_the_fact(
 def test_why_an_action_is_refused_stands_on_one_line(
     kernel: StubKernel, world: KernelWorld
 ) -> None:
-    """
-    Whatever door somebody names: the line is for the terminal of whoever runs the server.
-    """
+    """Whatever door somebody names: the line is for the terminal of whoever runs the server."""
     assert kernel.answer('(ASK 1 (SET_DOOR_OPEN "a\n\x1b[2Jb"))', "1") == "NIL"
 
     (said,) = [text for text in world.said if "refused" in text]
@@ -335,9 +308,7 @@ def _events(world: KernelWorld) -> int:
 def test_an_action_that_comes_again_soon_is_done_once(
     kernel: StubKernel, passer: StubPasser, world: KernelWorld
 ) -> None:
-    """
-    The same kernel, ask-id and words within a minute; anything else is another action.
-    """
+    """The same kernel, ask-id and words within a minute; anything else is another action."""
     minute_ns = kernel_questions.REPEATED_WITHIN_NS
     before = _events(world)
     text = "(ASK 1 (SET_DOOR_CLOSED DOOR_1))"
@@ -360,9 +331,7 @@ def test_an_action_that_comes_again_soon_is_done_once(
 def test_an_action_that_comes_again_after_a_restart_is_done_once(
     kernel: StubKernel, passer: StubPasser, path: Path
 ) -> None:
-    """
-    What was done before the server was ended is in the log, not in its memory.
-    """
+    """What was done before the server was ended is in the log, not in its memory."""
     for _ in range(2):
         with serving_kernels(path, passer.port, "K1") as world:
             passer.wait_until_there("SEMMAP")
@@ -375,9 +344,7 @@ def test_an_action_that_comes_again_after_a_restart_is_done_once(
 def test_a_kernels_questions_are_answered_in_their_order(
     kernel: StubKernel, passer: StubPasser, world: KernelWorld
 ) -> None:
-    """
-    What it asks behind an action sees it done.
-    """
+    """What it asks behind an action sees it done."""
     for number in range(0, 60, 3):
         state = "OPEN" if number % 2 else "CLOSED"
         kernel.send(f"(ASK {number} (SET_DOOR_{state} DOOR_1))")
@@ -390,9 +357,7 @@ def test_a_kernels_questions_are_answered_in_their_order(
 
 
 def test_a_question_that_waits_holds_up_nothing(kernel: StubKernel, world: KernelWorld) -> None:
-    """
-    Neither of the same kernel; and it is answered as soon as the door is so.
-    """
+    """Neither of the same kernel; and it is answered as soon as the door is so."""
     kernel.send("(ASK w (WAIT_UNTIL DOOR_1 CLOSED 3600))")
     kernel.send("(ASK v (WAIT_UNTIL DOOR_1 CLOSED 0.05))")
     assert kernel.answer("(ASK 1 (SET_DOOR_OPEN DOOR_1))", "1") == "T"
@@ -408,9 +373,7 @@ def test_a_question_that_waits_holds_up_nothing(kernel: StubKernel, world: Kerne
 def test_waiting_questions_have_an_end(
     kernel: StubKernel, world: KernelWorld, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Who asks for more is told.
-    """
+    """Who asks for more is told."""
     monkeypatch.setattr(kernel_questions, "MOST_WAITS", 3)
     for number in range(3):
         kernel.send(f"(ASK {number} (WAIT_UNTIL DOOR_1 CLOSED 3600))")
@@ -423,9 +386,7 @@ def test_waiting_questions_have_an_end(
 def test_what_was_answered_early_is_not_kept_until_its_time(
     kernel: StubKernel, world: KernelWorld, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A kernel that waits all day, again and again, fills no memory.
-    """
+    """A kernel that waits all day, again and again, fills no memory."""
     monkeypatch.setattr(kernel_service, "MOST_WAITS", 2)
     for number in range(30):
         state = "OPEN" if number % 2 else "CLOSED"
@@ -439,9 +400,7 @@ def test_what_was_answered_early_is_not_kept_until_its_time(
 
 
 def test_the_passer_goes_and_another_comes(path: Path) -> None:
-    """
-    Kernels end with it; those that come with the next one are told all.
-    """
+    """Kernels end with it; those that come with the next one are told all."""
     with StubPasser() as passer:
         port = passer.port
         kernel = passer.kernel("K1")
@@ -461,9 +420,7 @@ def test_the_passer_goes_and_another_comes(path: Path) -> None:
 
 
 def test_a_passer_that_is_not_there_yet_is_tried_again(path: Path) -> None:
-    """
-    And what is wrong is told once.
-    """
+    """And what is wrong is told once."""
     with StubPasser() as passer:
         port = passer.port
     with serving_kernels(path, port, "K1") as world:
@@ -482,9 +439,7 @@ def test_a_passer_that_is_not_there_yet_is_tried_again(path: Path) -> None:
     ],
 )
 def test_a_passer_that_refuses_is_tried_again(answer: int, text: str, path: Path) -> None:
-    """
-    Our predecessor may be about to leave.
-    """
+    """Our predecessor may be about to leave."""
     with StubPasser(answer=answer) as passer, serving_kernels(path, passer.port, "K1") as world:
         wait_until(lambda: passer.registrations > 1, "another try")
         assert any(text in said for said in world.said), world.said
@@ -495,9 +450,7 @@ def test_a_passer_that_refuses_is_tried_again(answer: int, text: str, path: Path
 
 @pytest.mark.slow
 def test_a_passer_that_is_silent_is_left(path: Path) -> None:
-    """
-    It stands still; the log and its other readers do not.
-    """
+    """It stands still; the log and its other readers do not."""
     patience = Patience(ask_after_s=0.05, give_up_after_s=0.5)
     with (
         StubPasser() as passer,
@@ -527,9 +480,7 @@ def patient(path: Path, passer: StubPasser) -> Iterator[KernelWorld]:
 def test_changes_that_a_slow_passer_has_no_time_for_become_one(
     kernel: StubKernel, passer: StubPasser, patient: KernelWorld, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    What a kernel hears in the end is how the doors are.
-    """
+    """What a kernel hears in the end is how the doors are."""
     world = patient
     passer.wait_for("K1", ALL[-1])
     monkeypatch.setattr(kernel_service, "MOST_WAITING_BYTES", 1)
@@ -553,9 +504,7 @@ def test_changes_that_a_slow_passer_has_no_time_for_become_one(
 def test_a_passer_that_takes_nothing_is_waited_for_in_peace(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Also when a kernel should be called meanwhile: no processor is kept busy.
-    """
+    """Also when a kernel should be called meanwhile: no processor is kept busy."""
     turns: list[float] = []
     may_tell = KernelSession._may_tell
 
@@ -582,9 +531,7 @@ def test_a_passer_that_takes_nothing_is_waited_for_in_peace(
 
 
 def test_leaves_as_a_client_should(path: Path) -> None:
-    """
-    The passer is told; no message is left in its middle.
-    """
+    """The passer is told; no message is left in its middle."""
     with StubPasser() as passer, passer.kernel("K1"):
         with serving_kernels(path, passer.port, "K1"):
             passer.wait_for("K1", ALL[-1])
@@ -596,17 +543,13 @@ def test_leaves_as_a_client_should(path: Path) -> None:
     ("name", "told"), [("kill-mp", ()), ("A B", ()), ("A", ("K 1",)), ("A", ("A",)), ("A", ("",))]
 )
 def test_names_that_cannot_be(name: str, told: tuple[str, ...]) -> None:
-    """
-    They are refused before anything is begun.
-    """
+    """They are refused before anything is begun."""
     with pytest.raises(PasserError, match="cannot be"):
         Kernels(TcpAddress("127.0.0.1", 1), name, told)
 
 
 def test_many_ask_at_once(passer: StubPasser, world: KernelWorld) -> None:
-    """
-    Each gets its own answers.
-    """
+    """Each gets its own answers."""
 
     def ask(name: str) -> None:
         with passer.kernel(name) as kernel:
@@ -626,9 +569,7 @@ def test_many_ask_at_once(passer: StubPasser, world: KernelWorld) -> None:
 def test_a_kernel_that_asks_much_holds_up_nobody(
     path: Path, passer: StubPasser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Where one is worked for at a time, another's question comes after the first of many.
-    """
+    """Where one is worked for at a time, another's question comes after the first of many."""
     monkeypatch.setattr(kernel_questions, "AT_ONCE", 1)
     with (
         serving_kernels(path, passer.port) as world,
@@ -655,9 +596,7 @@ def test_a_kernel_that_asks_much_holds_up_nobody(
 
 
 def test_a_message_that_is_too_long_is_not_read(kernel: StubKernel, world: KernelWorld) -> None:
-    """
-    Nor answered: it is none of ours.
-    """
+    """Nor answered: it is none of ours."""
     kernel.send(f"(ASK 1 (NEXT_DOOR {'DOOR_1 ' * 10_000}))")
 
     wait_until(lambda: any("at most 65,536 bytes" in said for said in world.said), "a complaint")
@@ -670,9 +609,7 @@ def test_a_message_that_is_too_long_is_not_read(kernel: StubKernel, world: Kerne
 def test_an_error_of_our_own_is_answered(
     question: str, kernel: StubKernel, world: KernelWorld, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    And the service goes on; nothing of it waits for ever.
-    """
+    """And the service goes on; nothing of it waits for ever."""
 
     def fail(*_: object) -> None:
         raise RuntimeError("of a test")
@@ -689,9 +626,6 @@ def test_an_error_of_our_own_is_answered(
 
 
 def test_a_passer_of_a_name_that_no_host_can_have() -> None:
-    """
-    It is as one that is not there.
-    """
     with pytest.raises(PasserError, match="no message passer at"):
         PasserConnection(TcpAddress("a" * 64, 3300), "SEMMAP")
 

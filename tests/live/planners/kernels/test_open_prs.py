@@ -39,9 +39,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_facts_arrive_and_stay_right(oprs: OpenPrs, path: Path) -> None:
-    """
-    All when the kernel is there, then each change: in its database is what the map has.
-    """
+    """All when the kernel is there, then each change: in its database is what the map has."""
     oprs.passer()
     py = oprs.client()
     oprs.kernel("K1")
@@ -63,9 +61,7 @@ def test_facts_arrive_and_stay_right(oprs: OpenPrs, path: Path) -> None:
 
 
 def test_two_kernels_ask_at_once(oprs: OpenPrs, path: Path) -> None:
-    """
-    Each gets its own answers, and an action of the one is a fact in the other.
-    """
+    """Each gets its own answers, and an action of the one is a fact in the other."""
     oprs.passer()
     py = oprs.client()
     kernels = [oprs.kernel(name) for name in ("K1", "K2")]
@@ -110,9 +106,7 @@ def test_two_kernels_ask_at_once(oprs: OpenPrs, path: Path) -> None:
     ],
 )
 def test_the_thesiss_questions_from_a_plan(question: str, answer: str, asked: PasserClient) -> None:
-    """
-    All twelve, and some of ours.
-    """
+    """All twelve, and some of ours."""
     assert asked.ask("K1", f"(LET_ASK 1 {question})") == f"(GOT 1 {answer})"
 
 
@@ -150,9 +144,7 @@ def test_the_passer_is_killed(oprs: OpenPrs, path: Path) -> None:
 
 
 def test_a_kernel_is_killed_and_comes_back(oprs: OpenPrs, path: Path) -> None:
-    """
-    The passer and the others live on.
-    """
+    """The passer and the others live on."""
     passer = oprs.passer()
     py = oprs.client()
     first = oprs.kernel("K1")
@@ -198,9 +190,7 @@ WORDS = st.text(max_size=30) | st.text('\\"\n() aquit;|$~&.\x00\r', max_size=20)
 def test_nasty_words_arrive_and_the_kernel_lives(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
-    """
-    As texts, two in a message: it has each as it was sent, and neither runs as a command.
-    """
+    """As texts, two in a message: it has each as it was sent, and neither runs as a command."""
     with open_prs(tmp_path_factory.mktemp("nasty")) as oprs:
         oprs.passer()
         py = oprs.client()
@@ -223,9 +213,7 @@ def test_nasty_words_arrive_and_the_kernel_lives(
 
 
 def test_nasty_names_in_a_log(oprs: OpenPrs, path: Path) -> None:
-    """
-    From the log to the kernel's database, through all that is ours.
-    """
+    """From the log to the kernel's database, through all that is ours."""
     names = [name for name in NASTY if name and "\ud800" not in name and len(name) < 200]
     with sl.append(path) as log:
         for name in names:
@@ -253,9 +241,7 @@ def _blocks() -> list[str]:
 def test_the_guide_from_nothing_to_the_first_answer(
     oprs: OpenPrs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Its files and its commands as they stand, but for the port.
-    """
+    """Its files and its commands as they stand, but for the port."""
     commands, plans, include, start, *_ = _blocks()
     (tmp_path / "doors.opf").write_text(plans)
     (tmp_path / "doors.inc").write_text(include)

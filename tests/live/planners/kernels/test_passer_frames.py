@@ -21,9 +21,7 @@ FACT = (Atom("F"), Atom("ü"))
 
 
 def test_frames_are_those_of_the_protocol() -> None:
-    """
-    Integers of four bytes, big-endian; lengths in bytes.
-    """
+    """Integers of four bytes, big-endian; lengths in bytes."""
     zero = b"\x00\x00\x00"
 
     assert zero + b"\x01" + zero + b"\x06SEMMAP" == registration("SEMMAP")
@@ -63,9 +61,7 @@ MESSAGES = st.lists(st.tuples(st.binary(max_size=20), st.binary(max_size=300)), 
 def test_messages_are_taken_in_whatever_pieces(
     messages: list[tuple[bytes, bytes]], data: st.DataObject
 ) -> None:
-    """
-    None is given before it is whole, none twice.
-    """
+    """None is given before it is whole, none twice."""
     wire = b"\x00\x00\x00\x00" + b"".join(
         len(part).to_bytes(4, "big") + part for each in messages for part in each
     )
@@ -84,9 +80,7 @@ def test_messages_are_taken_in_whatever_pieces(
 
 @pytest.mark.parametrize("length", [b"\xff\xff\xff\xff", b"\x7f\xff\xff\xff", b"GET "])
 def test_what_is_no_passer_is_found_out(length: bytes) -> None:
-    """
-    Not by waiting for two gigabytes.
-    """
+    """Not by waiting for two gigabytes."""
     received = MessageReader()
     received.take(length)
 
@@ -99,26 +93,20 @@ def test_what_is_no_passer_is_found_out(length: bytes) -> None:
     ["", "kill-mp", "mp-oprs", "ope", "oprs-server", "A B", "1A", "A\n", "A)", "K" * 65, "do"],
 )
 def test_names_that_harm_are_not_ours(name: str) -> None:
-    """
-    `kill-mp` ends the passer; what is no atom ends what kernels read.
-    """
+    """`kill-mp` ends the passer; what is no atom ends what kernels read."""
     with pytest.raises(PasserError, match="cannot be a name at the message passer"):
         registration(name)
 
 
 @pytest.mark.parametrize("name", ["", "K" * 65, "ü" * 33, "A\x00", "A\n", "\ud800"])
 def test_nothing_is_sent_to_names_that_harm(name: str) -> None:
-    """
-    The passer itself dies of a recipient whose name is longer than its buffer.
-    """
+    """The passer itself dies of a recipient whose name is longer than its buffer."""
     with pytest.raises(PasserError, match="nothing is sent to"):
         message(["K1", name], FACT)
 
 
 def test_a_message_has_an_end() -> None:
-    """
-    One of some megabytes keeps a kernel busy for minutes.
-    """
+    """One of some megabytes keeps a kernel busy for minutes."""
     with pytest.raises(ExpressionError, match="expected at most 1,048,576 bytes"):
         message(["K1"], (Atom("A"), *[12345] * (MOST_MESSAGE_BYTES // 5)))
 
@@ -134,7 +122,5 @@ def test_a_message_has_an_end() -> None:
     ],
 )
 def test_whom_the_passer_does_not_know(text: bytes, name: str | None) -> None:
-    """
-    Names are those of other people.
-    """
+    """Names are those of other people."""
     assert name == unknown_name(text)

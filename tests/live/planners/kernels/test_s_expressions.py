@@ -51,9 +51,7 @@ EXPRESSIONS = st.builds(lambda first, rest: (first, *rest), ATOMS, st.lists(VALU
 
 @given(EXPRESSIONS)
 def test_what_is_written_is_read_back_the_same(expression: tuple[Any, ...]) -> None:
-    """
-    Types, cases of letters, and floats to their last digit included.
-    """
+    """Types, cases of letters, and floats to their last digit included."""
     text = write_expression(expression)
 
     assert typed(expression) == typed(read_expression(text))
@@ -118,17 +116,12 @@ def test_all_words_of_others_can_be_sent(words: str) -> None:
     ],
 )
 def test_words_are_sent_as_they_are_or_visibly(words: str, sent: str) -> None:
-    """
-    What a kernel takes stays as it is.
-    """
+    """What a kernel takes stays as it is."""
     assert sent == sendable(words)
 
 
 @given(st.text() | st.text('()".;|\\ $@~&[]a1-+\n'))
 def test_hostile_text_raises_our_error_or_is_read(text: str) -> None:
-    """
-    And nothing else.
-    """
     try:
         found = read_expression(text)
     except ExpressionError:
@@ -139,9 +132,7 @@ def test_hostile_text_raises_our_error_or_is_read(text: str) -> None:
 
 @given(EXPRESSIONS, st.data())
 def test_half_an_expression_is_none(expression: tuple[Any, ...], data: st.DataObject) -> None:
-    """
-    Wherever it is cut.
-    """
+    """Wherever it is cut."""
     text = write_expression(expression)
     cut = data.draw(st.integers(0, len(text) - 1))
 
@@ -165,9 +156,7 @@ def test_half_an_expression_is_none(expression: tuple[Any, ...], data: st.DataOb
     ],
 )
 def test_reads_what_kernels_write(text: str, expression: tuple[Any, ...]) -> None:
-    """
-    As the note on kernels has it.
-    """
+    """As the note on kernels has it."""
     assert typed(expression) == typed(read_expression(text))
 
 
@@ -192,9 +181,6 @@ def test_reads_what_kernels_write(text: str, expression: tuple[Any, ...]) -> Non
     ],
 )
 def test_says_what_is_wrong_with_a_text(text: str, match: str) -> None:
-    """
-    And where.
-    """
     with pytest.raises(ExpressionError, match=re.escape(match)):
         read_expression(text)
 
@@ -232,17 +218,13 @@ for _ in range(MOST_DEPTH):
     ],
 )  # fmt: skip
 def test_what_a_kernel_would_not_read_is_not_written(expression: Any) -> None:
-    """
-    Each of these is an error, or something else, to a kernel.
-    """
+    """Each of these is an error, or something else, to a kernel."""
     with pytest.raises(ExpressionError):
         write_expression(expression)
 
 
 def test_numbers_as_kernels_read_them() -> None:
-    """
-    A dot in each float, and `ll` behind what needs more than 32 bits.
-    """
+    """A dot in each float, and `ll` behind what needs more than 32 bits."""
     values = (Atom("A"), 1e22, 1e-7, 0.1 + 0.2, -0.0, 5.0, 2**31 - 1, 2**31, -(2**31) - 1)
 
     assert (
@@ -252,9 +234,7 @@ def test_numbers_as_kernels_read_them() -> None:
 
 
 def test_flat() -> None:
-    """
-    All that stands in values, in its order.
-    """
+    """All that stands in values, in its order."""
     inner: Any = [Atom("a"), (Atom("b"), 1), [[2.5]]]
 
     assert [Atom("a"), Atom("b"), 1, 2.5, "c"] == flat([*inner, "c"])

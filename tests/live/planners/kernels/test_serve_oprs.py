@@ -38,9 +38,7 @@ def _serve(path: Path, *options: str) -> Iterator[Running]:
 @pytest.mark.slow
 @pytest.mark.parametrize("is_beside_ask", [False, True])
 def test_tells_and_answers_until_it_is_interrupted(path: Path, is_beside_ask: bool) -> None:
-    """
-    Alone, or beside `--ask`.
-    """
+    """Alone, or beside `--ask`."""
     more = ("--ask", f"unix:{path.parent / 's'}") if is_beside_ask else ()
     to = ("--oprs-to", "K1", "--oprs-to", "K2")
     with (
@@ -68,9 +66,7 @@ def _ask(address: str, question: str) -> None:
 
 
 def test_now_is_the_same_for_all_who_ask(tmp_path: Path) -> None:
-    """
-    Kernels as well: `--ask-now end` counts from the log's end.
-    """
+    """Kernels as well: `--ask-now end` counts from the log's end."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door(state="closed", at="2026-01-01T00:00")
         log.observe(door, "open", at="2026-01-01T10:00")
@@ -87,9 +83,7 @@ def test_now_is_the_same_for_all_who_ask(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_tells_of_a_log_that_another_process_writes(path: Path) -> None:
-    """
-    With --read-only; an action is refused, and why stands in the output.
-    """
+    """With --read-only; an action is refused, and why stands in the output."""
     names = ("--oprs-name", "MAP_2", "--oprs-to", "K1")
     with (
         StubPasser() as passer,
@@ -109,9 +103,7 @@ def test_tells_of_a_log_that_another_process_writes(path: Path) -> None:
 
 @pytest.mark.slow
 def test_serves_on_while_there_is_no_passer(path: Path) -> None:
-    """
-    What is written meanwhile is told when there is one.
-    """
+    """What is written meanwhile is told when there is one."""
     with StubPasser() as passer:
         port = passer.port
     address = f"unix:{path.parent / 's'}"
@@ -139,9 +131,7 @@ def test_serves_on_while_there_is_no_passer(path: Path) -> None:
 def test_wrong_options_are_refused(
     options: tuple[str, ...], text: str, path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Before anything is opened.
-    """
+    """Before anything is opened."""
     with pytest.raises(SystemExit) as stopped:
         main(["serve", str(path), *options])
 
@@ -155,9 +145,7 @@ def test_wrong_options_are_refused(
     [("robot1", "robot1:3300"), ("robot1:3400", "robot1:3400"), ("[::1]", "[::1]:3300")],
 )
 def test_the_port_may_be_left_out(given: str, where: str) -> None:
-    """
-    A message passer has one of its own.
-    """
+    """A message passer has one of its own."""
     from semmap_log.cli.ask import chosen_kernels
 
     kernels = chosen_kernels(given, None, None)

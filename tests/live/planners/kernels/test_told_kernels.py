@@ -56,9 +56,7 @@ def _change(told: Told, state: str) -> list[tuple[list[str], str]]:
 
 
 def test_who_is_not_unknown_is_there(told: Told) -> None:
-    """
-    Once our own message is back, which went behind the call.
-    """
+    """Once our own message is back, which went behind the call."""
     told.kernels.call(0.0)
     assert told.sent == [
         (["K1"], "(DOOR_MAP SEMMAP)"),
@@ -75,18 +73,14 @@ def test_who_is_not_unknown_is_there(told: Told) -> None:
 
 
 def test_no_change_is_told_to_who_is_not_there(told: Told) -> None:
-    """
-    Nor to who was only called.
-    """
+    """Nor to who was only called."""
     assert _change(told, "closed") == []
     told.kernels.call(0.0)
     assert _change(told, "open") == []
 
 
 def test_who_has_gone_is_told_no_changes(told: Told) -> None:
-    """
-    Until it was called again, and is there.
-    """
+    """Until it was called again, and is there."""
     told.kernels.call(0.0)
     told.let_return()
     both = [(["K1", "K2"], "(DOOR_STATE DOOR_1 CLOSED)")]
@@ -101,9 +95,7 @@ def test_who_has_gone_is_told_no_changes(told: Told) -> None:
 
 
 def test_calls_become_rarer(told: Told) -> None:
-    """
-    The passer complains of each that is in vain.
-    """
+    """The passer complains of each that is in vain."""
     times, now_s = [], 0.0
     for _ in range(8):
         told.kernels.call(now_s)
@@ -118,9 +110,7 @@ def test_calls_become_rarer(told: Told) -> None:
 
 
 def test_who_says_something_is_called_at_once(told: Told) -> None:
-    """
-    It need not wait for its turn.
-    """
+    """It need not wait for its turn."""
     told.kernels.call(0.0)
     told.kernels.is_unknown("K1", 0.1)
     told.kernels.is_there("K1")
@@ -132,9 +122,7 @@ def test_who_says_something_is_called_at_once(told: Told) -> None:
 
 
 def test_who_asks_for_all_is_told_once(told: Told) -> None:
-    """
-    Though it was called just before.
-    """
+    """Though it was called just before."""
     told.kernels.call(0.0)
     told.kernels.tell_all("K1")
     told.let_return()
