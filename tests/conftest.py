@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from shutil import which
 
@@ -16,6 +17,7 @@ from steady_clock import SteadyClock
 
 from tests import quick
 from tests.golden_text import GoldenText
+from tests.verbs import Verb, ran
 
 MEMORY = Path("/dev/shm")
 ROOM_BYTES = 2**30
@@ -52,6 +54,12 @@ def shared_data() -> Path:
 def golden(request: pytest.FixtureRequest, tmp_path: Path) -> GoldenText:
     """Check texts against the golden file of a verb: `golden(verb, case, text)`."""
     return GoldenText(tmp_path, is_rewritten=request.config.option.golden)
+
+
+@pytest.fixture
+def run_verb(capsys: pytest.CaptureFixture[str]) -> Verb:
+    """Run a verb of the command line; return its exit code, stdout and stderr."""
+    return partial(ran, capsys)
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ import pytest
 from rosbags.rosbag2 import Writer
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.doors import reduced
 from semmap_log.core.model.events import LevelAdded, RobotPose
 from semmap_log.core.texts import counted
@@ -30,6 +29,7 @@ from tests.interop.formats.bags.bags_of_others import (
     write_with_rosbag,
 )
 from tests.interop.topics.robots import START, Robot, S
+from tests.verbs import run
 from tests.views.rerun.some_logs import START as LIVELY_START
 
 ROBOT = Robot()
@@ -44,13 +44,6 @@ def office(tmp_path: Path) -> Path:
 def _import(office: Path, path: Path, **options: Any) -> Any:
     with sl.append(office) as log:
         return import_file(log, path, ImportOptions(**options))
-
-
-def _run(*words: object) -> Any:
-    """Return a verb's exit code."""
-    with pytest.raises(SystemExit) as left:
-        main([str(word) for word in words])
-    return left.value.code
 
 
 def test_states_of_doors_on_several_levels_need_no_level(office: Path, tmp_path: Path) -> None:
@@ -94,7 +87,7 @@ def test_a_bag_of_which_nothing_is_taken_is_told(
     else:
         write_ros2(tmp_path / "day", [Said("/s", *said, START)])
 
-    assert 1 == _run("import", office, tmp_path / "day", "--mapping", tmp_path / "robot.yaml")
+    assert 1 == run("import", office, tmp_path / "day", "--mapping", tmp_path / "robot.yaml")
     err = capsys.readouterr().err
     assert "day: nothing of it can be imported: " in err
     assert why in err
@@ -119,7 +112,7 @@ def test_what_was_exported_comes_back(name: str, seed: int, office: Path, tmp_pa
     The same doors at the same moments, in all that a DoorMap carries; floor plans and poses, too.
     """
     lively = lively_log(tmp_path / "lively", seed=seed)
-    assert 0 == _run("export", lively.path, tmp_path / name, "--markers")
+    assert 0 == run("export", lively.path, tmp_path / name, "--markers")
 
     _import(office, tmp_path / name)
 
@@ -243,7 +236,7 @@ def test_what_cannot_be_is_told_with_counts(
     said += [Said("/r", *ROBOT.door_request("front", 2, "tug1"), START + S)]
     write_mcap(tmp_path / "x.mcap", said)
 
-    assert 0 == _run("import", office, tmp_path / "x.mcap")
+    assert 0 == run("import", office, tmp_path / "x.mcap")
 
     err = capsys.readouterr().err
     assert "warning: /amcl_pose: a pose in another frame than map; passed over: 'odom' (3 t" in err
@@ -280,7 +273,7 @@ def test_a_dry_run_shows_events_and_writes_nothing(
     write_ros1(tmp_path / "x.bag", [Said("/s", *Robot(1).door_state("front", 2), START)])
     before = {path: path.read_bytes() for path in office.iterdir()}
 
-    assert 0 == _run("import", office, tmp_path / "x.bag", "--dry-run")
+    assert 0 == run("import", office, tmp_path / "x.bag", "--dry-run")
 
     captured = capsys.readouterr()
     lines = [json.loads(line) for line in captured.out.splitlines()]
@@ -296,7 +289,7 @@ def test_a_dry_run_of_a_bag_that_was_imported_shows_nothing(
     write_ros1(tmp_path / "x.bag", [Said("/s", *Robot(1).door_state("front", 2), START)])
     _import(office, tmp_path / "x.bag")
 
-    assert 0 == _run("import", office, tmp_path / "x.bag", "--dry-run")
+    assert 0 == run("import", office, tmp_path / "x.bag", "--dry-run")
 
     captured = capsys.readouterr()
     assert "" == captured.out
@@ -320,14 +313,14 @@ def test_a_dry_run_is_of_any_file(
     (tmp_path / name).write_text(text)
 
     with sl.append(office):
-        assert 0 == _run("import", office, tmp_path / name, "--dry-run")
+        assert 0 == run("import", office, tmp_path / name, "--dry-run")
 
     out, err = capsys.readouterr()
     assert kinds == [json.loads(line)["kind"] for line in out.splitlines()]
     assert f"{name}: {counted(len(kinds), 'event')}; nothing was written." in err
     assert [] == list(sl.read(office).commits())
-    assert 0 == _run("import", office, tmp_path / name)
-    assert 0 == _run("import", office, tmp_path / name, "--dry-run")
+    assert 0 == run("import", office, tmp_path / name)
+    assert 0 == run("import", office, tmp_path / name, "--dry-run")
     assert "imported before; nothing would be made" in capsys.readouterr().err
 
 

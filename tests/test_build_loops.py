@@ -60,10 +60,7 @@ def _built(tree: Path, version: str) -> tuple[dict[str, Any], list[str], build_l
 
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
-    [
-        ("SEMMAP_LOG_PLAIN", "1", "SEMMAP_LOG_PLAIN asks for it"),
-        ("CC", "false", "false failed"),
-    ],
+    [("SEMMAP_LOG_PLAIN", "1", "SEMMAP_LOG_PLAIN asks for it"), ("CC", "false", "false failed")],
 )
 def test_without_them_an_installation_goes_on(
     tree: Path, monkeypatch: pytest.MonkeyPatch, name: str, value: str, reason: str

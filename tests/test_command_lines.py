@@ -11,7 +11,6 @@ import pytest
 from steady_clock import SteadyClock
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAdded, DoorAnnotated, LevelAdded
 from semmap_log.core.texts import command_line
@@ -19,6 +18,7 @@ from semmap_log.errors import CommandError, CorruptLogError, FormatError, NotALo
 from semmap_log.interop.formats.bags.bag_protocol import own_log
 from semmap_log.interop.importing.importing import import_file
 from tests.marks import marks
+from tests.verbs import run
 
 AWKWARD = 'my robot\'s "log" $HOME; `x` ä'
 START = 1_772_400_000 * 10**9
@@ -28,13 +28,6 @@ def pasted(text: str) -> list[str]:
     """Return the words of the command line that ends a text, as a shell takes them."""
     line = text[text.index("semmap-log ") :].splitlines()[0]
     return shlex.split(line)
-
-
-def run(*arguments: str) -> int:
-    """Return the exit code of a command."""
-    with pytest.raises(SystemExit) as ended:
-        main(list(arguments))
-    return int(ended.value.code or 0)
 
 
 @pytest.fixture

@@ -17,12 +17,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorObserved, DoorUpdated, LevelAdded
-from semmap_log.errors import (
-    DoorExistsError,
-    DoorRemovedError,
-    FormatError,
-    UnknownLevelError,
-)
+from semmap_log.errors import DoorExistsError, DoorRemovedError, FormatError, UnknownLevelError
 from semmap_log.interop.exporting.log_files import export
 from semmap_log.interop.importing.importing import ImportOptions, import_file
 

@@ -15,12 +15,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.core.arrow.table import COLUMNS, HISTORY_COLUMNS
 from semmap_log.core.model.doors import DoorId, DoorState
-from semmap_log.core.model.events import (
-    DoorAnnotated,
-    DoorObserved,
-    LevelAdded,
-    RobotPose,
-)
+from semmap_log.core.model.events import DoorAnnotated, DoorObserved, LevelAdded, RobotPose
 from semmap_log.errors import CommandError, SemmapError, UnknownKeywordError
 from semmap_log.store.compaction import compact
 from semmap_log.store.writing import segment_chain

@@ -208,9 +208,7 @@ def test_a_short_time_has_its_offset_in_the_hour_that_comes_twice(text, seconds,
 
 
 @given(
-    second=st.integers(0, 2**62 // 10**9),
-    later=st.integers(1, 3 * 3600),
-    tz=st.sampled_from(ZONES),
+    second=st.integers(0, 2**62 // 10**9), later=st.integers(1, 3 * 3600), tz=st.sampled_from(ZONES)
 )
 @example(second=1_761_438_600, later=3600, tz=VIENNA)
 @example(second=1_743_864_300, later=1800, tz="Australia/Lord_Howe")

@@ -158,10 +158,7 @@ def test_a_kind_that_sets_the_state_is_told_in_five_files(tmp_path: Path) -> Non
     program.edit(
         "views/event_words.py",
         ("    DoorUpdated,\n", "    DoorTouched,\n    DoorUpdated,\n"),
-        (
-            "        case DoorRemoved():\n",
-            FELT + "        case DoorRemoved():\n",
-        ),
+        ("        case DoorRemoved():\n", FELT + "        case DoorRemoved():\n"),
     )
     assert len(program.edited) + 1 <= MOST_FILES
     log = tmp_path / "log"

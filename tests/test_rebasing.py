@@ -125,10 +125,7 @@ def test_measured_doors_win(tmp_path: Path) -> None:
     """Over the transform; a door without a place gets one; a width only if it was measured."""
     with placed(tmp_path / "log", (1, 2, 0), (3, 2, 0), clock=SteadyClock()) as log:
         new = log.add_door(name="new")
-        measured = {
-            1: (7.0, 8.0, 0.1),
-            "new": MeasuredDoor(1.0, 1.0, 0.0, 1.5),
-        }
+        measured = {1: (7.0, 8.0, 0.1), "new": MeasuredDoor(1.0, 1.0, 0.0, 1.5)}
         log.rebase(a_map(x=1.0), by=(10, 0, 0), doors=measured)
 
         doors = log.replay().doors

@@ -87,9 +87,7 @@ def test_a_name_of_two_removed_doors_asks_which(log: sl.DoorLogWriter) -> None:
         log.observe("id:3", "open")
 
 
-def test_a_door_that_is_there_comes_before_those_that_bore_its_name(
-    log: sl.DoorLogWriter,
-) -> None:
+def test_a_door_that_is_there_comes_before_those_that_bore_its_name(log: sl.DoorLogWriter) -> None:
     """Removed doors are looked for last."""
     again = log.add_door(name="front")
 

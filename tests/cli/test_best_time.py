@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.cli import main
 from tests.analysis.beliefs.patrolled import patrolled
+from tests.verbs import run
 
 pytestmark = pytest.mark.usefixtures("terminal")
 
@@ -18,14 +18,6 @@ RECORDINGS = Path(__file__).parents[2] / "recordings"
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(patrolled(tmp_path_factory.mktemp("best-time") / "log").path)
-
-
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
 
 
 def test_the_table_names_hours_and_what_is_left_out(

@@ -8,19 +8,17 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.writing import segment_chain
 from tests.live.ros.running import DEADLINE_S
 from tests.store.logs import digest_of_records, segment_files, write_log
-
-Run = Callable[..., tuple[int, str, str]]
+from tests.verbs import Verb
 
 
 @pytest.fixture
@@ -31,22 +29,12 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
+def run(run_verb: Verb) -> Verb:
     """Run the verb; return its exit code, stdout and stderr."""
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code = 0
-        try:
-            main(["compact", *(str(argument) for argument in arguments)])
-        except SystemExit as ended:
-            code = int(ended.code or 0)
-        printed = capsys.readouterr()
-        return code, printed.out, printed.err
-
-    return run
+    return partial(run_verb, "compact")
 
 
-def test_before_and_after_are_printed(log: Path, run: Run) -> None:
+def test_before_and_after_are_printed(log: Path, run: Verb) -> None:
     """Segments, bytes and bytes an event; what it says is what there is."""
     before = sum(path.stat().st_size for path in segment_files(log))
 
@@ -59,7 +47,7 @@ def test_before_and_after_are_printed(log: Path, run: Run) -> None:
     assert f"{before / 250:.1f} -> {after / 250:.1f} (250 events)" in out
 
 
-def test_json(log: Path, run: Run) -> None:
+def test_json(log: Path, run: Verb) -> None:
     """One document, with every figure and what became what."""
     code, out, _ = run(log, "--json", "--free-now")
 
@@ -76,7 +64,7 @@ def test_json(log: Path, run: Run) -> None:
     ] == said["steps"]
 
 
-def test_what_was_merged_stays_for_copies_under_way(log: Path, run: Run) -> None:
+def test_what_was_merged_stays_for_copies_under_way(log: Path, run: Verb) -> None:
     """How many files, and their bytes, and when they go; with --free-now they go at once."""
     parts = segment_files(log)[1:]
     size = sum(path.stat().st_size for path in parts)
@@ -91,7 +79,7 @@ def test_what_was_merged_stays_for_copies_under_way(log: Path, run: Run) -> None
     assert [log / "office_000000.mcap"] == segment_files(log)
 
 
-def test_a_second_time_there_is_nothing_to_do(log: Path, run: Run) -> None:
+def test_a_second_time_there_is_nothing_to_do(log: Path, run: Verb) -> None:
     """And nothing is written."""
     run(log)
     files = {path: path.stat().st_ino for path in log.iterdir()}
@@ -102,7 +90,7 @@ def test_a_second_time_there_is_nothing_to_do(log: Path, run: Run) -> None:
     assert files == {path: path.stat().st_ino for path in log.iterdir()}
 
 
-def test_dry_run_writes_nothing(log: Path, run: Run) -> None:
+def test_dry_run_writes_nothing(log: Path, run: Verb) -> None:
     """It names what would be done, even while somebody is writing and nothing may be written."""
     before = {path.name: path.read_bytes() for path in log.iterdir()}
 
@@ -119,7 +107,7 @@ def test_dry_run_writes_nothing(log: Path, run: Run) -> None:
     assert before == {path.name: path.read_bytes() for path in log.iterdir()}
 
 
-def test_without_merging(log: Path, run: Run) -> None:
+def test_without_merging(log: Path, run: Verb) -> None:
     """Each file stays one, and becomes smaller."""
     sizes = [path.stat().st_size for path in segment_files(log)]
 
@@ -130,7 +118,7 @@ def test_without_merging(log: Path, run: Run) -> None:
     assert all(new < old for new, old in zip(smaller, sizes, strict=True))
 
 
-def test_not_while_somebody_writes(log: Path, run: Run) -> None:
+def test_not_while_somebody_writes(log: Path, run: Verb) -> None:
     """Exit code 1, one line that says who; the files stay."""
     with sl.append(log, compact=False):
         before = {path.name: path.read_bytes() for path in segment_files(log)}
@@ -142,7 +130,7 @@ def test_not_while_somebody_writes(log: Path, run: Run) -> None:
     assert before == after
 
 
-def test_damage_is_named_and_left(log: Path, run: Run) -> None:
+def test_damage_is_named_and_left(log: Path, run: Verb) -> None:
     """Exit code 1, the file and the byte; no file is changed."""
     path = segment_files(log)[1]
     chunk = open_segment(path).chunks[20]
@@ -157,7 +145,7 @@ def test_damage_is_named_and_left(log: Path, run: Run) -> None:
     assert before == {path.name: path.read_bytes() for path in log.glob("*.mcap")}
 
 
-def test_a_log_without_events(tmp_path: Path, run: Run) -> None:
+def test_a_log_without_events(tmp_path: Path, run: Verb) -> None:
     """There are no bytes an event to tell of."""
     sl.create(tmp_path / "log", tz="UTC").close()
 
@@ -171,7 +159,7 @@ def test_a_log_without_events(tmp_path: Path, run: Run) -> None:
     )
 
 
-def test_a_log_that_is_live(tmp_path: Path, run: Run) -> None:
+def test_a_log_that_is_live(tmp_path: Path, run: Verb) -> None:
     """Whose writer was killed in its first segment: nothing is closed, so nothing is done."""
     (path,) = segment_files(write_log(tmp_path / "log", 5))
     segment = open_segment(path)

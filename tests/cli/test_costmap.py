@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +12,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.events import FloorMap, LevelAdded
 from semmap_log.interop.formats.files.map_server import read_map
-
-Run = Callable[..., tuple[int, str, str]]
+from tests.verbs import Verb
 
 FREE, INSCRIBED, LETHAL, UNKNOWN = 0, 253, 254, 255
 EIGHT_NS = 1_772_352_000 * 10**9
@@ -34,7 +31,7 @@ def floor(level: int = 0, **values: float) -> FloorMap:
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+def run(run_verb: Verb, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Verb:
     """Run a verb beside a log `office`: a floor with a wall, and doors of all sorts in it."""
     monkeypatch.chdir(tmp_path)
     at = "2026-03-01T08:00"
@@ -50,15 +47,7 @@ def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
     with sl.create("nothing", tz="UTC"):
         pass
 
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code = 0
-        try:
-            main([str(argument) for argument in arguments])
-        except SystemExit as left:
-            code = left.code if isinstance(left.code, int) else 1
-        return (code, *capsys.readouterr())
-
-    return run
+    return run_verb
 
 
 def row_of_wall(name: str) -> list[int]:
@@ -67,7 +56,7 @@ def row_of_wall(name: str) -> list[int]:
     return [int(costs[10, x]) for x in (6, 16, 26, 36)]
 
 
-def test_costs_at_a_moment(run: Run) -> None:
+def test_costs_at_a_moment(run: Verb) -> None:
     """A closed door is lethal, an open one cuts through the wall, an unknown one shows the wall."""
     before = run("costmap", "office", "before.npy", "--at", "2026-03-01T08:30")
     after = run("costmap", "office", "after.npy")
@@ -80,7 +69,7 @@ def test_costs_at_a_moment(run: Run) -> None:
     assert [FREE, UNKNOWN] == [costs[0, 0], costs[29, 0]]  # the first row is the lowest y
 
 
-def test_it_says_what_it_drew_and_what_not(run: Run) -> None:
+def test_it_says_what_it_drew_and_what_not(run: Verb) -> None:
     """To people on stderr, nothing on stdout; --json has every door."""
     code, out, err = run("costmap", "office", "now.npy")
 
@@ -92,7 +81,7 @@ def test_it_says_what_it_drew_and_what_not(run: Run) -> None:
     ] == err.splitlines()
 
 
-def test_the_same_as_json(run: Run) -> None:
+def test_the_same_as_json(run: Verb) -> None:
     """One document: files, moment, grid, doors with their costs, and why others are left out."""
     code, out, err = run("costmap", "office", "now.yaml", "--at", "2026-03-01T08:30", "--json")
 
@@ -111,7 +100,7 @@ def test_the_same_as_json(run: Run) -> None:
 
 @pytest.mark.parametrize("rules", ["noetic", "nav2", "nav2_humble"])
 @pytest.mark.parametrize("out", ["now.yaml", "now.pgm"])
-def test_a_ros_map_reads_back_to_the_same_cells(run: Run, out: str, rules: str) -> None:
+def test_a_ros_map_reads_back_to_the_same_cells(run: Verb, out: str, rules: str) -> None:
     """Both files, whichever is named; every server sees walls, doors, and the costs around them."""
     code, *_ = run("costmap", "office", out, "--inflate", 0.4, "--inscribed", 0.15)
     run("costmap", "office", "now.npy", "--inflate", 0.4, "--inscribed", 0.15)
@@ -126,7 +115,7 @@ def test_a_ros_map_reads_back_to_the_same_cells(run: Run, out: str, rules: str) 
     assert ((costs > FREE) & (costs < INSCRIBED)).any()
 
 
-def test_doors_may_be_given_more_room_than_walls(run: Run) -> None:
+def test_doors_may_be_given_more_room_than_walls(run: Verb) -> None:
     """Around a closed door costs reach further; around the wall no further than before."""
     options = ("--at", "2026-03-01T08:30", "--scaling", 1)
     run("costmap", "office", "walls.npy", *options, "--inflate", 0.2)
@@ -139,7 +128,7 @@ def test_doors_may_be_given_more_room_than_walls(run: Run) -> None:
     assert FREE == doors[15, wall]
 
 
-def test_the_door_layer_has_no_floor_in_it(run: Run) -> None:
+def test_the_door_layer_has_no_floor_in_it(run: Verb) -> None:
     """Only doors: what they do not draw is unknown, and so is a door of unknown state."""
     code, *_ = run("costmap", "office", "doors.npy", "--layer", "door")
 
@@ -148,7 +137,7 @@ def test_the_door_layer_has_no_floor_in_it(run: Run) -> None:
     assert 12 == (np.load("doors.npy") != UNKNOWN).sum()
 
 
-def test_by_belief_a_door_costs_and_does_not_block(run: Run) -> None:
+def test_by_belief_a_door_costs_and_does_not_block(run: Verb) -> None:
     """P(open) of 0.75 is a quarter of the dearest cost that a path may cross."""
     code, *_ = run("costmap", "office", "belief.npy", "--by", "belief")
 
@@ -156,7 +145,7 @@ def test_by_belief_a_door_costs_and_does_not_block(run: Run) -> None:
     assert [FREE, 63, LETHAL, LETHAL] == row_of_wall("belief.npy")
 
 
-def test_a_keepout_mask_holds_closed_doors_only(run: Run) -> None:
+def test_a_keepout_mask_holds_closed_doors_only(run: Verb) -> None:
     """100 at the closed door, nothing said of all else: not of walls, not of open doors."""
     code, *_ = run("costmap", "office", "mask.yaml", "--keepout", "--at", "2026-03-01T08:30")
 
@@ -166,7 +155,7 @@ def test_a_keepout_mask_holds_closed_doors_only(run: Run) -> None:
     assert {-1, 100} == set(np.unique(mask.cells).tolist())
 
 
-def test_a_picture_for_people(run: Run) -> None:
+def test_a_picture_for_people(run: Verb) -> None:
     """A PNG that shows the map larger than its cells, and is not of one colour."""
     code, *_ = run("costmap", "office", "now.png", "--inflate", 0.3)
 
@@ -177,7 +166,7 @@ def test_a_picture_for_people(run: Run) -> None:
         assert len(picture.convert("RGB").getcolors(2**24) or ()) > 10
 
 
-def test_a_level_by_number_or_name(run: Run) -> None:
+def test_a_level_by_number_or_name(run: Verb) -> None:
     """Of several levels one must be named; the doors of the others are left out."""
     with sl.append("office") as log:
         log.append([LevelAdded(level=1, name="attic"), floor(1)])
@@ -196,7 +185,7 @@ def test_a_level_by_number_or_name(run: Run) -> None:
     assert [LETHAL] * 4 == row_of_wall("1.npy")
 
 
-def test_another_map_than_the_log_s(run: Run) -> None:
+def test_another_map_than_the_log_s(run: Verb) -> None:
     """--map gives the floor, read as the server that is named reads it."""
     Image.fromarray(np.full((20, 20), 254, np.uint8)).save("hall.pgm")
     Path("hall.yaml").write_text(
@@ -214,7 +203,7 @@ def test_another_map_than_the_log_s(run: Run) -> None:
     assert {FREE} == set(np.unique(np.load("hall.npy")).tolist())
 
 
-def test_without_a_floor_the_grid_lies_around_the_doors(run: Run) -> None:
+def test_without_a_floor_the_grid_lies_around_the_doors(run: Verb) -> None:
     """That is said; what no door draws is unknown; cells are as large as asked for."""
     with sl.create("bare", tz="UTC") as log:
         log.add_door(x=2.0, y=3.0, theta=0.0, width=1.0, state="closed")
@@ -229,7 +218,7 @@ def test_without_a_floor_the_grid_lies_around_the_doors(run: Run) -> None:
     assert "cells of 0.25 m, 1 door (1 closed)." in err
 
 
-def test_a_floor_without_doors_is_a_costmap_too(run: Run) -> None:
+def test_a_floor_without_doors_is_a_costmap_too(run: Verb) -> None:
     """Nothing to draw in it: the walls alone."""
     with sl.append("nothing") as log:
         log.append([floor()])
@@ -241,7 +230,7 @@ def test_a_floor_without_doors_is_a_costmap_too(run: Run) -> None:
     assert [LETHAL] * 4 == row_of_wall("walls.npy")
 
 
-def test_export_makes_the_same_map(run: Run) -> None:
+def test_export_makes_the_same_map(run: Verb) -> None:
     """`export LOG x.pgm` is `costmap LOG x.pgm`."""
     run("costmap", "office", "a.pgm", "--at", "2026-03-01T08:30")
     code, _, err = run("export", "office", "b.pgm", "--at", "2026-03-01T08:30")
@@ -284,7 +273,9 @@ def test_export_makes_the_same_map(run: Run) -> None:
         (("office", "gone/now.png"), 1, "gone/now.png: could not be written"),
     ],
 )
-def test_what_cannot_be_is_said(run: Run, arguments: tuple[str, ...], code: int, said: str) -> None:
+def test_what_cannot_be_is_said(
+    run: Verb, arguments: tuple[str, ...], code: int, said: str
+) -> None:
     """One line, exit 1 or 2, and no file."""
     before = sorted(Path().rglob("*"))
 
@@ -296,7 +287,7 @@ def test_what_cannot_be_is_said(run: Run, arguments: tuple[str, ...], code: int,
 
 
 @pytest.mark.parametrize("name", ["day.mcap", "day.bag", "day"])
-def test_a_bag_shows_it_over_time(name: str, run: Run) -> None:
+def test_a_bag_shows_it_over_time(name: str, run: Verb) -> None:
     """Each change as a grid; the door that opens at nine is free from then on."""
     code, out, _ = run("costmap", "office", name, "--since", "2026-03-01T08:00..2026-03-01T10:00",
                        "--every", "0", "--json")  # fmt: skip
@@ -316,7 +307,7 @@ def test_a_bag_shows_it_over_time(name: str, run: Run) -> None:
 
 
 @pytest.mark.parametrize("value", ["0", "-0.1", "inf"])
-def test_a_resolution_that_cannot_be(run: Run, value: str) -> None:
+def test_a_resolution_that_cannot_be(run: Verb, value: str) -> None:
     """Also where there is no floor to take it from."""
     with sl.create("bare", tz="UTC") as log:
         log.add_door(x=2.0, y=3.0, theta=0.0, width=1.0, state="closed")
@@ -327,7 +318,7 @@ def test_a_resolution_that_cannot_be(run: Run, value: str) -> None:
     assert "the resolution: expected metres a cell, above 0" in err
 
 
-def test_a_turned_floor_is_refused(run: Run) -> None:
+def test_a_turned_floor_is_refused(run: Verb) -> None:
     """A costmap's cells lie along the axes: a yaw is not left out in silence."""
     with sl.append("nothing") as log:
         log.append([floor(origin_theta=0.1)])
@@ -338,7 +329,7 @@ def test_a_turned_floor_is_refused(run: Run) -> None:
     assert "expected an origin with yaw 0, got 0.1; turn the picture" in err
 
 
-def test_an_old_file_survives_an_error(run: Run) -> None:
+def test_an_old_file_survives_an_error(run: Verb) -> None:
     """What cannot be made leaves what was there."""
     Path("now.npy").write_bytes(b"old")
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.interop.importing.importing import import_file
+from tests.verbs import run
 
 pytestmark = pytest.mark.usefixtures("terminal")
 
@@ -40,14 +40,6 @@ def seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             at = f"2026-01-{1 + n // 24:02}T{n % 24:02}:30Z"
             log.observe("front", state, accuracy=0.8, at=at, source="lidar")
     return tmp_path
-
-
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
 
 
 def test_the_table_fits_a_terminal_and_marks_the_best(

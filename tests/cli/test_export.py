@@ -2,40 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.events import DoorAdded
 from tests.conftest import SteadyClock
 from tests.interop.formats.bags.marked import doors_in, shown_after
 from tests.interop.formats.bags.played import Played, played
+from tests.verbs import Verb
 from tests.views.rerun.some_logs import SECOND, START, small_log
-
-Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+def run(run_verb: Verb, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Verb:
     """Run a verb beside a log `office` with two doors."""
     monkeypatch.chdir(tmp_path)
     small_log(tmp_path / "office")
 
-    def run(*arguments: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as stopped:
-            main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return int(stopped.value.code or 0), captured.out, captured.err
-
-    return run
+    return run_verb
 
 
 @pytest.mark.parametrize("bag", ["day.mcap", "day.bag", "day"])
 @pytest.mark.parametrize("flag_first", [True, False])
-def test_a_bag_of_markers_and_what_is_in_it(run: Run, bag: str, flag_first: bool) -> None:
+def test_a_bag_of_markers_and_what_is_in_it(run: Verb, bag: str, flag_first: bool) -> None:
     """Before or behind the file's name, --markers writes it; each topic is counted."""
     arguments = ["--markers", bag] if flag_first else [bag, "--markers"]
 
@@ -57,7 +48,7 @@ def _doors(bag: str) -> list[Played]:
 
 
 @pytest.mark.parametrize("bag", ["day.mcap", "day.bag", "day"])
-def test_a_bag_without_markers_holds_what_a_robot_would_have_published(run: Run, bag: str) -> None:
+def test_a_bag_without_markers_holds_what_a_robot_would_have_published(run: Verb, bag: str) -> None:
     """The thesis's DoorMap, the floor plan and the poses, each once; the name alone tells that."""
     code, out, err = run("export", "office", bag)
 
@@ -70,7 +61,7 @@ def test_a_bag_without_markers_holds_what_a_robot_would_have_published(run: Run,
     }
 
 
-def test_a_part_in_other_colours_and_with_probabilities(run: Run) -> None:
+def test_a_part_in_other_colours_and_with_probabilities(run: Verb) -> None:
     """--since and --until, --palette, --every and --default-prob."""
     code, _, _ = run(
         "export", "office", "part.mcap", "--markers", "--since", f"@{START // SECOND + 60}",
@@ -90,7 +81,7 @@ def test_a_part_in_other_colours_and_with_probabilities(run: Run) -> None:
     assert 0.5 == databases[0].door_db[1].prob_open
 
 
-def test_doors_without_a_place_are_named(run: Run, tmp_path: Path) -> None:
+def test_doors_without_a_place_are_named(run: Verb, tmp_path: Path) -> None:
     """The first three of them."""
     with sl.create(tmp_path / "sensors", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=sl.DoorId(number)) for number in (1, 2, 3, 4)])
@@ -102,7 +93,7 @@ def test_doors_without_a_place_are_named(run: Run, tmp_path: Path) -> None:
 
 
 def test_many_changes_are_thinned_out_and_that_is_said(
-    run: Run, monkeypatch: pytest.MonkeyPatch
+    run: Verb, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """And how to have all of them."""
     monkeypatch.setattr("semmap_log.interop.exporting.stream.MOST_DOORS_SENT", 6)
@@ -137,7 +128,7 @@ def test_many_changes_are_thinned_out_and_that_is_said(
     ],
 )
 def test_what_means_nothing_is_refused(
-    run: Run, arguments: list[str], code: int, said: str, tmp_path: Path
+    run: Verb, arguments: list[str], code: int, said: str, tmp_path: Path
 ) -> None:
     """With the way out, and without a file."""
     before = set(tmp_path.rglob("*"))

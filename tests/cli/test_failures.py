@@ -11,26 +11,18 @@ import pytest
 from typer.main import get_command
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.cli.app import app
-
-Run = Any
+from tests.verbs import Verb
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+def run(run_verb: Verb, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Verb:
     """Run a command line in a folder of its own, with a log; return exit code, stdout, stderr."""
     monkeypatch.chdir(tmp_path)
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door(x=1, y=2, theta=0, width=0.9, name="front", state="closed")
 
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as left:
-            main(list(arguments))
-        captured = capsys.readouterr()
-        return int(left.value.code or 0), captured.out, captured.err
-
-    return run
+    return run_verb
 
 
 def test_every_verb_that_prints_has_json() -> None:
@@ -63,7 +55,7 @@ def test_every_verb_that_prints_has_json() -> None:
         (["history", "log", "--kind", "DoorOpened"], "UsageError", 2),
     ],
 )
-def test_an_error_is_a_document(run: Run, arguments: list[str], kind: str, code: int) -> None:
+def test_an_error_is_a_document(run: Verb, arguments: list[str], kind: str, code: int) -> None:
     """In the place of the answer, with what a person would be told, and nothing beside it."""
     ended, out, err = run(*arguments, "--json")
     told = run(*arguments)
@@ -75,7 +67,7 @@ def test_an_error_is_a_document(run: Run, arguments: list[str], kind: str, code:
     assert error["message"] in told[2]
 
 
-def test_problems_of_a_file_are_counted_by_kind(run: Run, tmp_path: Path) -> None:
+def test_problems_of_a_file_are_counted_by_kind(run: Verb, tmp_path: Path) -> None:
     """Ten thousand bad rows are one entry."""
     rows = "".join(f"2026-01-01T00:00,front,opn{n}\n" for n in range(10_000))
     (tmp_path / "x.csv").write_text(f"timestamp,door,state\n{rows}")
@@ -90,7 +82,7 @@ def test_problems_of_a_file_are_counted_by_kind(run: Run, tmp_path: Path) -> Non
 
 
 def test_an_error_in_the_middle_of_an_answer_is_on_stderr(
-    run: Run, monkeypatch: pytest.MonkeyPatch
+    run: Verb, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its last line: what is out already cannot become another document."""
 
@@ -108,7 +100,7 @@ def test_an_error_in_the_middle_of_an_answer_is_on_stderr(
     assert "damaged in its middle" == json.loads(err.splitlines()[-1])["error"]["message"]
 
 
-def test_json_as_a_value_is_no_option(run: Run) -> None:
+def test_json_as_a_value_is_no_option(run: Verb) -> None:
     """Behind `--` words are values."""
     code, out, err = run("annotate", "nolog", "--", "front", "name", "--json")
 
@@ -116,7 +108,7 @@ def test_json_as_a_value_is_no_option(run: Run) -> None:
     assert err.startswith("semmap-log: nolog")
 
 
-def test_what_was_made_is_told_as_json(run: Run) -> None:
+def test_what_was_made_is_told_as_json(run: Verb) -> None:
     """Of verbs that write files, too."""
     _, exported, _ = run("export", "log", "x.jsonl", "--json")
     _, bag, _ = run("export", "log", "x.mcap", "--json")
@@ -145,7 +137,7 @@ def test_what_was_made_is_told_as_json(run: Run) -> None:
     ],
     ids=str,
 )
-def test_ranges_of_time_have_one_name(run: Run, verb: list[str]) -> None:
+def test_ranges_of_time_have_one_name(run: Verb, verb: list[str]) -> None:
     """
     --since and --until, or both in one; the old spellings still work, and help does not show them.
     """
@@ -162,7 +154,7 @@ def test_ranges_of_time_have_one_name(run: Run, verb: list[str]) -> None:
     assert "--from" not in shown
 
 
-def test_diff_takes_its_moments_in_either_way(run: Run) -> None:
+def test_diff_takes_its_moments_in_either_way(run: Verb) -> None:
     """By their places, or as other verbs have them; not one of them twice, and the first always."""
     asked = [
         ["event:0", "event:1"], ["event:0..event:1"], ["--since", "event:0", "--until", "event:1"],
@@ -185,7 +177,7 @@ def test_diff_takes_its_moments_in_either_way(run: Run) -> None:
 
 
 @pytest.mark.parametrize("typed", ["--form", "--frm", "--t", "--from-", "--too"])
-def test_no_old_spelling_is_offered_for_one_that_is_none(typed: str, run: Run) -> None:
+def test_no_old_spelling_is_offered_for_one_that_is_none(typed: str, run: Verb) -> None:
     """Help does not know them; what is offered, it does."""
     _, _, err = run("evaluate", "log", typed, "1")
     assert "No such option" in err
@@ -199,7 +191,7 @@ def test_no_old_spelling_is_offered_for_one_that_is_none(typed: str, run: Run) -
     [("replya", " Did you mean replay or play?\n"), ("stat", "\n"), ("xyzzy", "\n")],
 )
 def test_of_a_verb_that_is_none_one_that_is_shown_is_offered(
-    typed: str, meant: str, run: Run
+    typed: str, meant: str, run: Verb
 ) -> None:
     """Not the hidden names of old: `state`, `log`."""
     code, out, err = run(typed, "log")
@@ -209,7 +201,7 @@ def test_of_a_verb_that_is_none_one_that_is_shown_is_offered(
     assert "state" not in err
 
 
-def test_when_it_happened_is_no_event(run: Run) -> None:
+def test_when_it_happened_is_no_event(run: Verb) -> None:
     """What is expected, and where the event's time stands."""
     code, _, err = run("observe", "log", "front", "open", "--at", "event:0")
 
@@ -218,7 +210,7 @@ def test_when_it_happened_is_no_event(run: Run) -> None:
     assert "got the number of event 0" in err
 
 
-def test_from_and_to_are_places(run: Run) -> None:
+def test_from_and_to_are_places(run: Verb) -> None:
     """Where a door is added."""
     code, out, _ = run("add", "log", "--from", "1,2", "--to", "1.9,2")
 

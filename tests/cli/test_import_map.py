@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.events import FloorMap, LevelAdded
+from tests.verbs import run
 
 MAP = """image: m.{ending}
 resolution: 0.1
@@ -19,13 +19,6 @@ negate: 0
 occupied_thresh: 0.65
 free_thresh: 0.25
 """
-
-
-def run(*arguments: str) -> int:
-    """Return the exit code of a command."""
-    with pytest.raises(SystemExit) as ended:
-        main(list(arguments))
-    return int(ended.value.code or 0)
 
 
 @pytest.fixture

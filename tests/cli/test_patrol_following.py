@@ -14,12 +14,13 @@ from shutil import copytree, rmtree
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import INTERRUPTED, main
+from semmap_log.cli import INTERRUPTED
 from semmap_log.core.model.events import DoorPassed, Event
 from semmap_log.core.model.moments import SECOND_NS, parse_instant
 from tests.analysis.planning.ward import FRONT, HALL, LAB, SIDE, TZ, ward
 from tests.conftest import SteadyClock
 from tests.live.ros.running import wait_until
+from tests.verbs import run
 
 FOLLOW = ("--from", HALL, "--start", "2026-03-23T10:00", "--rooms", "lab,2", "--follow")
 START_NS = parse_instant("2026-03-23T10:00", tz=TZ)
@@ -46,14 +47,6 @@ def tell(path: Path, *told: tuple[Event, int]) -> None:
     with sl.append(path, clock=clock) as log:
         for event, at_s in told:
             log.append([replace(event, happened_ns=START_NS + at_s * SECOND_NS)])
-
-
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
 
 
 @pytest.mark.usefixtures("terminal")

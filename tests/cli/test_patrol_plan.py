@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.cli import main
 from tests.analysis.planning.ward import HALL, ward
+from tests.verbs import run
 
 pytestmark = pytest.mark.usefixtures("terminal")
 
@@ -18,14 +18,6 @@ PLAN = ("--from", HALL, "--start", "2026-03-20T10:00")
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(ward(tmp_path_factory.mktemp("plan") / "log").path)
-
-
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
 
 
 def test_a_row_a_stop_and_what_is_left_out(log: str, capsys: pytest.CaptureFixture[str]) -> None:

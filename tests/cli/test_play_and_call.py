@@ -2,38 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.cli.play import _status_line
 from semmap_log.interop.exporting.stream import log_stream
 from tests.conftest import SteadyClock
+from tests.verbs import Verb
 from tests.views.rerun.some_logs import SECOND, START, small_log
-
-Run = Callable[..., tuple[int, str, str]]
 
 PLACE = ["--x", "1", "--y", "1", "--theta", "0", "--width", "1"]
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+def run(run_verb: Verb, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Verb:
     """Run a verb beside a log `office`, and an empty one, `new`."""
     monkeypatch.chdir(tmp_path)
     small_log(tmp_path / "office")
     sl.create(tmp_path / "new", tz="UTC", clock=SteadyClock(START)).close()
 
-    def run(*arguments: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as stopped:
-            main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return int(stopped.value.code or 0), captured.out, captured.err
-
-    return run
+    return run_verb
 
 
 @pytest.mark.parametrize(
@@ -55,7 +46,7 @@ def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
     ],
 )
 def test_what_cannot_be_played_is_refused(
-    run: Run, arguments: list[str], code: int, said: str
+    run: Verb, arguments: list[str], code: int, said: str
 ) -> None:
     """Before ROS is joined, with the way out."""
     done, out, err = run("play", *arguments)
@@ -103,7 +94,7 @@ def test_a_person_sees_where_in_the_log_it_is(
         (["save", "--ros2"], "FILE"),
     ],
 )
-def test_what_cannot_be_called_is_refused(run: Run, arguments: list[str], said: str) -> None:
+def test_what_cannot_be_called_is_refused(run: Verb, arguments: list[str], said: str) -> None:
     """Before ROS is joined, with exit code 2 and what is missing."""
     done, out, err = run("call", *arguments)
 
@@ -114,7 +105,7 @@ def test_what_cannot_be_called_is_refused(run: Run, arguments: list[str], said: 
 @pytest.mark.parametrize("ros", ["1", "2"])
 @pytest.mark.parametrize("arguments", [["play", "office"], ["call", "remove", "1"]])
 def test_where_that_ros_is_not_it_is_said_how_to_have_it(
-    run: Run, arguments: list[str], ros: str
+    run: Verb, arguments: list[str], ros: str
 ) -> None:
     """One line, exit code 1."""
     if find_spec({"1": "rospy", "2": "rclpy"}[ros]):

@@ -10,18 +10,11 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from tests.turned_maps import OFFICE, QUARTER, SHIFT_M, turned_floor, write_map
+from tests.verbs import run
 
 BY = ",".join(map(str, QUARTER))
 ID = "ab" * 16
-
-
-def run(*arguments: object) -> int:
-    """Return the exit code of a command."""
-    with pytest.raises(SystemExit) as ended:
-        main([str(argument) for argument in arguments])
-    return int(ended.value.code or 0)
 
 
 @pytest.fixture

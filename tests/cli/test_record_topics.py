@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
+from tests.verbs import run
 
 
 @pytest.fixture
 def office(tmp_path: Path) -> Path:
     sl.create(tmp_path / "office", tz="UTC").close()
     return tmp_path / "office"
-
-
-def _run(*words: object) -> Any:
-    """Return the exit code."""
-    with pytest.raises(SystemExit) as left:
-        main([str(word) for word in words])
-    return left.value.code
 
 
 @pytest.mark.parametrize(
@@ -43,7 +35,7 @@ def test_options_that_do_not_belong_together_are_a_usage_error(
     options: list[str], says: str, office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """And nothing is read or joined."""
-    assert 2 == _run("record", office, *options)
+    assert 2 == run("record", office, *options)
 
     assert says in capsys.readouterr().err
 
@@ -54,7 +46,7 @@ def test_a_wrong_mapping_is_told_before_ros_is_joined(
     """With its line: whoever writes one need not have the robot at hand."""
     (tmp_path / "m.yaml").write_text("topics:\n  /a: dor_map\n")
 
-    assert 2 == _run("record", office, "--ros2", "--mapping", tmp_path / "m.yaml")
+    assert 2 == run("record", office, "--ros2", "--mapping", tmp_path / "m.yaml")
 
     assert "m.yaml:2: /a: read: expected one of door_map," in capsys.readouterr().err
 
@@ -64,7 +56,7 @@ def test_a_level_that_is_not_there_is_told_before_ros_is_joined(
     dry_run: list[str], office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A recorder that leaves out every topic is none."""
-    assert 2 == _run("record", office, "--ros2", "--scan", "--level", "attic", *dry_run)
+    assert 2 == run("record", office, "--ros2", "--scan", "--level", "attic", *dry_run)
 
     assert "attic" in capsys.readouterr().err
 
@@ -74,14 +66,14 @@ def test_a_log_that_is_written_by_another_is_told_before_ros_is_joined(
 ) -> None:
     """As by every verb that writes."""
     with sl.append(office):
-        assert 1 == _run("record", office, "--ros1")
+        assert 1 == run("record", office, "--ros1")
 
     assert "is writing to this log" in capsys.readouterr().err
 
 
 def test_no_log_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Exit code 2: a service that is started again would never find it either."""
-    assert 2 == _run("record", tmp_path / "nowhere", "--ros1")
+    assert 2 == run("record", tmp_path / "nowhere", "--ros1")
 
     said = capsys.readouterr().err
     assert said.startswith(f"semmap-log: {tmp_path}/nowhere: no such log. To make one: ")

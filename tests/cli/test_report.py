@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.cli import main
 from semmap_log.views.palette import COLOUR_BLIND
 from semmap_log.views.report.content import hex_of
+from tests.verbs import run
 from tests.views.report.pages import data_of
 from tests.views.rerun.some_logs import small_log
 
@@ -19,14 +19,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     small_log(tmp_path / "log")
     return tmp_path
-
-
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
 
 
 def test_it_says_what_it_wrote(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

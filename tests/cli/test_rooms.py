@@ -11,9 +11,9 @@ import pytest
 import yaml
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.events import FloorMap, LevelAdded
 from tests.analysis.rooms.buildings import drawn
+from tests.verbs import run
 
 SECOND = 10**9
 FLOOR = drawn(
@@ -30,14 +30,6 @@ FLOOR = drawn(
     scale=10,
 )
 """A room of 3 x 3 m, a doorway at x 5..6, y 3..4, and a room of 4 x 3 m."""
-
-
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
 
 
 @pytest.fixture

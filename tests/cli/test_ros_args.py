@@ -23,11 +23,7 @@ from semmap_log.cli.ros import split_ros_args
             ["--ros-args", "-r", "__ns:=/r1", "-p", "x:=1", "--"],
         ),
         (["record", "log", "--ros2", "--ros-args"], ["record", "log", "--ros2"], ["--ros-args"]),
-        (
-            ["annotate", "log", "1", "note", "a:=b"],
-            ["annotate", "log", "1", "note", "a:=b"],
-            [],
-        ),
+        (["annotate", "log", "1", "note", "a:=b"], ["annotate", "log", "1", "note", "a:=b"], []),
         (["--version"], ["--version"], []),
     ],
 )

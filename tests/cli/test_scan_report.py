@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorAnnotated
 from semmap_log.interop.formats.kept_scans.writing import keeping_scans
@@ -18,16 +17,9 @@ from tests.conftest import SteadyClock
 from tests.interop.formats.bags.bags_of_others import write_mcap
 from tests.interop.topics.laser_room import DOOR, SHUT, LaserRoom
 from tests.interop.topics.robots import START, S
+from tests.verbs import run
 
 pytestmark = pytest.mark.usefixtures("terminal")
-
-
-def run(*arguments: object) -> int:
-    try:
-        main([str(argument) for argument in arguments])
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
 
 
 @pytest.fixture
@@ -147,11 +139,7 @@ def test_a_bag_is_looked_through(tmp_path: Path, capsys: pytest.CaptureFixture[s
     ],
 )
 def test_what_cannot_be_is_refused(
-    arguments: list[str],
-    code: int,
-    says: str,
-    office: Path,
-    capsys: pytest.CaptureFixture[str],
+    arguments: list[str], code: int, says: str, office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said = [office / a.removeprefix("office/") if a.startswith("office/") else a for a in arguments]
 

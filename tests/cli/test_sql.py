@@ -18,7 +18,8 @@ pytest.importorskip("duckdb")
 
 import semmap_log as sl
 from semmap_log.analysis.sql.sql_query import COLUMNS_OF
-from semmap_log.cli import INTERRUPTED, main
+from semmap_log.cli import INTERRUPTED
+from tests.verbs import run
 
 COUNT = "select name, count(*) as n, max(last_seen) as seen from doors group by all order by all"
 DEADLINE_S = 60
@@ -33,14 +34,6 @@ def office(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         log.add_door(name="back", at="2026-03-01T08:00")
         log.observe(door, "open", at="2026-03-01T09:00:00.123456789")
     return tmp_path
-
-
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
 
 
 def test_json(office: Path, capsys: pytest.CaptureFixture[str]) -> None:

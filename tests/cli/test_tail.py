@@ -14,10 +14,10 @@ import pytest
 from rich.cells import cell_len
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.cli.plain_streams import READER_GONE
 from semmap_log.core.model.events import RobotPose
 from tests.live.ros.running import DEADLINE_S
+from tests.verbs import ran
 
 
 @pytest.fixture
@@ -34,9 +34,9 @@ def office(tmp_path: Path) -> Path:
 
 
 def _said(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[str, str]:
-    with pytest.raises(SystemExit, match=r"^0$"):
-        main(["tail", *map(str, arguments)])
-    return capsys.readouterr()
+    code, out, err = ran(capsys, "tail", *arguments)
+    assert 0 == code, err
+    return out, err
 
 
 def _lines(capsys: pytest.CaptureFixture[str], *arguments: object) -> list[str]:
@@ -157,10 +157,7 @@ def test_a_closed_pipe_ends_it(office: Path) -> None:
 @pytest.mark.usefixtures("terminal")
 @pytest.mark.parametrize("columns", [24, 40, 80])
 def test_no_line_is_wider_than_the_terminal(
-    office: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    columns: int,
+    office: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, columns: int
 ) -> None:
     """What has no room goes on below, indented, and nothing of it is lost."""
     monkeypatch.setenv("COLUMNS", "1000")

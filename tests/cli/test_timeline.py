@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
+from tests.verbs import run
 
 pytestmark = pytest.mark.usefixtures("terminal")
 
@@ -23,14 +23,6 @@ def office(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         log.observe(door, "open", at="2026-03-01T09:30")
         log.observe(door, "closed", at="2026-03-01T10:00")
     return tmp_path
-
-
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
 
 
 def test_the_table_fits_a_terminal(office: Path, capsys: pytest.CaptureFixture[str]) -> None:

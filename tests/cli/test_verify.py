@@ -7,12 +7,12 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from semmap_log.store.reading.segment_scan import open_segment
 from tests.store.eventful import contents, eventful_log, flip
+from tests.verbs import ran
 
 
 @pytest.fixture(scope="module")
@@ -29,24 +29,11 @@ def log(original: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     return Path(shutil.copytree(original, tmp_path / "log"))
 
 
-def semmap(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
-    """Run a command; return its exit code and what it printed."""
-    from semmap_log.cli import main
-
-    code: Any = 0
-    try:
-        main([str(argument) for argument in arguments])
-    except SystemExit as left:
-        code = left.code or 0
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
-
-
 def test_a_good_log_in_a_line_with_its_head(log: Path, capsys) -> None:
     """What was read, the hash, and what to do with it; 80 columns are enough."""
-    head = json.loads(semmap(capsys, "info", "log", "--json")[1])["head"]
+    head = json.loads(ran(capsys, "info", "log", "--json")[1])["head"]
 
-    code, out, err = semmap(capsys, "verify", "log")
+    code, out, err = ran(capsys, "verify", "log")
 
     lines = out.splitlines()
     assert (0, "") == (code, err)
@@ -62,7 +49,7 @@ def test_damage_says_where_what_and_what_to_do(log: Path, capsys) -> None:
     chunk = open_segment(file).chunks[1]
     flip(file, chunk.data_offset + 40)
 
-    code, out, _ = semmap(capsys, "verify", "log")
+    code, out, _ = ran(capsys, "verify", "log")
 
     assert 4 == code
     assert "log: damaged" in out
@@ -77,7 +64,7 @@ def test_json_is_one_document(log: Path, capsys) -> None:
     file = log / "log_000001.mcap"
     flip(file, open_segment(file).chunks[1].data_offset + 40)
 
-    code, out, _ = semmap(capsys, "verify", "log", "--json")
+    code, out, _ = ran(capsys, "verify", "log", "--json")
 
     said = json.loads(out)
     (finding,) = said["findings"]
@@ -90,12 +77,12 @@ def test_json_is_one_document(log: Path, capsys) -> None:
 
 def test_the_head_that_was_kept(log: Path, capsys) -> None:
     """Still there, gone, or not a hash at all."""
-    head = json.loads(semmap(capsys, "verify", "log", "--json")[1])["head"]
-    semmap(capsys, "observe", "log", "front", "open")
+    head = json.loads(ran(capsys, "verify", "log", "--json")[1])["head"]
+    ran(capsys, "observe", "log", "front", "open")
 
-    grown = semmap(capsys, "verify", "log", "--head", head)
-    other = semmap(capsys, "verify", "log", "--head", "00" * 31 + "01")
-    wrong = semmap(capsys, "verify", "log", "--head", head[:-1])
+    grown = ran(capsys, "verify", "log", "--head", head)
+    other = ran(capsys, "verify", "log", "--head", "00" * 31 + "01")
+    wrong = ran(capsys, "verify", "log", "--head", head[:-1])
 
     assert 0 == grown[0]
     assert "holds the head asked for, and 1 event since" in grown[1]
@@ -111,8 +98,8 @@ def test_torn_and_absent_and_unreadable(log: Path, original: Path, capsys) -> No
     end = open_segment(file).chunks[-1].offset
     file.write_bytes(file.read_bytes()[: end + 9])
 
-    torn = semmap(capsys, "verify", file)
-    absent = semmap(capsys, "verify", "nolog")
+    torn = ran(capsys, "verify", file)
+    absent = ran(capsys, "verify", "nolog")
 
     assert 3 == torn[0]
     assert "torn tail" in torn[1]

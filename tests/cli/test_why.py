@@ -11,6 +11,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from tests.verbs import run
 
 pytestmark = pytest.mark.usefixtures("terminal")
 
@@ -30,14 +31,6 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, at="2020-03-01T10:00")
         log.remove_door(2, at="2020-03-01T11:00", reason="walled up")
     return tmp_path
-
-
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
 
 
 def _rows(capsys: pytest.CaptureFixture[str]) -> dict[str, str]:
@@ -154,11 +147,7 @@ def test_json_has_all_of_it(capsys: pytest.CaptureFixture[str]) -> None:
     ],
 )
 def test_what_cannot_be_asked(
-    lab: Path,
-    capsys: pytest.CaptureFixture[str],
-    arguments: tuple[str, ...],
-    code: int,
-    said: str,
+    lab: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], code: int, said: str
 ) -> None:
     """Says what was expected."""
     assert code == run("why", "lab", *arguments)

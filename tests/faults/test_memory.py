@@ -10,11 +10,7 @@ from pathlib import Path
 
 import pytest
 from fault_injection.fault import Outcome
-from fault_injection.interrupts import (
-    exhaust_the_stack,
-    interrupt_anywhere,
-    spoil_the_events,
-)
+from fault_injection.interrupts import exhaust_the_stack, interrupt_anywhere, spoil_the_events
 from fault_injection.ledger import Ledger
 from fault_injection.signals import MOST_MEMORY, signalled, starved, stopped
 

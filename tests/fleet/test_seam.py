@@ -15,7 +15,6 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError, LogError
@@ -25,17 +24,11 @@ from semmap_log.log.replay.care import verify
 from semmap_log.store.form import DIGEST_KEY
 from tests.bucket import NAME
 from tests.fleet.test_shipping import RECORDINGS, events_of
+from tests.verbs import run
 from tests.web_server import web_server
 
 OFFICE = RECORDINGS / "office"
 WEEK = RECORDINGS / "clinic_week"
-
-
-def exit_of(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main(list(arguments))
-    assert isinstance(ended.value.code, int)
-    return ended.value.code
 
 
 def _in_a_fork(url: str, said: Any) -> None:
@@ -88,16 +81,16 @@ def test_a_shipped_log_at_a_plain_web_server(
 
     with web_server(copy, asked) as url:
         assert repr(sl.read(WEEK).replay()) == repr(sl.read(url).replay())
-        assert 0 == exit_of("verify", url)
+        assert 0 == run("verify", url)
         fetch(UrlPath(url), tmp_path / "back")
         name = sorted(path.name for path in copy.glob("*.mcap"))[3]
         data = bytearray((copy / name).read_bytes())
         data[-1000] ^= 1
         (copy / name).write_bytes(data)
-        assert 4 == exit_of("verify", url)
+        assert 4 == run("verify", url)
         (copy / name).unlink()
         capsys.readouterr()
-        assert 4 == exit_of("verify", url)
+        assert 4 == run("verify", url)
 
     assert name in capsys.readouterr().out
     assert events_of(WEEK) == events_of(tmp_path / "back")
@@ -155,7 +148,7 @@ def test_verify_compares_all_that_a_manifest_tells(
 
     _rewritten(bucket, change)
 
-    assert 4 == exit_of("verify", bucket), name
+    assert 4 == run("verify", bucket), name
     assert "manifest" in capsys.readouterr().out
 
 
@@ -193,7 +186,7 @@ def test_a_manifest_that_cannot_be_is_damage(
     with pytest.raises(CorruptLogError, match="manifest"):
         sl.read(bucket)
     for verb in ("replay", "info", "verify", "history"):
-        assert exit_of(verb, bucket), verb
+        assert run(verb, bucket), verb
         assert "manifest" in "".join(capsys.readouterr()), verb
 
 
@@ -247,7 +240,7 @@ def test_a_bucket_that_is_not_there_is_named(
     assert f"/{NAME}/" in bucket
     url = bucket.replace(f"/{NAME}/", "/nobodys-bucket/")
 
-    assert 1 == exit_of(*verb, url)
+    assert 1 == run(*verb, url)
 
     assert "there is no such bucket" in capsys.readouterr().err
 
@@ -266,7 +259,7 @@ def test_no_key_and_no_password_is_in_a_message(
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "SENTINELSECRET")
     monkeypatch.setenv("AWS_SESSION_TOKEN", "SENTINELTOKEN")
 
-    code = exit_of(*verb, bucket)
+    code = run(*verb, bucket)
 
     said = "".join(capsys.readouterr())
     assert code
@@ -283,7 +276,7 @@ def test_what_verify_says_to_do_about_damage_mends_it(
     name = done.manifest.segments[2].name
     store.remove(name)
     store.create(name, bytes(done.manifest.segments[2].size))
-    assert 4 == exit_of("verify", bucket)
+    assert 4 == run("verify", bucket)
     said = capsys.readouterr().out
     assert name in said
     assert "manifest.json there" in said

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError
@@ -20,6 +19,7 @@ from semmap_log.log.replay.care import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.removed_source import ObjectSegments
+from tests.verbs import ran
 
 RECORDINGS = Path(__file__).parents[2] / "recordings"
 
@@ -317,25 +317,18 @@ def test_fetched_it_is_the_same_log_and_goes_on(bucket: str, tmp_path: Path) -> 
     assert ship(tmp_path / "back", UrlPath(bucket)).manifest.version == 2
 
 
-def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as left:
-        main(list(arguments))
-    said = capsys.readouterr()
-    return int(left.value.code or 0), said.out, said.err
-
-
 def test_the_verbs(bucket: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = a_log(tmp_path / "log", 1)
 
-    code, out, _ = run(capsys, "ship", str(log), bucket)
+    code, out, _ = ran(capsys, "ship", str(log), bucket)
     assert (0, True) == (code, "sent 1 segment," in out)
-    code, out, _ = run(capsys, "ship", str(log), bucket)
+    code, out, _ = ran(capsys, "ship", str(log), bucket)
     assert (0, True) == (code, "nothing to send" in out)
-    code, _, said = run(capsys, "info", bucket)
+    code, _, said = ran(capsys, "info", bucket)
     assert (0, True) == (code, f"semmap-log verify {bucket} --head" in said)
-    code, out, _ = run(capsys, "fetch", bucket, str(tmp_path / "back"))
+    code, out, _ = ran(capsys, "fetch", bucket, str(tmp_path / "back"))
     assert (0, True) == (code, " in 1 segment, " in out)
-    code, _, said = run(capsys, "fetch", bucket, str(tmp_path / "back"))
+    code, _, said = ran(capsys, "fetch", bucket, str(tmp_path / "back"))
     assert (1, True) == (code, "exists" in said)
-    code, _, said = run(capsys, "ship", str(log), "office")
+    code, _, said = ran(capsys, "ship", str(log), "office")
     assert (2, True) == (code, "expected a URL" in said)

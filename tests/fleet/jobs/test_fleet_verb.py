@@ -13,19 +13,13 @@ import pyarrow.csv
 import pyarrow.parquet
 import pytest
 
-from semmap_log.cli import main
-
-
-def code_of(*words: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main(["fleet", *map(str, words)])
-    return int(ended.value.code or 0)
+from tests.verbs import run
 
 
 def test_a_table_and_a_line_of_outcomes(
     made_fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert 0 == code_of("map", made_fleet, "--engine", "serial")
+    assert 0 == run("fleet", "map", made_fleet, "--engine", "serial")
 
     out, err = capsys.readouterr()
     assert out.splitlines()[0].split("\t")[:3] == ["log", "door_id", "door"]
@@ -36,7 +30,7 @@ def test_a_table_and_a_line_of_outcomes(
 def test_a_timeout_is_some_time(
     made_fleet: Path, timeout: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert code_of("map", made_fleet, "--timeout", timeout) in (1, 2)
+    assert run("fleet", "map", made_fleet, "--timeout", timeout) in (1, 2)
 
     assert timeout in capsys.readouterr().err
 
@@ -46,7 +40,7 @@ def test_json_has_each_log_and_each_row(
 ) -> None:
     words = ["info", str(made_fleet), str(tmp_path / "away"), "--engine", "serial"]
 
-    assert 4 == code_of(*words, "--json")
+    assert 4 == run("fleet", *words, "--json")
 
     told = json.loads(capsys.readouterr().out)
     assert (9, 8) == (len(told["logs"]), len(told["rows"]))
@@ -59,7 +53,7 @@ def test_json_has_each_log_and_each_row(
 def test_rows_as_a_file(made_fleet: Path, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / f"openings.{suffix}"
 
-    assert 0 == code_of("openings", made_fleet, "--out", out, "--engine", "serial")
+    assert 0 == run("fleet", "openings", made_fleet, "--out", out, "--engine", "serial")
 
     table = pyarrow.csv.read_csv(out) if suffix == "csv" else pyarrow.parquet.read_table(out)
     assert {"log", "log_id", "door", "hour", "openings"} <= set(table.column_names)
@@ -70,7 +64,7 @@ def test_a_projection_of_ones_own(made_fleet: Path, capsys: pytest.CaptureFixtur
     fold = "tests.fleet.jobs.projections:Sightings"
     words = ["fold", str(made_fleet), "--fold", fold, "--engine", "serial", "--json"]
 
-    assert 0 == code_of(*words)
+    assert 0 == run("fleet", *words)
 
     told = json.loads(capsys.readouterr().out)
     assert {"1", "2", "3"} == told["rows"][0]["state"].keys()
@@ -89,7 +83,7 @@ def test_a_projection_of_ones_own(made_fleet: Path, capsys: pytest.CaptureFixtur
 def test_command_lines_that_cannot_be(
     made_fleet: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
 ) -> None:
-    assert 2 == code_of(*(made_fleet if w == "LOGS" else w for w in words))
+    assert 2 == run("fleet", *(made_fleet if w == "LOGS" else w for w in words))
     assert said in capsys.readouterr().err
 
 
@@ -97,7 +91,7 @@ def test_command_lines_that_cannot_be(
 def test_a_projection_that_is_none(
     made_fleet: Path, capsys: pytest.CaptureFixture[str], fold: str
 ) -> None:
-    assert 1 == code_of("fold", made_fleet, "--fold", fold, "--engine", "serial")
+    assert 1 == run("fleet", "fold", made_fleet, "--fold", fold, "--engine", "serial")
     assert f"--fold {fold}: " in capsys.readouterr().err
 
 

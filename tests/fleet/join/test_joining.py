@@ -219,9 +219,7 @@ def test_forks_of_one_log_are_refused_and_copies_are_not(tmp_path: Path) -> None
         sl.join([copy, tug2, tug1])
 
 
-def test_a_live_log_counts_up_to_its_last_commit_and_a_damaged_one_is_named(
-    tmp_path: Path,
-) -> None:
+def test_a_live_log_counts_up_to_its_last_commit_and_a_damaged_one_is_named(tmp_path: Path) -> None:
     """What is wrong with one log is told by its path."""
     tug1, tug2 = two_robots(tmp_path)
     with sl.append(tug1, clock=SetClock(START_NS + 70 * SECOND_NS)) as log:

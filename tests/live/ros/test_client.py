@@ -162,9 +162,7 @@ def test_why_a_goal_was_aborted_is_told(server: DoorServer, version: RosVersion)
     assert "door_id: door 5 is not in the map." == answer.text
 
 
-def test_who_does_not_say_why_is_not_waited_for_for_ever(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_who_does_not_say_why_is_not_waited_for_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
     """A server of others may log nothing."""
     monkeypatch.setattr(client_module, "REASON_WITHIN_S", 0.05)
     node = CollectingNode()

@@ -10,7 +10,6 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.analysis.scans.visit import KeptVisit, folder_beside
-from semmap_log.cli import main
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import DoorObserved
 from semmap_log.errors import CommandError, FormatError, OutputError
@@ -25,6 +24,7 @@ from tests.interop.formats.bags.bags_of_others import Said, write_mcap
 from tests.interop.topics.laser_room import DOOR, LaserRoom, drives_by
 from tests.interop.topics.robots import START, S
 from tests.live.ros.memory_node import MemoryNode
+from tests.verbs import run
 
 SCANS = ImportOptions(scan=ScanOptions())
 
@@ -164,22 +164,14 @@ def test_a_recorder_goes_on_where_nothing_more_can_be_kept(
     assert len(_kept(office)) == 1
 
 
-def _run(*words: object) -> int:
-    try:
-        main([str(word) for word in words])
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
-
-
 @pytest.mark.usefixtures("terminal")
 def test_as_a_user_types_it(tmp_path: Path, bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Import, then ask for the report of what was kept."""
     office = _office(tmp_path / "office")
 
-    assert _run("import", office, bag, "--scan", "--keep-scans") == 0
+    assert run("import", office, bag, "--scan", "--keep-scans") == 0
     assert "office.scans: the scans of visits." in " ".join(capsys.readouterr().err.split())
-    assert _run("scan-report", office) == 0
+    assert run("scan-report", office) == 0
 
     lab = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("lab"))
     assert lab.split()[1:5] == ["2", "1", "1", "0"]
@@ -200,6 +192,6 @@ def test_options_that_make_no_sense_are_refused(
     """As wrong command lines."""
     office = _office(tmp_path / "office")
 
-    assert _run(*(office if word == "LOG" else word for word in words)) == 2
+    assert run(*(office if word == "LOG" else word for word in words)) == 2
 
     assert says in " ".join(capsys.readouterr().err.split())

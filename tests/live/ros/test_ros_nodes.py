@@ -124,11 +124,7 @@ def test_a_goal_is_answered_as_it_was_run(ros: RosWorld, server: Running) -> Non
     has_text = ros.version == 1
     assert [
         ["SUCCEEDED", {"door_id": 7}, "a warning" if has_text else ""],
-        [
-            "ABORTED",
-            {"door_id": 0},
-            "width: expected a width, got a gap." if has_text else "",
-        ],
+        ["ABORTED", {"door_id": 0}, "width: expected a width, got a gap." if has_text else ""],
         ["ABORTED", {"door_id": 0}, "RuntimeError: no such wide door" if has_text else ""],
     ] == answers
     server.wait_for(r"Traceback \(most recent call last\)")  # a fault of ours is not swallowed

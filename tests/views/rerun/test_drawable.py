@@ -13,13 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.views.rerun.drawable import (
-    _DRAWN,
-    drawable,
-    drawable_name,
-    path_part,
-    unique_parts,
-)
+from semmap_log.views.rerun.drawable import _DRAWN, drawable, drawable_name, path_part, unique_parts
 
 FONT = b"\0\1\0\0\0"
 """How a TrueType font begins: a version, and less than 256 tables."""

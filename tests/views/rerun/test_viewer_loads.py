@@ -111,7 +111,4 @@ def _pixel(x: float, y: float, bounds: Bounds, shape: tuple[int, ...]) -> tuple[
     height, width = shape
     scale = min(width / (bounds.high_x - bounds.low_x), height / (bounds.high_y - bounds.low_y))
     middle_x, middle_y = (bounds.low_x + bounds.high_x) / 2, (bounds.low_y + bounds.high_y) / 2
-    return (
-        round(height / 2 - scale * (y - middle_y)),
-        round(width / 2 + scale * (x - middle_x)),
-    )
+    return (round(height / 2 - scale * (y - middle_y)), round(width / 2 + scale * (x - middle_x)))

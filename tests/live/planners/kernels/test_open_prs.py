@@ -187,9 +187,7 @@ NASTY = [
 WORDS = st.text(max_size=30) | st.text('\\"\n() aquit;|$~&.\x00\r', max_size=20)
 
 
-def test_nasty_words_arrive_and_the_kernel_lives(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
+def test_nasty_words_arrive_and_the_kernel_lives(tmp_path_factory: pytest.TempPathFactory) -> None:
     """As texts, two in a message: it has each as it was sent, and neither runs as a command."""
     with open_prs(tmp_path_factory.mktemp("nasty")) as oprs:
         oprs.passer()

@@ -46,9 +46,7 @@ def talk(listener: socket.socket) -> None:
             return
 
 
-def test_of_a_long_line_of_stdin_no_more_is_read_at_once(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_of_a_long_line_of_stdin_no_more_is_read_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its beginning is asked, which the server refuses; the line after it is one of its own."""
     long = "x" * (5 * MOST_LINE_BYTES)
     monkeypatch.setattr(sys, "stdin", io.StringIO(f"HELP\n{long}\nDOORS\r\n{long}"))
