@@ -17,7 +17,7 @@ from steady_clock import SteadyClock
 
 from tests import quick
 from tests.golden_text import GoldenText
-from tests.verbs import Verb, ran
+from tests.verbs import Refuses, Verb, check_refusals, ran
 
 MEMORY = Path("/dev/shm")
 ROOM_BYTES = 2**30
@@ -60,6 +60,12 @@ def golden(request: pytest.FixtureRequest, tmp_path: Path) -> GoldenText:
 def run_verb(capsys: pytest.CaptureFixture[str]) -> Verb:
     """Run a verb of the command line; return its exit code, stdout and stderr."""
     return partial(ran, capsys)
+
+
+@pytest.fixture
+def refuses(run_verb: Verb, golden: GoldenText) -> Refuses:
+    """Check that command lines fail as golden files have it: `refuses(lines)`."""
+    return partial(check_refusals, run_verb, golden)
 
 
 @pytest.fixture

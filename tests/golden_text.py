@@ -18,7 +18,7 @@ class GoldenText:
     """Compares texts with golden files; the fixture `golden` is one."""
 
     temporary: Path
-    """A folder that differs from run to run; the files name it TMP."""
+    """A test's own folder; the files name it, and those beside it, TMP."""
     is_rewritten: bool = False
     folder: Path = FOLDER
 
@@ -30,7 +30,8 @@ class GoldenText:
         """
         file = self.folder / f"{verb}.txt"
         cases = _cases(file.read_text(encoding="utf-8")) if file.exists() else {}
-        got = text.replace(str(self.temporary), "TMP").rstrip("\n") + "\n"
+        folders = re.compile(rf"{re.escape(str(self.temporary.parent))}/[^/\s'\"]+")
+        case, got = (folders.sub("TMP", each) for each in (case, text.rstrip("\n") + "\n"))
         if self.is_rewritten:
             cases[case] = got
             file.parent.mkdir(parents=True, exist_ok=True)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import pytest
 
 from semmap_log.cli import main
+from tests.golden_text import GoldenText
 
 
 class Ran(NamedTuple):
@@ -26,6 +28,9 @@ class Ran(NamedTuple):
 Verb = Callable[..., Ran]
 """Runs a verb: the fixture `run_verb` is one."""
 
+Refuses = Callable[[str], None]
+"""Checks command lines that fail: the fixture `refuses` is one."""
+
 
 def run(*words: object) -> int:
     """Run a verb; return its exit code."""
@@ -40,3 +45,17 @@ def ran(capsys: pytest.CaptureFixture[str], *words: object) -> Ran:
     """Run a verb; return its exit code, and what it alone printed."""
     capsys.readouterr()
     return Ran(run(*words), *capsys.readouterr())
+
+
+def check_refusals(run_verb: Verb, golden: GoldenText, lines: str) -> None:
+    """Check that command lines, one a line, fail with exit code and message of golden files."""
+    for line in filter(None, map(str.strip, lines.splitlines())):
+        code, out, err = run_verb(*shlex.split(line))
+        assert code in {1, 2}, line
+        assert "Traceback" not in err
+        golden(line.split()[0], line, f"exit code {code}\n{out}{_without_usage(err)}")
+
+
+def _without_usage(err: str) -> str:
+    """Return a message without the usage that stands before it where a command line is wrong."""
+    return err.partition("\n\n")[2] if err.startswith("Usage:") else err

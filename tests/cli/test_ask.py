@@ -25,6 +25,7 @@ from semmap_log.live.ros.ros_node import DEFAULTS
 from tests.live.ros.collecting_node import CollectingNode
 from tests.live.ros.running import DEADLINE_S, Running, wait_until
 from tests.live.ros.serving.goals import goal_of
+from tests.verbs import Refuses
 
 ID = "#" + "5c" * 16
 
@@ -296,22 +297,13 @@ def test_a_port_with_a_token(
     assert 'ERROR "' not in err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "text"),
-    [
-        (("doors.sock", "DOORS"), 2, "for ADDRESS: expected an address such as unix:/run/doors"),
-        (("unix:doors.sock", "DOORS", "--token-file", "nowhere"), 2, "the token cannot be read"),
-        (("unix:no.sock", "DOORS"), 1, "about there: semmap-log serve LOG --ask unix:no.sock"),
-    ],
-)
-def test_a_wrong_address(
-    ask: Callable[..., tuple[int, str, str]], arguments: tuple[str, ...], code: int, text: str
-) -> None:
+def test_a_wrong_address(refuses: Refuses) -> None:
     """What is no address is wrong usage; where nobody answers, it is told how somebody would."""
-    got, out, err = ask(*arguments)
-
-    assert (code, "") == (got, out)
-    assert text in " ".join(err.replace("│", " ").split())
+    refuses("""
+        ask doors.sock DOORS
+        ask unix:doors.sock DOORS --token-file nowhere
+        ask unix:no.sock DOORS
+    """)
 
 
 @pytest.mark.slow
@@ -328,32 +320,21 @@ def test_a_log_that_vanishes_ends_its_read_only_server(
     assert "Traceback" not in server.errors
 
 
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        (("--ask", "here"), "expected an address such as unix:"),
-        (("--ros1", "--ask-any-host"), "only with --ask"),
-        (("--ros1", "--token-file", "t"), "only with --ask"),
-        (("--ros1", "--ask-now", "end"), "only with --ask"),
-        (("--ask", "unix:s", "--token-file", "t"), "only with --ask tcp:HOST:PORT"),
-        (("--ask", "unix:s", "--ask-any-host"), "only with --ask tcp:HOST:PORT"),
-        (("--ask", "tcp:192.0.2.1:1", "--ask-any-host"), "only with --token-file"),
-        (("--ask", "tcp:127.0.0.1:1", "--token-file", "nowhere"), "the token cannot be read"),
-        (("--ask", "unix:s", "--costmap"), "only with --ros1 or --ros2"),
-        (("--ask", "unix:s", "--save-root", "."), "only with --ros1 or --ros2"),
-        (("--ask", "unix:s", "--ros1", "--ros2"), "say which ROS"),
-    ],
-)
-def test_options_that_make_no_sense(
-    office: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], text: str
-) -> None:
+def test_options_that_make_no_sense(office: Path, refuses: Refuses) -> None:
     """Exit code 2, before anything is opened."""
-    with pytest.raises(SystemExit) as left:
-        main(["serve", str(office), *options])
-
-    said = " ".join(capsys.readouterr().err.replace("│", " ").split())
-    assert 2 == left.value.code
-    assert text in said
+    refuses(f"""
+        serve {office} --ask here
+        serve {office} --ros1 --ask-any-host
+        serve {office} --ros1 --token-file t
+        serve {office} --ros1 --ask-now end
+        serve {office} --ask unix:s --token-file t
+        serve {office} --ask unix:s --ask-any-host
+        serve {office} --ask tcp:192.0.2.1:1 --ask-any-host
+        serve {office} --ask tcp:127.0.0.1:1 --token-file nowhere
+        serve {office} --ask unix:s --costmap
+        serve {office} --ask unix:s --save-root .
+        serve {office} --ask unix:s --ros1 --ros2
+    """)
 
 
 @pytest.mark.parametrize("address", ["tcp:0.0.0.0:0", "unix:/nowhere/s"])

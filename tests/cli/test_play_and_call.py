@@ -11,7 +11,7 @@ import semmap_log as sl
 from semmap_log.cli.play import _status_line
 from semmap_log.interop.exporting.stream import log_stream
 from tests.conftest import SteadyClock
-from tests.verbs import Verb
+from tests.verbs import Refuses, Verb
 from tests.views.rerun.some_logs import SECOND, START, small_log
 
 PLACE = ["--x", "1", "--y", "1", "--theta", "0", "--width", "1"]
@@ -27,32 +27,23 @@ def run(run_verb: Verb, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Verb
     return run_verb
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "said"),
-    [
-        (["office"], 2, "say which ROS: --ros1 or --ros2"),
-        (["office", "--ros1", "--ros2"], 2, "say which ROS: --ros1 or --ros2"),
-        (["office", "--ros1", "--rate", "0"], 2, "from 0.001 to 1e+09, got 0; --immediate does"),
-        (["office", "--ros1", "--rate", "-1"], 2, "from 0.001 to 1e+09, got -1"),
-        (["office", "--ros2", "--rate", "nan"], 2, "not a number"),
-        (["office", "--ros2", "--rate", "inf"], 2, "--immediate does not wait"),
-        (["office", "--ros2", "--skip-empty", "nan"], 2, "--skip-empty"),
-        (["office", "--ros2", "--skip-empty", "inf"], 2, "--skip-empty"),
-        (["office", "--ros2", "--palette", "default"], 2, "--palette: only with --markers"),
-        (["office", "--ros2", "--default-prob", "2"], 2, "--default-prob"),
-        (["office", "--ros1", "--since", "12:00", "--until", "11:00"], 1, "swap them"),
-        (["new", "--ros1"], 1, "new: nothing to play: no event in that range"),
-        (["nowhere", "--ros1"], 1, "nowhere"),
-    ],
-)
-def test_what_cannot_be_played_is_refused(
-    run: Verb, arguments: list[str], code: int, said: str
-) -> None:
+def test_what_cannot_be_played_is_refused(run: Verb, refuses: Refuses) -> None:
     """Before ROS is joined, with the way out."""
-    done, out, err = run("play", *arguments)
-
-    assert (code, "") == (done, out)
-    assert said in " ".join(err.split())
+    refuses("""
+        play office
+        play office --ros1 --ros2
+        play office --ros1 --rate 0
+        play office --ros1 --rate -1
+        play office --ros2 --rate nan
+        play office --ros2 --rate inf
+        play office --ros2 --skip-empty nan
+        play office --ros2 --skip-empty inf
+        play office --ros2 --palette default
+        play office --ros2 --default-prob 2
+        play office --ros1 --since 12:00 --until 11:00
+        play new --ros1
+        play nowhere --ros1
+    """)
 
 
 def test_a_person_sees_where_in_the_log_it_is(
@@ -77,29 +68,22 @@ def test_a_person_sees_where_in_the_log_it_is(
     ] == drawn
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["add", *PLACE], "say which ROS: --ros1 or --ros2"),
-        (["add", "--ros1", *PLACE[:-2]], "give --x --y --theta --width, or --from and --to"),
-        (["add", "--ros1", *PLACE, "--from", "1,2", "--to", "1,3"], "without --x --y --theta"),
-        (["add", "--ros1", *PLACE, "--state", "ajar"], "expected OPEN, CLOSED or UNKNOWN, got"),
-        (["update", "1", "--ros2", "--state", "moving"], "messages know no others"),
-        (["update", "1", "--ros2"], "nothing to set"),
-        (["update", "1", "--ros2", "--prob-open", "1.2"], "--prob-open"),
-        (["update", "1", "--ros2", "--x", "nan"], "--x: not a number"),
-        (["remove", "-1", "--ros2"], "-1"),
-        (["remove", "front", "--ros2"], "ID"),
-        (["remove", "1", "--ros2", "--timeout", "nan"], "--timeout"),
-        (["save", "--ros2"], "FILE"),
-    ],
-)
-def test_what_cannot_be_called_is_refused(run: Verb, arguments: list[str], said: str) -> None:
+def test_what_cannot_be_called_is_refused(run: Verb, refuses: Refuses) -> None:
     """Before ROS is joined, with exit code 2 and what is missing."""
-    done, out, err = run("call", *arguments)
-
-    assert (2, "") == (done, out)
-    assert said in " ".join(err.split())
+    refuses("""
+        call add --x 1 --y 1 --theta 0 --width 1
+        call add --ros1 --x 1 --y 1 --theta 0
+        call add --ros1 --x 1 --y 1 --theta 0 --width 1 --from 1,2 --to 1,3
+        call add --ros1 --x 1 --y 1 --theta 0 --width 1 --state ajar
+        call update 1 --ros2 --state moving
+        call update 1 --ros2
+        call update 1 --ros2 --prob-open 1.2
+        call update 1 --ros2 --x nan
+        call remove -1 --ros2
+        call remove front --ros2
+        call remove 1 --ros2 --timeout nan
+        call save --ros2
+    """)
 
 
 @pytest.mark.parametrize("ros", ["1", "2"])

@@ -14,7 +14,7 @@ from semmap_log.core.model.events import DoorAdded
 from tests.interop.formats.bags.bags_of_others import write_mcap
 from tests.interop.topics.laser_room import DOOR, LaserRoom, moved, turned
 from tests.interop.topics.robots import START
-from tests.verbs import run
+from tests.verbs import Refuses, run
 
 
 @pytest.fixture
@@ -117,17 +117,10 @@ def test_they_are_drawn(office: Path, bag: Path, capsys: pytest.CaptureFixture[s
     assert ">1</text>" in drawn
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--propose-doors"], "give --scan"),
-        (["--scan", "--yes"], "give --propose-doors"),
-        (["--scan", "--propose-doors", "--only", "1"], "give --yes"),
-    ],
-)
-def test_options_that_need_others(
-    office: Path, bag: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
-) -> None:
+def test_options_that_need_others(office: Path, bag: Path, refuses: Refuses) -> None:
     """Are refused without them."""
-    assert run("import", office, bag, *words) == 2
-    assert said in " ".join(capsys.readouterr().err.split())
+    refuses(f"""
+        import {office} {bag} --propose-doors
+        import {office} {bag} --scan --yes
+        import {office} {bag} --scan --propose-doors --only 1
+    """)

@@ -11,7 +11,7 @@ import pytest
 
 import semmap_log as sl
 from tests.turned_maps import OFFICE, QUARTER, SHIFT_M, turned_floor, write_map
-from tests.verbs import run
+from tests.verbs import Refuses, run
 
 BY = ",".join(map(str, QUARTER))
 ID = "ab" * 16
@@ -160,30 +160,24 @@ def test_doors_off_the_map_are_named(here: Path, capsys: pytest.CaptureFixture[s
     assert "doors that lie off the new map: door 1, 2, 3" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "says"),
-    [
-        ((), 2, "give one of the two"),
-        (("--by", BY, "--pairs", "x.csv"), 2, "give one of the two"),
-        (("--by", "1,2"), 1, "expected DX,DY,THETA"),
-        (("--by", "1,2,nan"), 1, "expected finite"),
-        (("--by", BY, "--most-residual", "1"), 2, "is about --pairs"),
-        (("--by", BY, "--level", "L9"), 1, "no level 'L9'"),
-        (("--pairs", "one.csv"), 1, "got 1 pair"),
-        (("--pairs", "wrong.csv"), 1, "wrong.csv:2: new_x: expected metres, got 'x'"),
-        (("--pairs", "nobody.csv"), 1, "nobody.csv:2"),
-        (("--by", BY, "--doors", "new.yaml"), 1, "expected measured doors as"),
-    ],
-)
-def test_what_is_wrong_is_said(
-    here: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], code: int, says: str
-) -> None:
+def test_what_is_wrong_is_said(here: Path, refuses: Refuses) -> None:
     """And nothing is written."""
     Path("one.csv").write_text("old_x,old_y,new_x,new_y\n1,2,3,4\n")
     Path("wrong.csv").write_text("old_x,old_y,new_x,new_y\n1,2,x,4\n")
     Path("nobody.csv").write_text("door,new_x,new_y\nnobody,3,4\n")
     before = events()
 
-    assert code == run("rebase", "office", "new.yaml", *arguments)
-    assert says in " ".join(capsys.readouterr().err.split())
+    refuses(f"""
+        rebase office new.yaml
+        rebase office new.yaml --by {BY} --pairs x.csv
+        rebase office new.yaml --by 1,2
+        rebase office new.yaml --by 1,2,nan
+        rebase office new.yaml --by {BY} --most-residual 1
+        rebase office new.yaml --by {BY} --level L9
+        rebase office new.yaml --pairs one.csv
+        rebase office new.yaml --pairs wrong.csv
+        rebase office new.yaml --pairs nobody.csv
+        rebase office new.yaml --by {BY} --doors new.yaml
+    """)
+
     assert before == events()

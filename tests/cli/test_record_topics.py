@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from tests.verbs import run
+from tests.verbs import Refuses, run
 
 
 @pytest.fixture
@@ -16,28 +16,22 @@ def office(tmp_path: Path) -> Path:
     return tmp_path / "office"
 
 
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (["--ros1", "--ros2"], "say which ROS: --ros1 or --ros2"),
-        (["--mapping", "m.yaml"], "is for topics: say which ROS, --ros1 or --ros2"),
-        (["--dry-run"], "is for topics: say which ROS, --ros1 or --ros2"),
-        (["--level", "L1"], "is for topics: say which ROS, --ros1 or --ros2"),
-        (["--heights", "0.3,1.5"], "is for topics: say which ROS, --ros1 or --ros2"),
-        (["--ros1", "--heights", "0.3,1.5"], "is for lasers: give --scan, too"),
-        (["--ros1", "--scan", "--heights", "0.3"], "expected two heights in metres"),
-        (["/map:=/floor"], "is for topics: say which ROS, --ros1 or --ros2"),
-        (["--ros1", "--ack"], "is about lines of standard input"),
-        (["--ros2", "--strict"], "is about lines of standard input"),
-    ],
-)
 def test_options_that_do_not_belong_together_are_a_usage_error(
-    options: list[str], says: str, office: Path, capsys: pytest.CaptureFixture[str]
+    office: Path, refuses: Refuses
 ) -> None:
     """And nothing is read or joined."""
-    assert 2 == run("record", office, *options)
-
-    assert says in capsys.readouterr().err
+    refuses(f"""
+        record {office} --ros1 --ros2
+        record {office} --mapping m.yaml
+        record {office} --dry-run
+        record {office} --level L1
+        record {office} --heights 0.3,1.5
+        record {office} --ros1 --heights 0.3,1.5
+        record {office} --ros1 --scan --heights 0.3
+        record {office} /map:=/floor
+        record {office} --ros1 --ack
+        record {office} --ros2 --strict
+    """)
 
 
 def test_a_wrong_mapping_is_told_before_ros_is_joined(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from tests.verbs import Verb
+from tests.verbs import Refuses, Verb
 
 pytestmark = pytest.mark.usefixtures("terminal")
 
@@ -85,19 +85,12 @@ def test_sent_again_it_says_so(run: Verb) -> None:
     assert "stored before" in again
 
 
-@pytest.mark.parametrize(
-    ("events", "code", "why"),
-    [
-        ("42", 1, "cannot retract event 42: the log holds 0..41."),
-        ("9..8", 1, "the range runs backwards"),
-        ("1..", 2, "'1..': expected an event's number such as 58, or a range such as 58..60"),
-        ("yesterday", 2, "'yesterday': expected an event's number"),
-        ("-1", 2, "No such option"),
-    ],
-)
-def test_what_it_refuses(run: Verb, events: str, code: int, why: str) -> None:
+def test_what_it_refuses(run: Verb, refuses: Refuses) -> None:
     """One line that says what is there instead; 2 for what is no number."""
-    refused, out, err = run("retract", "office", events)
-
-    assert (code, "") == (refused, out)
-    assert why in " ".join(err.split())
+    refuses("""
+        retract office 42
+        retract office 9..8
+        retract office 1..
+        retract office yesterday
+        retract office -1
+    """)

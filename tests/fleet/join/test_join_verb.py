@@ -9,7 +9,7 @@ import pytest
 
 import semmap_log as sl
 from tests.fleet.join.some_robots import START_NS, SetClock, a_robot, doors_of, two_robots
-from tests.verbs import ran
+from tests.verbs import Refuses, ran
 
 
 @pytest.fixture
@@ -130,25 +130,18 @@ def test_conflicts_are_listed(here: Path, capsys: pytest.CaptureFixture[str]) ->
     assert "1.00 m apart" in first[1]["says"][0]
 
 
-@pytest.mark.parametrize(
-    ("more", "code", "problem"),
-    [
-        (["--frame", "tug2=1,2"], 1, "expected LOG=DX,DY,THETA"),
-        (["--frame", "tug2=1,2,nan"], 1, "finite"),
-        (["--frame", "tug9=1,2,3"], 1, "no log 'tug9' is joined"),
-        (["--frame", "tug2=1,2,3", "--frame", "tug2=1,2,4"], 2, "a log has one frame"),
-        (["--reference", "tug9"], 1, "no log 'tug9' is joined"),
-        (["--doors", "missing.csv"], 1, "missing.csv: cannot be read"),
-        (["missing"], 1, "missing: no such log"),
-    ],
-)
-def test_what_cannot_be_meant_is_refused(
-    more: list[str], code: int, problem: str, here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_meant_is_refused(here: Path, refuses: Refuses) -> None:
     """No file is left behind."""
-    found, _, err = ran(capsys, "join", "x.join.json", "tug1", "tug2", *more)
+    refuses("""
+        join x.join.json tug1 tug2 --frame tug2=1,2
+        join x.join.json tug1 tug2 --frame tug2=1,2,nan
+        join x.join.json tug1 tug2 --frame tug9=1,2,3
+        join x.join.json tug1 tug2 --frame tug2=1,2,3 --frame tug2=1,2,4
+        join x.join.json tug1 tug2 --reference tug9
+        join x.join.json tug1 tug2 --doors missing.csv
+        join x.join.json tug1 tug2 missing
+    """)
 
-    assert (code, True) == (found, problem in err), err
     assert not (here / "x.join.json").exists()
 
 

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from tests.live.planners.kernels.kernel_world import make_log
 from tests.live.planners.kernels.stub_passer import StubPasser
 from tests.live.ros.running import Running, wait_until
+from tests.verbs import Refuses
 
 
 @pytest.fixture
@@ -116,28 +116,17 @@ def test_serves_on_while_there_is_no_passer(path: Path) -> None:
             assert server.stop() == 0, str(server)
 
 
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        (("--oprs-to", "K1", "--ask", "unix:s"), "--oprs-to: only with --oprs"),
-        (("--oprs-name", "A", "--ask", "unix:s"), "--oprs-name: only with --oprs"),
-        (("--oprs", "127.0.0.1:99999"), "expected a host and a port such as 127.0.0.1:3300"),
-        (("--oprs", ":3300"), "expected a host and a port"),
-        (("--oprs", "h", "--oprs-name", "kill-mp"), "'kill-mp' cannot be a name"),
-        (("--oprs", "h", "--oprs-to", "K 1"), "'K 1' cannot be the name of a kernel"),
-        (("--oprs", "h", "--costmap"), "only with --ros1 or --ros2"),
-    ],
-)
-def test_wrong_options_are_refused(
-    options: tuple[str, ...], text: str, path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_options_are_refused(path: Path, refuses: Refuses) -> None:
     """Before anything is opened."""
-    with pytest.raises(SystemExit) as stopped:
-        main(["serve", str(path), *options])
-
-    assert stopped.value.code == 2
-    said = " ".join(capsys.readouterr().err.replace("│", " ").split())
-    assert text in said
+    refuses(f"""
+        serve {path} --oprs-to K1 --ask unix:s
+        serve {path} --oprs-name A --ask unix:s
+        serve {path} --oprs 127.0.0.1:99999
+        serve {path} --oprs :3300
+        serve {path} --oprs h --oprs-name kill-mp
+        serve {path} --oprs h --oprs-to 'K 1'
+        serve {path} --oprs h --costmap
+    """)
 
 
 @pytest.mark.parametrize(
