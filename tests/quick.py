@@ -39,7 +39,7 @@ LISTED = frozenset(LIST.read_text().split("\n"))
 
 EXPERIMENTS = "tools/experiments"
 QUICK_EXAMPLES = 20
-SLOW_FIXTURES = {"ros", "ros1", "ros_1_or_2", "jazzy", "kilted", "node_packages", "newer"}
+SLOW_FIXTURES = {"ros", "ros1", "every_ros", "jazzy", "kilted", "node_packages", "newer"}
 
 HEAVY = (
     "rerun", "pyarrow.parquet", "pandas", "polars", "duckdb", "matplotlib.pyplot", "PIL.Image",

@@ -106,23 +106,6 @@ def test_errors_name_files_plainly(tmp_path: Path, log: Path) -> None:
         assert set() == _steering(ended.stderr), arguments
 
 
-OUTPUTS = ["o.yaml", "o.csv", "o.jsonl", "o.parquet", "o.html", "o.mcap", "o.bag", "o"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", OUTPUTS)
-def test_a_log_and_files_whose_names_are_not_utf8(tmp_path: Path, log: Path, name: str) -> None:
-    """They are written, under just those names."""
-    if name == "o.parquet":
-        pytest.importorskip("pyarrow")
-    out = tmp_path / os.fsdecode(b"\xfe\x1b" + name.encode())
-
-    ended = _run("export", log, out)
-
-    assert (0, True) == (ended.returncode, out.exists()), ended.stderr
-    assert [out.name] == [path.name for path in tmp_path.iterdir()]
-
-
 @pytest.mark.slow
 def test_the_report_of_a_log_whose_name_is_not_utf8(tmp_path: Path, log: Path) -> None:
     """Its bytes are spelt out in the title; the page itself is UTF-8."""

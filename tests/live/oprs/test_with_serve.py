@@ -12,8 +12,8 @@ import semmap_log as sl
 from semmap_log.live.planners import asked
 from tests.live.oprs.conftest import StartServer, StartStub
 from tests.live.oprs.line_server import Answer
-from tests.live.oprs.workshop import Workshop, run_in
-from tests.live.ros.running import DEADLINE_S, Running, wait_until
+from tests.live.oprs.workshop import run_in
+from tests.live.ros.running import DEADLINE_S, Running
 
 pytestmark = pytest.mark.slow
 
@@ -142,33 +142,3 @@ def test_a_server_killed_between_commit_and_answer(
 
     assert "TRUE" == stub.call("DOOR_OPEN DOOR_2")
     assert 1 == real_server.updates()
-
-
-def test_the_same_in_a_real_kernel(
-    workshop: Workshop, start_server: StartServer, real_server: RealServer
-) -> None:
-    """The plan goes on with NIL, and does it again when the map answers."""
-    between = start_server(lambda line: _killed_after_storing(real_server, line))
-
-    kernel = workshop.kernel("add (! (ONCE DOOR_2))", address=between.address)
-    kernel.wait_for(r"^\(ANSWER NIL\)")
-    real_server.running = real_server.start()
-    kernel.wait_for(r"^\(ONCE DONE\)")
-
-    assert "(REPEATED T)" in kernel.output
-    assert 1 == real_server.updates()
-
-
-def test_ten_thousand_questions_and_a_thousand_actions(
-    workshop: Workshop, real_server: RealServer
-) -> None:
-    """From a plan, all stored."""
-    kernel = workshop.kernel(
-        "add (! (MANY 10000))", "add (! (MANY_ACTIONS DOOR_2 250))",
-        address=f"unix:{real_server.socket}",
-    )  # fmt: skip
-
-    kernel.wait_for(r"^\(ASKED 10000\)")
-    kernel.wait_for(r"^\(ACTED DOOR_2\)")
-
-    wait_until(lambda: real_server.updates() == 500, "500 changes in the log")

@@ -87,14 +87,14 @@ def _kinds(office: Path, kind: type[Any]) -> list[Any]:
     return [e.event for batch in sl.read(office).batches(kinds=[kind]) for e in batch]
 
 
-def test_all_that_a_robot_says_of_doors_is_in_the_log(ros: RosWorld, office: Path) -> None:
+def test_all_that_a_robot_says_of_doors_is_in_the_log(every_ros: RosWorld, office: Path) -> None:
     """
     A server's map, Open-RMF, a contact, pose, TF, floor plan and rounds; who said it; Ctrl-C ends.
     """
-    robot, started_ns = Robot(1 if ros.version == 1 else 2), time.time_ns()
+    robot, started_ns = Robot(1 if every_ros.version == 1 else 2), time.time_ns()
     cells = np.array([[0, 100, -1], [0, 0, 100]], np.int8)
 
-    with _talking(ros) as talker, _record(ros, office) as recorder:
+    with _talking(every_ros) as talker, _record(every_ros, office) as recorder:
         recorder.wait_for("/rounds: recording|/door_requests: recording")
         talker.say("/doors", robot.door_map([{"door_id": 4}]), latched=True)
         talker.say("/door_states", robot.door_state("lab", 3))
@@ -126,7 +126,7 @@ def test_all_that_a_robot_says_of_doors_is_in_the_log(ros: RosWorld, office: Pat
     assert [(3.0, 0.0), (7.0, 8.0)] == [(pose.x, pose.y) for pose in _kinds(office, RobotPose)]
     assert {1.0, 0.97} == {seen.accuracy_open for seen in _kinds(office, DoorObserved)}
     (request,) = [entry for entry in log.history() if isinstance(entry.event, DoorRequested)]
-    sender = " of /talker" if ros.version == 1 else ""
+    sender = " of /talker" if every_ros.version == 1 else ""
     assert ("tug1", f"/door_requests{sender}") == (request.actor, request.source)
     assert all(started_ns < batch.happened_ns.min() for batch in log.batches())
     assert np.array_equal(cells, log.floor_map().cells)  # type: ignore[union-attr]

@@ -87,6 +87,11 @@ node.close()
 
 
 @pytest.fixture(scope="module")
+def ros(every_ros: RosWorld) -> RosWorld:
+    return every_ros
+
+
+@pytest.fixture(scope="module")
 def server(ros: RosWorld) -> Iterator[Running]:
     """A node in a namespace, with a parameter."""
     with ros.code(SERVER, ros.version, *_ros_args(ros, greeting="servus")) as running:

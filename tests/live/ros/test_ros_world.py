@@ -38,9 +38,9 @@ print("heard", heard[0].door_db[0].door_id)
 }
 
 
-def test_nodes_speak_the_messages_of_the_thesis(ros: RosWorld) -> None:
+def test_nodes_speak_the_messages_of_the_thesis(every_ros: RosWorld) -> None:
     """Its interpreter has a ROS that works, and the messages that were built for it."""
-    said = ros.code(TALK_AND_LISTEN[ros.version]).finish()
+    said = every_ros.code(TALK_AND_LISTEN[every_ros.version]).finish()
 
     assert "heard 7" in said
 

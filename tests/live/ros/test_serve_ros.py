@@ -74,16 +74,21 @@ def _told(answer: dict[str, Any]) -> tuple[Any, Any]:
     return answer["status"], value
 
 
-def test_a_day_of_the_server(ros: RosWorld, path: Path) -> None:
+def test_a_day_of_the_server(every_ros: RosWorld, path: Path) -> None:
     """
     Filled from its file; each field alone, bad goals, a watcher that only reads, a late subscriber;
     a goal that is sent again, at once and to the server that is started again, is answered as
     before; another with its id is not.
     """
-    file = path.parent / "doors.yaml"
+    ros, file = every_ros, path.parent / "doors.yaml"
     with (
         _serve(ros, path, "--yaml", file, "--costmap") as server,
-        _serve(ros, path, "--read-only", *_in_namespace(ros, "watcher", add_door="doors/add")),
+        _serve(
+            ros,
+            path,
+            "--read-only",
+            *_in_namespace(ros, "watcher", add_door="doors/add"),
+        ),
         StockClient(ros, "client") as client,
     ):
         client.wait(DB, [FIRST])
@@ -136,7 +141,10 @@ def test_a_day_of_the_server(ros: RosWorld, path: Path) -> None:
     commit = next(c for c in sl.read(path).commits() if c.note.source == "action RemoveDoor")
     assert "/client" == commit.note.actor
 
-    with _serve(ros, path, "--yaml", file) as server, StockClient(ros, "client") as client:
+    with (
+        _serve(ros, path, "--yaml", file) as server,
+        StockClient(ros, "client") as client,
+    ):
         again = [
             client.goal("AddDoor", f"{1:032x}", **DOOR),
             client.goal("RemoveDoor", f"{2:032x}", door_id=2),

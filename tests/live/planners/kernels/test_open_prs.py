@@ -210,27 +210,6 @@ def test_nasty_words_arrive_and_the_kernel_lives(tmp_path_factory: pytest.TempPa
         assert not kernel.is_over
 
 
-def test_nasty_names_in_a_log(oprs: OpenPrs, path: Path) -> None:
-    """From the log to the kernel's database, through all that is ours."""
-    names = [name for name in NASTY if name and "\ud800" not in name and len(name) < 200]
-    with sl.append(path) as log:
-        for name in names:
-            with_name = log.add_door(x=0.0, y=0.0, theta=0.0, width=1.0, state="open")
-            try:
-                log.annotate(with_name, "name", name)
-            except sl.SemmapError:
-                continue
-        many = len(log.replay().doors)
-    oprs.passer()
-    py = oprs.client()
-    kernel = oprs.kernel("K1")
-    with serving_kernels(path, oprs.port, "K1"):
-        py.wait_for("K1", "(SHOW DOOR_FACTS SEMMAP)", f"(HAS SEMMAP {many})")
-        assert py.ask("K1", "(SHOW DOOR_NAME DOOR_4)") == r'(HAS DOOR_4 "a\\ ")'
-        assert py.ask("K1", "(LET_ASK 1 (WHY DOOR_4))").startswith("(GOT 1 (. ")
-    assert not kernel.is_over
-
-
 def _blocks() -> list[str]:
     text = PAGE.read_text(encoding="utf-8")
     return re.findall(r"^```\w*\n(.*?)^```", text, re.DOTALL | re.MULTILINE)

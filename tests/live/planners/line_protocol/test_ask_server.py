@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import gc
 import json
 import os
 import random
@@ -633,20 +632,6 @@ def test_what_is_an_answer(value: Value) -> None:
     for line in (asked, replace(asked, is_json=True)):
         assert is_answer(write_answer(line, Answer(value)).decode()[:-1])
         assert is_answer(write_error("why", is_json=line.is_json).decode()[:-1])
-
-
-def test_a_client_takes_little_memory(server: AskServer) -> None:
-    """Counted in objects of ours: one connection each, and nothing when it has left."""
-    clients = [Raw(server.address) for _ in range(50)]
-    for each in clients:
-        each.ask("DOORS")
-    assert 50 == len(server._connections)
-    for each in clients:
-        each.close()
-    wait_until(lambda: not server._connections, "all are gone")
-    gc.collect()
-
-    assert 2 == len(server._selector.get_map())
 
 
 DIGITS = "1" * 900
