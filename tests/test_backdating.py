@@ -343,9 +343,7 @@ LINES = "".join(
 @pytest.mark.filterwarnings("default::semmap_log.errors.EarlyEventsWarning")
 @pytest.mark.usefixtures("terminal")
 def test_from_the_warning_to_the_right_answer(run: Run) -> None:
-    """
-    A building, last week's sightings, the line that the warning tells, and the timeline knows.
-    """
+    """A building, last week's sightings, the line that the warning tells."""
     run("init", "office", "--tz", "UTC")
     assert 0 == run("import", "office", "house.building.yaml")[0]
     code, _, err = run("record", "office", lines=LINES)

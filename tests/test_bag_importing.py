@@ -108,9 +108,7 @@ def _seen(log: sl.DoorLog, at_ns: int) -> list[Any]:
 @pytest.mark.parametrize("name", ["day.mcap", "day.bag", "day"])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_what_was_exported_comes_back(name: str, seed: int, office: Path, tmp_path: Path) -> None:
-    """
-    The same doors at the same moments, in all that a DoorMap carries; floor plans and poses, too.
-    """
+    """The same doors at the same moments, in all that a DoorMap carries."""
     lively = lively_log(tmp_path / "lively", seed=seed)
     assert 0 == run("export", lively.path, tmp_path / name, "--markers")
 

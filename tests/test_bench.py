@@ -125,9 +125,7 @@ def test_a_patrol_is_the_same_as_events_and_as_columns() -> None:
 
 
 def test_the_plain_fold_knows_late_events() -> None:
-    """
-    A fold in the order of recording gives another answer: the patrol has late events that matter.
-    """
+    """A fold in the order of recording gives another answer."""
     by_time, by_number = (
         plain_answers(100_000, None, (None,), late_counts=late)[None] for late in (True, False)
     )
@@ -144,9 +142,7 @@ def test_a_few_moments_lie_as_evenly_as_all() -> None:
 
 
 def test_a_small_building_is_a_corner_of_a_large_one() -> None:
-    """
-    What a slow peer is given of the costmap is as full as the whole: the same rooms, doors apart.
-    """
+    """What a slow peer is given of the costmap is as full as the whole."""
     small, large = made_building(1000), made_building(2000)
     room = slice(WALL, ROOM[1]), slice(WALL, ROOM[0])
     walls = {(round(line.x, 6), round(line.y, 6)) for line in large.doors.values()}
@@ -190,9 +186,7 @@ def _grown(promise: str, *seconds: float) -> list[Result]:
     ],
 )  # fmt: skip
 def test_a_promise_is_kept_or_not(promise: str, value: float | None, kept: bool | None) -> None:
-    """
-    The table's words are judged as they read; without a promise or a value there is no judgement.
-    """
+    """The table's words are judged as they read."""
     judged = is_kept(promise, value)
 
     assert kept is judged

@@ -185,9 +185,7 @@ def test_an_expected_event_of_an_empty_log(tmp_path: Path) -> None:
 
 
 def test_an_expected_event_of_a_door(log: sl.DoorLogWriter) -> None:
-    """
-    What happens to other doors does not matter; `last_event` of a replayed door is the number.
-    """
+    """What happens to other doors does not matter."""
     other = log.add_door()
     last = log.replay()[sl.DoorId(1)].last_event
     log.observe(other, "open")
@@ -212,9 +210,7 @@ BY_AN_EARLIER_VERSION = json.loads((GOLDEN / "answers.json").read_text())
 
 @pytest.mark.filterwarnings("ignore::semmap_log.errors.EarlyEventsWarning")
 def test_what_an_earlier_version_stored_is_known_again(tmp_path: Path) -> None:
-    """
-    Each command, by the digest of its words or by its events: the same answer, nothing written.
-    """
+    """Each command, by the digest of its words or by its events."""
     shutil.copytree(GOLDEN, tmp_path / "office")
     before = list(sl.read(tmp_path / "office").commits())
 

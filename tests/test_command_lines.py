@@ -168,9 +168,7 @@ def test_the_demo_says_what_to_type(
 
 
 def test_no_message_tells_a_line_by_hand() -> None:
-    """
-    A verb behind the program's name in a text is that of a docstring: all others go through here.
-    """
+    """A verb behind the program's name in a text is that of a docstring."""
     package = Path(sl.__file__).parent
     by_hand = re.compile(r'f?"[^"\n]*semmap-log [a-z-]+ (LOG|\{)')
     found = [

@@ -66,9 +66,7 @@ def test_a_day_is_as_long_as_its_clocks_say(
 
 @pytest.mark.parametrize("tz", ["UTC", "America/New_York", "Pacific/Auckland"])
 def test_the_first_day_of_all_times_is_a_day(tz: str, tmp_path: Path) -> None:
-    """
-    A robot whose clock was never set: its midnights are nanoseconds, few or below 0, not seconds.
-    """
+    """A robot whose clock was never set: its midnights are nanoseconds, few or below 0."""
     with sl.create(tmp_path / "log", tz=tz, clock=SteadyClock(10**9)) as log:
         log.observe(log.add_door(state="closed"), "open")
 
@@ -80,10 +78,7 @@ def test_the_first_day_of_all_times_is_a_day(tz: str, tmp_path: Path) -> None:
 
 
 def test_before_and_after_what_is_known(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    Before its adding and after the log's end a door is not there; on an empty day there is none.
-    A sighting of a door that was looked at twice holds for three hours.
-    """
+    """Before its adding and after the log's end a door is not there."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         door = log.add_door(state="unknown", at="2026-02-27T06:00")
         log.observe(door, "open", at="2026-02-27T12:15")

@@ -14,9 +14,7 @@ from semmap_log.errors import LogExistsError
 
 
 def test_it_records_what_the_recording_holds(tmp_path: Path) -> None:
-    """
-    The new log knows the same, at the same times, as the recording without its retracted event.
-    """
+    """The new log knows the same, at the same times."""
     made = run_demo(tmp_path / "demo")
     source, log = sl.read(shipped_recording("office")), sl.read(made.log)
 
@@ -34,9 +32,7 @@ def test_it_records_what_the_recording_holds(tmp_path: Path) -> None:
 
 
 def test_it_says_what_it_does_not_know(tmp_path: Path) -> None:
-    """
-    In the middle, one door is held open, one was just seen, and one not for two hours: UNKNOWN.
-    """
+    """In the middle, one door is held open, one was just seen, and one not for two hours."""
     made = run_demo(tmp_path / "demo")
 
     main, coe, hardware = made.beliefs
@@ -46,10 +42,7 @@ def test_it_says_what_it_does_not_know(tmp_path: Path) -> None:
 
 
 def test_it_sees_doors_by_laser_and_tells_the_truth_beside(tmp_path: Path) -> None:
-    """
-    Of the shipped bag: passages as often as the truth has them; where the door stood still it was
-    as said; where it moved, that is told.
-    """
+    """Of the shipped bag: passages as often as the truth has them."""
     seen = run_demo(tmp_path / "demo").seen
     truth = json.loads((shipped_recording("office").parent / "office_scans.truth.json").read_text())
 

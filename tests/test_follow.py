@@ -100,9 +100,7 @@ def test_an_import_of_several_chunks_comes_whole(tmp_path: Path) -> None:
 
 
 def test_nothing_is_seen_of_an_unfinished_commit(tmp_path: Path) -> None:
-    """
-    While an import is under way its chunks are on the disk already; a follower waits for the last.
-    """
+    """While an import is under way its chunks are on the disk already."""
     path = tmp_path / "log"
     seen: list[int] = []
     with sl.create(path, tz="UTC") as log:
@@ -121,10 +119,7 @@ def test_nothing_is_seen_of_an_unfinished_commit(tmp_path: Path) -> None:
 
 
 def test_compaction_while_following(rolled: Path) -> None:
-    """
-    Segments are exchanged in the middle of the reading: the old bytes stay readable, the position
-    holds in the new ones.
-    """
+    """Segments are exchanged in the middle of the reading."""
     expected = _numbers(_all_there(sl.read(rolled)))
     following = sl.read(rolled).follow(-1, poll_s=0, stop=lambda: True)
     numbers = _numbers(list(islice(following, 3)))
@@ -250,10 +245,7 @@ def _run_writer(path: Path, *, at_least: int) -> int:
 
 @pytest.mark.slow
 def test_following_a_writer_that_is_killed_again_and_again(tmp_path: Path) -> None:
-    """
-    Three followers, over rolls, SIGKILLs, recoveries, compactions and restarts: each sees every
-    event once, in order, and what each saw is what the log holds in the end.
-    """
+    """Three followers, over rolls, SIGKILLs, recoveries, compactions and restarts."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log:
         log.add_door(name="front")

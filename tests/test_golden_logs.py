@@ -79,10 +79,7 @@ def test_a_golden_log_is_never_made_again(
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.name)
 def test_it_answers_as_it_did(form: Path, way: str, tmp_path: Path) -> None:
-    """
-    Doors at many moments, by all that is known and by what was known then; histories, differences,
-    costs of cells, the events as lines, and the hash of the last commit.
-    """
+    """Doors at many moments, by all that is known and by what was known then."""
     log = copied(form, way, tmp_path)
 
     for one in json.loads((form / "answers.json").read_text("utf-8")):
@@ -93,10 +90,7 @@ def test_it_answers_as_it_did(form: Path, way: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.name)
 def test_it_is_continued(form: Path, way: str, tmp_path: Path) -> None:
-    """
-    Today's program writes on, under a head of its own version: the bytes of all commits stay, and
-    what was asked of a number before is answered as before.
-    """
+    """Today's program writes on, under a head of its own version."""
     log = copied(form, way, tmp_path)
     segment = segment_files(log)[-1]
     written = form / "live" / "office" / segment.name

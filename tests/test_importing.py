@@ -65,9 +65,7 @@ SETS = {
 def test_the_log_agrees_with_the_csv_at_random_moments(
     name: str, shared_data: Path, tmp_path: Path
 ) -> None:
-    """
-    1,000 moments: between rows, exactly on rows, on starts and ends of windows, and a ns before.
-    """
+    """1,000 moments: between rows, exactly on rows, on starts and ends of windows."""
     zone, count = SETS[name]
     folder = shared_data / "doors" / name
     truth = Csv(folder, zone)
@@ -145,9 +143,7 @@ def test_every_name_of_every_script_is_kept(shared_data: Path, tmp_path: Path) -
 def test_buildings_come_with_names_levels_and_floor_plans(
     building: str, doors: int, levels: int, shared_data: Path, tmp_path: Path
 ) -> None:
-    """
-    Every door placed, named, on a level that has a floor plan; points that name no room are said.
-    """
+    """Every door placed, named, on a level that has a floor plan."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         imported = import_file(log, shared_data / "maps" / f"{building}.building.yaml")
         door_map = log.replay()
@@ -183,10 +179,7 @@ def test_all_of_a_file_or_nothing(tmp_path: Path) -> None:
 
 
 def test_ids_that_are_taken_or_gone(tmp_path: Path) -> None:
-    """
-    Other values: an error unless --update; a removed id: an error unless --renumber, or --update,
-    which brings the door back, on its own level.
-    """
+    """Other values: an error unless --update."""
     file = tmp_path / "doors.yaml"
     entry = "{}:\n  position: {{x: 1, y: 2, theta: 0}}\n  width: 1\n  status: OPEN\n"
     file.write_text(entry.format(1) + entry.format(2))
@@ -214,9 +207,7 @@ def test_ids_that_are_taken_or_gone(tmp_path: Path) -> None:
 
 
 def test_a_yaml_of_a_building_with_levels_comes_back(shared_data: Path, tmp_path: Path) -> None:
-    """
-    The thesis's format has no levels: doors that are there stay on theirs; new ones need a word.
-    """
+    """The thesis's format has no levels: doors that are there stay on theirs."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         import_file(log, shared_data / "maps" / "rmf_hotel" / "hotel.building.yaml")
         export(log, tmp_path / "hotel.yaml", default_prob=0.5)

@@ -199,9 +199,7 @@ def test_a_name_that_two_levels_bear_means_neither(tmp_path: Path) -> None:
 
 
 def test_a_name_that_is_the_number_of_another_level_is_told(tmp_path: Path) -> None:
-    """
-    As in a house whose ground floor is called 0, and numbered 1: the name counts, not in silence.
-    """
+    """As in a house whose ground floor is called 0, and numbered 1."""
     with new_log(tmp_path, "0", "1") as log:
         with pytest.warns(LevelNameWarning, match=r"name, 2 \(1\); level 1 \(0\) is number:1$"):
             door = log.add_door(level="1")
@@ -335,9 +333,7 @@ def test_levels_of_a_file_of_lines(tmp_path: Path) -> None:
 
 
 def test_an_old_log_comes_back_as_it_was(tmp_path: Path) -> None:
-    """
-    Its poses and sensors on level 0, beside a building's levels: exported lines tell the level.
-    """
+    """Its poses and sensors on level 0, beside a building's levels."""
     from semmap_log.interop.exporting.log_files import export
 
     with new_log(tmp_path, "L1", "L2") as log:

@@ -76,9 +76,7 @@ def test_what_is_taken_back_is_no_end(path: Path) -> None:
 
 
 def test_only_the_last_segment_is_asked_where_that_is_enough(tmp_path: Path) -> None:
-    """
-    No event counts as later than it was recorded: what lies before the last need not be looked at.
-    """
+    """No event counts as later than it was recorded."""
     path, clock = tmp_path / "log", SteadyClock(START_NS)
     with sl.create(path, tz="UTC", clock=clock, compact=False) as writer:
         for _ in range(3):

@@ -85,9 +85,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[sl.DoorLog]:
 
 
 def test_each_row_is_what_the_history_tells(logs: list[sl.DoorLog]) -> None:
-    """
-    All columns, names as they were then by what is known now; and what was taken back, marked.
-    """
+    """All columns, names as they were then by what is known now."""
     seen: list[dict[str, Any]] = []
     for log in logs:
         rows = list(history_rows(list(log.history())))

@@ -30,9 +30,7 @@ from tests.conftest import SteadyClock
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_an_interrupt_at_any_moment_leaves_a_log_that_opens(tmp_path: Path) -> None:
-    """
-    Ctrl-C inside `append`, by a caller who goes on: the writer refuses, and nothing is doubled.
-    """
+    """Ctrl-C inside `append`, by a caller who goes on."""
     is_armed = False
 
     def interrupt(_number: int, _frame: object) -> None:

@@ -189,9 +189,7 @@ def test_a_kind_that_sets_the_state_is_told_in_five_files(tmp_path: Path) -> Non
 
 @pytest.mark.slow
 def test_a_field_of_a_door_is_told_in_four_files(tmp_path: Path) -> None:
-    """
-    Two messages, the fields that events set, with the part that it is, and the door that has it.
-    """
+    """Two messages, the fields that events set, with the part that it is."""
     program = Program(tmp_path / "program")
     for kind in ("DoorAdded", "DoorUpdated"):
         program.edit(f"core/messages/msg/{kind}.msg", (FIELD_MSG, HEIGHT_MSG))

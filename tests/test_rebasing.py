@@ -55,9 +55,7 @@ def test_doors_turn_as_complex_numbers_do(
     by: tuple[float, float, float],
     doors: list[tuple[float, float, float]],
 ) -> None:
-    """
-    Both ends of each; before that moment they lie where they lay, and after a retraction again.
-    """
+    """Both ends of each; before that moment they lie where they lay."""
     clock = SteadyClock()
     with placed(tmp_path_factory.mktemp("log") / "log", *doors, clock=clock) as log:
         before, then_ns = log.replay(), clock.now_ns
@@ -84,10 +82,7 @@ def test_doors_turn_as_complex_numbers_do(
 
 
 def test_it_is_one_commit_that_is_stored_once(tmp_path: Path) -> None:
-    """
-    The same command again changes nothing; another with its id is refused; and without an id the
-    same map cannot come twice, which would move the doors twice.
-    """
+    """The same command again changes nothing; another with its id is refused."""
     with placed(tmp_path / "log", (1, 2, 0.5), (3, 2, 0), clock=SteadyClock()) as log:
         first = log.rebase(a_map(x=1.0), by=(1, 2, 0.5), actor="ann", command_id=ID)
         again = log.rebase(a_map(x=1.0), by=(1, 2, 0.5), actor="ann", command_id=ID)

@@ -236,10 +236,7 @@ def test_a_retraction_hides_only_from_later_knowledge(tmp_path: Path) -> None:
 
 
 def test_a_removal_before_the_adding_is_of_no_door(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    In one commit: a door said to come in the future, which counts from its recorded time, and its
-    removal without a time, a nanosecond before that.
-    """
+    """In one commit: a door said to come in the future, which counts from its recorded time."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         log.add_door()
         log.append(
@@ -316,9 +313,7 @@ def test_diff_names_what_changed_and_the_events_that_did_it(tmp_path: Path) -> N
     ],
 )
 def test_a_number_behind_the_end_is_an_error_that_names_the_last(ask, tmp_path: Path) -> None:
-    """
-    Nobody knows what is true after an event that has not come; a typing error must not look so.
-    """
+    """Nobody knows what is true after an event that has not come."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door()
         log.add_door()

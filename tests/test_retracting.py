@@ -242,10 +242,7 @@ def test_an_unplaced_door_comes_back_unplaced(tmp_path: Path) -> None:
 
 
 def test_what_is_said_of_a_removed_door(tmp_path: Path) -> None:
-    """
-    Who names it by its id is told of the removal, not that there never was such a door; what
-    happened before that can still be added.
-    """
+    """Who names it by its id is told of the removal, not that there never was such a door."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door(at="2026-03-01T08:00")
         log.remove_door(door, at="2026-03-01T12:00")

@@ -81,9 +81,7 @@ def test_many_suspects_do_not_scroll_the_rest_away(tmp_path: Path, capsys) -> No
 
 @pytest.mark.usefixtures("terminal")
 def test_personal_data_are_told(tmp_path: Path, capsys) -> None:
-    """
-    Who and why, what is said of doors, where the robot was; what was taken back is there, too.
-    """
+    """Who and why, what is said of doors, where the robot was."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", clock=SteadyClock()) as log:
         log.add_door(name="Zoe's office", actor="anna", reason="first map")

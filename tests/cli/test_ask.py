@@ -155,9 +155,7 @@ def test_a_log_that_another_process_writes(
 
 
 def test_beside_ros(office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    One log: planners see what goals did when these are answered, and topics what planners did.
-    """
+    """One log: planners see what goals did when these are answered."""
     node, stops = CollectingNode(), list[Callable[[], object]]()
     path, found = tmp_path / "doors", list[object]()
     monkeypatch.setattr(joining, "open_node", lambda *_: node)
@@ -206,10 +204,7 @@ def test_an_action_whose_answer_was_lost_is_stored_once(
     office: Path, tmp_path: Path, start: Callable[..., Running],
     ask: Callable[..., tuple[int, str, str]],
 ) -> None:  # fmt: skip
-    """
-    SIGKILL between its commit and its answer; sent again with its id, to the next server, which
-    replaces the socket's file, it is answered and not done again.
-    """
+    """SIGKILL between its commit and its answer."""
     address = f"unix:{tmp_path / 'doors'}"
     line = f"{ID} SET_DOOR_OPEN DOOR_2"
     killed = start(office, "--ask", address, code=KILLED_BEFORE_ITS_ANSWER)

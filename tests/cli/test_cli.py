@@ -389,10 +389,7 @@ def test_record_strict_stops_at_the_first_bad_line(run_here, tmp_path: Path) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_record_ends_well_when_asked_to(sign: signal.Signals, run_here, tmp_path: Path) -> None:
-    """
-    Ctrl-C, SIGTERM and a terminal that is closed: what was read is stored, the segment is closed,
-    the exit code is 0.
-    """
+    """Ctrl-C, SIGTERM and a terminal that is closed."""
     process = _start("record", tmp_path / "office", "--ack")
     assert process.stdin is not None
     assert process.stdout is not None
@@ -521,9 +518,7 @@ def test_a_signal_leaves_no_half_file(tmp_path: Path, number: signal.Signals) ->
 
 
 def test_ctrl_c_inside_an_exec_is_a_code_too(tmp_path: Path) -> None:
-    """
-    Python would end itself by the signal, at its exit, as an `exec` of a text was interrupted.
-    """
+    """Python would end itself by the signal, at its exit."""
     (tmp_path / "interrupted.py").write_text(
         "import semmap_log.cli as cli, semmap_log.cli.app as verbs\n"
         "verbs.app = lambda **_: exec('import signal; signal.raise_signal(signal.SIGINT)')\n"

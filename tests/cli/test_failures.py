@@ -138,9 +138,7 @@ def test_what_was_made_is_told_as_json(run: Verb) -> None:
     ids=str,
 )
 def test_ranges_of_time_have_one_name(run: Verb, verb: list[str]) -> None:
-    """
-    --since and --until, or both in one; the old spellings still work, and help does not show them.
-    """
+    """--since and --until, or both in one."""
     for names in (("--since", "--until"), ("--from", "--to")):
         code, _, err = run(*verb, names[0], "now", names[1], "1h ago")
         assert (1, True) == (code, "swap them" in err)

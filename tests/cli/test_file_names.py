@@ -39,9 +39,7 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
 def test_a_new_log_is_not_called_as_a_file_is(
     name: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A folder x.zip would be taken for a packed log by people, and by no program; nothing is made.
-    """
+    """A folder x.zip would be taken for a packed log by people, and by no program."""
     code, said = run(capsys, "init", "--", name)
 
     assert 1 == code

@@ -229,10 +229,7 @@ def test_a_narrow_terminal_leaves_columns_out_and_says_so(log: Path) -> None:
     ids=_name_of,
 )  # fmt: skip
 def test_tables_fit_any_terminal(log: Path, verb: list[str], columns: int) -> None:
-    """
-    What is drawn is no wider than the terminal, so that it does not break rows; only a command
-    line, which is to be pasted, is whole.
-    """
+    """What is drawn is no wider than the terminal, so that it does not break rows."""
     drawn, left_out = _in_terminal(columns, verb[0], log, *verb[1:])
 
     if verb[0] in {"history", "diff", "tail"}:

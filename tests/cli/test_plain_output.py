@@ -88,9 +88,7 @@ def test_brackets_and_colons_are_no_markup(log: Path) -> None:
 
 @pytest.mark.slow
 def test_errors_name_files_plainly(tmp_path: Path, log: Path) -> None:
-    """
-    Of bags, of usage, of folders that are not there, and libraries' errors with names in them.
-    """
+    """Of bags, of usage, of folders that are not there."""
     bad = tmp_path / f"{FOLDER}.mcap"
     bad.write_bytes(b"nonsense")
     for arguments in (

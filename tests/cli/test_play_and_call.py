@@ -49,10 +49,7 @@ def test_what_cannot_be_played_is_refused(run: Verb, refuses: Refuses) -> None:
 def test_a_person_sees_where_in_the_log_it_is(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    The log's time, how much of it is over, and how long nothing will come, by the wall's clock;
-    drawn in place, and only if it is another.
-    """
+    """The log's time, how much of it is over."""
     log = small_log(tmp_path / "log")
     stream = log_stream(log, ros_version=2)
     show = _status_line(stream, rate=10.0)

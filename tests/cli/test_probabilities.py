@@ -217,10 +217,7 @@ def test_a_plot_is_written(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_the_office_is_too_little_seen(capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    One day tells no habits: all three doors are there, whatever is said of them, and the days on
-    which nobody looked are named.
-    """
+    """One day tells no habits: all three doors are there, whatever is said of them."""
     out = said(capsys, str(RECORDINGS / "office"))
 
     assert all(name in out for name in ("main_door", "coe_door", "hardware_door"))
@@ -231,10 +228,7 @@ def test_the_office_is_too_little_seen(capsys: pytest.CaptureFixture[str]) -> No
 def test_who_asks_about_a_time_that_was_imported_later_is_told_why_nothing_is_known(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    What a CSV tells of last year was recorded today: as known last year there is nothing; --at has
-    one meaning in all verbs, and counts it.
-    """
+    """What a CSV tells of last year was recorded today: as known last year there is nothing."""
     monkeypatch.chdir(tmp_path)
     Path("doors.csv").write_text(
         "timestamp,door,state\n2024-05-01T08:00,front,OPEN\n2024-05-20T08:00,front,CLOSED\n"

@@ -182,9 +182,7 @@ def test_a_name_that_a_room_has_is_not_a_doors_node(office: Path) -> None:
 
 
 def test_edges_are_told_apart_where_names_run_together(office: Path) -> None:
-    """
-    `front_a` to `front`, and `front` to `a_front`: navigation looks an edge up by its id alone.
-    """
+    """`front_a` to `front`, and `front` to `a_front`."""
     with sl.append("office") as log:
         log.annotate(1, "rooms", "front_a,a_front", at="@100")
 

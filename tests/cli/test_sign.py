@@ -110,9 +110,7 @@ def test_a_key_is_revoked(log: Path, capsys) -> None:
 
 @needs_openssl
 def test_a_time_stamp_is_kept(log: Path, tmp_path: Path, capsys) -> None:
-    """
-    Also by a later command, if the authority did not answer; what openssl checks as the help says.
-    """
+    """Also by a later command, if the authority did not answer."""
     authority = Authority(tmp_path / "tsa")
     with served(lambda _: b"nothing") as (url, _):
         code, out, err = semmap(

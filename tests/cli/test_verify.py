@@ -155,9 +155,7 @@ def _as_nobody(log: Path) -> subprocess.CompletedProcess[bytes]:
 
 @pytest.mark.slow
 def test_a_disk_that_does_not_give_some_bytes(log: Path, tmp_path: Path) -> None:
-    """
-    A read error of the disk is a finding with its place, not a dead process; the rest is read.
-    """
+    """A read error of the disk is a finding with its place, not a dead process."""
     import shutil
 
     if shutil.which("strace") is None:

@@ -179,10 +179,7 @@ def test_a_viewer_that_is_killed_ends_the_following(log: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.viewer
 def test_a_browser_shows_the_recording(log: Path) -> None:
-    """
-    The page loads without a complaint of ours, and shows the door closed; nobody but this machine
-    is listened to.
-    """
+    """The page loads without a complaint of ours, and shows the door closed."""
     with (
         a_page(size=(1000, 700), webgl=True) as browser,
         _serving(log, "--no-beliefs", "--theme", "dark") as (process, page),

@@ -31,10 +31,7 @@ def test_clocks_that_jump_at_random_change_nothing_either(memory: Path) -> None:
 
 
 def test_what_has_no_time_of_its_own_folds_as_the_clock_said(memory: Path) -> None:
-    """
-    By a clock two days behind, a sighting without a time is older than one before: both are kept,
-    and the later happened wins, whatever their numbers.
-    """
+    """By a clock two days behind, a sighting without a time is older than one before."""
     clock = LyingClock(lambda look, ns: ns - (look > 8) * 2 * DAY)
     with sl.create(memory / "log", tz="UTC", clock=clock) as log:
         door = log.add_door()

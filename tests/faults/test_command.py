@@ -171,9 +171,7 @@ def _hangs_in_a_fault(plan: Plan) -> Generator[Outcome, None, None]:
 def test_a_fault_that_does_not_end_is_ended(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    With all its processes; what it has to put away is put away, and the next kind has its turn.
-    """
+    """With all its processes; what it has to put away is put away."""
     monkeypatch.setattr(command, "KINDS", {"hangs": _hangs_in_a_fault, "loses": _loses})
     told = tmp_path / "told"
 

@@ -61,9 +61,7 @@ def test_a_flipped_bit_of_a_schema_is_harmless_to_us(live: Subject) -> None:
 
 
 def test_the_judge_sees_what_is_missing(live: Subject, tmp_path: Path) -> None:
-    """
-    A log that ends a commit earlier, where nothing may be missing, is a wrong answer; it counts.
-    """
+    """A log that ends a commit earlier, where nothing may be missing, is a wrong answer."""
     copy = tmp_path / "log"
     shutil.copytree(live.log, copy)
     whole = (copy / LAST).read_bytes()

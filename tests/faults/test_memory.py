@@ -78,9 +78,7 @@ def test_memory_that_runs_out(memory: Path) -> None:
 
 
 def test_a_ledger_notices(memory: Path) -> None:
-    """
-    A door that was acknowledged and is not there is lost; one that nobody asked for, invented.
-    """
+    """A door that was acknowledged and is not there is lost."""
     path, ledger = memory / "log", Ledger()
     with sl.create(path, tz="UTC") as log:
         ledger.add_doors(log, 3)

@@ -94,9 +94,7 @@ print(*seen)
 
 
 def test_a_deleted_lock_file_lets_nobody_in(tmp_path: Path) -> None:
-    """
-    Somebody tidies up while the log is written: there is still one writer, then and afterwards.
-    """
+    """Somebody tidies up while the log is written."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log:
         (path / ".lock").unlink()
@@ -134,10 +132,7 @@ def _killed_writer(path: Path) -> None:
 
 @pytest.mark.slow
 def test_what_a_forked_child_does_releases_nothing(tmp_path: Path) -> None:
-    """
-    It cannot append or sync; it closes the log, collects garbage and ends: the lock stays held,
-    the segment live, and the parent goes on.
-    """
+    """It cannot append or sync; it closes the log, collects garbage and ends."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log:
         log.add_door()

@@ -31,9 +31,7 @@ def test_a_missing_segment_is_named_by_its_number(
 def test_a_middle_segment_that_ends_early_answers_no_question(
     sample: Sample, tmp_path: Path
 ) -> None:
-    """
-    Closed, whole by all its checksums, and of an earlier day: no question passes over the gap.
-    """
+    """Closed, whole by all its checksums, and of an earlier day."""
     early, log = tmp_path / "early" / "log", tmp_path / "log"
     early.mkdir(parents=True)
     shutil.copy2(sample.closed / "log_000000.mcap", early)

@@ -31,9 +31,7 @@ def test_nothing_acknowledged_is_lost_whatever_a_disk_keeps(tmp_path: Path) -> N
 def test_what_a_footer_stands_for_is_on_the_disk_before_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A power cut may keep a file's last sector alone: only what was synced may be vouched for there.
-    """
+    """A power cut may keep a file's last sector alone."""
     synced: list[bytes] = []
     fsync = os.fsync
 
@@ -143,9 +141,7 @@ def test_the_model_tears_what_was_not() -> None:
 
 
 def test_the_model_undoes_renames() -> None:
-    """
-    A rename that was not followed by a sync of the folder happened, or not, or without the data.
-    """
+    """A rename that was not followed by a sync of the folder happened, or not."""
     folder = (Entry(Call.LOOK, 4, 0, "/r", "", b""), _on(Call.FSYNC, 4))
     first = (_open("/r/a", 3), _write(3, 0, b"old"), _on(Call.FSYNC, 3), *folder)
 

@@ -106,9 +106,7 @@ for ask in (store.list, lambda: store.status("x"), lambda: store.whole("x", most
 
 
 def _asked(url: str, endpoint: str) -> tuple[list[str], int]:
-    """
-    What a process of its own says of a store, and the most memory that it held.
-    """
+    """What a process of its own says of a store, and the most memory that it held."""
     named = {"AWS_ENDPOINT_URL": endpoint, "AWS_ACCESS_KEY_ID": "a" * 8,
              "AWS_SECRET_ACCESS_KEY": "b" * 8, "AWS_REGION": "us-east-1"}  # fmt: skip
     command = [sys.executable, "-c", _ASK, url]

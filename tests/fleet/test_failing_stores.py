@@ -20,9 +20,7 @@ from tests.fleet.test_shipping import a_log, events_of
 
 @pytest.fixture
 def shipped(bucket: str, tmp_path: Path) -> tuple[Path, Path]:
-    """
-    A log, and the objects of it as they lie in a store.
-    """
+    """A log, and the objects of it as they lie in a store."""
     log = a_log(tmp_path / "log")
     ship(log, UrlPath(bucket))
     return log, objects_below(bucket, tmp_path / "objects")

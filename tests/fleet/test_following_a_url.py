@@ -49,9 +49,7 @@ class WatchedStore(ObjectStore):
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    """
-    A small log, whose closed segment the next writer continues in a copy.
-    """
+    """A small log, whose closed segment the next writer continues in a copy."""
     with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
         log.add_door(name="front")
     return tmp_path / "log"

@@ -39,9 +39,7 @@ ID = bytes(range(16))
 
 @pytest.fixture
 def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """
-    Six segments; in the first a command, a round, and an event that the third takes back.
-    """
+    """Six segments; in the first a command, a round, and an event that the third takes back."""
     monkeypatch.setattr(segment_chain, "CONTINUE_BELOW_BYTES", 1)
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", compact=False) as log:

@@ -35,9 +35,7 @@ def cache(tmp_path: Path) -> ObjectCache:
 
 
 def fetched(url: str, cache: ObjectCache) -> tuple[int, list[str]]:
-    """
-    Return how many ranges are fetched to read all of a log, and its events.
-    """
+    """Return how many ranges are fetched to read all of a log, and its events."""
     _kept.clear()
     store = WatchedStore(UrlPath(url))
     log = sl.DoorLog(LogReader(ObjectSegments(store, cache=cache)))
@@ -145,10 +143,7 @@ def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
 
 
 def test_eight_at_once(tmp_path: Path) -> None:
-    """
-    Threads with a cache of their own each, as processes have: too small for all, so that each
-    removes what the others put there.
-    """
+    """Threads with a cache of their own each, as processes have."""
 
     def used(number: int) -> None:
         cache = ObjectCache(tmp_path / "cache", most_bytes=200_000)

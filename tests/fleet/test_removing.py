@@ -54,9 +54,7 @@ def pages_of(reader: LogReader) -> list[bytes]:
 
 @pytest.fixture
 def both(bucket: str, tmp_path: Path) -> tuple[Path, Path]:
-    """
-    Two copies of a log, one of them compacted; both were shipped, the compacted one last.
-    """
+    """Two copies of a log, one of them compacted; both were shipped, the compacted one last."""
     log = a_log(tmp_path / "log", 3)
     other = shutil.copytree(log, tmp_path / "other")
     ship(log, UrlPath(bucket))
@@ -184,9 +182,7 @@ class WithRivalStore(ObjectStore):
 def test_a_rival_that_still_has_the_old_segments_ships_in_the_middle(
     bucket: str, both: tuple[Path, Path], when: str
 ) -> None:
-    """
-    Before the new generation, or before the first object goes: what its manifest names is there.
-    """
+    """Before the new generation, or before the first object goes."""
     rival = {when: lambda: void(ship(both[1], UrlPath(bucket)))}
 
     removed_at(WithRivalStore(UrlPath(bucket), rival))

@@ -41,9 +41,7 @@ def _in_a_fork(url: str, said: Any) -> None:
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 @pytest.mark.parametrize("is_open", [False, True])
 def test_a_forked_process_is_told(bucket: str, *, is_open: bool) -> None:
-    """
-    Threads that ask a store do not come along by a fork: so the child is told, and does not wait.
-    """
+    """Threads that ask a store do not come along by a fork."""
     ship(OFFICE, UrlPath(bucket))
     doors = len(sl.read(bucket).replay().doors) if is_open else 3
     answers = {}
@@ -120,9 +118,7 @@ FIELDS: dict[str, Callable[[dict[str, Any]], object]] = {
 
 
 def _rewritten(bucket: str, change: Callable[[dict[str, Any]], None]) -> None:
-    """
-    Put a manifest in the place of the one that lies there, as a liar with all rights would.
-    """
+    """Put a manifest in the place of the one that lies there, as a liar with all rights would."""
     store = ObjectStore(UrlPath(bucket))
     got = store.whole("manifest.json", most_bytes=2**24)
     assert got is not None

@@ -50,9 +50,7 @@ class SlowStore:
 
 @pytest.fixture
 def days(bucket: str, tmp_path: Path) -> tuple[Path, str]:
-    """
-    A log of a small segment a day, on a disk and in a store.
-    """
+    """A log of a small segment a day, on a disk and in a store."""
     log = tmp_path / "days"
     sl.create(log, tz="UTC", compact=False).close()
     for number in range(DAYS):
@@ -68,10 +66,7 @@ def days(bucket: str, tmp_path: Path) -> tuple[Path, str]:
 def test_a_whole_log_comes_in_a_few_round_trips(
     days: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Several segments are on their way at once, all behind the first are asked for once, and the
-    answer is the log's.
-    """
+    """Several segments are on their way at once, all behind the first are asked for once."""
     log, url = days
     expected = events_of(log)
     store = SlowStore(monkeypatch)

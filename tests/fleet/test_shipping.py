@@ -41,9 +41,7 @@ class CountedStore(ObjectStore):
 
 
 def a_log(path: Path, sessions: int = 4) -> Path:
-    """
-    Make a log of several segments, which recordings of hours are.
-    """
+    """Make a log of several segments, which recordings of hours are."""
     with sl.create(path, tz="UTC", compact=False) as log:
         door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, name="front")
     for number in range(sessions):
@@ -222,9 +220,7 @@ class NotedStore(ObjectStore):
 
 
 def test_a_segment_is_handed_over_as_it_was_read(bucket: str, tmp_path: Path) -> None:
-    """
-    A store that honours conditions takes an object in one request: it is in memory once, uncopied.
-    """
+    """A store that honours conditions takes an object in one request."""
     log = a_log(tmp_path / "log", 1)
     store = NotedStore(UrlPath(bucket))
 

@@ -149,9 +149,7 @@ def test_an_entry_of_a_later_version_stays(newer: NewerLogs, tmp_path: Path) -> 
 
 
 def test_a_writer_that_cannot_know_the_doors_is_refused(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    It would check commands against doors that may be others, and write them down as a keyframe.
-    """
+    """It would check commands against doors that may be others."""
     log = newer.log("locked", tmp_path, how="live")
     before = segment_files(log)[0].read_bytes()
 

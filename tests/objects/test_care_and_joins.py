@@ -119,9 +119,7 @@ def test_pseudonyms_leave_objects_what_they_are(closed: Path) -> None:
 
 
 def test_pseudonyms_of_classes_that_come_and_go(log: sl.DoorLogWriter, path: Path) -> None:
-    """
-    A class that is said before it is defined, one that is taken back, and words that are none.
-    """
+    """A class that is said before it is defined, one that is taken back."""
     log.append([DoorAnnotated(door_id=sl.DoorId(1), key="class", value="gate")])
     log.define_class("gate")
     for door, word in ((2, ""), (3, "door"), (4, "somebody's")):

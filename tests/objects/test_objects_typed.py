@@ -73,9 +73,7 @@ def test_a_class_chooses_what_is_told(run_verb) -> None:
 
 
 def test_tables_call_states_as_the_class_does(run_verb) -> None:
-    """
-    History, timeline, why, tail: what a person reads, and what programs read of the same table.
-    """
+    """History, timeline, why, tail: what a person reads."""
     run_verb("observe", "office", "west", "taken", "--accuracy", "0.9")
     told = {
         "history office west": "seen taken (90%), was free",

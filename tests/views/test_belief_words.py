@@ -19,9 +19,7 @@ from semmap_log.views.belief_words import moment_in_words, with_interval
 def test_a_probability_stands_before_its_interval(
     expected: str, numbers: tuple[float, float, float]
 ) -> None:
-    """
-    No probability is 0 or 1, but an interval may reach them; one that says no more is left out.
-    """
+    """No probability is 0 or 1, but an interval may reach them."""
     assert expected == with_interval(*numbers)
 
 

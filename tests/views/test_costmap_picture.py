@@ -151,9 +151,7 @@ def test_another_shape_is_refused():
 
 
 def test_a_name_of_any_length_is_cut_before_it_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Else each letter that goes would have the rest measured again: hours, for a stranger's name.
-    """
+    """Else each letter that goes would have the rest measured again."""
     measured: list[int] = []
     draw = ImageDraw.Draw(Image.new("L", (1, 1)))
     length = draw.textlength

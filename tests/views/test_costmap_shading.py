@@ -25,9 +25,7 @@ def test_y_points_up():
 
 
 def test_costs_darken_as_they_rise():
-    """
-    As a grey print shows them: free, inflated, inscribed, lethal, and never lighter on the way.
-    """
+    """As a grey print shows them: free, inflated, inscribed, lethal."""
     row = shaded(np.arange(255, dtype=np.uint8)[None], 1)[0].astype(float)
 
     grey = row @ [0.299, 0.587, 0.114]

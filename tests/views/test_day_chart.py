@@ -78,9 +78,7 @@ def test_the_liveliest_doors_are_drawn_and_the_others_counted() -> None:
 
 
 def test_it_fits_a_terminal_whatever_doors_are_called() -> None:
-    """
-    Long names and names of wide letters go on in the next line; control characters do no harm.
-    """
+    """Long names and names of wide letters go on in the next line."""
     day = day_of(("L1_" + "x" * 90, [1.0] * 48), ("門" * 40, [0.0]), ("\x1b[31mred", [0.5]))
 
     lines = printed(day)
@@ -99,9 +97,7 @@ def test_colours_say_the_same() -> None:
 
 @pytest.mark.parametrize(("width", "bars"), [(80, 47), (50, 24), (30, 12), (22, 6)])
 def test_a_day_of_47_half_hours_has_bars_in_any_width(width: int, bars: int) -> None:
-    """
-    Lord Howe's clocks change by half an hour: the last bar stands for what is left of the day.
-    """
+    """Lord Howe's clocks change by half an hour."""
     begin_ns = 1_759_584_600 * 10**9
     open_till_noon = np.array([1.0] * 23 + [0.0] * 24)
     shares = TimeShares(open_till_noon, np.ones(47), np.ones(47))

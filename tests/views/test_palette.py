@@ -69,10 +69,7 @@ def test_what_is_no_open_or_closed_draws_as_unknown(palette: Palette) -> None:
 
 @pytest.mark.parametrize("palette", PALETTES.values(), ids=PALETTES)
 def test_everything_can_be_seen(palette: Palette) -> None:
-    """
-    On the plan all stands out (3:1, as WCAG asks of graphics), and text does on both themes; so do
-    names on the plan, on the chip that each theme gives them.
-    """
+    """On the plan all stands out (3:1, as WCAG asks of graphics), and text does on both themes."""
     for chip in (LIGHT_CHIP, palette.floor):
         assert contrast(palette.label, chip) >= 3
     for drawn in (palette.open, palette.closed, palette.unknown, palette.robot, palette.wall):
@@ -93,10 +90,7 @@ def test_the_colour_blind_palette_stays_apart_for_every_eye(eye: str) -> None:
 
 
 def test_the_default_palette_is_not_for_every_eye() -> None:
-    """
-    Its green and red are nearer to each other for a deutan eye: why there is another palette, and
-    that the measure can tell.
-    """
+    """Its green and red are nearer to each other for a deutan eye."""
     assert _apart(DEFAULT.open, DEFAULT.closed, "deutan") < 25
     assert _apart(DEFAULT.open, DEFAULT.closed, "every") > 100
 

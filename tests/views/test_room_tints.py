@@ -24,9 +24,7 @@ def test_rooms_beside_each_other_have_different_tints(building: Building) -> Non
 
 @given(buildings())
 def test_the_picture_shows_each_cell_in_its_rooms_tint(building: Building) -> None:
-    """
-    A room's point has its tint; the yard around the building has none; a coarse one, the same.
-    """
+    """A room's point has its tint; the yard around the building has none."""
     plan = plan_of(building.door_map, {0: building.floor})
     rooms = plan.levels[0]
     fine, coarse = rooms_image(rooms, alpha=99), rooms_image(rooms, alpha=99, most_cells=900)

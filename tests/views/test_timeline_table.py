@@ -39,10 +39,7 @@ def lasting(*lengths: tuple[int, DoorState], removed: bool = False) -> Timeline:
 
 
 def test_a_row_an_interval_and_the_shares_below() -> None:
-    """
-    In the log's zone; shares are of the time in which a sighting held: what comes after counts as
-    not seen.
-    """
+    """In the log's zone; shares are of the time in which a sighting held."""
     timeline = lasting(
         (25 * MINUTE, DoorState.UNKNOWN),
         (9 * HOUR, DoorState.OPEN),

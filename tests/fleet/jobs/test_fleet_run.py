@@ -105,9 +105,7 @@ def _json_of(verb: str, log: Path, *options: str) -> dict[str, Any]:
 def test_parts_of_a_long_log_make_the_answer_of_the_whole(
     made_fleet: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Doors apart, or ranges of events apart, merged in their order; who cannot merge is not cut.
-    """
+    """Doors apart, or ranges of events apart, merged in their order."""
     fleet = sl.fleet(made_fleet, engine="serial", fresh=True)
     openings, folded = fleet.openings(), fleet.fold(Sightings())
     monkeypatch.setattr(door_jobs, "PART_EVENTS", 20)
@@ -250,9 +248,7 @@ def test_logs_whose_worker_does_not_come_back_have_no_answer(
 
 
 def test_what_was_answered_is_not_asked_again(made_fleet: Path, tmp_path: Path) -> None:
-    """
-    Until a log has grown, the question is another, its answer's file is cut, or `fresh` is said.
-    """
+    """Until a log has grown, the question is another, its answer's file is cut."""
     logs = tmp_path / "logs"
     shutil.copytree(made_fleet, logs)
     places = [str(logs / f"tug{n}") for n in range(8)]
@@ -353,9 +349,7 @@ def test_wrong_questions_are_errors_and_a_users_own_are_rows(
 
 @contextmanager
 def _dask(port: int) -> Iterator[subprocess.Popen[bytes]]:
-    """
-    A cluster as an operator starts one: a scheduler, and a worker.
-    """
+    """A cluster as an operator starts one: a scheduler, and a worker."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     address = f"tcp://127.0.0.1:{port}"
     python = [sys.executable, "-m"]

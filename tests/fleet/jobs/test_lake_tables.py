@@ -25,9 +25,7 @@ def two(tmp_path: Path) -> Fleet:
 
 
 def keys_of(fleet: Fleet) -> set[tuple[str, int]]:
-    """
-    (log id, number) of every event, as a reader of one log has them.
-    """
+    """(log id, number) of every event, as a reader of one log has them."""
     logs = [sl.read(place) for place in fleet.places]
     return {(log.info.log_id, n) for log in logs for n in range(log.last_event() + 1)}
 

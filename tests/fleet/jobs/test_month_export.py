@@ -25,9 +25,7 @@ def run(*words: object) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture
 def logs(tmp_path: Path) -> Path:
-    """
-    Two logs; the first has an event that happened two months before the rest.
-    """
+    """Two logs; the first has an event that happened two months before the rest."""
     folder = tmp_path / "logs"
     folder.mkdir()
     for seed in range(2):

@@ -87,9 +87,7 @@ def test_it_answers_as_before_from_the_latest_horizon_on(
 def test_alone_it_believes_what_the_log_itself_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int, *, is_kept: bool
 ) -> None:
-    """
-    Its sightings were thinned: what went counts, though its number is that of another event here.
-    """
+    """Its sightings were thinned: what went counts."""
     log = random_log(tmp_path / "one", seed, monkeypatch, commits=300, roll=30)
     times = [c.recorded_ns for c in LogReader(log).commits()]
     until_ns, last_ns = times[250], times[-1]
@@ -257,9 +255,7 @@ def test_a_retraction_of_what_is_gone_moves_nothing(
 def test_of_equal_times_the_later_told_counts_though_the_earlier_is_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, is_one_log: bool
 ) -> None:
-    """
-    What stands for it comes in its place, before what another log, or the same, told afterwards.
-    """
+    """What stands for it comes in its place, before what another log."""
     monkeypatch.setattr("semmap_log.store.writing.segment_chain.ROLL_COMMITS", 6)
     clock, later, then = MinuteClock(), MinuteClock(), f"@{START_NS + 100 * SECOND_NS}"
     place = {"x": 1.0, "y": 1.0, "theta": 0.0, "width": 0.9}

@@ -120,9 +120,7 @@ def test_two_robots_at_one_door_are_two_visits(
 
 
 def test_levels_of_one_name_are_one_and_the_reference_draws_them(tmp_path: Path) -> None:
-    """
-    Another number of the same name becomes the reference's; a name of its own gets a free number.
-    """
+    """Another number of the same name becomes the reference's."""
     for number, robot in enumerate(("tug1", "tug2")):
         clock = SetClock(START_NS + number * SECOND_NS)
         with a_robot(tmp_path / robot, clock=clock) as log:

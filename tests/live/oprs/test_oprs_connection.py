@@ -191,9 +191,7 @@ def test_a_queue_that_is_full(start_stub: StartStub, tmp_path: Path) -> None:
 
 
 def test_no_sigpipe(start_stub: StartStub, tmp_path: Path) -> None:
-    """
-    The server closes while a long question is written: its default action would end the kernel.
-    """
+    """The server closes while a long question is written."""
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(tmp_path / "doors"))
         listener.listen(16)

@@ -84,10 +84,7 @@ def test_predicates_and_functions_from_consult(workshop: Workshop) -> None:
 
 
 def test_variables(workshop: Workshop) -> None:
-    """
-    The thesis's function binds for good; the predicate's binding goes where the goal fails;
-    without an argument the door is the value.
-    """
+    """The thesis's function binds for good; the predicate's binding goes where the goal fails."""
     workshop.serve()
 
     kernel = workshop.kernel("add (! (VARIABLES))")
@@ -118,9 +115,7 @@ def test_two_kernels_at_once(workshop: Workshop) -> None:
 
 
 def test_all_traces_on(workshop: Workshop) -> None:
-    """
-    Where the thesis's kernel always hung: questions and actions, 50 rounds, its output in a file.
-    """
+    """Where the thesis's kernel always hung."""
     workshop.serve()
     traces = [f"trace {trace} on" for trace in TRACES]
     traces += [f'trace {kind} opf "{PLANS}" on' for kind in ("text", "graphic")]
@@ -135,10 +130,7 @@ def test_all_traces_on(workshop: Workshop) -> None:
 
 @pytest.mark.parametrize("how", ["killed", "silent"])
 def test_an_action_without_an_answer_is_stored_once(workshop: Workshop, how: str) -> None:
-    """
-    The server is killed between storing and answering, or is silent until the time-out: the plan
-    gets NIL, goes on, and does it again when the map answers again.
-    """
+    """The server is killed between storing and answering, or is silent until the time-out."""
     first = workshop.serve("--hold", "1")
     kernel = workshop.kernel(
         "add (! (ONCE DOOR_3))", timeout_ms=60_000 if how == "killed" else 3000
@@ -171,9 +163,7 @@ def test_a_plan_waits_for_a_door(workshop: Workshop) -> None:
 
 
 def test_a_map_that_is_not_there(workshop: Workshop) -> None:
-    """
-    Predicates are false, functions NIL; DOOR_MAP_ANSWERS tells that from a door that is closed.
-    """
+    """Predicates are false, functions NIL."""
     questions = ["(DOOR_OPEN DOOR_1)", "(DOOR_MAP_ANSWERS)", "(= NIL (GET_OPEN_DOOR))"]
 
     assert ["NULL", "NULL", questions[2]] == _consulted(workshop, *questions)
@@ -191,9 +181,7 @@ def test_words_of_other_people_stay_words(workshop: Workshop) -> None:
 
 
 def test_it_loads_without_a_warning(workshop: Workshop) -> None:
-    """
-    A kernel warns of each name that it has not heard of: among them nobody would find a failure.
-    """
+    """A kernel warns of each name that it has not heard of."""
     kernel = workshop.kernel()
     kernel.wait_for("^semantic_map_oprs is there")
 
@@ -266,10 +254,7 @@ def test_the_plans_to_copy(workshop: Workshop) -> None:
 
 
 def test_words_stay_words_in_another_kernel(workshop: Workshop) -> None:
-    """
-    Reasons that one kernel sends to another, over a message passer in a network of their own; also
-    those that end with a backslash, behind which the next text would be read as terms.
-    """
+    """Reasons that one kernel sends to another, over a message passer in a network of their own."""
     try:
         network = NetworkNamespace.open()
     except NoNamespaceError as error:

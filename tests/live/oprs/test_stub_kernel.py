@@ -260,10 +260,7 @@ TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]
 def test_any_text_goes_as_one_word_and_comes_back(
     echo: tuple[StubKernel, LineServer], text: str
 ) -> None:
-    """
-    Quotes, backslashes, line ends: one line, JSON; what comes back has blanks for control
-    characters, so that nothing in a kernel can take it for a line's end.
-    """
+    """Quotes, backslashes, line ends: one line, JSON."""
     stub, server = echo
 
     value = stub.call(f"ASK_DOOR_MAP ECHO x{text.encode().hex()}")
@@ -303,9 +300,7 @@ def test_no_bytes_whatever_break_the_module(
 
 @pytest.mark.slow
 def test_valgrind_finds_nothing(tmp_path: Path, start_server: StartServer) -> None:
-    """
-    Values, lists, refusals, a server that hangs up: no byte read that was not written, none lost.
-    """
+    """Values, lists, refusals, a server that hangs up."""
     if compiler() is None or shutil.which("valgrind") is None:
         pytest.skip("no C compiler or no valgrind here")
     program = build_stub(tmp_path)

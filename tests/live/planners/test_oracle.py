@@ -27,10 +27,7 @@ def _answers(ask: Asker, *names: str) -> dict[str, str]:
 
 
 def test_predicates_of_each_state(ask: Asker) -> None:
-    """
-    OPEN, CLOSED, UNKNOWN, MOVING, OFFLINE, and a door that is not there: moving and offline are
-    known, and neither open nor closed.
-    """
+    """OPEN, CLOSED, UNKNOWN, MOVING, OFFLINE, and a door that is not there."""
     assert {
         "DOOR_STATE_KNOWN": "TTNTTN",
         "DOOR_OPEN": "TNNNNN",
@@ -213,10 +210,7 @@ def test_a_removed_door_is_gone_for_good(ask: Asker) -> None:
 def test_a_command_sent_again_is_answered_as_the_first_time_and_done_once(
     ask: Asker, path: Path, clock: SteadyClock
 ) -> None:
-    """
-    After others have changed the door, under another name, after a restart, and though the first
-    changed nothing.
-    """
+    """After others have changed the door, under another name, after a restart."""
     line = f"{ID} SET_DOOR_OPEN DOOR_main_door"
     first = ask(line)
     ask("SET_DOOR_CLOSED DOOR_1")
@@ -280,9 +274,7 @@ def test_a_moment_or_a_name_that_is_none_is_an_error(ask: Asker, line: str) -> N
 
 
 def test_a_time_that_is_none(ask: Asker) -> None:
-    """
-    The error tells the question's form: what was no time may have been meant as something else.
-    """
+    """The error tells the question's form."""
     for question in ("DOORS OPN", "DOOR_CLOSED DOOR_main door", "PROBABILITY_DOOR_OPEN 1 AT noon"):
         said = ask(question)
 

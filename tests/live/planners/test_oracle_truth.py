@@ -111,10 +111,7 @@ def test_random_moments(ask: Asker, name: str) -> None:
 
 @pytest.mark.slow
 def test_what_is_likely(clinic: Asker) -> None:
-    """
-    As `probabilities` says: ahead by what is known now, within a day and beyond it; before, by
-    what was known then.
-    """
+    """As `probabilities` says: ahead by what is known now, within a day and beyond it."""
     dice, log = random.Random(11), sl.read(RECORDINGS / "clinic_week")
     now_ns = log.end_ns()
     times = [now_ns, *(now_ns + dice.randrange(60 * HOUR_NS) for _ in range(4)),

@@ -67,10 +67,7 @@ def test_a_place_that_is_given_in_part_is_completed(server: DoorServer) -> None:
 
 
 def test_what_is_not_given_is_not_set(server: DoorServer) -> None:
-    """
-    The goal's flags name what is given alone; a probability that is not is NaN to our server, which
-    is a door's first value; in an update, where the flags say it, no NaN is sent.
-    """
+    """The goal's flags name what is given alone."""
     node = _node(server)
     client = DoorClient(node)
     client.add(DOOR)

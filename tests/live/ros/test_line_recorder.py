@@ -101,9 +101,7 @@ def test_a_class_whose_words_have_line_breaks_leaves_a_log_that_is_read(
 
 
 def test_a_reader_that_fails_loses_nothing_that_was_read(office: Path) -> None:
-    """
-    The pose that waits for a next line, which never comes; a terminal that went away says EIO.
-    """
+    """The pose that waits for a next line, which never comes."""
     terminal, end = os.openpty()
     os.write(end, POSE + GOOD + POSE)
     os.close(end)

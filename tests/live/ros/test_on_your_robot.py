@@ -64,9 +64,7 @@ def test_a_service_starts_the_verb_with_the_options_of_its_file(
 
 
 def test_the_doors_of_the_page_lie_where_a_service_may_write() -> None:
-    """
-    `ProtectSystem=strict` leaves a service its state and its logs: SaveDoorDB writes beside --yaml.
-    """
+    """`ProtectSystem=strict` leaves a service its state and its logs."""
     settings = (FOLDER / "systemd" / "office.env").read_text(encoding="utf-8")
     unit = (FOLDER / "systemd" / "semmap-server@.service").read_text(encoding="utf-8")
     state = "/var/lib/" + re.findall(r"(?m)^StateDirectory=(.*)$", unit)[0] + "/"
@@ -162,10 +160,7 @@ def test_files_in_launch_commands_have_whole_paths() -> None:
 
 
 def test_services_run_as_they_are_handed_out() -> None:
-    """
-    No option of theirs names a file that nobody made; and what they are set up with is where they
-    can see it.
-    """
+    """No option of theirs names a file that nobody made."""
     settings = (FOLDER / "systemd" / "office.env").read_text(encoding="utf-8")
     values = dict(re.findall(r"^(\w+)=(.*)$", settings, flags=re.MULTILINE))
 

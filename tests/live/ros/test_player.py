@@ -126,9 +126,7 @@ def test_others_wait_once_many_are_on_their_way(
 
 
 def test_no_stamp_lies_ahead_of_the_clock(stream: LogStream) -> None:
-    """
-    The clock has shown a message's time when it comes; each time is shown once, none goes back.
-    """
+    """The clock has shown a message's time when it comes."""
     node = CollectingNode()
 
     play(node, stream, PlayOptions(rate=math.inf, clock_hz=40.0), stop=at_last())
@@ -245,9 +243,7 @@ def test_an_empty_stream_publishes_nothing(tmp_path: Path) -> None:
 def test_a_single_moment_in_a_loop_does_not_flood(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    It lasts no time, so it comes once a second (here: four times), not as fast as the machine can.
-    """
+    """It lasts no time, so it comes once a second."""
     assert 1.0 == player.LOOP_S
     monkeypatch.setattr(player, "LOOP_S", 0.25)
     node = CollectingNode()

@@ -88,9 +88,7 @@ def _kinds(office: Path, kind: type[Any]) -> list[Any]:
 
 
 def test_all_that_a_robot_says_of_doors_is_in_the_log(every_ros: RosWorld, office: Path) -> None:
-    """
-    A server's map, Open-RMF, a contact, pose, TF, floor plan and rounds; who said it; Ctrl-C ends.
-    """
+    """A server's map, Open-RMF, a contact, pose, TF, floor plan and rounds; who said it."""
     robot, started_ns = Robot(1 if every_ros.version == 1 else 2), time.time_ns()
     cells = np.array([[0, 100, -1], [0, 0, 100]], np.int8)
 
@@ -140,9 +138,7 @@ def _said_by(doors: Iterable[int], robot: Robot, talker: Talker, topic: str) -> 
 def test_what_was_received_is_written_when_it_is_told_to_stop(
     jazzy: RosWorld, office: Path
 ) -> None:
-    """
-    With SIGTERM, amid a burst: every message that came is in the log, and none is counted twice.
-    """
+    """With SIGTERM, amid a burst: every message that came is in the log."""
     robot = Robot(2)
 
     with _talking(jazzy) as talker, _record(jazzy, office) as recorder:
@@ -158,9 +154,7 @@ def test_what_was_received_is_written_when_it_is_told_to_stop(
 
 
 def test_a_recorder_that_was_killed_goes_on(ros: RosWorld, office: Path) -> None:
-    """
-    What it had is whole; the map that a server latched is compared, and only differences are new.
-    """
+    """What it had is whole; the map that a server latched is compared."""
     robot = Robot(1 if ros.version == 1 else 2)
 
     with _talking(ros) as talker:

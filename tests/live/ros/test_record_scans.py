@@ -100,10 +100,7 @@ def test_the_bag_of_a_drive_that_was_recorded_adds_nothing(tmp_path: Path) -> No
 
 
 def test_a_clock_that_is_set_back_costs_no_scan(tmp_path: Path) -> None:
-    """
-    The door is seen on, though the clock needs an hour until it is where it was; and each visit
-    holds where the robot was.
-    """
+    """The door is seen on, though the clock needs an hour until it is where it was."""
     office = _office(tmp_path / "office")
     hour = LaserRoom(begins_s=3600.0, state=lambda _: SHUT)
 

@@ -52,10 +52,7 @@ def test_an_action_has_the_checksums_of_catkins(ros1: RosWorld, actionlibs_own: 
 
 @pytest.mark.parametrize("folder", [None, THESIS.parent], ids=["anywhere", "among the definitions"])
 def test_no_build_is_needed(ros1: RosWorld, folder: Path | None) -> None:
-    """
-    Debian's own Python has no messages of ours: they are made on the spot, and no file stays. Nor
-    does a folder of definitions pass for them, though Python would import it.
-    """
+    """Debian's own Python has no messages of ours: they are made on the spot, and no file stays."""
     built, is_installed = ros1.python("-c", MESSAGES).finish().splitlines()
 
     said = ros1.run("/usr/bin/python3", "-c", MESSAGES, cwd=folder).finish()

@@ -157,10 +157,7 @@ def test_a_goal_says_who_sent_it_and_has_an_id(ros: RosWorld, server: Running) -
 def test_a_goal_that_is_sent_again_at_once_is_answered_again(
     ros: RosWorld, server: Running
 ) -> None:
-    """
-    actionlib itself would say nothing for five seconds, and rclpy refuse it for ten; so it still
-    does with one that was aborted, which must not be told so again without a try.
-    """
+    """actionlib itself would say nothing for five seconds, and rclpy refuse it for ten."""
     again, bad = ("add", {"width": 0.7}, "a1" * 16), ("add", {"width": -1.0}, "a2" * 16)
 
     answers = _ask(ros, again, again)
@@ -260,10 +257,7 @@ print("all", {done(future).status for future in results} == {4})
 
 
 def test_goals_run_side_by_side_and_a_cancel_comes_too_late(ros: RosWorld, server: Running) -> None:
-    """
-    Several at once, so that they can share a sync; what has happened is not said to be undone,
-    and in ROS 1 a goal with an older stamp than a cancel is served.
-    """
+    """Several at once, so that they can share a sync."""
     said = ros.code(MANY_GOALS_1 if ros.version == 1 else MANY_GOALS_2).finish()
 
     assert "all True" in said
@@ -291,9 +285,7 @@ rclpy.spin(node)
 
 
 def test_what_is_published_last_is_heard(ros: RosWorld, server: Running) -> None:
-    """
-    A late listener hears what is latched, and what was published right before the node closed.
-    """
+    """A late listener hears what is latched."""
     with ros.code(LISTEN_1 if ros.version == 1 else LISTEN_2) as listener:
         listener.wait_for("heard hello")
 
@@ -345,9 +337,7 @@ node.run(lambda: False)
 
 
 def test_a_goal_whose_client_is_not_known_yet_is_run_and_answered(jazzy: RosWorld) -> None:
-    """
-    rclpy would keep it for ever without running it: sent again, too, there would be no answer.
-    """
+    """rclpy would keep it for ever without running it."""
     first = ("/robot1/late", {"width": 0.7}, "b1" * 16)
     second = ("/robot1/late", {"width": 0.7}, "b2" * 16)
 
@@ -386,9 +376,7 @@ node.close()
 
 
 def test_what_is_just_being_sent_is_waited_for(ros1: RosWorld) -> None:
-    """
-    The thread that sends has taken it from the queue, and got no further: the node stays so long.
-    """
+    """The thread that sends has taken it from the queue, and got no further."""
     with ros1.code(LISTEN_1) as listener:
         ros1.code(SLOW_LINE).finish()
 

@@ -170,9 +170,7 @@ def test_launch_files_start_what_is_there(path: Path) -> None:
 
 @pytest.mark.parametrize("path", COSTMAPS, ids=lambda path: path.name)
 def test_launch_files_of_the_costmap_have_what_they_need(path: Path) -> None:
-    """
-    They include a launch file and parameters of the package, and hand on arguments that it takes.
-    """
+    """They include a launch file and parameters of the package."""
     text = path.read_text(encoding="utf-8")
     used = re.findall(r"\$\((?:find|find-pkg-share) lta_semantic_map\)/([\w./]+)", text)
     (include,) = ET.fromstring(text).iter("include")
@@ -188,9 +186,7 @@ def test_launch_files_of_the_costmap_have_what_they_need(path: Path) -> None:
 
 
 def test_roslaunch_loads_the_parameters_of_the_costmap(ros1: RosWorld) -> None:
-    """
-    As move_base reads them: under the costmap's static layer; and the server is started with it.
-    """
+    """As move_base reads them: under the costmap's static layer."""
     where = {"ROS_PACKAGE_PATH": str(PACKAGE.parent)}
     asked = ("lta_semantic_map", "costmap.launch", "log:=/my/log", "move_base:=mover")
 
@@ -261,9 +257,7 @@ def test_every_launch_and_parameter_file_is_installed() -> None:
 def test_catkin_make_builds_a_workspace_without_a_setup_file(
     ros1: RosWorld, tmp_path: Path
 ) -> None:
-    """
-    Debian's ROS 1 has none to source, so nothing says which ROS it is; what was built says it.
-    """
+    """Debian's ROS 1 has none to source, so nothing says which ROS it is."""
     if which("catkin_make") is None:
         pytest.skip("catkin_make is not installed")
     (tmp_path / "src").mkdir()
@@ -285,9 +279,7 @@ def test_catkin_make_builds_a_workspace_without_a_setup_file(
 def test_messages_without_a_workspace(
     ros1: RosWorld, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A folder for PYTHONPATH, which ROS's own Python needs no more than; a second time it stays.
-    """
+    """A folder for PYTHONPATH, which ROS's own Python needs no more than."""
     words = ("ros-package", tmp_path / "messages", "--messages")
     for said in ("written", "there already"):
         with ros1.python("-m", "semmap_log", *words) as made:
@@ -403,9 +395,7 @@ def test_a_workspace_must_be_there(tmp_path: Path, capsys: pytest.CaptureFixture
 
 @pytest.mark.slow
 def test_all_of_it_is_in_the_wheel(tmp_path: Path) -> None:
-    """
-    A wheel as pip builds it from this checkout holds every file, and leaves the scripts executable.
-    """
+    """A wheel as pip builds it from this checkout holds every file."""
     done = subprocess.run(
         [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", tmp_path, ROOT],
         capture_output=True, text=True, check=False,

@@ -303,9 +303,7 @@ def test_a_name_that_ros_cannot_have_is_told_before_anything_is_recorded(
 
 
 def test_a_topic_that_comes_late_and_cannot_be_read_ends_nothing(tmp_path: Path) -> None:
-    """
-    A second DoorMap in a log of two levels is left out, aloud; what was recorded before goes on.
-    """
+    """A second DoorMap in a log of two levels is left out, aloud."""
     rules = {
         "/lta_semantic_map_door_db": TopicRule(ReadDoorMap(level="0")),
         "/door_states": TopicRule(ReadRmfState(level="1")),

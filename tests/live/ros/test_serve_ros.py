@@ -184,10 +184,7 @@ def test_a_patrol_under_way(ros: RosWorld, tmp_path: Path) -> None:
 
 
 def test_a_database_of_the_thesis_that_counts_from_0(ros: RosWorld, path: Path) -> None:
-    """
-    Its door 0 is updated, saved and removed as any; a door without a probability is saved; files go
-    where the server says, with --yaml and without. The old file brings a removed door back.
-    """
+    """Its door 0 is updated, saved and removed as any; a door without a probability is saved."""
     file = path.parent / "doors.yaml"
     partial = YAML.replace("  closed_prob: 0.25\n", "")
     file.write_text(partial.replace("1:\n", "0:\n", 1) + partial)
@@ -243,10 +240,7 @@ GOALS = 25
 def test_a_server_that_is_killed_loses_no_result(
     request: pytest.FixtureRequest, leg: str, path: Path
 ) -> None:
-    """
-    Two clients at once, a power cut in the middle: what either was told is in the log, each goal at
-    most once; the next server goes on with the numbers, and answers all goals that are sent again.
-    """
+    """Two clients at once, a power cut in the middle."""
     ros: RosWorld = request.getfixturevalue(leg)
     asks = [[_asked(which, i) for i in range(GOALS)] for which in range(2)]
     told: dict[str, int] = {}
@@ -304,9 +298,7 @@ def _ids_by_goal(path: Path) -> dict[str, int]:
 
 
 def test_a_full_disk_aborts_goals_until_there_is_room(ros1: RosWorld, path: Path) -> None:
-    """
-    The server stays alive, and goes on as soon as somebody makes room; nothing half is stored.
-    """
+    """The server stays alive, and goes on as soon as somebody makes room."""
     disk = path.parent / "disk"
     disk.mkdir()
     if not _may_mount(ros1):

@@ -104,9 +104,7 @@ def test_heights_say_the_same_as_colours(office: sl.DoorLog) -> None:
 
 
 def test_of_very_many_intervals_each_column_shows_the_longest() -> None:
-    """
-    A door that is open for 9 s of every 10 s, for a month, is drawn in some thousand bars: open.
-    """
+    """A door that is open for 9 s of every 10 s, for a month, is drawn in some thousand bars."""
     start = np.arange(250_000, dtype=np.int64) * 10 * 10**9
     start = np.stack([start, start + 9 * 10**9], -1).ravel()
     state = np.tile(np.array([DoorState.OPEN, DoorState.CLOSED], np.uint8), 250_000)

@@ -383,10 +383,7 @@ def test_labels_do_not_cover_each_other(page: Page, tmp_path: Path, crowd: str) 
 
 
 def test_no_label_could_be_another_doors(page: Page, tmp_path: Path) -> None:
-    """
-    Of hundreds of doors side by side: each label is nearest to the door that it names, also where
-    only a part of the plan is seen; how many have none is said.
-    """
+    """Of hundreds of doors side by side: each label is nearest to the door that it names."""
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([
             DoorAdded(door_id=DoorId(i + 1), x=i % 25 * 4.0, y=i // 25 * 4.0, theta=i % 4 * 1.571,
@@ -604,9 +601,7 @@ def test_an_hour_begins_when_the_buildings_clocks_say_so(page: Page, tmp_path: P
 
 
 def test_the_last_changes_tell_apart_what_the_clocks_show_twice(page: Page, tmp_path: Path) -> None:
-    """
-    In the hour that comes twice each time has its offset; others, and the big clock, have none.
-    """
+    """In the hour that comes twice each time has its offset."""
     with sl.create(tmp_path / "log", tz="Europe/Vienna") as log:
         door = log.add_door(name="front", x=1, y=1, theta=0, width=1, at="2025-10-26T01:30")
         for state, offset in (("open", "+02:00"), ("closed", "+01:00")):

@@ -37,9 +37,7 @@ HOSTILE = "</script><img src=x onerror=alert(1)><!-- & 'a' \"b\" \u2028 ${x}"
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_doors_are_those_of_a_replay(tmp_path: Path, seed: int) -> None:
-    """
-    At any moment: state, last sighting, level, line and probabilities; late, retracted, removed.
-    """
+    """At any moment: state, last sighting, level, line and probabilities."""
     log = retracted_log(tmp_path / "log", seed=seed)
 
     data = data_of(report(log).html)
@@ -86,9 +84,7 @@ def test_a_part_of_a_log_is_right_too(tmp_path: Path, seed: int) -> None:
 
 
 def test_a_page_ends_before_until(tmp_path: Path) -> None:
-    """
-    Within a millisecond, too: its last one is whole, and a sighting in what is left is not shown.
-    """
+    """Within a millisecond, too: its last one is whole."""
     clock = SteadyClock(START)
     until = START + SECOND + 7 * MS + 456
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as writer:

@@ -49,10 +49,7 @@ def drawn(log: sl.DoorLog, tmp_path_factory: pytest.TempPathFactory) -> Drawn:
 
 @pytest.mark.slow
 def test_the_curve_is_what_could_be_believed_then(log: sl.DoorLog, drawn: Drawn) -> None:
-    """
-    At each of its times, the estimator's answer from what had happened by then; on the timeline
-    `happened` alone.
-    """
+    """At each of its times, the estimator's answer from what had happened by then."""
     beliefs = learn(log, estimator=default_estimator())
 
     rows = drawn.rows(FRONT_CURVE, SCALARS)
@@ -70,10 +67,7 @@ def test_the_curve_is_what_could_be_believed_then(log: sl.DoorLog, drawn: Drawn)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_curves_are_right_in_a_wild_log(seed: int, tmp_path: Path) -> None:
-    """
-    Of every door that has one: with late events, much taken back, and doors that are removed, of
-    which nothing is believed from then on.
-    """
+    """Of every door that has one: with late events, much taken back."""
     log = wild_log(tmp_path / "log", seed=seed)
     beliefs = learn(log, estimator=default_estimator())
 
@@ -160,9 +154,7 @@ def test_tiles_do_not_overlap(doors: int, letters: int, log: sl.DoorLog) -> None
      (14, LONG, False), (133, 5, False)],
 )  # fmt: skip
 def test_weeks_bear_names_where_there_is_room(doors: int, letters: int, expected: bool) -> None:
-    """
-    Beside more than twelve weeks: a name then ends before the week, and is no taller than a row.
-    """
+    """Beside more than twelve weeks: a name then ends before the week."""
     sheet = Sheet.of(doors, letters)
 
     assert expected == sheet.has_names
@@ -200,10 +192,7 @@ def test_the_layout_has_curves_and_weeks(log: sl.DoorLog, tmp_path: Path) -> Non
 
 @pytest.mark.slow
 def test_weeks_of_the_liveliest_doors_are_called_so(tmp_path: Path) -> None:
-    """
-    Each level of the clinic has more doors than can be read; of some of the liveliest too little
-    is known for a week.
-    """
+    """Each level of the clinic has more doors than can be read."""
     names = views_of(sl.read(RECORDINGS / "clinic_week"), tmp_path, costmap=False)
 
     assert {

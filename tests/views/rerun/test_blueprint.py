@@ -54,10 +54,7 @@ def test_the_costmap_can_be_left_out(tmp_path: Path) -> None:
 
 
 def test_each_level_has_its_plan(tmp_path: Path) -> None:
-    """
-    Named as the level is; one without anything on it is left out, as is the costmap of one that
-    never has a door.
-    """
+    """Named as the level is; one without anything on it is left out."""
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([LevelAdded(level=n, name=name) for n, name in enumerate("ABC", start=1)])
         log.append([room(1)])

@@ -51,9 +51,7 @@ def test_one_level_needs_no_name_in_the_paths(tmp_path: Path) -> None:
 
 
 def test_a_door_that_comes_to_another_level_is_no_other_doors_namesake(tmp_path: Path) -> None:
-    """
-    Two doors of one name that are ever on the same level do not share its entity, and its line.
-    """
+    """Two doors of one name that are ever on the same level do not share its entity."""
     scene = scene_of(
         tmp_path,
         LevelAdded(level=1, name="L1"), LevelAdded(level=2, name="L2"),
@@ -66,9 +64,7 @@ def test_a_door_that_comes_to_another_level_is_no_other_doors_namesake(tmp_path:
 
 
 def test_with_several_levels_each_has_its_branch(tmp_path: Path) -> None:
-    """
-    The level's name stands in the path once: a door's name that begins with it loses it there.
-    """
+    """The level's name stands in the path once."""
     scene = scene_of(
         tmp_path,
         LevelAdded(level=1, name="L1"), LevelAdded(level=2, name="L2"),

@@ -122,10 +122,7 @@ def _change(rng: random.Random, door: DoorId, happened_ns: int) -> Event:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_at_any_moment_the_patches_are_the_replayed_layer(seed: int, tmp_path: Path) -> None:
-    """
-    Cell for cell, where doors lie on each other too: along `happened` what was true, along
-    `recorded` what was known.
-    """
+    """Cell for cell, where doors lie on each other too."""
     log = crowded_log(tmp_path / "log", seed=seed)
     rng = random.Random(seed)
 
@@ -284,9 +281,7 @@ def test_it_can_be_left_out(tmp_path: Path) -> None:
 
 
 def test_a_door_of_a_kilometre_shows_its_line_alone(tmp_path: Path) -> None:
-    """
-    A picture of all cells around it would fill the recording; that of the door beside it is there.
-    """
+    """A picture of all cells around it would fill the recording."""
     drawing = _two_doors(tmp_path, width=1e3)
 
     assert {"/map/doors/door_1", "/map/costmap/door_2"} <= drawing.entities

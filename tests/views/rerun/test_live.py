@@ -105,9 +105,7 @@ def _at_event(viewer: Viewer, number: int) -> Any:
 
 @pytest.mark.slow
 def test_what_is_seen_is_shown(writer: sl.DoorLogWriter) -> None:
-    """
-    A sighting soon turns the door green on the plan and on the costmap; the cursor goes along.
-    """
+    """A sighting soon turns the door green on the plan and on the costmap."""
     with _followed(writer) as viewer:
         _becomes(viewer, DEFAULT.closed, view="Floor plan")
         number = writer.observe(DoorId(1), "open").first_event

@@ -117,9 +117,7 @@ def test_the_track_breaks_where_the_robot_was_unseen(tmp_path: Path) -> None:
 
 
 def test_the_plan_lies_where_its_cells_are(tmp_path: Path) -> None:
-    """
-    Walls are light on dark; the picture's first row is the lowest y, and a turned plan is turned.
-    """
+    """Walls are light on dark; the picture's first row is the lowest y."""
     plan = room(theta=math.pi / 2)
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([plan])
@@ -150,9 +148,7 @@ def test_a_part_begins_with_the_state_as_it_was(tmp_path: Path) -> None:
 
 @pytest.mark.filterwarnings("error")
 def test_what_lies_beyond_all_buildings_is_no_matter(tmp_path: Path) -> None:
-    """
-    A door and poses that a viewer's numbers cannot hold: no warning, and the others are drawn.
-    """
+    """A door and poses that a viewer's numbers cannot hold."""
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.add_door(x=1e300, y=-1e300, theta=0, width=1e300)
         log.add_door(x=1, y=2, theta=0, width=1)
@@ -213,10 +209,7 @@ def test_an_empty_log_is_a_recording_too(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_no_chunk_is_longer_than_rerun_likes(tmp_path: Path) -> None:
-    """
-    10,000 sightings of one door and 10,000 poses come in chunks of at most 4096 rows, and rerun's
-    own check finds nothing wrong.
-    """
+    """10,000 sightings of one door and 10,000 poses come in chunks of at most 4096 rows."""
     import rerun_cli
 
     states = [DoorState.OPEN, DoorState.CLOSED]
@@ -289,9 +282,7 @@ def test_a_curve_goes_on_to_the_end(tmp_path: Path) -> None:
 
 
 def test_lines_are_drawn_soon_after_the_floor(tmp_path: Path) -> None:
-    """
-    With WebGL what is drawn later is larger; names, of which each door has one, come before all.
-    """
+    """With WebGL what is drawn later is larger."""
     save_rrd(small_log(tmp_path / "log"), tmp_path / "x.rrd")
 
     statics = Drawn(tmp_path / "x.rrd").statics

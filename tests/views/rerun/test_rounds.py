@@ -92,9 +92,7 @@ def test_a_late_start_is_known_when_it_was_recorded(tmp_path: Path) -> None:
 
 
 def test_a_part_begins_within_the_round(tmp_path: Path) -> None:
-    """
-    What was driven then stands there from the first moment on; what was over by then does not.
-    """
+    """What was driven then stands there from the first moment on."""
     since_ns = START + 150 * SECOND
 
     drawn = drawn_of(

@@ -77,9 +77,7 @@ def test_of_repeats_only_sightings_are_left_out(tmp_path: Path) -> None:
 
 
 def test_around_late_and_undone_sightings_every_line_stays(tmp_path: Path) -> None:
-    """
-    The second OPEN is a change after the late CLOSED; the third repeats it, the fourth does not.
-    """
+    """The second OPEN is a change after the late CLOSED."""
     opened, closed = DoorState.OPEN, DoorState.CLOSED
 
     drawn = told(

@@ -61,9 +61,7 @@ def test_each_timeline_shows_what_a_replay_gives(
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_part_shows_the_same_along_its_timelines(seed: int, tmp_path: Path) -> None:
-    """
-    From a moment on and before another: along `recorded` also what was told of the time before it.
-    """
+    """From a moment on and before another."""
     log = wild_log(tmp_path / "log", seed=seed)
     rng = random.Random(seed)
     since, until = START + 2_000 * SECOND, START + 6_000 * SECOND
@@ -172,9 +170,7 @@ def test_a_sighting_counts_until_it_is_taken_back(tmp_path: Path) -> None:
 
 
 def test_a_door_comes_back_when_its_removal_is_taken_back(tmp_path: Path) -> None:
-    """
-    Along `event` it vanishes and returns with all it had; along `happened` it was there all along.
-    """
+    """Along `event` it vanishes and returns with all it had."""
     door = DoorId(1)
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=door, x=0, y=0, theta=0, width=1, state=DoorState.OPEN)])

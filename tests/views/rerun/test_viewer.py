@@ -105,9 +105,7 @@ def test_the_plan_shows_the_door_in_the_colour_of_its_state(viewer: Viewer) -> N
 
 @pytest.mark.slow
 def test_the_cells_lie_on_the_door(viewer: Viewer) -> None:
-    """
-    The costmap's cells are where the plan shows the door: closed at one moment, open at another.
-    """
+    """The costmap's cells are where the plan shows the door."""
     for moment, colour in ((CLOSED_NS, DEFAULT.closed), (OPEN_NS, DEFAULT.open)):
         viewer.go_to("happened", moment)
         plan, cells = viewer.picture("Floor plan"), viewer.picture("Costmap")

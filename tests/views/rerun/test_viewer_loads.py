@@ -69,10 +69,7 @@ def test_no_view_has_anything_to_report(viewer: Viewer) -> None:
 def test_every_door_is_where_it_is_in_the_colour_of_its_state(
     viewer: Viewer, log: sl.DoorLog, share: float
 ) -> None:
-    """
-    As replay has it at that moment, half way and at the end; a few are hidden by the names or the
-    robot.
-    """
+    """As replay has it at that moment, half way and at the end."""
     scene = find_scene(Excerpt(log))
     at_ns = scene.begin.folds_ns + int(share * scene.span_ns)
     doors = log.replay(at=at_ns).doors.values()

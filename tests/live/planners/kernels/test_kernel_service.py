@@ -71,9 +71,7 @@ def _facts(passer: StubPasser, kernel: str = "K1") -> list[str]:
 def test_a_kernel_that_is_there_is_told_all(
     kernel: StubKernel, passer: StubPasser, world: KernelWorld
 ) -> None:
-    """
-    First that we are there, by which it is seen to be there, too; and last that these were all.
-    """
+    """First that we are there, by which it is seen to be there, too."""
     passer.wait_for("K1", ALL[-1])
 
     assert ["(DOOR_MAP SEMMAP)", *ALL] == _facts(passer)
@@ -151,9 +149,7 @@ def test_a_kernel_that_went_is_called_until_it_is_back(
 def test_who_asks_for_the_facts_gets_them(
     name: str, passer: StubPasser, world: KernelWorld
 ) -> None:
-    """
-    Whether it is one of those that are told of changes, or not: nobody sees when one begins anew.
-    """
+    """Whether it is one of those that are told of changes, or not."""
     with passer.kernel(name) as kernel:
         if name == "K1":
             passer.wait_for("K1", ALL[-1])
@@ -633,9 +629,7 @@ def test_a_passer_of_a_name_that_no_host_can_have() -> None:
 def test_answers_that_nobody_takes_fill_no_memory(
     kernel: StubKernel, world: KernelWorld, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Those that come at once, and those that are found later; and the passer may come to itself.
-    """
+    """Those that come at once, and those that are found later."""
     assert "NIL" == kernel.answer("(ASK up (DOOR_OPEN DOOR_99))", "up")  # from here on it serves
     session = world.service._session
     assert session is not None

@@ -163,9 +163,7 @@ def test_a_kernel_is_killed_and_comes_back(oprs: OpenPrs, path: Path) -> None:
 
 
 def test_what_is_too_much_for_a_passer_is_not_sent(oprs: OpenPrs) -> None:
-    """
-    It dies of a name that is longer than its buffer; the longest that we send to, it survives.
-    """
+    """It dies of a name that is longer than its buffer."""
     passer = oprs.passer()
     py = oprs.client()
     frame = message(["K" * 64], (Atom("A"),))

@@ -91,9 +91,7 @@ def _texts_of_a_kernel(text: str) -> list[str]:
 @given(WORDS)
 @example('"\\')
 def test_all_words_of_others_can_be_sent(words: str) -> None:
-    """
-    Whatever a name or a reason in a log is: NUL, newlines, quotes, backslashes, halves of pairs.
-    """
+    """Whatever a name or a reason in a log is."""
     text = write_expression((Atom("ANSWER"), 1, [sendable(words), sendable(words)]))
 
     assert text.isprintable()

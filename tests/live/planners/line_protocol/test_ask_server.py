@@ -129,9 +129,7 @@ def test_a_bad_line_is_one_error_and_the_next_is_answered(
 
 
 def test_a_line_comes_in_pieces(client: Raw) -> None:
-    """
-    As TCP cuts it: byte by byte, two at a time, and the end of one with the beginning of another.
-    """
+    """As TCP cuts it: byte by byte, two at a time."""
     data = b"DOOR_OPEN DOOR_1\nDOOR_OPEN DOOR_2\n" * 3
     for size in (1, 2, 7, 20):
         for at in range(0, len(data), size):
@@ -210,9 +208,7 @@ def test_any_bytes_get_a_line_for_each_line(server: AskServer, pieces: list[byte
 def test_a_client_that_never_reads_holds_up_nobody_and_takes_little_memory(
     server: AskServer,
 ) -> None:
-    """
-    It is asked nothing more once its answers pile up, and gets all of them if it reads after all.
-    """
+    """It is asked nothing more once its answers pile up."""
     question, count = b"HELP\n", 3000
     with Raw(server.address) as silent, Raw(server.address) as other:
         sending = threading.Thread(target=lambda: silent.send(question * count))
@@ -414,9 +410,7 @@ def test_no_more_files(server: AskServer, client: Raw) -> None:
 
 
 def test_lines_that_are_known_have_a_bound(server: AskServer, client: Raw) -> None:
-    """
-    Those with a command id never come again, long ones take room, and there is no end of others.
-    """
+    """Those with a command id never come again, long ones take room."""
     client.ask(f"#{'0' * 32} SET_DOOR_OPEN DOOR_1")
     client.ask(f"DOOR_OPEN {'x' * 1000}")
     assert {} == server._known_lines
@@ -695,9 +689,7 @@ def test_some_files_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_client_that_asked_more_and_died(
     ask: Asker, server: AskServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    While it waited for a door: nobody reads what it has sent, and it is let go of all the same.
-    """
+    """While it waited for a door: nobody reads what it has sent."""
     monkeypatch.setattr(ask_server, "UNHEARD_S", 0.01)
     with Raw(server.address) as leaving:
         leaving.send(b"WAIT_UNTIL DOOR_1 CLOSED 80000\nDOORS\n")
@@ -709,9 +701,7 @@ def test_a_client_that_asked_more_and_died(
 
 
 def test_no_late_answer_is_taken_for_the_next(server: AskServer) -> None:
-    """
-    After a time-out the connection is closed: nothing more is asked over it, and nothing done.
-    """
+    """After a time-out the connection is closed."""
     with AskClient(read_address(server.address), timeout_s=0.05) as hasty:
         with pytest.raises(AddressError, match=r"no answer within 0\.05 s"):
             hasty.ask("WAIT_UNTIL DOOR_1 CLOSED 0.1")

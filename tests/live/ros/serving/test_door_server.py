@@ -27,9 +27,7 @@ def _placed(door: Door) -> tuple[float, ...]:
 
 
 def test_a_door_is_added_and_its_id_returned(server: DoorServer) -> None:
-    """
-    The goal is one commit: its id the command's, its client the actor; 100 percent comes before.
-    """
+    """The goal is one commit: its id the command's, its client the actor."""
     told: list[float] = []
     goal = goal_of("AddDoor", "/tester-1-2.3", told.append, **DOOR)
 

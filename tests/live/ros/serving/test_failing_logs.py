@@ -30,9 +30,7 @@ def _full_disk(room: int) -> Iterator[None]:
 def test_a_write_that_fails_aborts_the_goal_and_not_the_server(
     server: DoorServer, path: Path, root: Path
 ) -> None:
-    """
-    Nothing half is stored; the doors are still offered; with room again the same goals succeed.
-    """
+    """Nothing half is stored; the doors are still offered."""
     server.run(goal_of("AddDoor", "a", **DOOR))
     (segment,) = path.glob("*.mcap")
     goals = [goal_of("AddDoor", "b", **DOOR), goal_of("RemoveDoor", "r", door_id=1),

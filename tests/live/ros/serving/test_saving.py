@@ -116,9 +116,7 @@ def test_a_link_in_place_of_the_temporary_file_is_not_followed(
 def test_a_folder_that_is_exchanged_meanwhile_leads_nowhere(
     server: DoorServer, root: Path, trap: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Behind the look at it, for a link that leads outside: the file is in the folder that was opened.
-    """
+    """Behind the look at it, for a link that leads outside."""
     (root / "below").mkdir()
 
     def exchange(*_: object) -> None:

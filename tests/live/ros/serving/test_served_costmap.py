@@ -51,10 +51,7 @@ COSTS = CostmapOptions(by="belief", door_inflate_m=0.4, scaling=3.0)
 
 
 def test_what_doors_cost_can_be_chosen(furnished: sl.DoorLogWriter) -> None:
-    """
-    By P(open), and with costs around doors that may close: at the start and after each change the
-    grid is the costmap of `semmap-log costmap` with the same options, as costmap_2d publishes it.
-    """
+    """By P(open), and with costs around doors that may close."""
     node = CollectingNode()
     served = _served(node, furnished, options=COSTS)
 
@@ -205,10 +202,7 @@ def test_without_a_floor_the_grid_grows_with_the_doors(log: sl.DoorLogWriter) ->
 def test_a_door_far_away_does_not_fill_the_memory(
     log: sl.DoorLogWriter, x: float, width: float
 ) -> None:
-    """
-    Anybody can add one: the level keeps its grid, where the other doors go on to open and close; a
-    warning says what to do, once. When it is gone, the grid grows as the others need it.
-    """
+    """Anybody can add one: the level keeps its grid."""
     node = CollectingNode()
     warnings: list[str] = []
     log.add_door(x=1.0, y=1.0, theta=0.0, width=1.0, state="closed")

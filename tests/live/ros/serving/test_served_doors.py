@@ -84,9 +84,7 @@ def test_names_are_shown_and_followed(log: sl.DoorLogWriter) -> None:
 
 
 def test_levels_have_topics_of_their_own_and_lie_above_each_other(log: sl.DoorLogWriter) -> None:
-    """
-    A level that comes later gets its number; the first keeps its topic, and moves to its height.
-    """
+    """A level that comes later gets its number."""
     node = CollectingNode()
     log.append([LevelAdded(level=1, name="ground", elevation=2.0)])
     log.add_door(x=1.0, y=2.0, theta=0.0, width=1.0, level=1)

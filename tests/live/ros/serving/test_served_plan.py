@@ -147,9 +147,7 @@ def test_a_start_that_is_taken_back(served: Served) -> None:
 
 
 def test_a_log_without_doors_is_tried_again(tmp_path: Path) -> None:
-    """
-    The server says why there is no plan, offers an empty one, and has one once there is a door.
-    """
+    """The server says why there is no plan, offers an empty one."""
     sl.create(tmp_path / "log", tz=TZ).close()
     served = Served(tmp_path / "log", PatrolWish())
 

@@ -116,10 +116,7 @@ def test_replacing_commits_the_difference_at_once(filled: Path, file: Path) -> N
 
 
 def test_replacing_brings_a_removed_door_back(filled: Path, file: Path) -> None:
-    """
-    Under its number, which plans name: its history goes on, and shows the removal, and that it was
-    taken back. As often as it is removed; what differs comes in the same commit.
-    """
+    """Under its number, which plans name: its history goes on, and shows the removal."""
     with sl.append(filled) as log:
         log.observe(2, "open")
         for _ in range(2):
@@ -183,10 +180,7 @@ def test_a_file_that_the_server_saved_is_known_too(filled: Path, file: Path) -> 
 
 
 def test_a_file_saved_with_a_default_is_known_with_the_same(filled: Path, file: Path) -> None:
-    """
-    Doors without probabilities: what stood for them in the file is no difference, and is not taken
-    for known.
-    """
+    """Doors without probabilities: what stood for them in the file is no difference."""
     saver = DoorSaver(file.parent, filled, default_prob=0.5)
     server = DoorServer(lambda: sl.append(filled), saver)
     server.run(goal_of("AddDoor", "a", **DOOR | {"prob_open": math.nan, "prob_closed": math.nan}))
