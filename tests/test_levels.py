@@ -75,22 +75,14 @@ WAYS: dict[str, Callable[[sl.DoorLogWriter], object]] = {
 }
 
 
+@pytest.mark.parametrize(("names", "level"), [(["L1"], 1), ([], 0)])
 @pytest.mark.parametrize("way", WAYS)
-def test_the_only_level_is_meant(tmp_path: Path, way: str) -> None:
-    """Whatever comes without a level is on the log's, which a building's import calls 1."""
-    with new_log(tmp_path, "L1") as log:
+def test_the_only_level_is_meant(tmp_path: Path, way: str, names: list[str], level: int) -> None:
+    """A building's import calls it 1; before there are any it is 0."""
+    with new_log(tmp_path, *names) as log:
         WAYS[way](log)
 
-    assert [1] == levels_in(sl.read(tmp_path / "log"))
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_log_without_levels_has_level_0(tmp_path: Path, way: str) -> None:
-    """As before there were any."""
-    with new_log(tmp_path) as log:
-        WAYS[way](log)
-
-    assert [0] == levels_in(sl.read(tmp_path / "log"))
+    assert [level] == levels_in(sl.read(tmp_path / "log"))
 
 
 @pytest.mark.parametrize("way", WAYS)

@@ -10,8 +10,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.core.model.events import RobotPose
 from semmap_log.log.door_log.summary import open_any, summarize
-from tests.cli.test_verify import semmap
 from tests.conftest import SteadyClock
+from tests.verbs import ran
 
 
 def lying_log(path: Path) -> Path:
@@ -53,8 +53,8 @@ def test_info_tells_people_and_machines(tmp_path: Path, capsys) -> None:
     """The head with what it is good for; suspects with their local time."""
     path = lying_log(tmp_path / "log")
 
-    said = json.loads(semmap(capsys, "info", path, "--json")[1])
-    _, out, _ = semmap(capsys, "info", path)
+    said = json.loads(ran(capsys, "info", path, "--json")[1])
+    _, out, _ = ran(capsys, "info", path)
 
     assert {"event": 3, "batch": 2} == said["durability"]
     assert [3, 4] == [suspect["event"] for suspect in said["suspects"]]
@@ -73,7 +73,7 @@ def test_many_suspects_do_not_scroll_the_rest_away(tmp_path: Path, capsys) -> No
             clock.now_ns -= 10**9
             log.add_door()
 
-    _, out, _ = semmap(capsys, "info", tmp_path / "log")
+    _, out, _ = ran(capsys, "info", tmp_path / "log")
 
     assert 21 == out.count("suspect clock:")
     assert "4 commits more (all: --json)" in out
@@ -91,12 +91,12 @@ def test_personal_data_are_told(tmp_path: Path, capsys) -> None:
         log.append([RobotPose(x=1.0, y=2.0, theta=0.0)] * 3)
         log.start_patrol()
 
-    shown = [" ".join(line.split()) for line in semmap(capsys, "info", path)[1].splitlines()]
+    shown = [" ".join(line.split()) for line in ran(capsys, "info", path)[1].splitlines()]
     assert "notes 3, 1 of them with a reason; by anna 2, bert 1" in shown
     assert "annotated owner 2, name 1" in shown
     assert "tracks 3 poses, 1 round" in shown
 
-    said = json.loads(semmap(capsys, "info", path, "--json")[1])["personal_data"]
+    said = json.loads(ran(capsys, "info", path, "--json")[1])["personal_data"]
     assert said == {
         "notes": 3, "actors": {"anna": 2, "bert": 1}, "sources": {"laser": 1}, "reasons": 1,
         "annotations": {"name": 1, "owner": 2}, "poses": 3, "patrols": 1,

@@ -21,7 +21,6 @@ from tests.live.ros.running import DEADLINE_S
 from tests.verbs import Refuses, Verb, run
 from tests.views.rerun.some_logs import small_log
 
-
 WIDE = {"define", "fleet"}
 """Their examples are wider than a terminal of 80 columns."""
 

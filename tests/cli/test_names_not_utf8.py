@@ -15,7 +15,7 @@ from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.shipping import ship
 from semmap_log.log.replay.care import verify
 from tests.bucket import bucket, environment
-from tests.cli.test_verify import semmap
+from tests.verbs import ran
 
 __all__ = ["bucket", "environment"]
 
@@ -41,7 +41,7 @@ def log(made: Path, tmp_path: Path) -> Path:
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     """Return what a command that ends well prints."""
-    code, out, err = semmap(capsys, *arguments)
+    code, out, err = ran(capsys, *arguments)
     assert code == 0, err
     return out
 

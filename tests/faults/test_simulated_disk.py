@@ -49,6 +49,19 @@ def test_what_a_footer_stands_for_is_on_the_disk_before_it(
     assert [closed[: -len(MAGIC)], closed] == synced[:2]
 
 
+def _watch_syncs(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """Return what is synced from now on."""
+    synced: list[Path] = []
+    fsync = os.fsync
+
+    def watched(fd: int) -> None:
+        synced.append(Path(f"/proc/self/fd/{fd}").readlink())
+        fsync(fd)
+
+    monkeypatch.setattr(os, "fsync", watched)
+    return synced
+
+
 def test_the_name_of_a_log_that_was_half_made_is_synced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -59,14 +72,7 @@ def test_the_name_of_a_log_that_was_half_made_is_synced(
         (tmp_path / "other" / "other_000000.mcap").read_bytes()
     )
     whole.close()
-    synced: list[Path] = []
-    fsync = os.fsync
-
-    def watched(fd: int) -> None:
-        synced.append(Path(f"/proc/self/fd/{fd}").readlink())
-        fsync(fd)
-
-    monkeypatch.setattr(os, "fsync", watched)
+    synced = _watch_syncs(monkeypatch)
     with sl.append(tmp_path / "log") as log:
         log.add_door()
 
@@ -78,14 +84,7 @@ def test_a_closed_segment_is_synced_by_the_next_writer(
 ) -> None:
     """Who closed it may have been killed just before; what comes behind it must not be cut off."""
     sl.create(tmp_path / "log", tz="UTC").close()
-    synced: list[Path] = []
-    fsync = os.fsync
-
-    def watched(fd: int) -> None:
-        synced.append(Path(f"/proc/self/fd/{fd}").readlink())
-        fsync(fd)
-
-    monkeypatch.setattr(os, "fsync", watched)
+    synced = _watch_syncs(monkeypatch)
     with sl.append(tmp_path / "log"):
         assert [tmp_path / "log" / "log_000000.mcap"] == synced
 

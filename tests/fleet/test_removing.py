@@ -22,7 +22,8 @@ from semmap_log.store.form import MANIFEST_NAME
 from semmap_log.store.manifest import KeptManifest, read_manifest
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.removed_source import ObjectSegments
-from tests.fleet.test_shipping import CountedStore, a_log, events_of, run
+from tests.fleet.test_shipping import CountedStore, a_log, events_of
+from tests.verbs import ran
 
 DAY_NS = 86_400 * 10**9
 
@@ -267,11 +268,11 @@ def test_the_verb_removes(
     there = len(segments_at(bucket) - named_at(bucket))
     words = ("ship", str(both[0]), bucket, "--remove-superseded-after")
 
-    code, out, _ = run(capsys, *words, "7")
+    code, out, _ = ran(capsys, *words, "7")
     assert (0, False) == (code, "removed" in out)
-    code, out, _ = run(capsys, *words, "0")
+    code, out, _ = ran(capsys, *words, "0")
     assert (0, True) == (code, f"{there} superseded objects removed there" in out)
-    assert run(capsys, *words, "nan")[0] == run(capsys, *words, "-1")[0] == 2
+    assert ran(capsys, *words, "nan")[0] == ran(capsys, *words, "-1")[0] == 2
 
 
 def void(_: object) -> None:
